@@ -12,7 +12,6 @@ from plain_model import inp, plain, tables
 
 from microslip import elements
 from microslip.assembly.assemble import assemble
-from microslip.formats.model import FileBody, FileMaterial, FileSpring, FileSupport, FileTie
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.library.settings import mesh_settings
@@ -24,6 +23,7 @@ from microslip.mesh.read import read_mesh
 from microslip.modes.eigen import lowest_modes
 from microslip.parallel.errors import MeshError
 from microslip.scene.read import scene_of
+from microslip.tables.structure import Body, Material, Spring, Support, Tie
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "meshes"))
 
@@ -172,10 +172,10 @@ def test_surfaces_of_faces_of_the_outside_and_of_nodes(tmp_path):
 def test_a_body_for_each_section_and_integration(tmp_path):
     text = CUBE + TWICE + "*ELSET, ELSET=EVERY\nCUBE, SECOND\n" + STEEL.replace("ELSET=CUBE", "ELSET=EVERY")
     model = read(tmp_path, text + "*EXPANSION\n1.2e-5\n")
-    assert model.materials == {"Steel": FileMaterial(young=210000.0, poisson=0.3, density=7.85e-9, expansion=1.2e-5)}
+    assert model.materials == {"Steel": Material.of_file(young=210000.0, poisson=0.3, density=7.85e-9, expansion=1.2e-5)}
     assert model.bodies == {
-        "EVERY C3D8": FileBody(group="EVERY C3D8", material="Steel", incompatible_modes=False),
-        "EVERY C3D8R": FileBody(group="EVERY C3D8R", material="Steel"),
+        "EVERY C3D8": Body.of_file(group="EVERY C3D8", material="Steel", incompatible_modes=False),
+        "EVERY C3D8R": Body.of_file(group="EVERY C3D8R", material="Steel"),
     }
     assert "*ELEMENT, TYPE=C3D8R" in words(model, changes=False) and words(model) == []
 
@@ -185,9 +185,9 @@ def test_supports_of_the_first_vibration(tmp_path):
     steps += "*STEP\n*STATIC\n*BOUNDARY\nALL, ENCASTRE\n*END STEP\n"
     text = CUBE + "*BOUNDARY\n1, 1, 2\n2, 1, 2\n" + steps
     kept = (
-        FileSupport(group="*BOUNDARY xy", fix=("x", "y")),
-        FileSupport(group="*BOUNDARY z", fix=("z",)),
-        FileSupport(group="ALL", fix=("y",)),
+        Support.of_file(group="*BOUNDARY xy", fix=("x", "y")),
+        Support.of_file(group="*BOUNDARY z", fix=("z",)),
+        Support.of_file(group="ALL", fix=("y",)),
     )
     assert read(tmp_path, text.format(op="MOD")).supports == kept
     assert read(tmp_path, text.format(op="NEW")).supports == kept[2:]
@@ -260,7 +260,7 @@ def test_nodes_along_an_arc_about_a_centre(tmp_path):
 def test_supports_in_axes_of_the_nodes_become_equations(tmp_path):
     text = CUBE + "*TRANSFORM, NSET=ALL, TYPE=C\n0.5, -1, 0, 0.5, -1, 1\n*BOUNDARY\n1, 1\n2, 1, 3\n3, 2\n"
     model = read(tmp_path, text)
-    assert model.supports == (FileSupport(group="*BOUNDARY xyz", fix=("x", "y", "z")),)
+    assert model.supports == (Support.of_file(group="*BOUNDARY xyz", fix=("x", "y", "z")),)
     radial, tangential = np.array([-0.5, 1.0]) / np.sqrt(1.25), np.array([-2.0, 0.5]) / np.sqrt(4.25)
     found = {}
     for node, axis, value in zip(model.equations.nodes, model.equations.axes, model.equations.coefficients, strict=True):
@@ -276,13 +276,13 @@ def test_ties_couplings_and_contact(tmp_path):
     more += "*ROTARY INERTIA, ELSET=turn\n1., 2., 3., .1, .2, .3\n"
     model = read(tmp_path, CUBE + TWICE + more)
     assert model.ties == (
-        FileTie(surfaces=("FEET", "nodes (faces)"), name="glue", tolerance=0.1),
-        FileTie(surfaces=("FEET", "TOP")),
+        Tie.of_file(surfaces=("FEET", "nodes (faces)"), name="glue", tolerance=0.1),
+        Tie.of_file(surfaces=("FEET", "TOP")),
     )
     (point,) = model.connected
     assert (point.name, point.position, point.group, point.connection) == ("hub", (0.5, 0.5, 3.0), "CROWN", "rigid")
     assert point.mass == 2.5 and point.inertia == (1.0, 2.0, 3.0, 0.1, 0.3, 0.2)
-    assert model.supports == (FileSupport(point="hub", fix=("x", "y", "z", "rx", "ry", "rz")),)
+    assert model.supports == (Support.of_file(point="hub", fix=("x", "y", "z", "rx", "ry", "rz")),)
     contact = next(finding for finding in model.findings if finding.word == "*CONTACT PAIR")
     assert contact.surfaces == ("FEET", "TOP") and "friction 0.25" in contact.effect
 
@@ -317,10 +317,10 @@ def test_springs_and_masses(tmp_path):
     model = read(tmp_path, CUBE + TWICE + more)
     up, along = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
     assert model.springs == (
-        FileSpring(groups=("node 1",), direction=up, stiffness=5.0),
-        FileSpring(groups=("node 2",), direction=up, stiffness=5.0),
-        FileSpring(groups=("node 7", "node 99"), stiffness=7.0),
-        FileSpring(groups=("node 5", "node 11"), direction=along, stiffness=9.0),
+        Spring.of_file(groups=("node 1",), direction=up, stiffness=5.0),
+        Spring.of_file(groups=("node 2",), direction=up, stiffness=5.0),
+        Spring.of_file(groups=("node 7", "node 99"), stiffness=7.0),
+        Spring.of_file(groups=("node 5", "node 11"), direction=along, stiffness=9.0),
     )
     assert [(numbers(model, mass.group), mass.mass) for mass in model.masses] == [([3], 4.0)]
 
@@ -331,9 +331,9 @@ def test_dampers_stand_beside_springs(tmp_path):
     more += "*ELEMENT, TYPE=DASHPOT2, ELSET=link\n24, 5, 11\n*DASHPOT, ELSET=link\n1, 1\n9.\n"
     model = read(tmp_path, CUBE + STEEL + TWICE + more)
     assert model.springs == (
-        FileSpring(groups=("node 1",), direction=(0.0, 0.0, 1.0), damping=5.0),
-        FileSpring(groups=("node 7", "node 99"), damping=7.0),
-        FileSpring(groups=("node 5", "node 11"), direction=(1.0, 0.0, 0.0), damping=9.0),
+        Spring.of_file(groups=("node 1",), direction=(0.0, 0.0, 1.0), damping=5.0),
+        Spring.of_file(groups=("node 7", "node 99"), damping=7.0),
+        Spring.of_file(groups=("node 5", "node 11"), direction=(1.0, 0.0, 0.0), damping=9.0),
     )
     assert not any("DASHPOT" in word for word in words(model))
 
@@ -510,7 +510,8 @@ def test_supports_that_are_moved_before_the_vibration_are_taken_over(tmp_path):
     first = "*STEP, NLGEOM\n*STATIC\n*BOUNDARY\nALL, 3, 3, 0.5\n5, 1, 2, 0.25\n*END STEP\n"
     second = "*STEP\n*STATIC\n*BOUNDARY\n1, 3\n2, 3, 3, -0.5\n*END STEP\n"
     model = read(tmp_path, CUBE + STEEL + first + second + VIBRATION)
-    found = {by: model.numbers[model.groups[group].nodes].tolist() for group, by in model.statics.displacements}
+    moved = model.statics.table.displacements
+    found = {one.displacement: model.numbers[model.groups[one.group].nodes].tolist() for one in moved}
     assert found == {(0.0, 0.0, 0.5): [3, 4, 6, 7, 8], (0.25, 0.25, 0.5): [5], (0.0, 0.0, -0.5): [2]}
     assert model.statics.large == "*STEP, NLGEOM" and words(model) == ["*STEP, NLGEOM", "*STEP, PERTURBATION"]
     held = {axis for one in model.supports for axis in one.fix if one.group == "ALL"}
@@ -533,15 +534,16 @@ def test_loads_before_the_vibration_are_those_at_the_end_of_their_steps(tmp_path
     steps = f"*STEP\n*STATIC\n{first}*END STEP\n*STEP\n*STATIC\n{second}*END STEP\n"
     model = read(tmp_path, CUBE + STEEL + sets + steps + VIBRATION)
     statics = model.statics
-    found = {tuple(model.numbers[model.groups[one.group].nodes]): one.force for one in statics.forces}
+    found = {tuple(model.numbers[model.groups[one.group].nodes]): one.force for one in statics.table.forces}
     assert found == {(5, 6): (0.0, 14.0, 0.0), (7,): (0.0, 0.0, 9.0), (8,): (1.0, 0.0, 0.0)}
-    (group, pressure), side = statics.pressures
-    assert pressure == 4.0 and side == ("SIDE", -2.0)
-    assert set(model.numbers[model.cells[next(iter(model.groups[group].cells))].nodes.ravel()]) == {5, 6, 7, 8}
-    assert (statics.speed, statics.axis, statics.axis_point) == (100.0, (0.0, 0.0, 2.0), (1.0, 0.0, 0.0))
+    on_faces, side = statics.table.pressures
+    assert on_faces.pressure == 4.0 and (side.group, side.pressure) == ("SIDE", -2.0)
+    assert set(model.numbers[model.cells[next(iter(model.groups[on_faces.group].cells))].nodes.ravel()]) == {5, 6, 7, 8}
+    assert (statics.table.rotation_speed, statics.axis, statics.axis_point) == (100.0, (0.0, 0.0, 2.0), (1.0, 0.0, 0.0))
     renewed = steps.replace("*CLOAD\nPAIR, 1, 7.", "*CLOAD, OP=NEW\nPAIR, 1, 7.").replace("*DSLOAD", "*DSLOAD, OP=NEW")
     statics = read(tmp_path, CUBE + STEEL + sets + renewed + VIBRATION).statics
-    assert len(statics.forces) == 2 and statics.pressures == (("SIDE", -2.0),) and statics.speed == 0.0
+    assert [one.pressure for one in statics.table.pressures] == [-2.0]
+    assert len(statics.table.forces) == 2 and statics.table.rotation_speed == 0.0
 
 
 def test_what_changes_nothing_is_listed_or_passed_over(tmp_path):

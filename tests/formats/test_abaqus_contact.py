@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from microslip.formats.model import FileJoint
 from microslip.formats.read import read_model
 from microslip.parallel.errors import MeshError
+from microslip.tables.joint import Joint
 
 BLOCKS = """*NODE
 1, 0, 0, 0
@@ -42,14 +42,15 @@ BLOCKS = """*NODE
 PAIR = "*CONTACT PAIR, INTERACTION=Dry, TYPE=SURFACE TO SURFACE\nUpper, Lower\n"
 PRESSED = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n1e5\n"
 RUBBING = "*FRICTION\n0.3, 4e4\n"
-JOINT = FileJoint(
+JOINT = Joint.of_file(
     name="Upper_Lower",
     surfaces=("Upper", "Lower"),
     pairing="mortar",
     friction=0.3,
     tangential_stiffness=4e4,
     normal_stiffness=1e5,
-    is_complete=True,
+    preload="static",
+    gap="geometry",
 )
 
 
@@ -85,10 +86,10 @@ def test_a_stick_slope_of_abaqus_and_the_kind_of_a_pair(tmp_path):
     named = "*FRICTION, SHEAR TRACTION SLOPE=4e4, SLIP TOLERANCE=0.005\n0.3,\n"
     pair = "*CONTACT PAIR, INTERACTION=DRY, TYPE=NODE TO SURFACE, ADJUST=0.01\nUpper, Lower\n"
     (joint,) = read(tmp_path, pair=pair, friction=named).joints
-    assert (joint.pairing, joint.touches_within, joint.is_complete) == ("projected", 0.01, True)
+    assert (joint.pairing, joint.tolerance, joint.gap, joint.lacking) == ("projected", 0.01, 0.0, [])
     assert joint.tangential_stiffness == 4e4
     (joint,) = read(tmp_path, pair="*CONTACT PAIR, INTERACTION=DRY, ADJUST=0.0\nUpper, Lower\n").joints
-    assert (joint.pairing, joint.touches_within, joint.is_complete) == ("auto", None, True)
+    assert (joint.pairing, joint.tolerance, joint.gap, joint.lacking) == ("auto", None, "geometry", [])
 
 
 def test_the_smaller_surface_comes_first(tmp_path):
@@ -132,7 +133,7 @@ STEP = "*STEP\n*STATIC\n*END STEP\n*STEP, PERTURBATION\n{}*FREQUENCY\n1\n*END ST
 )
 def test_what_lacks_is_named_with_its_line_and_the_key_to_state(tmp_path, changes, lacks):
     model = read(tmp_path, **changes)
-    assert not model.joints[0].is_complete
+    assert model.joints[0].lacking
     assert re.search(lacks, effect(model)), effect(model)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from in_process import in_process
 
-from microslip.formats.model import FileBody, FileMaterial, FileSupport
 from microslip.formats.read import read_model
 from microslip.parallel.errors import MeshError
+from microslip.tables.structure import Body, Material, Support
 
 HEAD = [1, 1, 1, 1, 0, 0, 0, 0, 7, 0]  # of element 7: material, type, real constants, ...
 CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))])
@@ -63,10 +63,10 @@ def test_the_model_of_a_results_file_is_read(monkeypatch, file):
     install(monkeypatch, lambda path, parse_vtk: Result())
     model = read_model(file)
     assert model.cells[0].kind == "hex8" and model.cells[0].numbers.tolist() == [7]
-    assert model.materials == {"material 1": FileMaterial(young=2e11, poisson=0.3, density=7800.0, expansion=1e-5)}
-    assert model.bodies == {"material 1": FileBody(group="material 1", material="material 1", integration="full")}
+    assert model.materials == {"material 1": Material.of_file(young=2e11, poisson=0.3, density=7800.0, expansion=1e-5)}
+    assert model.bodies == {"material 1": Body.of_file(group="material 1", material="material 1", integration="full")}
     assert model.numbers[model.groups["ROOT"].nodes].tolist() == [11, 12, 13, 14] and "ALL" in model.groups
-    assert FileSupport(group="D xyz", fix=("x", "y", "z")) in model.supports
+    assert Support.of_file(group="D xyz", fix=("x", "y", "z")) in model.supports
     assert not [one for one in model.findings if one.changes]
     assert "does not tell equations, couplings" in model.facts[-1]
 

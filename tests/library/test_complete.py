@@ -5,24 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from microslip.formats.model import (
-    FileBody,
-    FileForce,
-    FileJoint,
-    FileMaterial,
-    FileModel,
-    FilePoint,
-    FileStatics,
-    FileSupport,
-    FileTie,
-    Finding,
-)
+from microslip.formats.model import FileModel, Finding, LoadsAtRest
 from microslip.library.complete import complete
 from microslip.library.settings import mesh_settings
 from microslip.parallel.errors import CaseError
 from microslip.scene.read import changed, scene_of
+from microslip.tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics
+from microslip.tables.joint import Joint
+from microslip.tables.structure import Body, Material, Point, Support, Tie
 
-STEEL = FileMaterial(young=210000.0, poisson=0.3, density=7.85e-9)
+STEEL = Material.of_file(young=210000.0, poisson=0.3, density=7.85e-9)
 CONTACT = Finding(
     word="*CONTACT PAIR", where="line 7", effect="two surfaces in contact", changes=True, surfaces=("upper", "lower")
 )
@@ -33,10 +25,10 @@ def model(**more):
     """Return a model file that states everything, in mm, t and s."""
     stated = {
         "materials": {"STEEL": STEEL},
-        "bodies": {"beam": FileBody(group="beam", material="STEEL", integration="reduced")},
-        "supports": (FileSupport(group="root", fix=("x", "y", "z")),),
-        "ties": (FileTie(surfaces=("pad", "beam_top"), tolerance=0.1),),
-        "connected": (FilePoint(name="ref", position=(1.0, 2.0, 3.0), group="tip", mass=2e-3, inertia=(4e-3, 5e-3, 6e-3)),),
+        "bodies": {"beam": Body.of_file(group="beam", material="STEEL", integration="reduced")},
+        "supports": (Support.of_file(group="root", fix=("x", "y", "z")),),
+        "ties": (Tie.of_file(surfaces=("pad", "beam_top"), tolerance=0.1),),
+        "connected": (Point.of_file(name="ref", position=(1.0, 2.0, 3.0), group="tip", mass=2e-3, inertia=(4e-3, 5e-3, 6e-3)),),
     }
     return FileModel(np.zeros((0, 3)), np.zeros(0, dtype=int), (), {}, **{**stated, **more})
 
@@ -122,13 +114,15 @@ def test_a_finding_of_a_part_that_is_not_taken_over_has_no_effect(tmp_path):
 WORD = "*STEP, PERTURBATION"
 LOADED = {
     "connected": (),
-    "statics": FileStatics(
+    "statics": LoadsAtRest(
         word=WORD,
         step=1,
-        forces=(FileForce(group="tip", force=(1.0, 0.0, -2.0)),),
-        pressures=(("pad", 3.0),),
-        bolts=(("bolt", "cut", 4.0),),
-        speed=5.0,
+        table=Statics.of_file(
+            forces=(Force.of_file(group="tip", force=(1.0, 0.0, -2.0)),),
+            pressures=(Pressure.of_file(group="pad", pressure=3.0),),
+            bolts=(Bolt.of_file(name="bolt", group="cut", force=4.0),),
+            rotation_speed=5.0,
+        ),
         axis=(0.0, 0.0, 1.0),
         axis_point=(6.0, 0.0, 0.0),
     ),
@@ -168,7 +162,9 @@ def test_loads_before_the_vibration_are_stated_taken_or_left_out(tmp_path):
 
 
 def test_large_displacements_and_moved_supports_of_the_file_become_those_of_the_scene(tmp_path):
-    held = replace(LOADED["statics"], bolts=(), displacements=(("pad", (0.0, 0.0, -0.5)),), large="*STEP, NLGEOM")
+    moved = (MovedSupport.of_file(group="pad", displacement=(0.0, 0.0, -0.5)),)
+    table = LOADED["statics"].table.with_keys(bolts=(), displacements=moved)
+    held = replace(LOADED["statics"], table=table, large="*STEP, NLGEOM")
     whole = model(**{**LOADED, "statics": held, "findings": (*LOADED["findings"], LARGE)})
     found, _ = complete(scene(tmp_path), whole)
     assert found.statics.large_displacements and not found.statics.deformed_shape
@@ -187,7 +183,7 @@ def test_a_joint_may_wait_for_the_statics_of_the_file(tmp_path):
 
 
 def test_materials_in_part_and_unknown_units_are_refused(tmp_path):
-    light = model(materials={"STEEL": FileMaterial(young=1.0, poisson=0.3)})
+    light = model(materials={"STEEL": Material.of_file(young=1.0, poisson=0.3)})
     with pytest.raises(CaseError, match=r"material 'STEEL' of job.inp has no density; state \[materials.STEEL\]"):
         complete(scene(tmp_path), light)
     scaled = scene_of(
@@ -195,6 +191,10 @@ def test_materials_in_part_and_unknown_units_are_refused(tmp_path):
     )
     with pytest.raises(CaseError, match="state units = 'm-kg-s'"):
         complete(scaled, model())
+    alone = model(materials={}, connected=(), bodies={"beam": Body.of_file(group="beam", material="own")})
+    stated = {"materials": {"own": {"young": 2.1e11, "poisson": 0.3, "density": 7850.0}}}
+    (tie,) = complete(scene_of({**scaled.model_dump(exclude_unset=True), **stated}, tmp_path / "s"), alone)[0].ties
+    assert tie.tolerance == pytest.approx(1e-4)  # a length, which scale tells
 
 
 def test_a_completed_scene_is_not_completed_again(tmp_path):
@@ -208,15 +208,15 @@ def test_bodies_are_missing_where_neither_scene_nor_file_has_any(tmp_path):
         complete(scene(tmp_path), model(bodies={}))
 
 
-RUBBING = FileJoint(
+RUBBING = Joint.of_file(
     name="lap",
     surfaces=("upper", "lower"),
     pairing="points",
     friction=0.3,
     tangential_stiffness=2.0,
     normal_stiffness=3.0,
-    touches_within=0.5,
-    is_complete=True,
+    preload="static",
+    tolerance=0.5,
 )
 IN_CONTACT = {**LOADED, "joints": (RUBBING,), "findings": (*LOADED["findings"], CONTACT)}
 
@@ -228,7 +228,7 @@ def test_a_contact_of_the_file_becomes_a_joint_that_its_loads_press(tmp_path):
     assert (joint.tangential_stiffness, joint.normal_stiffness) == pytest.approx((2e9, 3e9))
     assert (joint.preload, joint.gap, joint.tolerance) == (0.0, 0.0, pytest.approx(5e-4)) and found.joints[0].preload == "static"
     assert "1 joints taken over from job.inp: lap" in notes and not any("CONTACT" in note for note in notes)
-    far = {**IN_CONTACT, "joints": (replace(RUBBING, touches_within=None),)}
+    far = {**IN_CONTACT, "joints": (RUBBING.with_keys(tolerance=None, gap="geometry"),)}
     joint = complete(scene(tmp_path), model(**far))[0].joints[0]
     assert (joint.gap, joint.tolerance) == ("geometry", None)
 
@@ -239,7 +239,7 @@ def test_a_contact_of_the_file_gives_way_to_the_scene(tmp_path):
     assert [joint.name for joint in complete(stated, model(**IN_CONTACT))[0].joints] == ["j"]
     found, notes = complete(scene(tmp_path, {"ignore": ("*CONTACT PAIR",)}), model(**IN_CONTACT))
     assert found.joints == () and "line 7: *CONTACT PAIR is left out: two surfaces in contact" in notes
-    lacking = {**IN_CONTACT, "joints": (replace(RUBBING, normal_stiffness=None, is_complete=False),)}
+    lacking = {**IN_CONTACT, "joints": (RUBBING.with_keys(normal_stiffness=None),)}
     for own, of_file in (
         (scene(tmp_path), lacking),
         (scene(tmp_path, {"take": ("bodies", "materials", "statics")}), IN_CONTACT),

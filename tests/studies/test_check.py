@@ -7,7 +7,7 @@ from matplotlib.image import imread
 from plain_model import bdf, cdb, exodus, inp, plain, unv
 from sources import ROOT
 
-from microslip.formats.model import FileMaterial, Finding
+from microslip.formats.model import Finding
 from microslip.mesh.skin import skin_of_mesh
 from microslip.scene.read import read_scene
 from microslip.studies.check import model_content as content
@@ -17,15 +17,16 @@ from microslip.studies.check.model_file import _lines
 from microslip.studies.check.picture import draw
 from microslip.studies.check.plausible import suspicion
 from microslip.studies.check.report import _solution
+from microslip.tables.structure import Material
 from microslip.tables.units import UNITS
 
 VOLUME, MASS = 0.05 * 0.01 * 0.025, 0.05 * 0.01 * 0.025 * 7800.0
 STEEL = {
-    "m-kg-s": FileMaterial(young=2.1e11, density=7800.0),
-    "mm-t-s": FileMaterial(young=2.1e5, density=7.8e-9),
-    "mm-kg-s": FileMaterial(young=2.1e8, density=7.8e-6),
-    "mm-kg-ms": FileMaterial(young=210.0, density=7.8e-6),
-    "in-lbf-s": FileMaterial(young=3.05e7, density=7.3e-4),
+    "m-kg-s": Material.of_file(young=2.1e11, density=7800.0),
+    "mm-t-s": Material.of_file(young=2.1e5, density=7.8e-9),
+    "mm-kg-s": Material.of_file(young=2.1e8, density=7.8e-6),
+    "mm-kg-ms": Material.of_file(young=210.0, density=7.8e-6),
+    "in-lbf-s": Material.of_file(young=3.05e7, density=7.3e-4),
 }
 
 

@@ -7,11 +7,15 @@ not understand is never left out in silence.  ``library/complete.py`` makes a sc
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-Vector = tuple[float, float, float]
+from ..tables.constant_loads import Bolt, Statics
+from ..tables.joint import Joint
+from ..tables.structure import Body, Mass, Material, Orientation, Point, Spring, Support, Tie
+from ..tables.table import Vector
+
 NO_NODES = np.empty(0, dtype=np.int64)
 _MOST_HOLES = 8  # numbers left out for each that is there, for which a table of them all is worth its memory
 
@@ -62,128 +66,6 @@ class Group:
         self.cells[block] = np.union1d(self.cells.get(block, NO_NODES), rows).astype(np.int64)
 
 
-@dataclass(frozen=True, kw_only=True)
-class FileMaterial:
-    """A linear elastic material in units of the file, keys as in a scene; None: the file does not say."""
-
-    young: float | Vector | None = None  # three along its axes
-    poisson: float | Vector | None = None
-    shear: Vector | None = None
-    elasticity: tuple[tuple[float, ...], ...] | None = None  # (6, 6) in its axes
-    density: float | None = None
-    expansion: float | Vector | None = None
-
-    @property
-    def has_axes(self) -> bool:
-        """Whether it differs by direction."""
-        return self.elasticity is not None or isinstance(self.young, tuple)
-
-    @property
-    def lacking(self) -> list[str]:
-        """The keys that a scene needs beside those that are stated."""
-        needed = ("density",) if self.elasticity is not None else ("young", "poisson", "density")
-        return [key for key in needed if getattr(self, key) is None]
-
-    @property
-    def modulus(self) -> float | None:
-        """The largest Young's modulus, or stress of a unit strain."""
-        if self.elasticity is not None:
-            return max(map(max, self.elasticity))
-        return max(self.young) if isinstance(self.young, tuple) else self.young
-
-    def with_axes(self) -> FileMaterial:
-        """Return a material whose expansion alone differs by direction as one that has axes; any other as it is."""
-        E, nu = self.young, self.poisson
-        if not isinstance(self.expansion, tuple) or not isinstance(E, float) or not isinstance(nu, float):
-            return self
-        return replace(self, young=(E, E, E), poisson=(nu, nu, nu), shear=(0.5 * E / (1.0 + nu),) * 3)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileOrientation:
-    """The axes of a material: two directions that span its first two, or the third, around which the first is radial."""
-
-    directions: tuple[Vector, Vector] | None = None
-    axis: Vector | None = None
-    axis_point: Vector | None = None  # length
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileBody:
-    """A group of volume elements and what they are made of."""
-
-    group: str
-    material: str  # a key of FileModel.materials
-    orientation: str | None = None  # a key of FileModel.orientations, of a material that has axes
-    integration: str = "full"  # "full", "reduced", "reduced-both"
-    incompatible_modes: bool = True  # in 8-node hexahedra
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileSupport:
-    """A group of nodes, or a point, that is held in model axes; in others it is among the ``Equations``."""
-
-    group: str | None = None
-    point: str | None = None
-    fix: tuple[str, ...]  # of "x", "y", "z"; of a point "rx", "ry", "rz", too
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileTie:
-    """Two groups of faces glued: the nodes of the first follow the facets of the second."""
-
-    surfaces: tuple[str, str]
-    name: str | None = None
-    tolerance: float | None = None  # length
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileJoint:
-    """Two groups of faces in contact with friction; None: the file does not say."""
-
-    name: str
-    surfaces: tuple[str, str]  # the first is the one whose points press on the second
-    pairing: str = "auto"  # as in a scene
-    friction: float | None = None
-    tangential_stiffness: float | None = None  # force a volume
-    normal_stiffness: float | None = None
-    touches_within: float | None = None  # length: surfaces that are no farther apart touch; None: the gap is that of the mesh
-    is_complete: bool  # whether it says all that makes a joint under constant loads
-
-
-@dataclass(frozen=True, kw_only=True)
-class FilePoint:
-    """A point with six degrees of freedom, connected to a group of nodes."""
-
-    name: str
-    position: Vector
-    group: str
-    connection: str = "rigid"  # or "distributing"
-    weights: str = "area"  # of a distributing one, or "equal"
-    mass: float = 0.0
-    inertia: tuple[float, ...] | None = None  # about the point: xx, yy, zz and maybe xy, yz, zx
-    stiffness: Vector | None = None  # force a length, springs to ground
-    rotational_stiffness: Vector | None = None  # moment a radian
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileMass:
-    """A point mass at each node of a group."""
-
-    group: str
-    mass: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileSpring:
-    """A spring or damper along a direction: of each node of one group to ground, or between the single nodes of two groups."""
-
-    groups: tuple[str, ...]
-    direction: Vector | None = None  # None: along the line between the two nodes
-    stiffness: float = 0.0  # force a length
-    damping: float = 0.0  # force a velocity
-
-
 @dataclass(frozen=True)
 class Equations:
     """Linear equations between displacements, sum of coefficient times displacement = 0; in each one term follows the others."""
@@ -212,37 +94,14 @@ class Equations:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FileBolt:
-    """A cut through a shank, to be tightened."""
-
-    name: str
-    group: str  # faces of the cut
-    force: float | None = None  # to which the file tightens it
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileForce:
-    """A constant force, shared by the nodes of a group, or on a point."""
-
-    group: str | None = None
-    point: str | None = None
-    force: Vector
-
-
-@dataclass(frozen=True, kw_only=True)
-class FileStatics:
+class LoadsAtRest:
     """What acts on the structure before it vibrates, and in the file's program stays."""
 
     word: str  # as the user would name it, and leave it out in [model] ignore
     step: int
-    forces: tuple[FileForce, ...] = ()
-    pressures: tuple[tuple[str, float], ...] = ()  # group of faces, force an area
-    bolts: tuple[tuple[str, str, float], ...] = ()  # name, group of faces of the cut, force
-    temperatures: tuple[tuple[str, float], ...] = ()  # group of a body, by how much it is warmer than without stress
-    displacements: tuple[tuple[str, Vector], ...] = ()  # group of supported nodes, by which they are moved
+    table: Statics = Statics.of_file()
     large: str = ""  # as the user would name large displacements, and leave them out; "": displacements are small
-    speed: float = 0.0  # radians a time
-    axis: Vector = (0.0, 0.0, 0.0)
+    axis: Vector = (0.0, 0.0, 0.0)  # of the rotation
     axis_point: Vector = (0.0, 0.0, 0.0)
 
     @property
@@ -254,8 +113,8 @@ class FileStatics:
     def kinds(self) -> list[str]:
         """What of each kind there is, in words."""
         names = ("forces", "pressures", "bolts", "temperatures", "displacements")
-        counted = [f"{len(own)} {name}" for name in names if (own := getattr(self, name))]
-        return counted + ["rotation"] * bool(self.speed)
+        counted = [f"{len(entries)} {name}" for name in names if (entries := getattr(self.table, name))]
+        return counted + ["rotation"] * bool(self.table.rotation_speed)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,18 +142,18 @@ class FileModel:
     groups: dict[str, Group]
     notes: tuple[str, ...] = ()
     fields: dict[str, np.ndarray] = field(default_factory=dict)  # (n_points,) each: numbers at the nodes; NaN where it has none
-    materials: Mapping[str, FileMaterial] = field(default_factory=dict)  # by name
-    orientations: Mapping[str, FileOrientation] = field(default_factory=dict)  # by name
-    bodies: Mapping[str, FileBody] = field(default_factory=dict)  # by name
-    supports: tuple[FileSupport, ...] = ()
-    ties: tuple[FileTie, ...] = ()
-    joints: tuple[FileJoint, ...] = ()  # each with a finding between the same surfaces, for scenes that do not take it over
-    connected: tuple[FilePoint, ...] = ()  # points with six degrees of freedom
-    masses: tuple[FileMass, ...] = ()
-    springs: tuple[FileSpring, ...] = ()
+    materials: Mapping[str, Material] = field(default_factory=dict)  # by name
+    orientations: Mapping[str, Orientation] = field(default_factory=dict)  # by name
+    bodies: Mapping[str, Body] = field(default_factory=dict)  # by name
+    supports: tuple[Support, ...] = ()
+    ties: tuple[Tie, ...] = ()
+    joints: tuple[Joint, ...] = ()  # each with a finding between the same surfaces, for scenes that do not take it over
+    connected: tuple[Point, ...] = ()  # points with six degrees of freedom
+    masses: tuple[Mass, ...] = ()
+    springs: tuple[Spring, ...] = ()
     equations: Equations | None = None
-    bolts: tuple[FileBolt, ...] = ()
-    statics: FileStatics | None = None
+    bolts: tuple[Bolt, ...] = ()
+    statics: LoadsAtRest | None = None
     findings: tuple[Finding, ...] = ()
     facts: tuple[str, ...] = ()  # what `microslip check` lists beside this: the file's title, parts, instances, systems
 

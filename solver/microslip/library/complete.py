@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..formats.model import FileJoint, FileMaterial, FileModel
+from ..formats.model import FileModel
 from ..formats.read import read_model
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
@@ -14,12 +14,15 @@ from ..parallel.words import hint, listed
 from ..scene.checks import remarks
 from ..scene.read import completed
 from ..scene.schema import Scene
+from ..tables.joint import Joint
+from ..tables.structure import Material, Tie
 from ..tables.units import UNITS, Units, times
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 Tables = dict[str, Any]  # of a scene, as its file would state them
+_PARTS = ("materials", "bodies", "supports", "ties", "joints", "points", "masses", "springs", "statics")
 
 
 def read_completed(scene: Scene, comm: MPI.Comm) -> tuple[FileModel | None, Scene, tuple[str, ...]]:
@@ -64,19 +67,18 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
     notes = _refuse_findings(scene, model, taken)
     if not scene.awaits_file:
         return scene, tuple(notes)
-    units = UNITS[scene.model.units or "m-kg-s"]
     tables = {name: value for name, value in scene.model_dump(exclude_unset=True).items() if value}
-    for part, of_file in _TABLES.items():
-        entries = of_file(model, units, scene) if part in taken else ()
+    for part in _PARTS:
+        entries = _tables_of(scene, model, part) if part in taken else ()
         if entries:
             _refuse_unknown_units(scene, part)
             tables[part] = _joined(entries, tables.get(part))
             said = _said_of_statics(model) if part == "statics" else f"{len(entries)} {part}"
             notes.append(f"{said} taken over from {scene.model.mesh}" + (f": {_named(entries)}" if part != "statics" else ""))
     if "statics" in taken:
-        tables["model"] = {**_axis(model, units), **tables["model"]}
+        tables["model"] = {**_axis(model, _units(scene)), **tables["model"]}
     notes += _equations(model, scene, "supports" in taken)
-    tables["orientations"] = _joined(_orientations(model, scene), tables.get("orientations"))
+    tables["orientations"] = _joined(_tables_of(scene, model, "orientations"), tables.get("orientations"))
     for part in ("materials", "orientations"):
         used = {body.get(part[:-1]) for body in tables.get("bodies", {}).values()}
         tables[part] = {name: entry for name, entry in tables.get(part, {}).items() if name in used}
@@ -158,7 +160,7 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
             raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{near}')
     answered = {model.statics.word, model.statics.large} if model.statics is not None and "statics" in taken else set()
     needed = {"statics"} if scene.statics is None and not _ignores_statics(scene, model) else set()
-    of_file = [frozenset(one.surfaces) for one in _pressed_joints(scene, model)]
+    of_file = [frozenset(one.surfaces or ()) for one in _joints(scene, model)]
     between = _joined_surfaces(scene) + of_file
     wrong = [
         finding
@@ -202,7 +204,7 @@ def _refuse_unknown_units(scene: Scene, part: str) -> None:
         )
 
 
-def _refuse_incomplete(scene: Scene, materials: Mapping[str, FileMaterial]) -> None:
+def _refuse_incomplete(scene: Scene, materials: Mapping[str, Material]) -> None:
     """Raise CaseError for a material that the file states in part, and the scene does not."""
     for name, one in materials.items():
         if one.lacking and name not in scene.materials:
@@ -218,53 +220,18 @@ def _joined_surfaces(scene: Scene) -> list[frozenset[str]]:
     return [frozenset(names) for names in surfaces if names is not None]
 
 
-def _stated(entry: Any, **factors: float) -> Tables:
-    """Return a dataclass as a table without what is None, some values times a factor."""
-    table = {field.name: getattr(entry, field.name) for field in fields(entry) if getattr(entry, field.name) is not None}
-    for key, factor in factors.items():
-        if key in table:
-            table[key] = times(table[key], factor)
-    return table
+def _units(scene: Scene) -> Units:
+    """Return the units of the model file, of which [model] scale tells the length alone."""
+    return Units(scene.model.scale, 1.0) if scene.model.units is None else UNITS[scene.model.units]
 
 
-def _materials(model: FileModel, units: Units, scene: Scene) -> Tables:
-    factors = {**dict.fromkeys(("young", "shear", "elasticity"), units.stress), "density": units.density}
-    return {name: _stated(one, **factors) for name, one in model.materials.items()}
-
-
-def _orientations(model: FileModel, scene: Scene) -> Tables:
-    """Return the axes that the file names: they are lengths and directions, for which [model] scale is enough."""
-    length = scene.model.scale if scene.model.units is None else UNITS[scene.model.units].length
-    return {name: _stated(one, axis_point=length) for name, one in model.orientations.items()}
-
-
-def _bodies(model: FileModel, units: Units, scene: Scene) -> Tables:
-    return {name: _stated(one) for name, one in model.bodies.items()}
-
-
-def _supports(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
-    return tuple(map(_stated, model.supports))
-
-
-def _ties(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
-    """Return the ties between surfaces that the scene does not join itself."""
+def _ties(scene: Scene, model: FileModel) -> list[Tie]:
+    """Return the ties of the file between surfaces that the scene does not join itself."""
     between = _joined_surfaces(scene)
-    return tuple(_stated(one, tolerance=units.length) for one in model.ties if frozenset(one.surfaces) not in between)
+    return [one for one in model.ties if frozenset(one.surfaces) not in between]
 
 
-def _joints(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
-    """Return the joints of the file, which nothing but constant loads presses; open where the mesh is."""
-    factors = {"tangential_stiffness": units.contact_stiffness, "normal_stiffness": units.contact_stiffness}
-    tables = []
-    for one in _pressed_joints(scene, model):
-        table = _stated(one, **factors) | {"preload": "static"}
-        table.pop("is_complete")
-        within = table.pop("touches_within", None)
-        tables.append(table | ({"gap": "geometry"} if within is None else {"tolerance": units.length * within}))
-    return tuple(tables)
-
-
-def _pressed_joints(scene: Scene, model: FileModel) -> list[FileJoint]:
+def _joints(scene: Scene, model: FileModel) -> list[Joint]:
     """Return the joints of the file that are taken over: those of which it says all, where loads at rest press them."""
     taken, between = _taken(scene, model), _joined_surfaces(scene)
     has_loads = scene.statics is not None or ("statics" in taken and model.statics is not None and model.statics.acts)
@@ -272,54 +239,25 @@ def _pressed_joints(scene: Scene, model: FileModel) -> list[FileJoint]:
         return []
     ignored = set(map(_bare, scene.model.ignore))
     left_out = [frozenset(one.surfaces) for one in model.findings if one.surfaces and _bare(one.word) in ignored]
-    return [one for one in model.joints if one.is_complete and frozenset(one.surfaces) not in [*between, *left_out]]
+    return [one for one in model.joints if not one.lacking and frozenset(one.surfaces or ()) not in [*between, *left_out]]
 
 
-def _points(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
-    factors = {
-        "position": units.length,
-        "mass": units.mass,
-        "inertia": units.inertia,
-        "stiffness": units.stiffness,
-        "rotational_stiffness": units.rotational_stiffness,
-    }
-    return tuple(_stated(one, **factors) for one in model.connected)
-
-
-def _masses(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
-    return tuple(_stated(one, mass=units.mass) for one in model.masses)
-
-
-def _springs(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
-    return tuple(_stated(one, stiffness=units.stiffness, damping=units.damping) for one in model.springs)
-
-
-def _statics(model: FileModel, units: Units, scene: Scene) -> Tables:
+def _statics(scene: Scene, model: FileModel) -> Tables:
     """Return what acts before the vibration, which is about the shape under it."""
     statics = model.statics
     if statics is None or not statics.acts:
         return {}
-    table: Tables = {
-        "forces": tuple(_stated(one, force=units.force) for one in statics.forces),
-        "pressures": tuple({"group": group, "pressure": units.stress * value} for group, value in statics.pressures),
-        "bolts": tuple({"name": name, "group": group, "force": units.force * force} for name, group, force in statics.bolts),
-        "temperatures": tuple({"group": group, "temperature": value} for group, value in statics.temperatures),
-        "displacements": tuple(
-            {"group": group, "displacement": tuple(units.length * value for value in by)} for group, by in statics.displacements
-        ),
-        "rotation_speed": statics.speed / units.time,
-    }
     is_large = statics.large and _bare(statics.large) not in map(_bare, scene.model.ignore)
     about = "large_displacements" if is_large else "deformed_shape"
-    return {**{key: value for key, value in table.items() if value}, about: True}
+    return {**{key: value for key, value in statics.table.in_si(_units(scene)).items() if value}, about: True}
 
 
 def _axis(model: FileModel, units: Units) -> Tables:
     """Return the axis about which the file turns, as keys of [model]."""
     statics = model.statics
-    if statics is None or not statics.speed:
+    if statics is None or not statics.table.rotation_speed:
         return {}
-    return {"axis": statics.axis, "axis_point": tuple(units.length * value for value in statics.axis_point)}
+    return {"axis": statics.axis, "axis_point": times(statics.axis_point, units.length)}
 
 
 def _said_of_statics(model: FileModel) -> str:
@@ -329,15 +267,22 @@ def _said_of_statics(model: FileModel) -> str:
     return f"[statics] with {listed(statics.kinds, 'and')} of step {statics.step}"
 
 
-# how each part of a model file becomes the table of its name in the scene
-_TABLES: dict[str, Callable[[FileModel, Units, Scene], Any]] = {
-    "materials": _materials,
-    "bodies": _bodies,
-    "supports": _supports,
-    "ties": _ties,
-    "joints": _joints,
-    "points": _points,
-    "masses": _masses,
-    "springs": _springs,
-    "statics": _statics,
-}
+def _tables_of(scene: Scene, model: FileModel, part: str) -> Any:
+    """Return a part of the model file as the table of its name in the scene."""
+    if part == "statics":
+        return _statics(scene, model)
+    units = _units(scene)
+    entries: Any = {
+        "materials": model.materials,
+        "orientations": model.orientations,
+        "bodies": model.bodies,
+        "supports": model.supports,
+        "ties": _ties(scene, model),
+        "joints": _joints(scene, model),
+        "points": model.connected,
+        "masses": model.masses,
+        "springs": model.springs,
+    }[part]
+    if isinstance(entries, Mapping):
+        return {name: one.in_si(units) for name, one in entries.items()}
+    return tuple(one.in_si(units) for one in entries)

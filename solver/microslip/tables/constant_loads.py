@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from pydantic import Field, model_validator
 
 from .table import Direction, Name, NotNegative, Number, Positive, Table, Vector
@@ -9,6 +12,8 @@ from .table import Direction, Name, NotNegative, Number, Positive, Table, Vector
 
 class Force(Table):
     """[[statics.forces]]: a constant force, shared by its nodes, or a moment."""
+
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"force": "force"}
 
     position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is loaded")
     node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
@@ -31,6 +36,8 @@ class Force(Table):
 class Pressure(Table):
     """[[statics.pressures]]: a constant pressure on a surface."""
 
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"pressure": "stress"}
+
     group: str = Field(min_length=1, description="the name of a group of faces in the mesh")
     pressure: float = Field(description="the pressure in Pa, a number; above 0 it pushes into the body")
 
@@ -52,6 +59,8 @@ class Temperature(Table):
 class MovedSupport(Table):
     """[[statics.displacements]]: nodes of a support, moved before the vibration and held there."""
 
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"displacement": "length"}
+
     group: str = Field(min_length=1, description="the name of a group in the mesh, of nodes that [[supports]] hold")
     displacement: Direction = Field(
         description="the displacement [x, y, z] in m, three numbers, not all 0; directions other than 0 are those of a support"
@@ -60,6 +69,8 @@ class MovedSupport(Table):
 
 class Bolt(Table):
     """[[statics.bolts]]: a shank that is cut and pulled together."""
+
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"force": "force"}
 
     group: str = Field(min_length=1, description="the name of a group of faces that cross the shank inside the mesh")
     force: Positive | None = Field(None, description="the clamping force in N to which the bolt is tightened, a number above 0")
@@ -74,6 +85,8 @@ class Bolt(Table):
 
 class Statics(Table):
     """[statics]: what the joint carries before it vibrates."""
+
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"rotation_speed": "rotation_speed"}
 
     rotation_speed: NotNegative = Field(0.0, description="the speed of rotation in rad/s, a number of at least 0")
     stress_stiffening: bool = Field(

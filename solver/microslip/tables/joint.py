@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -33,6 +34,12 @@ OF_SURFACES = (
 
 class Joint(Table):
     """[[joints]]: two surfaces in contact, one on rigid ground, or pairs of DOFs."""
+
+    QUANTITIES: ClassVar[Mapping[str, str]] = {
+        "tangential_stiffness": "contact_stiffness",
+        "normal_stiffness": "contact_stiffness",
+        "tolerance": "length",
+    }
 
     name: Name = Field(description="a name for pictures and messages, without comma, quote or slash")
     surfaces: Annotated[tuple[str, ...], Field(min_length=1, max_length=2)] | None = Field(
@@ -92,6 +99,11 @@ class Joint(Table):
         None, description="the stiffness of the last slider over that of the others, a number of at least 0"
     )
     sliders: int | None = Field(None, ge=2, le=1000, description="the number of elements a pair, a whole number from 2 to 1000")
+
+    @property
+    def lacking(self) -> list[str]:
+        """What a model file does not state of two surfaces in contact, and a joint needs."""
+        return [key for key in ("friction", "tangential_stiffness", "normal_stiffness", "gap") if getattr(self, key) is None]
 
     @field_validator("surfaces")
     @classmethod

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, get_args
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
@@ -64,6 +65,8 @@ class Model(Table):
 class Material(Table):
     """[materials.NAME]: linear elastic, isotropic or with values along axes of its own."""
 
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"young": "stress", "shear": "stress", "elasticity": "stress", "density": "density"}
+
     young: Positive | ThreePositive | None = Field(
         None, description="Young's modulus in Pa, a number above 0, or three along the axes of the material"
     )
@@ -104,9 +107,31 @@ class Material(Table):
         """Whether it differs by direction."""
         return self.elasticity is not None or isinstance(self.young, tuple)
 
+    @property
+    def lacking(self) -> list[str]:
+        """The keys that a model file does not state and a scene needs."""
+        needed = ("density",) if self.elasticity is not None else ("young", "poisson", "density")
+        return [key for key in needed if getattr(self, key) is None]
+
+    @property
+    def modulus(self) -> float | None:
+        """The largest Young's modulus, or stress of a unit strain."""
+        if self.elasticity is not None:
+            return max(map(max, self.elasticity))
+        return max(self.young) if isinstance(self.young, tuple) else self.young
+
+    def with_axes(self) -> Self:
+        """Return a material whose expansion alone differs by direction as one that has axes; any other as it is."""
+        E, nu = self.young, self.poisson
+        if not isinstance(self.expansion, tuple) or not isinstance(E, float) or not isinstance(nu, float):
+            return self
+        return self.with_keys(young=(E, E, E), poisson=(nu, nu, nu), shear=(0.5 * E / (1.0 + nu),) * 3)
+
 
 class Orientation(Table):
     """[orientations.NAME]: the axes of a material."""
+
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"axis_point": "length"}
 
     directions: tuple[Direction, Direction] | None = Field(
         None, description="two directions [[x, y, z], [x, y, z]]: axis 1, and another in the plane of axes 1 and 2"
@@ -188,6 +213,8 @@ class Surface(Table):
 class Tie(Table):
     """[[ties]]: two surfaces glued."""
 
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"tolerance": "length"}
+
     name: Name | None = Field(None, description="a name for messages, without comma, quote or slash")
     surfaces: tuple[str, str] = Field(
         description="the names of two different groups of faces; the nodes of the first follow the facets of the second"
@@ -205,7 +232,15 @@ class Tie(Table):
 
 
 class Point(Table):
-    """[[points]]: a point connected to a group of nodes."""
+    """[[points]]: a point connected to a group of nodes, with three displacements and three small rotations."""
+
+    QUANTITIES: ClassVar[Mapping[str, str]] = {
+        "position": "length",
+        "mass": "mass",
+        "inertia": "inertia",
+        "stiffness": "stiffness",
+        "rotational_stiffness": "rotational_stiffness",
+    }
 
     name: Name = Field(description="a name that loads, supports and outputs use, without comma, quote or slash")
     position: Vector = Field(description="three coordinates [x, y, z] in m")
@@ -245,6 +280,8 @@ class Point(Table):
 class Mass(Table):
     """[[masses]]: a point mass at each node of a group."""
 
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"mass": "mass"}
+
     group: str | None = Field(None, min_length=1, description="the name of a group in the mesh")
     point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
     mass: NotNegative = Field(description="the mass in kg of each of its nodes, or of the point, a number of at least 0")
@@ -257,6 +294,8 @@ class Mass(Table):
 
 class Spring(Table):
     """[[springs]]: nodes on springs and dampers to ground, or two nodes joined by one."""
+
+    QUANTITIES: ClassVar[Mapping[str, str]] = {"stiffness": "stiffness", "damping": "damping"}
 
     groups: Annotated[tuple[str, ...], AfterValidator(no_duplicates), Field(max_length=2)] = Field(
         (), description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"

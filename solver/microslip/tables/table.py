@@ -1,12 +1,14 @@
-"""What every table of a scene is made of: no key that it does not know, and the kinds of numbers that keys take."""
+"""What every table is made of: no key that it does not know, the kinds of numbers that keys take, their units in model files."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Self, cast
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from ..parallel.words import listed
+from .units import Units, times
 
 HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen
 LARGEST_NUMBER = 2**62  # of nodes and DOFs
@@ -57,9 +59,32 @@ Direction = Annotated[Vector, AfterValidator(not_zero)]
 
 
 class Table(BaseModel):
-    """A table of the scene: no other keys, no conversions, no NaN, not to be changed."""
+    """A table of a scene or of a model file: no other keys, no conversions, no NaN, not to be changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    QUANTITIES: ClassVar[Mapping[str, str]] = {}  # of keys with a unit: which of ``Units`` it is in a model file
+
+    @classmethod
+    def of_file(cls, **keys: Any) -> Self:
+        """Return a table as a model file states it: in the file's units and maybe in part; None: not stated.  Local.
+
+        Nothing is checked before a scene takes it over (``in_si``), so that messages are those of the scene.
+        """
+        unknown = keys.keys() - cls.model_fields.keys()
+        if unknown:
+            raise TypeError(f"{cls.__name__} has no key {', '.join(sorted(unknown))}")
+        needed = {key: None for key, field in cls.model_fields.items() if field.is_required()}
+        stated = {key for key, value in keys.items() if value is not None}
+        return cast(Self, cls.model_construct(stated, **{**needed, **keys}))
+
+    def with_keys(self, **keys: Any) -> Self:
+        """Return the table of a model file with some keys changed.  Local."""
+        return self.model_copy(update=keys)
+
+    def in_si(self, units: Units) -> dict[str, Any]:
+        """Return the stated keys of a table of a model file in ``units``, as a scene states them.  Local."""
+        stated = {key: value for key, value in self if key in self.model_fields_set and value is not None}
+        return {key: _in_si(value, units, self.QUANTITIES.get(key)) for key, value in stated.items()}
 
     def exactly_one(self, *keys: str) -> str:
         """Return the one key of ``keys`` that is given; ValueError if it is none or several."""
@@ -67,3 +92,10 @@ class Table(BaseModel):
         if len(given) != 1:
             raise ValueError(f"exactly one of {', '.join(keys)} is needed, found {' and '.join(given) or 'none'}")
         return given[0]
+
+
+def _in_si(value: Any, units: Units, quantity: str | None) -> Any:
+    """Return the value of a key in SI units; tables in a tuple as dictionaries."""
+    if isinstance(value, tuple) and value and isinstance(value[0], Table):
+        return tuple(one.in_si(units) for one in value)
+    return value if quantity is None else times(value, getattr(units, quantity))

@@ -50,6 +50,11 @@ class Units:
         return self.mass * self.length**2
 
     @property
+    def rotation_speed(self) -> float:
+        """rad/s"""
+        return 1.0 / self.time
+
+    @property
     def rotational_stiffness(self) -> float:
         """N m/rad"""
         return self.inertia / self.time**2

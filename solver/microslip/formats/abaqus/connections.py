@@ -6,7 +6,9 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 from ...parallel.words import hint
-from ..model import FileBolt, FilePoint, FileTie, Finding
+from ...tables.constant_loads import Bolt
+from ...tables.structure import Point, Tie
+from ..model import Finding
 from .cards import Card, number, values_of
 from .gathered import Gathered
 from .scopes import Scope
@@ -90,7 +92,7 @@ def tie(model: Gathered, scope: Scope, words: list[str], where: str, card: Card)
         model.findings.take(finding)
         return
     tolerance, name = _number(card, "POSITIONTOLERANCE"), card.parameters.get("NAME")
-    model.ties.append(FileTie(surfaces=(first, second), name=name or None, tolerance=tolerance or None))
+    model.ties.append(Tie.of_file(surfaces=(first, second), name=name or None, tolerance=tolerance or None))
 
 
 def _number(card: Card, name: str) -> float | None:
@@ -132,7 +134,7 @@ def _add_point(model: Gathered, node: int, nodes: np.ndarray, group: str, connec
     name = name if name and name not in taken else f"node {number}"
     x, y, z = (float(value) for value in model.mesh.points[node])
     kept = model.grouped.node_group(group, nodes)
-    model.points[node] = FilePoint(name=plain(name), position=(x, y, z), group=kept, connection=connection)
+    model.points[node] = Point.of_file(name=plain(name), position=(x, y, z), group=kept, connection=connection)
 
 
 def plain(name: str) -> str:
@@ -252,7 +254,7 @@ def _take_cut(model: Gathered, scope: Scope, card: Card) -> None:
         return
     group = surface_of(model, scope, card.parameters["SURFACE"], card.where)
     force = _tightened(model, card.parameter("NODE"))
-    model.bolts.append(FileBolt(name=plain(group), group=group, force=number(force)))
+    model.bolts.append(Bolt.of_file(name=plain(group), group=group, force=number(force)))
     model.cuts[card.parameter("NODE")] = plain(group)
     said = f", in the file with {force}" if force else ""
     effect = f"a cut to be tightened{said}: [[statics.bolts]] with group = {group!r}; until then the shank is whole"

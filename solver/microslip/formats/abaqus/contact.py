@@ -8,7 +8,8 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 from ...parallel.words import hint, listed
-from ..model import FileJoint, Finding
+from ...tables.joint import Joint
+from ..model import Finding
 from .cards import Card, number
 from .connections import plain, surface_of, tie
 from .gathered import Gathered
@@ -151,14 +152,16 @@ def _take_pair(model: Gathered, scope: Scope, card: Card, words: list[str], wher
     """Add a finding of two surfaces in contact, and the joint that stands between them, as far as the file states it."""
     surfaces = _smaller_first(model, surface_of(model, scope, words[0], where), surface_of(model, scope, words[1], where))
     lacks = {**one.lacks, **_gap(model, card, surfaces)}
+    within = number(card.parameters.get("ADJUST", "")) or None  # surfaces that are no farther apart touch
     model.joints.append(
-        FileJoint(
+        Joint.of_file(
             name=plain("_".join(surfaces).replace(" ", "_")),
             surfaces=surfaces,
             pairing=_PAIRING.get("".join(card.parameter("TYPE").split()), "auto"),
             **one.has,
-            touches_within=number(card.parameters.get("ADJUST", "")) or None,
-            is_complete=not lacks,
+            preload="static",
+            tolerance=within,
+            gap=None if "gap" in lacks else 0.0 if within else "geometry",
         )
     )
     friction = f", friction {one.has['friction']:g}" if "friction" in one.has else ""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import FileMass, FileSpring
+from ...tables.structure import Mass, Spring
 from .cards import Card, values_of
 from .gathered import Gathered
 from .scopes import Scope
@@ -55,12 +54,12 @@ def _take_mass(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) 
     at_points = np.isin(nodes, list(model.points))
     for node in nodes[at_points]:
         point = model.points[int(node)]
-        model.points[int(node)] = replace(point, mass=point.mass + mass)
+        model.points[int(node)] = point.with_keys(mass=point.mass + mass)
     others = nodes[~at_points]
     if len(others) and mass:
         model.attached.update(others.tolist())
         name = model.mesh.name_of(scope, card.parameters.get("ELSET", "")) or "*MASS"
-        model.masses.append(FileMass(group=model.grouped.node_group(name, others), mass=mass))
+        model.masses.append(Mass.of_file(group=model.grouped.node_group(name, others), mass=mass))
 
 
 def _take_inertia(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
@@ -74,7 +73,7 @@ def _take_inertia(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
             effect = f"an inertia at node {model.mesh.numbers[node]}, which is no reference node, or in axes of its own"
             model.findings.add("*ROTARY INERTIA", card.where, effect, bool(values.any()), "points")
         elif values.any():
-            model.points[int(node)] = replace(point, inertia=inertia)
+            model.points[int(node)] = point.with_keys(inertia=inertia)
 
 
 def _take_spring(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
@@ -88,7 +87,7 @@ def _take_spring(model: Gathered, scope: Scope, card: Card, elements: np.ndarray
         return
     stiffness = float(_numbers(card, 1)[0])
     for word, ends in _ends(model, elements):
-        _add_spring(model, card, word, ends, lines, FileSpring(groups=(), stiffness=stiffness))
+        _add_spring(model, card, word, ends, lines, Spring.of_file(groups=(), stiffness=stiffness))
 
 
 def _take_dashpot(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
@@ -104,7 +103,7 @@ def _take_dashpot(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         model.findings.add(word, card.where, effect, True, "springs")
         return
     for word, ends in own:
-        _add_spring(model, card, word, ends, lines, FileSpring(groups=(), damping=float(damping[0])))
+        _add_spring(model, card, word, ends, lines, Spring.of_file(groups=(), damping=float(damping[0])))
 
 
 def _ends(model: Gathered, elements: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
@@ -114,7 +113,7 @@ def _ends(model: Gathered, elements: np.ndarray) -> Iterator[tuple[str, np.ndarr
             yield block.word, ends
 
 
-def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines: list, spring: FileSpring) -> None:
+def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines: list, spring: Spring) -> None:
     """Add one spring or damper of that stiffness and damping between its ends."""
     dofs = [int(field) for field in lines[0][0][:2] if field.isdigit()] if not word.endswith("A") and lines else []
     of_points = [int(node) in model.points or int(node) in model.turns for node in ends]
@@ -132,7 +131,7 @@ def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines:
         direction = float(along[0]), float(along[1]), float(along[2])
     groups = tuple(model.grouped.node_group(f"node {model.mesh.numbers[node]}", np.array([node])) for node in ends)
     model.attached.update(ends.tolist())
-    model.springs.append(replace(spring, groups=groups, direction=direction))
+    model.springs.append(spring.with_keys(groups=groups, direction=direction))
 
 
 def _ground_point(model: Gathered, node: int, dof: int, stiffness: float) -> None:
@@ -141,7 +140,7 @@ def _ground_point(model: Gathered, node: int, dof: int, stiffness: float) -> Non
     point = model.points[node]
     known = (point.stiffness if dof <= 3 else point.rotational_stiffness) or (0.0, 0.0, 0.0)
     x, y, z = (value + stiffness * (axis == (dof - 1) % 3) for axis, value in enumerate(known))
-    model.points[node] = replace(point, stiffness=(x, y, z)) if dof <= 3 else replace(point, rotational_stiffness=(x, y, z))
+    model.points[node] = point.with_keys(stiffness=(x, y, z)) if dof <= 3 else point.with_keys(rotational_stiffness=(x, y, z))
 
 
 _TAKEN = {"MASS": _take_mass, "ROTARY INERTIA": _take_inertia, "SPRING": _take_spring, "DASHPOT": _take_dashpot}

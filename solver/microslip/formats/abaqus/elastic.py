@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import FileOrientation, Vector
+from ...tables.structure import Orientation
+from ...tables.table import Vector
 from .cards import Card, number
 from .scopes import Scope, rotation_about
 
@@ -33,7 +34,7 @@ def kind_of_material(card: Card) -> str | None:
 
 
 def keys_of(keyword: str, kind: str, values: Sequence[float]) -> dict[str, Any]:
-    """Return the numbers of a material card as keys of a ``FileMaterial``.  Local."""
+    """Return the numbers of a material card as keys of a ``Material``.  Local."""
     if keyword == "DENSITY":
         return {"density": values[0]}
     if keyword == "EXPANSION":
@@ -48,7 +49,7 @@ def keys_of(keyword: str, kind: str, values: Sequence[float]) -> dict[str, Any]:
     return {"elasticity": tuple(map(tuple, six.tolist()))}
 
 
-def orientation_of(scope: Scope, card: Card) -> FileOrientation | None:
+def orientation_of(scope: Scope, card: Card) -> Orientation | None:
     """Return the axes that an *ORIENTATION states by coordinates, in axes of the model; None: by something else.  Local.
 
     Raises
@@ -68,11 +69,11 @@ def orientation_of(scope: Scope, card: Card) -> FileOrientation | None:
         axis = points[1] - points[0]
         if not axis.any():
             raise MeshError(f"{card.where}: *ORIENTATION: the two points of its axis are one")
-        return FileOrientation(axis=_vector(axis), axis_point=_vector(points[0])) if angle == 0.0 else None
+        return Orientation.of_file(axis=_vector(axis), axis_point=_vector(points[0])) if angle == 0.0 else None
     x, y = points[0] - points[2], points[1] - points[2]
     if not np.cross(x, y).any():
         raise MeshError(f"{card.where}: *ORIENTATION: its points lie on one line and span no plane")
-    return FileOrientation(directions=_turned(x, y, turn, np.deg2rad(angle), scope, card))
+    return Orientation.of_file(directions=_turned(x, y, turn, np.deg2rad(angle), scope, card))
 
 
 def _further_turn(words: list, card: Card) -> tuple[int, float]:

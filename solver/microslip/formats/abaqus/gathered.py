@@ -8,19 +8,10 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 from ...parallel.words import place
-from ..model import (
-    FileBody,
-    FileBolt,
-    FileJoint,
-    FileMass,
-    FileMaterial,
-    FileOrientation,
-    FilePoint,
-    FileSpring,
-    FileStatics,
-    FileSupport,
-    FileTie,
-)
+from ...tables.constant_loads import Bolt
+from ...tables.joint import Joint
+from ...tables.structure import Body, Mass, Material, Orientation, Point, Spring, Support, Tie
+from ..model import LoadsAtRest
 from .cards import Card
 from .findings import Findings
 from .groups import Grouped
@@ -94,22 +85,22 @@ class Gathered:
     cards: list[tuple[Scope, Card]]  # of the model, before its steps
     steps: list[Step]
     findings: Findings
-    materials: dict[str, FileMaterial] = field(default_factory=dict)
-    orientations: dict[str, FileOrientation] = field(default_factory=dict)
+    materials: dict[str, Material] = field(default_factory=dict)
+    orientations: dict[str, Orientation] = field(default_factory=dict)
     tables: dict[str, list[Table]] = field(default_factory=dict)  # of materials that depend on the temperature
     axes_of_materials: set[Card] = field(default_factory=set)  # *ORIENTATION that sections name and whose materials need
-    bodies: dict[str, FileBody] = field(default_factory=dict)
-    supports: list[FileSupport] = field(default_factory=list)
-    ties: list[FileTie] = field(default_factory=list)
-    joints: list[FileJoint] = field(default_factory=list)
-    points: dict[int, FilePoint] = field(default_factory=dict)  # by their node
+    bodies: dict[str, Body] = field(default_factory=dict)
+    supports: list[Support] = field(default_factory=list)
+    ties: list[Tie] = field(default_factory=list)
+    joints: list[Joint] = field(default_factory=list)
+    points: dict[int, Point] = field(default_factory=dict)  # by their node
     turns: dict[int, int] = field(default_factory=dict)  # node whose displacements are the rotations of a point: its node
-    masses: list[FileMass] = field(default_factory=list)
-    springs: list[FileSpring] = field(default_factory=list)
+    masses: list[Mass] = field(default_factory=list)
+    springs: list[Spring] = field(default_factory=list)
     terms: Terms = field(default_factory=Terms)
-    bolts: list[FileBolt] = field(default_factory=list)
+    bolts: list[Bolt] = field(default_factory=list)
     cuts: dict[str, str] = field(default_factory=dict)  # name of the bolt that a node tightens, by the word for the node
-    statics: FileStatics | None = None
+    statics: LoadsAtRest | None = None
     loading: set[Card] = field(default_factory=set)  # cards of steps that become the statics
     axes: dict[int, np.ndarray] = field(default_factory=dict)  # node: (3, 3) rows of its own axes, *TRANSFORM
     attached: set[int] = field(default_factory=set)  # nodes that masses, springs or equations have

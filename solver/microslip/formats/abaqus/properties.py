@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import FileBody, FileMaterial
+from ...tables.structure import Body, Material
 from .cards import Card, number
 from .elastic import VALUES, keys_of, kind_of_material, orientation_of
 from .gathered import Gathered, Table
@@ -27,7 +25,7 @@ def take_materials(model: Gathered) -> None:
     for first, *cards in _of_each_material(model):
         name = _spelled(model, first.parameters.get("NAME", ""))
         known, tables = model.materials.get(name), model.tables.pop(name, [])
-        model.materials[name] = FileMaterial()
+        model.materials[name] = Material.of_file()
         _take_properties(model, name, cards)
         if known is not None:  # the first statement counts, as in CalculiX; a second one that differs changes the answer
             differs = (known, tables) != (model.materials[name], model.tables.pop(name, []))
@@ -62,7 +60,7 @@ def _spelled(model: Gathered, name: str) -> str:
     return next((known for known in model.materials if known.upper() == name.upper()), name)
 
 
-def _with(model: Gathered, material: FileMaterial, name: str, card: Card) -> FileMaterial:
+def _with(model: Gathered, material: Material, name: str, card: Card) -> Material:
     """Return a material with what one card says."""
     kind = kind_of_material(card)
     if kind is None:
@@ -79,7 +77,7 @@ def _with(model: Gathered, material: FileMaterial, name: str, card: Card) -> Fil
     if other or "USER" in card.parameters:
         where = (other or [card.where])[0]
         model.tables.setdefault(name, []).append(_table(card, records, kind, where))
-    return replace(material, **keys_of(card.keyword, kind, rows[0]))
+    return material.with_keys(**keys_of(card.keyword, kind, rows[0]))
 
 
 def _records(card: Card, n: int) -> list[tuple[list[str], str]]:
@@ -149,7 +147,7 @@ def _take_section(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         model.findings.add("*SOLID SECTION, COMPOSITE", card.where, "layers of several materials", True, "bodies")
         return
     material = _spelled(model, card.parameters.get("MATERIAL", ""))
-    orientation = _orientation(model, scope, card, model.materials.get(material, FileMaterial()))
+    orientation = _orientation(model, scope, card, model.materials.get(material, Material.of_file()))
     parts: dict[Integration, list[int]] = {}
     for i in np.unique(words[elements]):
         word = model.mesh.blocks[i][1].word
@@ -163,7 +161,7 @@ def _take_section(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         group = model.grouped.body_group(named if len(parts) == 1 else f"{named} {' '.join(types)}", own)
         if group in model.bodies:
             continue
-        model.bodies[group] = FileBody(
+        model.bodies[group] = Body.of_file(
             group=group,
             material=material,
             orientation=orientation,
@@ -172,7 +170,7 @@ def _take_section(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         )
 
 
-def _orientation(model: Gathered, scope: Scope, section: Card, material: FileMaterial) -> str | None:
+def _orientation(model: Gathered, scope: Scope, section: Card, material: Material) -> str | None:
     """Return the name of the axes of a section's material, and take them; None where they are the model's, or none are needed.
 
     Raises

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import FileForce, FileStatics, Vector
+from ...tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics
+from ...tables.table import Vector
+from ..model import LoadsAtRest
 from .cards import Card, number
 from .gathered import Gathered, Step
 from .groups import add_faces
@@ -246,25 +248,34 @@ def _take_pressure(model: Gathered, scope: Scope, words: list[str], where: str, 
     acting.put(acting.surfaces, name, value)
 
 
-def _composed(model: Gathered, acting: _Acting, step: Step) -> FileStatics:
+def _composed(model: Gathered, acting: _Acting, step: Step) -> LoadsAtRest:
     """Return what acts, on groups made for it."""
     speed = 0.0 if acting.spin is None else float(np.sqrt(acting.spin[0]))
     _, *axis = (0.0,) * 7 if acting.spin is None else acting.spin
     bolts = {one.name: one.group for one in model.bolts}
-    return FileStatics(
+    return LoadsAtRest(
         word=WORD,
         step=step.number,
-        forces=tuple(_forces(model, acting)),
-        pressures=tuple([*_pressures(model, acting), *((name, value) for name, value in acting.surfaces.items() if value)]),
-        bolts=tuple((name, bolts[name], abs(value)) for name, value in acting.bolts.items() if value),
-        displacements=tuple(_moved(model, acting)),
-        speed=speed,
+        table=Statics.of_file(
+            forces=tuple(_forces(model, acting)),
+            pressures=(*_pressures(model, acting), *_on_surfaces(acting)),
+            bolts=tuple(
+                Bolt.of_file(name=name, group=bolts[name], force=abs(value)) for name, value in acting.bolts.items() if value
+            ),
+            displacements=tuple(_moved(model, acting)),
+            rotation_speed=speed,
+        ),
         axis=(axis[3], axis[4], axis[5]),
         axis_point=(axis[0], axis[1], axis[2]),
     )
 
 
-def _forces(model: Gathered, acting: _Acting) -> list[FileForce]:
+def _on_surfaces(acting: _Acting) -> list[Pressure]:
+    """Return the pressures on surfaces of the file."""
+    return [Pressure.of_file(group=name, pressure=value) for name, value in acting.surfaces.items() if value]
+
+
+def _forces(model: Gathered, acting: _Acting) -> list[Force]:
     """Return the forces in model axes: of points, and of nodes that bear the same one together."""
     vectors: dict[int, np.ndarray] = {}
     for (node, direction), value in acting.forces.items():
@@ -279,19 +290,19 @@ def _forces(model: Gathered, acting: _Acting) -> list[FileForce]:
         if not any(force):
             continue
         if node in model.points:
-            found.append(FileForce(point=model.points[node].name, force=force))
+            found.append(Force.of_file(point=model.points[node].name, force=force))
         else:
             alike.setdefault(force, []).append(node)
     for force, nodes in alike.items():
         names = {acting.names[node] for node in nodes}
         group = model.grouped.node_group(names.pop() if len(names) == 1 else "*CLOAD", np.array(nodes))
         x, y, z = (len(nodes) * value for value in force)
-        found.append(FileForce(group=group, force=(x, y, z)))
+        found.append(Force.of_file(group=group, force=(x, y, z)))
     return found
 
 
-def _moved(model: Gathered, acting: _Acting) -> list[tuple[str, Vector]]:
-    """Return groups made of the nodes that are moved alike, and by what."""
+def _moved(model: Gathered, acting: _Acting) -> list[MovedSupport]:
+    """Return the supports that are moved, on groups made of the nodes that are moved alike."""
     vectors: dict[int, list[float]] = {}
     for (node, dof), value in acting.moved.items():
         if value:
@@ -299,11 +310,14 @@ def _moved(model: Gathered, acting: _Acting) -> list[tuple[str, Vector]]:
     alike: dict[Vector, list[int]] = {}
     for node, (x, y, z) in vectors.items():
         alike.setdefault((x, y, z), []).append(node)
-    return [(model.grouped.node_group("*BOUNDARY moved", np.array(nodes)), by) for by, nodes in alike.items()]
+    return [
+        MovedSupport.of_file(group=model.grouped.node_group("*BOUNDARY moved", np.array(nodes)), displacement=by)
+        for by, nodes in alike.items()
+    ]
 
 
-def _pressures(model: Gathered, acting: _Acting) -> list[tuple[str, float]]:
-    """Return groups of faces made for the pressures on faces of elements."""
+def _pressures(model: Gathered, acting: _Acting) -> list[Pressure]:
+    """Return the pressures on faces of elements, on groups made for them."""
     alike: dict[float, dict[int, list[int]]] = {}
     for (element, face), value in acting.faces.items():
         if value:
@@ -313,5 +327,5 @@ def _pressures(model: Gathered, acting: _Acting) -> list[tuple[str, float]]:
         name = model.grouped.free_name(f"*DLOAD {i}")
         for face, elements in faces.items():
             add_faces(model.grouped, name, np.unique(elements), f"S{face}", "*DLOAD")
-        found.append((name, value))
+        found.append(Pressure.of_file(group=name, pressure=value))
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import FileSupport
+from ...tables.structure import Support
 from .cards import Card, number, values_of
 from .gathered import Gathered, along_axis
 from .nodes import axes_of
@@ -136,10 +136,10 @@ def _hold(model: Gathered, name: str, nodes: np.ndarray, dofs: set[int]) -> None
     for node in nodes:
         if int(node) in model.points and dofs:
             fix = tuple(_AXES[dof - 1] for dof in sorted(dofs))
-            model.supports.append(FileSupport(point=model.points[int(node)].name, fix=fix))
+            model.supports.append(Support.of_file(point=model.points[int(node)].name, fix=fix))
         elif int(node) in model.turns and dofs & {1, 2, 3}:
             fix = tuple(_AXES[dof + 2] for dof in sorted(dofs) if dof <= 3)
-            model.supports.append(FileSupport(point=model.points[model.turns[int(node)]].name, fix=fix))
+            model.supports.append(Support.of_file(point=model.points[model.turns[int(node)]].name, fix=fix))
     dofs = {dof for dof in dofs if dof <= 3}
     if not dofs:
         return
@@ -151,4 +151,4 @@ def _hold(model: Gathered, name: str, nodes: np.ndarray, dofs: set[int]) -> None
     straight = nodes if not turned.any() and in_use.any() else nodes[in_use & ~turned]
     if len(straight):
         group = model.grouped.node_group(name, straight)
-        model.supports.append(FileSupport(group=group, fix=tuple(_AXES[dof - 1] for dof in sorted(dofs))))
+        model.supports.append(Support.of_file(group=group, fix=tuple(_AXES[dof - 1] for dof in sorted(dofs))))

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import FileBody, FileMaterial
+from ...tables.constant_loads import Temperature
+from ...tables.structure import Body, Material
 from .cards import Card, number
 from .elastic import keys_of
 from .gathered import Gathered, Table
@@ -61,7 +62,7 @@ def take_temperatures(model: Gathered, at_rest: dict[int, float] | None, where: 
         _warm_statics(model, ends, where)
 
 
-def _common(model: Gathered, body: FileBody, values: np.ndarray) -> float | None:
+def _common(model: Gathered, body: Body, values: np.ndarray) -> float | None:
     """Return the one temperature of a body, None where its nodes differ."""
     group = model.grouped.groups[body.group]
     own = np.concatenate([values[model.grouped.cells[i].nodes[rows].ravel()] for i, rows in group.cells.items()])
@@ -82,10 +83,10 @@ def _warm_materials(model: Gathered, ends: dict[str, Ends]) -> None:
             assert cold is not None and warm is not None, "a body of one temperature"
             named = name if len(states) == 1 else f"{name} {key}"
             model.materials[named] = _at(plain, tables, cold, warm)
-            model.bodies[key] = replace(model.bodies[key], material=named)
+            model.bodies[key] = model.bodies[key].with_keys(material=named)
 
 
-def _at(material: FileMaterial, tables: list[Table], cold: float, warm: float) -> FileMaterial:
+def _at(material: Material, tables: list[Table], cold: float, warm: float) -> Material:
     """Return a material at a temperature, between the rows of its tables and constant beyond them.
 
     An expansion counts from its table's zero, and its value becomes what the way from ``cold`` to ``warm`` expands by, a degree.
@@ -97,7 +98,7 @@ def _at(material: FileMaterial, tables: list[Table], cold: float, warm: float) -
             strain = values * (warm - table.zero) - table.at(cold) * (cold - table.zero)
             values = strain / (warm - cold)
         changed.update(keys_of(table.keyword, table.kind, values.tolist()))
-    return replace(material, **changed)
+    return material.with_keys(**changed)
 
 
 def _warm_statics(model: Gathered, ends: dict[str, Ends], where: str) -> None:
@@ -113,5 +114,6 @@ def _warm_statics(model: Gathered, ends: dict[str, Ends], where: str) -> None:
             effect = f"temperatures that differ within body {name!r} load the structure before it vibrates"
             model.findings.add("*TEMPERATURE", where, effect, True, "statics")
         else:
-            found.append((body.group, warm - cold))
-    model.statics = replace(model.statics, temperatures=tuple(found))
+            found.append(Temperature.of_file(group=body.group, temperature=warm - cold))
+    table = model.statics.table.with_keys(temperatures=tuple(found))
+    model.statics = replace(model.statics, table=table)

@@ -19,7 +19,7 @@ OF_DISCRETE = {"MASS": "MASS", "ROTARYI": "ROTARY INERTIA"} | {
 
 @dataclass(frozen=True)
 class Integration:
-    """How a body's elements are integrated, as ``FileBody`` says it."""
+    """How a body's elements are integrated, as ``Body`` says it."""
 
     integration: str
     incompatible_modes: bool

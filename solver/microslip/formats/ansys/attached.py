@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import KINDS, Cells, FileMass, FilePoint, FileSpring, Finding, Group, index_of
+from ...tables.structure import Mass, Point, Spring
+from ..model import KINDS, Cells, Finding, Group, index_of
 from .blocks import FIELDS, Blocks
 from .content import Content
 
@@ -22,7 +23,7 @@ class _Element:
     nodes: np.ndarray
 
 
-def attached(blocks: Blocks, content: Content, groups: dict[str, Group], leading: dict[int, FilePoint]):
+def attached(blocks: Blocks, content: Content, groups: dict[str, Group], leading: dict[int, Point]):
     """Return point masses (MASS21) and springs (COMBIN14), with groups for their nodes.  Local.
 
     A mass on a node that leads a rigid region becomes that of the point, in ``leading``.
@@ -47,8 +48,8 @@ def attached(blocks: Blocks, content: Content, groups: dict[str, Group], leading
 
 
 def _mass(
-    content: Content, element: _Element, numbers: np.ndarray, groups: dict[str, Group], leading: dict[int, FilePoint]
-) -> list[FileMass]:
+    content: Content, element: _Element, numbers: np.ndarray, groups: dict[str, Group], leading: dict[int, Point]
+) -> list[Mass]:
     """Return the mass of a MASS21; its rotary inertia has nothing to act on at the node of a solid."""
     where, values, keys, node = element.where, element.values, element.keys, int(element.nodes[0])
     inertia = tuple(map(float, [*values[3:6], 0.0, 0.0, 0.0][:3])) if keys.get(3, 0) == 0 else (0.0, 0.0, 0.0)
@@ -65,19 +66,19 @@ def _mass(
         if any(inertia):
             effect = "the rotary inertia of a point mass"
             content.findings.append(Finding(word="MASS21", where=where, effect=effect, changes=True, part="masses"))
-        return [FileMass(group=name, mass=float(values[0]))]
+        return [Mass.of_file(group=name, mass=float(values[0]))]
     effect = "a point mass whose KEYOPT(3) or real constants differ by direction, or lack"
     content.findings.append(Finding(word="MASS21", where=where, effect=effect, changes=True, part="masses"))
     return []
 
 
-def _heavier(point: FilePoint, mass: float, inertia: tuple[float, ...]) -> FilePoint:
+def _heavier(point: Point, mass: float, inertia: tuple[float, ...]) -> Point:
     """Return a point with a mass and an inertia more."""
     total = tuple(a + b for a, b in zip(point.inertia or (0.0, 0.0, 0.0), inertia, strict=True))
-    return replace(point, mass=point.mass + mass, inertia=total if any(total) else None)
+    return point.with_keys(mass=point.mass + mass, inertia=total if any(total) else None)
 
 
-def _spring(content: Content, element: _Element, numbers: np.ndarray, groups: dict[str, Group]) -> list[FileSpring]:
+def _spring(content: Content, element: _Element, numbers: np.ndarray, groups: dict[str, Group]) -> list[Spring]:
     """Return a COMBIN14 along its line, or along x, y or z."""
     where, values, keys = element.where, element.values, element.keys
     kind = keys.get(2, 0)
@@ -94,7 +95,9 @@ def _spring(content: Content, element: _Element, numbers: np.ndarray, groups: di
             names.append(f"COMBIN14 {where} node {node}")
             groups.setdefault(names[-1], Group()).add_nodes(known_nodes(numbers, np.array([node])))
     direction = None if kind == 0 else (float(kind == 1), float(kind == 2), float(kind == 3))
-    return [FileSpring(groups=tuple(names), direction=direction, stiffness=float(values[0]), damping=float([*values, 0.0][1]))]
+    return [
+        Spring.of_file(groups=tuple(names), direction=direction, stiffness=float(values[0]), damping=float([*values, 0.0][1]))
+    ]
 
 
 def nodes_of_solids(cells: list[Cells], n_nodes: int) -> np.ndarray:
@@ -107,9 +110,9 @@ def nodes_of_solids(cells: list[Cells], n_nodes: int) -> np.ndarray:
 
 def rigid_regions(
     content: Content, numbers: np.ndarray, points: np.ndarray, groups: dict[str, Group], of_solids: np.ndarray
-) -> dict[int, FilePoint]:
+) -> dict[int, Point]:
     """Return the rigid regions of CERIG by the nodes that lead them, which are of the region where a solid has them.  Local."""
-    made: dict[int, FilePoint] = {}
+    made: dict[int, Point] = {}
     for where, leader, followers in content.constraints.rigid:
         name = f"CERIG node {leader}"
         index, missing = index_of(numbers, np.array([leader]))
@@ -118,7 +121,7 @@ def rigid_regions(
         nodes = np.setdiff1d(known_nodes(numbers, np.array(followers)), index)
         groups.setdefault(name, Group()).add_nodes(np.union1d(nodes, index[of_solids[index]]))
         x, y, z = map(float, points[index[0]])
-        made[leader] = FilePoint(name=name, position=(x, y, z), group=name)
+        made[leader] = Point.of_file(name=name, position=(x, y, z), group=name)
     return made
 
 

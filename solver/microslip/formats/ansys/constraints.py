@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import Equations, FileSupport, Finding, Group, held_alike, index_of
+from ...tables.structure import Support
+from ..model import Equations, Finding, Group, held_alike, index_of
 from .commands import Command
 
 _AXES = {"UX": 0, "UY": 1, "UZ": 2}
@@ -143,7 +144,7 @@ def _nodes(word: str, selected: np.ndarray | None, components: dict[str, np.ndar
 
 def supports(
     found: Restraints, numbers: np.ndarray, angles: np.ndarray, groups: dict[str, Group], leaders: dict[int, str]
-) -> tuple[FileSupport, ...]:
+) -> tuple[Support, ...]:
     """Return supports by groups "D x", "D xy", ... of the nodes that they hold; those in turned axes become equations.  Local.
 
     ``leaders`` names the points that nodes of the file lead, which have rotations, too.
@@ -165,13 +166,13 @@ def supports(
         fix = tuple(_NAMES[axis] for axis in axes)
         name = f"D {''.join(fix)}"
         groups.setdefault(name, Group()).add_nodes(alike)
-        made.append(FileSupport(group=name, fix=fix))
+        made.append(Support.of_file(group=name, fix=fix))
     return tuple(made)
 
 
 def _of_leaders(
     found: Restraints, held: np.ndarray, numbers: np.ndarray, angles: np.ndarray, leaders: dict[int, str]
-) -> list[FileSupport]:
+) -> list[Support]:
     """Return the supports of points, and take them out of ``held`` (n_nodes, 6)."""
     made = []
     for i in np.flatnonzero(np.isin(numbers, list(leaders)) & held.any(axis=1)):
@@ -182,7 +183,7 @@ def _of_leaders(
             where = f"node {numbers[i]}"
             found.findings.append(Finding(word="D", where=where, effect=effect, changes=True, part="supports"))
         else:
-            made.append(FileSupport(point=leaders[int(numbers[i])], fix=fix))
+            made.append(Support.of_file(point=leaders[int(numbers[i])], fix=fix))
         held[i] = False
     return made
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import FileMaterial, Finding
+from ...tables.structure import Material
+from ..model import Finding
 from . import constraints as between
 from .commands import Command
 from .materials import OTHER_AXES, PLAIN, material_of, take_system
@@ -46,7 +47,7 @@ class Content:
     keys: dict[int, dict[int, int]] = field(default_factory=dict)  # KEYOPT
     known: dict[int, dict[str, float]] = field(default_factory=dict)  # properties of materials, by their label
     stated: dict[tuple[int, str], Command] = field(default_factory=dict)  # where a property of a material is stated
-    materials: dict[int, FileMaterial] = field(default_factory=dict)
+    materials: dict[int, Material] = field(default_factory=dict)
     systems: dict[int, tuple[int, np.ndarray, np.ndarray]] = field(default_factory=dict)  # LOCAL: kind, origin, angles
     constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE, RMODIF
     constraints: between.Restraints = field(default_factory=between.Restraints)

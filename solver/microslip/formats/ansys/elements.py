@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..model import Cells, FileBody, FileMaterial, FileOrientation, Finding, Group
+from ...tables.structure import Body, Material, Orientation
+from ..model import Cells, Finding, Group
 from .blocks import FIELDS, Blocks
 from .contacts import CONTACT, TARGET, Side, findings_of_contacts, side_of
 from .content import Content
@@ -17,7 +18,7 @@ from .types import EFFECTS, Solid, solid_of
 
 def cells_and_bodies(
     blocks: Blocks, content: Content, groups: dict[str, Group]
-) -> tuple[list[Cells], dict[str, FileBody], dict[str, FileOrientation]]:
+) -> tuple[list[Cells], dict[str, Body], dict[str, Orientation]]:
     """Return the cells, the bodies, solids by material and type, and the axes that they have; fill groups of them.  Local."""
     start, flat, numbers, elements = blocks.start[:-1], blocks.flat, blocks.numbers, blocks.elements
     n_nodes = np.diff(blocks.start) - FIELDS
@@ -25,8 +26,8 @@ def cells_and_bodies(
     for number, element_type in blocks.types.items():
         content.types.setdefault(number, element_type)
     cells: list[Cells] = []
-    bodies: dict[str, FileBody] = {}
-    orientations: dict[str, FileOrientation] = {}
+    bodies: dict[str, Body] = {}
+    orientations: dict[str, Orientation] = {}
     sides: list[Side] = []
     for number in np.unique(kind):
         own_type = content.types.get(int(number), 0)
@@ -55,7 +56,7 @@ def cells_and_bodies(
             for name, own, axes in _by_axes(named, of_material, system, content, int(one), orientations):
                 rows = _rows(flat, start, n_nodes, own, solid.n_nodes)
                 _add_cells(groups, name, cells, (tetrahedra if solid.n_nodes == 10 else solids)(rows, elements[own], numbers))
-                bodies[name] = FileBody(
+                bodies[name] = Body.of_file(
                     group=name,
                     material=f"material {one}",
                     orientation=axes,
@@ -67,13 +68,13 @@ def cells_and_bodies(
 
 
 def _by_axes(
-    name: str, own: np.ndarray, system: np.ndarray, content: Content, material: int, found: dict[str, FileOrientation]
+    name: str, own: np.ndarray, system: np.ndarray, content: Content, material: int, found: dict[str, Orientation]
 ) -> Iterator[tuple[str, np.ndarray, str | None]]:
     """Yield the elements of one material that have the same axes, with a name for them and that of the axes.
 
     Elements of isotropic materials stay together. Axes of other than the model's are taken into ``found``.
     """
-    if not content.materials.get(material, FileMaterial()).has_axes:
+    if not content.materials.get(material, Material.of_file()).has_axes:
         yield name, own, None
         return
     alike = np.unique(system[own])

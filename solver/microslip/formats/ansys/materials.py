@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..model import FileMaterial, FileOrientation, Vector
+from ...tables.structure import Material, Orientation
+from ...tables.table import Vector
 from .commands import Command
 from .constraints import turned_axes
 
@@ -16,24 +17,24 @@ _PAIRS = ("XY", "XZ", "YZ")
 OTHER_AXES = ("EY", "EZ", "NUYZ", "NUXZ", "PRYZ", "PRXZ", "GXY", "GXZ", "GYZ", "ALPY", "ALPZ")
 
 
-def material_of(known: Mapping[str, float]) -> tuple[FileMaterial, tuple[str, ...]]:
+def material_of(known: Mapping[str, float]) -> tuple[Material, tuple[str, ...]]:
     """Return a material, and the labels that say that it differs by direction without saying all of it.  Local."""
     young, poisson = known.get("EX"), known.get("PRXY", known.get("NUXY"))
-    plain = FileMaterial(young=young, poisson=poisson, density=known.get("DENS"), expansion=known.get("ALPX"))
+    plain = Material.of_file(young=young, poisson=poisson, density=known.get("DENS"), expansion=known.get("ALPX"))
     other = _labels_that_differ(known, plain)
     if not other:
         return plain, ()
     expansion = tuple(known.get(f"ALP{axis}", 0.0) for axis in "XYZ") if any(one.startswith("ALP") for one in other) else None
     if expansion is not None:
-        plain = FileMaterial(**{**vars(plain), "expansion": expansion})
+        plain = plain.with_keys(expansion=expansion)
         other = tuple(one for one in other if not one.startswith("ALP"))
     if not other:
         return plain.with_axes(), ()
     constants = _constants(known)
-    return (plain, other) if constants is None else (FileMaterial(**{**vars(plain), **constants}), ())
+    return (plain, other) if constants is None else (plain.with_keys(**constants), ())
 
 
-def _labels_that_differ(known: Mapping[str, float], plain: FileMaterial) -> tuple[str, ...]:
+def _labels_that_differ(known: Mapping[str, float], plain: Material) -> tuple[str, ...]:
     """Return the labels of other axes whose value is not that of an isotropic material."""
     young, poisson = plain.young, plain.poisson
     shear = (
@@ -49,7 +50,7 @@ def _labels_that_differ(known: Mapping[str, float], plain: FileMaterial) -> tupl
 
 
 def _constants(known: Mapping[str, float]) -> dict[str, Vector] | None:
-    """Return the nine constants of an orthotropic material as keys of a ``FileMaterial``; None where one is missing.
+    """Return the nine constants of an orthotropic material as keys of a ``Material``; None where one is missing.
 
     PRij is the major ratio nu_ij, NUij the minor one nu_ji = nu_ij E_j / E_i.
     """
@@ -89,9 +90,9 @@ def take_system(systems: dict[int, tuple[int, np.ndarray, np.ndarray]], command:
     systems[number] = kind, origin, angles
 
 
-def orientation_of(kind: int, origin: np.ndarray, angles: np.ndarray) -> FileOrientation | None:
+def orientation_of(kind: int, origin: np.ndarray, angles: np.ndarray) -> Orientation | None:
     """Return the axes of a Cartesian (0) or cylindrical (1) system, whose z is the axis; None for others.  Local."""
     x, y, z = turned_axes(angles)
     if kind == 0:
-        return FileOrientation(directions=(_three(x.tolist()), _three(y.tolist())))
-    return FileOrientation(axis=_three(z.tolist()), axis_point=_three(origin.tolist())) if kind == 1 else None
+        return Orientation.of_file(directions=(_three(x.tolist()), _three(y.tolist())))
+    return Orientation.of_file(axis=_three(z.tolist()), axis_point=_three(origin.tolist())) if kind == 1 else None

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..model import FileMass, FilePoint, FileSpring
+from ...tables.structure import Mass, Point, Spring
 from .content import Content, mass_factor
 from .supports import axes_of
 
 
-def connections(content: Content) -> tuple[tuple[FilePoint, ...], tuple[FileMass, ...], tuple[FileSpring, ...], dict[int, str]]:
+def connections(content: Content) -> tuple[tuple[Point, ...], tuple[Mass, ...], tuple[Spring, ...], dict[int, str]]:
     """Return connected points, masses, springs, and the name of the point of each grid point that is one.  Local."""
-    points: dict[int, FilePoint] = {}
+    points: dict[int, Point] = {}
     for number, element in content.cards.rigid_elements.items():
         if element.type == "RBE2":
             _rigid(content, number, element, points)
@@ -26,7 +25,7 @@ def connections(content: Content) -> tuple[tuple[FilePoint, ...], tuple[FileMass
     return tuple(points.values()), tuple(masses), tuple(springs), names
 
 
-def _rigid(content: Content, number: int, element: Any, points: dict[int, FilePoint]) -> None:
+def _rigid(content: Content, number: int, element: Any, points: dict[int, Point]) -> None:
     """Take an RBE2 whose grid points follow in all three displacements; rotations of solids' nodes are none."""
     if not {"1", "2", "3"} <= set(str(element.cm)):
         content.left_out("RBE2", number, f"a rigid element in {element.cm} alone", "points")
@@ -39,7 +38,7 @@ def _rigid(content: Content, number: int, element: Any, points: dict[int, FilePo
         _add_point(content, f"RBE2 {number}", int(element.gn), element.Gmi, "rigid", points)
 
 
-def _distributing(content: Content, number: int, element: Any, points: dict[int, FilePoint]) -> None:
+def _distributing(content: Content, number: int, element: Any, points: dict[int, Point]) -> None:
     """Take an RBE3 whose grid points all count alike in their displacements."""
     is_plain = len(set(element.weights)) == 1 and all(str(components) == "123" for components in element.comps)
     if not is_plain or int(element.refgrid) in points:
@@ -51,19 +50,19 @@ def _distributing(content: Content, number: int, element: Any, points: dict[int,
     nodes = [node for own in element.Gijs for node in own]
     _add_point(content, f"RBE3 {number}", int(element.refgrid), nodes, "distributing", points)
     leader = int(element.refgrid)
-    points[leader] = replace(points[leader], weights="equal")
+    points[leader] = points[leader].with_keys(weights="equal")
 
 
-def _add_point(content: Content, name: str, leader: int, nodes: list, connection: str, points: dict[int, FilePoint]) -> None:
+def _add_point(content: Content, name: str, leader: int, nodes: list, connection: str, points: dict[int, Point]) -> None:
     at = content.nodes_of([leader], name)[0]
     own = np.setdiff1d(content.nodes_of(map(int, nodes), name), [at])
     follows = connection == "rigid" and content.of_solids[at]  # a leading node of a solid follows, too
     group = content.group(name, np.union1d(own, [at]) if follows else own)
     x, y, z = map(float, content.points[at])
-    points[leader] = FilePoint(name=name, position=(x, y, z), group=group, connection=connection)
+    points[leader] = Point.of_file(name=name, position=(x, y, z), group=group, connection=connection)
 
 
-def _masses(content: Content, points: dict[int, FilePoint]) -> list[FileMass]:
+def _masses(content: Content, points: dict[int, Point]) -> list[Mass]:
     """Return the CONM2 on nodes of elements; those on connected points become theirs, with their inertia."""
     factor, found = mass_factor(content), []
     for number, one in content.cards.masses.items():
@@ -77,19 +76,19 @@ def _masses(content: Content, points: dict[int, FilePoint]) -> list[FileMass]:
             point = points[node]
             xx, xy, yy, zx, yz, zz = inertia
             tensor = (xx, yy, zz, -xy, -yz, -zx) if inertia.any() else None
-            points[node] = replace(point, mass=point.mass + float(one.mass) * factor, inertia=tensor or point.inertia)
+            points[node] = point.with_keys(mass=point.mass + float(one.mass) * factor, inertia=tensor or point.inertia)
         else:
             if inertia.any():
                 content.left_out("CONM2", number, "the rotary inertia of a point mass at the node of a solid", "masses")
             group = content.group(f"CONM2 {number}", content.nodes_of([node], f"CONM2 {number}"))
-            found.append(FileMass(group=group, mass=float(one.mass) * factor))
+            found.append(Mass.of_file(group=group, mass=float(one.mass) * factor))
     return found
 
 
 _CONSTANT = {"CELAS1": ("stiffness", "k"), "CELAS2": ("stiffness", "k"), "CDAMP1": ("damping", "b"), "CDAMP2": ("damping", "b")}
 
 
-def _spring(content: Content, number: int, element: Any, points: dict[int, FilePoint]) -> list[FileSpring]:
+def _spring(content: Content, number: int, element: Any, points: dict[int, Point]) -> list[Spring]:
     """Return a CELAS1, CELAS2, CDAMP1 or CDAMP2 between equal displacements of two grid points, or of one and ground.
 
     One between ground and a connected point becomes the point's own.
@@ -117,12 +116,10 @@ def _spring(content: Content, number: int, element: Any, points: dict[int, FileP
         content.left_out(element.type, number, "a spring between displacements in different axes", "springs")
         return []
     x, y, z = map(float, rows[0])
-    return [FileSpring(groups=tuple(groups), direction=(x, y, z), **{key: float(constant)})]
+    return [Spring.of_file(groups=tuple(groups), direction=(x, y, z), **{key: float(constant)})]
 
 
-def _of_point(
-    content: Content, number: int, element: Any, ends: list, stiffness: float | None, points: dict[int, FilePoint]
-) -> None:
+def _of_point(content: Content, number: int, element: Any, ends: list, stiffness: float | None, points: dict[int, Point]) -> None:
     """Add a spring between a connected point and ground to the point."""
     node, component = ends[0]
     is_turned = node in points and axes_of(content, node, np.asarray(points[node].position)) is not None
@@ -132,4 +129,4 @@ def _of_point(
     point = points[node]
     known = (point.stiffness if component <= 3 else point.rotational_stiffness) or (0.0, 0.0, 0.0)
     x, y, z = (value + float(stiffness) * (axis == (component - 1) % 3) for axis, value in enumerate(known))
-    points[node] = replace(point, stiffness=(x, y, z)) if component <= 3 else replace(point, rotational_stiffness=(x, y, z))
+    points[node] = point.with_keys(stiffness=(x, y, z)) if component <= 3 else point.with_keys(rotational_stiffness=(x, y, z))

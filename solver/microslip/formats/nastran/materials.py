@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..model import FileMaterial, FileOrientation, Finding, Vector
+from ...tables.structure import Material, Orientation
+from ...tables.table import Vector
+from ..model import Finding
 from .content import Content, mass_factor
 
 _FROM_MAT9 = [0, 1, 2, 3, 5, 4]  # 11, 22, 33, 12, 13, 23 among its x, y, z, xy, yz, zx
@@ -18,14 +20,14 @@ def name_of(content: Content, number: int) -> str:
     return f"{known.type if known is not None else 'MAT1'} {number}"
 
 
-def materials(content: Content) -> dict[str, FileMaterial]:
+def materials(content: Content) -> dict[str, Material]:
     """Return the linear materials of solids; of MAT1 Nastran's defaults tie E, G and nu together.  Local."""
     found = {}
     for number, one in content.cards.materials.items():
         if one.type in _KEYS:
             density = float(one.rho) * mass_factor(content)
             keys = _KEYS[one.type](content, one)
-            found[name_of(content, number)] = FileMaterial(density=density or None, **keys)
+            found[name_of(content, number)] = Material.of_file(density=density or None, **keys)
     return found
 
 
@@ -59,7 +61,7 @@ _OF_MAT11 = {"young": ("e1", "e2", "e3"), "poisson": ("nu12", "nu13", "nu23"), "
 _KEYS = {"MAT1": _isotropic, "MAT9": _anisotropic, "MAT11": _orthotropic}
 
 
-def axes_of(content: Content, solid: Any, found: dict[str, FileOrientation]) -> str | None:
+def axes_of(content: Content, solid: Any, found: dict[str, Orientation]) -> str | None:
     """Return the name of the material axes of a PSOLID, and take them; None for those of the model, or where none are needed.
 
     Local.  CORDM is a rectangular or cylindrical system; that of the elements (-1) and spheres are findings.
@@ -76,5 +78,5 @@ def axes_of(content: Content, solid: Any, found: dict[str, FileOrientation]) -> 
         return None
     name = f"CORD {system}"
     i, j, k, origin = map(_vector, (coord.i, coord.j, coord.k, coord.origin))
-    found[name] = FileOrientation(directions=(i, j)) if kind == "R" else FileOrientation(axis=k, axis_point=origin)
+    found[name] = Orientation.of_file(directions=(i, j)) if kind == "R" else Orientation.of_file(axis=k, axis_point=origin)
     return name

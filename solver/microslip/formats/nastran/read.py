@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import KINDS, Cells, FileBody, FileModel, FileOrientation, Finding, Group, index_of, names_of_tags
+from ...tables.structure import Body, Orientation
+from ..model import KINDS, Cells, FileModel, Finding, Group, index_of, names_of_tags
 from .cards import EFFECTS, HARMLESS, PARTS, SHELLS
 from .connections import connections
 from .content import Content
@@ -74,7 +75,7 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
     others = np.array([node.get_position() for node in cards.nodes.values()], dtype=float).reshape(-1, 3)
     order = np.argsort(numbers)
     content = Content(cards, numbers[order], np.concatenate([plain.points, others])[order])
-    orientations: dict[str, FileOrientation] = {}
+    orientations: dict[str, Orientation] = {}
     cells, bodies = _cells_and_bodies(content, plain.solids, orientations)
     content.of_solids = np.zeros(len(numbers), dtype=bool)
     for own in cells:
@@ -245,8 +246,8 @@ class _Files:
 
 
 def _cells_and_bodies(
-    content: Content, plain: tuple[Solids, ...], orientations: dict[str, FileOrientation]
-) -> tuple[list[Cells], dict[str, FileBody]]:
+    content: Content, plain: tuple[Solids, ...], orientations: dict[str, Orientation]
+) -> tuple[list[Cells], dict[str, Body]]:
     """Return cells by kind and property, and the bodies: the solids of each property; take the axes of their materials."""
     rows: dict[tuple[str, int], list[tuple[np.ndarray, np.ndarray]]] = {}
     for block in plain:
@@ -269,7 +270,7 @@ def _cells_and_bodies(
         content.groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(len(elements)))
         if KINDS[kind][0] == 3 and (known := content.cards.properties.get(pid)) is not None:
             axes = axes_of(content, known, orientations) if known.type == "PSOLID" else None
-            bodies[f"PSOLID {pid}"] = FileBody(group=name, material=name_of(content, known.mid), orientation=axes)
+            bodies[f"PSOLID {pid}"] = Body.of_file(group=name, material=name_of(content, known.mid), orientation=axes)
     return cells, bodies
 
 

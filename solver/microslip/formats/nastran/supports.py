@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Equations, FileSupport, held_alike
+from ...tables.structure import Support
+from ..model import Equations, held_alike
 from .content import Content
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")
@@ -17,7 +18,7 @@ _NAMES = ("x", "y", "z", "rx", "ry", "rz")
 class Held:
     """Supports in the axes of the model, and those in others as rows of equations."""
 
-    supports: tuple[FileSupport, ...]
+    supports: tuple[Support, ...]
     turned: list[tuple[str, list[tuple[int, int, float]]]]  # where, (position of a node, axis, coefficient)
 
 
@@ -51,7 +52,7 @@ def supports(content: Content, points: set[str], of_rigid: dict[int, str]) -> He
             effect = "a support in turned axes of a grid point that leads a rigid element"
             content.left_out("SPC", number, effect, "supports")
         elif fix and name in points:
-            made.append(FileSupport(point=name, fix=fix))
+            made.append(Support.of_file(point=name, fix=fix))
         held[i] = False
     for i in np.flatnonzero(held[:, :3].any(axis=1) & ~held[:, :3].all(axis=1)):
         axes = axes_of(content, int(content.numbers[i]), content.points[i])
@@ -61,7 +62,7 @@ def supports(content: Content, points: set[str], of_rigid: dict[int, str]) -> He
             held[i] = False
     for directions, nodes in held_alike(held[:, :3]):
         fix = tuple(_NAMES[axis] for axis in directions)
-        made.append(FileSupport(group=content.group(f"SPC {''.join(fix)}", nodes), fix=fix))
+        made.append(Support.of_file(group=content.group(f"SPC {''.join(fix)}", nodes), fix=fix))
     return Held(tuple(made), turned)
 
 

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from ... import elements
-from ...formats.model import FileBody, FileJoint, FileMaterial, FileModel, FileOrientation, Finding
+from ...formats.model import FileModel, Finding
+from ...mesh import settings as mesh_settings
 from ...mesh.data import Mesh
-from ...mesh.settings import Body
 from ...mesh.skin import faces_of_group, skin_of_mesh
 from ...parallel.words import place
-from ...scene import schema
-from ...scene.schema import Material, Orientation
+from ...tables.joint import Joint
+from ...tables.structure import Body, Material, Orientation
 from ...tables.units import Units
 
 MOST = 40  # groups, findings or bodies that are listed one by one
@@ -34,7 +34,7 @@ def elements_of(mesh: Mesh) -> str:
     return ", ".join(f"{n} {kind}" for kind, n in counts.items())
 
 
-def volumes(mesh: Mesh, of_scene: Mapping[str, Body]) -> dict[str, float]:
+def volumes(mesh: Mesh, of_scene: Mapping[str, mesh_settings.Body]) -> dict[str, float]:
     """Return the volume of each body [m3].  Local, rank 0."""
     of_group = dict.fromkeys((body.group for body in of_scene.values()), 0.0)
     for block in mesh.elements:
@@ -42,12 +42,12 @@ def volumes(mesh: Mesh, of_scene: Mapping[str, Body]) -> dict[str, float]:
     return {name: of_group[body.group] for name, body in of_scene.items()}
 
 
-def mass(volume: Mapping[str, float], of_scene: Mapping[str, Body]) -> float:
+def mass(volume: Mapping[str, float], of_scene: Mapping[str, mesh_settings.Body]) -> float:
     """Return the mass of all bodies [kg].  Local."""
     return sum(volume[name] * body.density for name, body in of_scene.items())
 
 
-def bodies(mesh: Mesh, of_scene: Mapping[str, Body], volume: Mapping[str, float]) -> list[str]:
+def bodies(mesh: Mesh, of_scene: Mapping[str, mesh_settings.Body], volume: Mapping[str, float]) -> list[str]:
     """Return a line for each body with its volume and mass, and one for all of them.  Local, rank 0."""
     found = []
     for name, body in of_scene.items():
@@ -62,7 +62,7 @@ def _kilograms(mass: float) -> str:
     return "" if np.isnan(mass) else f", {mass:.6g} kg"
 
 
-def groups(mesh: Mesh, of_scene: Mapping[str, Body]) -> list[str]:
+def groups(mesh: Mesh, of_scene: Mapping[str, mesh_settings.Body]) -> list[str]:
     """Return a line for each named group that is no body: its nodes, and the outer faces that it names or holds.  Local."""
     skin, of_bodies = skin_of_mesh(mesh), {body.group for body in of_scene.values()}
     found = []
@@ -91,7 +91,7 @@ def materials(file: FileModel, units: Units) -> list[str]:
     return table("materials", found)
 
 
-def elastic(one: FileMaterial | Material, stress: float = 1.0) -> list[str]:
+def elastic(one: Material, stress: float = 1.0) -> list[str]:
     """Return the elastic constants of a material in words; ``stress`` is a unit of it [Pa].  Local."""
     if one.elasticity is not None:
         return [
@@ -102,14 +102,12 @@ def elastic(one: FileMaterial | Material, stress: float = 1.0) -> list[str]:
     return parts + ([f"shear {_numbers(one.shear, stress)} Pa"] if one.shear is not None else [])
 
 
-def expansion(one: FileMaterial | Material) -> list[str]:
+def expansion(one: Material) -> list[str]:
     """Return how a material expands, in words; nothing where that is not stated.  Local."""
     return [f"expansion {_numbers(one.expansion)} 1/K"] if one.expansion is not None else []
 
 
-def axes(
-    orientations: Mapping[str, FileOrientation | Orientation], bodies: Mapping[str, FileBody | schema.Body], length: float = 1.0
-) -> list[str]:
+def axes(orientations: Mapping[str, Orientation], bodies: Mapping[str, Body], length: float = 1.0) -> list[str]:
     """Return a line for the axes of materials and the bodies that have them; ``length`` is a unit of it [m].  Local."""
     found = []
     for name, one in orientations.items():
@@ -154,15 +152,14 @@ def spring(groups: tuple[str, ...], stiffness: float, damping: float) -> str:
     return f"{' to '.join(groups)}: {', '.join(parts)}"
 
 
-def _joint(one: FileJoint, units: Units) -> str:
+def _joint(one: Joint, units: Units) -> str:
     """Return what a file says of two surfaces in contact, in SI units."""
-    stiffnesses = (("tangential", one.tangential_stiffness), ("normal", one.normal_stiffness))
+    known = one.in_si(units)
     parts = [f"friction {one.friction:g}"] if one.friction is not None else ["no friction coefficient"]
-    parts += [
-        f"no {which} stiffness" if value is None else f"{which} stiffness {value * units.contact_stiffness:.6g} N/m3"
-        for which, value in stiffnesses
-    ]
-    return f"{one.name}: {' on '.join(one.surfaces)}, {', '.join(parts)}"
+    for which in ("tangential", "normal"):
+        value = known.get(f"{which}_stiffness")
+        parts.append(f"no {which} stiffness" if value is None else f"{which} stiffness {value:.6g} N/m3")
+    return f"{one.name}: {' on '.join(one.surfaces or ())}, {', '.join(parts)}"
 
 
 def passed_over(findings: tuple[Finding, ...]) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ...formats.model import FileMaterial
+from ...tables.structure import Material
 from ...tables.units import UNITS, Units
 
 SI = "m-kg-s"
@@ -15,7 +15,7 @@ _YOUNG, _DENSITY, _SPEED, _LENGTH = (1e6, 1.3e12), (100.0, 25_000.0), (30.0, 20_
 
 
 def suspicion(
-    diagonal: float, materials: Mapping[str, FileMaterial], stated: Units, mass: float = np.nan, by_scene: bool = False
+    diagonal: float, materials: Mapping[str, Material], stated: Units, mass: float = np.nan, by_scene: bool = False
 ) -> str:
     """Say which units are suspected in place of those that are stated; empty where all is plausible.  Local.
 
@@ -48,7 +48,7 @@ def suspicion(
     return f"units suspected: {found}; {_as(diagonal, materials, better[0]) if better else ''}{hint}"
 
 
-def better_units(diagonal: float, materials: Iterable[FileMaterial]) -> list[str]:
+def better_units(diagonal: float, materials: Iterable[Material]) -> list[str]:
     """Return the units in which materials and length are plausible, those with the likelier lengths first.  Local."""
     known = [one for one in materials if one.modulus is not None or one.density is not None]
     fitting = [
@@ -59,7 +59,7 @@ def better_units(diagonal: float, materials: Iterable[FileMaterial]) -> list[str
     return sorted(fitting, key=lambda name: abs(np.log10(diagonal * UNITS[name].length / 0.3)))
 
 
-def _as(diagonal: float, materials: Mapping[str, FileMaterial], name: str) -> str:
+def _as(diagonal: float, materials: Mapping[str, Material], name: str) -> str:
     """Say what some units would make of the file."""
     units, (material, one) = UNITS[name], next(iter(materials.items()))
     parts = [f"{diagonal * units.length:.4g} m across"]
@@ -68,7 +68,7 @@ def _as(diagonal: float, materials: Mapping[str, FileMaterial], name: str) -> st
     return f'in "{name}" it is {parts[0]}, {material!r} has {" and ".join(parts[1:])}: '
 
 
-def _odd_material(name: str, one: FileMaterial, units: Units) -> str:
+def _odd_material(name: str, one: Material, units: Units) -> str:
     """Say what no material has; empty where it is plausible."""
     young = None if one.modulus is None else one.modulus * units.stress
     density = None if one.density is None else one.density * units.density

@@ -10,7 +10,7 @@ from ...assembly.assemble import read_off
 from ...assembly.matrices import GivenStructure
 from ...contact.laws import ELASTIC_COULOMB
 from ...continuation.accuracy import MOST_HARMONICS
-from ...formats.model import FileMaterial, FileModel
+from ...formats.model import FileModel
 from ...library.settings import mesh_settings, reduction_settings, response_settings
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
@@ -82,7 +82,7 @@ def _suspected(scene: Scene, file: FileModel, mesh: Mesh, stated: Container[str]
     """Say which units are suspected in place of the scene's: those of the file, or of materials that the scene states."""
     units, used = UNITS[scene.model.units or SI], {body.material for body in scene.bodies.values()}
     of_file = {name: one for name, one in file.materials.items() if name in used and name not in stated}
-    of_scene = {name: FileMaterial(**dict(one)) for name, one in scene.materials.items() if name in used and name in stated}
+    of_scene = {name: one for name, one in scene.materials.items() if name in used and name in stated}
     text = suspicion(mesh.diagonal / units.length, of_file, units, mass)
     text = text or suspicion(mesh.diagonal, of_scene, UNITS[SI], mass, by_scene=True)
     return [f"           {text}"] if text else []

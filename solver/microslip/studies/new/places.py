@@ -34,7 +34,7 @@ def held_groups(mesh: Mesh, file: FileModel, settings: MeshSettings, used: Itera
     if file.supports or any(one.stiffness or one.rotational_stiffness for one in file.connected):
         return [], []
     others = {*settings.body_of, *used, *(name for tie in file.ties for name in tie.surfaces)}
-    others |= {one.group for one in file.bolts} | {one.group for one in file.masses}
+    others |= {one.group for one in file.bolts} | {one.group for one in file.masses if one.group is not None}
     free = [name for name, nodes in mesh.node_groups.items() if name not in others and len(nodes) >= 3]
     sure = [name for name in free if any(word in name.lower() for word in _HELD)]
     return sure, [name for name in free if name not in sure]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from ...formats.model import FileMaterial, FileModel, FileStatics, Finding
+from ...formats.model import FileModel, Finding, LoadsAtRest
 from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings, TouchingFaces
 from ...scene.toml_text import key_text, value_text
-from ...tables.units import UNITS, times
+from ...tables.joint import Joint
+from ...tables.structure import Material
+from ...tables.units import UNITS
 from .candidates import Candidate
 from .places import Place
 
@@ -50,10 +52,10 @@ class First:
         ]
 
     @property
-    def loads_at_rest(self) -> FileStatics | None:
+    def loads_at_rest(self) -> LoadsAtRest | None:
         """What the scene takes over as [statics], without a word: more than bolts."""
         statics = self.file.statics
-        more = statics is not None and set(statics.kinds) - {f"{len(statics.bolts)} bolts"}
+        more = statics is not None and set(statics.kinds) - {f"{len(statics.table.bolts)} bolts"}
         return statics if more else None
 
     @property
@@ -123,15 +125,14 @@ def _materials(first: First) -> str:
     lines = []
     units = UNITS[first.units or "m-kg-s"]
     for name in lacking:
-        one = file.materials.get(name, FileMaterial())
         lines.append(f"[materials.{key_text(name)}]")
-        factors = {"young": units.stress, "shear": units.stress, "elasticity": units.stress, "density": units.density}
+        one = file.materials.get(name, Material.of_file())
+        known = one.in_si(units)
         for key in ("young", "poisson", "shear", "elasticity", "density", "expansion"):
-            value = getattr(one, key)
             if key in one.lacking:
                 lines.append(_line(key, _STEEL[key][0], f"{_STEEL[key][1]}: steel's; the file does not state it"))
-            elif value is not None:
-                lines.append(_line(key, value_text(times(value, factors.get(key, 1.0))), "as in the file"))
+            elif key in known:
+                lines.append(_line(key, value_text(known[key]), "as in the file"))
         lines.append("")
     if file.bodies and not lacking:
         names = ", ".join(dict.fromkeys(body.material for body in file.bodies.values()))
@@ -209,13 +210,11 @@ _ASKED = {
 def _contact(one: Candidate, first: First) -> list[str]:
     """Return friction and stiffnesses of a joint: those of the file, as comments what it does not state."""
     known = first.file.joints if first.scale is None else ()
-    of_file = next((own for own in known if frozenset(own.surfaces) == frozenset(one.surfaces)), None)
-    factor = UNITS[first.units or "m-kg-s"].contact_stiffness
+    of_file = next((joint for joint in known if frozenset(joint.surfaces or ()) == frozenset(one.surfaces)), Joint.of_file())
+    stated = of_file.in_si(UNITS[first.units or "m-kg-s"])
     lines = []
     for key, asked in _ASKED.items():
-        value = getattr(of_file, key, None)
-        stated = value * (1.0 if key == "friction" else factor) if value else None
-        lines.append(asked if stated is None else _line(key, repr(stated), "as in the file"))
+        lines.append(_line(key, repr(stated[key]), "as in the file") if stated.get(key) else asked)
     return lines
 
 
