@@ -10,7 +10,7 @@ os.environ["MICROSLIP_DRAWERS"] = "0"  # tests draw what they want drawn themsel
 os.environ["MICROSLIP_CACHE"] = "off"  # a test that builds a structure shall build it; those of the cache name a folder
 
 from microslip.parallel.petsc import initialise
-from microslip.parallel.signals import STOPPING
+from microslip.system.signals import STOPPING
 
 initialise()
 

@@ -33,7 +33,7 @@ def _hang():
 
 
 def _case_error():
-    from microslip.parallel.errors import CaseError
+    from microslip.messages.errors import CaseError
 
     raise CaseError("met by one rank alone")
 
@@ -122,7 +122,7 @@ def _world_rank() -> int:
 
 
 def _at_start(_, fault: Fault) -> None:
-    from microslip.parallel.start import launcher_rank
+    from microslip.system.start import launcher_rank
 
     fault.at(launcher_rank())
 
@@ -164,7 +164,7 @@ def _in_point(number: str, fault: Fault) -> None:
 
 
 def _while_writing(number: str, fault: Fault) -> None:
-    from microslip.parallel import files
+    from microslip.system import files
 
     replace, n = os.replace, iter(range(10**9))
 

@@ -2,7 +2,7 @@
 
 import io
 
-from microslip.parallel.errors import MicroslipError
+from microslip.messages.errors import MicroslipError
 from microslip.system import plain_data, sandbox
 
 

@@ -18,15 +18,15 @@ from microslip.assembly.force_file import forces_on_dofs, forces_on_nodes
 from microslip.assembly.matrix_places import dofs_of_rows, names_nodes
 from microslip.assembly.pair_file import read_pairs
 from microslip.continuation.checkpoint import under
+from microslip.formats.csv_table import read_table
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
+from microslip.guards import lock
 from microslip.mesh.data import Mesh
 from microslip.mesh.listed import listed_nodes
 from microslip.mesh.nodes_of_matrices import read_nodes
 from microslip.mesh.values import COLUMNS, PLACES
-from microslip.parallel import lock
-from microslip.parallel.csv_table import read_table
-from microslip.parallel.errors import CaseError, MicroslipError, ResourceError
+from microslip.messages.errors import CaseError, MicroslipError, ResourceError
 from microslip.points.branch import Point
 from microslip.receptance.static_columns import StaticColumns
 from microslip.restart.identity import Identity

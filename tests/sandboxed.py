@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from microslip.parallel.errors import MeshError
+from microslip.messages.errors import MeshError
 
 
 @dataclass(frozen=True)

@@ -29,9 +29,9 @@ from microslip.formats.read import read_model  # noqa: E402
 from microslip.library.build import from_mesh  # noqa: E402
 from microslip.library.complete import complete  # noqa: E402
 from microslip.linear.joint_springs import linearise  # noqa: E402
+from microslip.messages.errors import CaseError, ConvergenceError, MeshError  # noqa: E402
 from microslip.modes.eigen import lowest_modes  # noqa: E402
 from microslip.observe.log import RunLog  # noqa: E402
-from microslip.parallel.errors import CaseError, ConvergenceError, MeshError  # noqa: E402
 from microslip.scene.read import changed, scene_of  # noqa: E402
 
 FOLDER = Path("/usr/share/doc/calculix-ccx-test/examples/test")

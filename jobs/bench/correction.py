@@ -22,7 +22,7 @@ from microslip.continuation.grid import range_of, solved_at, task_at
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.point_solver import PointSolver, Workspace
 from microslip.error_estimate.estimate import ErrorEstimator, output_amplitude
-from microslip.parallel.errors import MicroslipError
+from microslip.messages.errors import MicroslipError
 from microslip.points.error_parts import total
 from microslip.points.selection import AllPairs
 from microslip.receptance.modes_left_out import BetterModel

@@ -35,7 +35,8 @@ LONGEST = 65536  # bytes of a file, or twice the longest one that it begins with
 HANG = 90  # seconds on a busy machine, above those after which processes of readers end themselves
 INSTRUMENTED = (
     "microslip.formats",
-    "microslip.parallel",
+    "microslip.guards.lock",
+    "microslip.system.plain_data",
     "microslip.scene",
     "microslip.results.read",
     "microslip.results.checked_datasets",

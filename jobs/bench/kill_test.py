@@ -36,7 +36,7 @@ import machine
 import numpy as np
 from killing import Run, Writes
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.results.read import read_results
 from microslip.results.record import COMPLETE, ResultFile
 from microslip.scene.read import read_scene

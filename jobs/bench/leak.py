@@ -32,10 +32,10 @@ from mpi4py import MPI
 
 from microslip.observe.observer import Observers
 from microslip.parallel.agree import on_root
-from microslip.parallel.memory import give_back, resident_memory
 from microslip.points.branch import Branch
 from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
+from microslip.system.memory import give_back, resident_memory
 
 LEAST = 10  # points that a level has at least
 

@@ -19,8 +19,10 @@ PICTURE = ROOT / "docs" / "img" / "rooms.svg"
 
 # what rooms hand on; column (from 0, in widths of a box and its gap) and row
 ROOMS = {
-    "parallel": ("agreement of ranks, errors", 0.0, 0),
-    "system": ("one machine: processes", 1.5, 0),
+    "messages": ("errors, words", 0.0, 0),
+    "system": ("files, signals", 1.0, 0),
+    "parallel": ("MPI, PETSc", 1.5, 0),
+    "guards": ("lock, memory, end", 2.0, 0),
     "elements": ("K, M of elements", 0.0, 1),
     "fourier": ("Harmonics", 1.5, 1),
     "scene": ("what is asked: Scene", 2.0, 9),
@@ -54,7 +56,7 @@ BY_WAY_OF = {  # columns in which long arrows go down, between the boxes
     ("observe", "library"): 0.5,
     ("contact", "transient"): 1.53,
 }
-FOUNDATION = ("parallel", "system")  # for every room: the row at the top, as wide as the page
+FOUNDATION = ("messages", "system", "parallel", "guards")  # for every room: the row at the top, as wide as the page
 NUMPY_ONLY = ("elements", "fourier", "contact")
 WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 128, 40, 12, 28, 14
 ENDS = (

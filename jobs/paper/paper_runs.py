@@ -24,7 +24,7 @@ from microslip.continuation.follow import NOTHING, follow_branch
 from microslip.continuation.grid import at_frequencies, going_on
 from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import amplitude
-from microslip.parallel.errors import ConvergenceError
+from microslip.messages.errors import ConvergenceError
 from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs
 from microslip.studies.compare.report import differences
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .library.build import Structure, build
     from .library.respond import respond
     from .library.response import Curves, Response
-    from .parallel.errors import CaseError, ConvergenceError, MicroslipError, ResourceError
+    from .messages.errors import CaseError, ConvergenceError, MicroslipError, ResourceError
     from .results.read import read_results
     from .scene.read import read_scene as read
     from .scene.read import scene_of
@@ -45,10 +45,10 @@ __all__ = [
 ]
 
 _FROM = {
-    "CaseError": ".parallel.errors",
-    "ConvergenceError": ".parallel.errors",
-    "MicroslipError": ".parallel.errors",
-    "ResourceError": ".parallel.errors",
+    "CaseError": ".messages.errors",
+    "ConvergenceError": ".messages.errors",
+    "MicroslipError": ".messages.errors",
+    "ResourceError": ".messages.errors",
     "Curves": ".library.response",
     "Response": ".library.response",
     "Scene": ".scene.schema",

@@ -8,7 +8,7 @@ import sys
 if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
     # the folder of a scene is no place for modules: python -m puts it before all others
     sys.path[:] = [folder for folder in sys.path if folder not in ("", os.getcwd())]
-    from microslip.parallel.start import stop_at_once
+    from microslip.system.start import stop_at_once
 
     stop_at_once()
 
@@ -16,16 +16,16 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
+from .guards.ending import conclude, leave, no_exit, require
+from .guards.lock import locked
+from .messages.errors import CaseError, naming
 from .parallel.agree import on_root
-from .parallel.ending import conclude, leave, no_exit, require
-from .parallel.errors import CaseError, naming
-from .parallel.lock import locked
 from .parallel.petsc import initialise, unused_options
-from .parallel.signals import obey_signals
-from .parallel.start import launcher_rank
-from .parallel.walltime import time_limit
-from .parallel.watchdog import show_stacks, watch, wrong_limit
 from .program.command_line import Command, parse
+from .system.signals import obey_signals
+from .system.start import launcher_rank
+from .system.walltime import time_limit
+from .system.watchdog import show_stacks, watch, wrong_limit
 
 if TYPE_CHECKING:
     from mpi4py import MPI

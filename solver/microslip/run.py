@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .continuation.keeper import Keepers
+from .guards.lock import locked
 from .library.build import build
 from .library.follow_response import follow, in_turn, known_columns
 from .library.origin_of_run import origin_of
@@ -16,15 +17,12 @@ from .library.prepare import Prepared, prepare
 from .library.result_files import extent_of, shapes_of, write_shapes, writer_of
 from .library.settings import units_of
 from .library.side_by_side import groups_that_pay
+from .messages.errors import ConvergenceError
 from .observe.level_log import LevelLog
 from .observe.log import RunLog
 from .observe.not_computed import not_computed
 from .observe.stops import Stops, goes_on
 from .parallel.agree import on_each, on_root
-from .parallel.errors import ConvergenceError
-from .parallel.lock import locked
-from .parallel.versions import versions
-from .parallel.walltime import TimeLimit
 from .points.branch import Branch
 from .restart.cache import cache_of
 from .restart.folder import Finished, Restart
@@ -35,6 +33,8 @@ from .results.fields import RunRecord, StageRecord
 from .results.measures import shown_with
 from .results.origin import Origin
 from .scene.schema import Scene
+from .system.versions import versions
+from .system.walltime import TimeLimit
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -14,7 +14,7 @@ from microslip.assembly import node_blocks as blocks_module
 from microslip.assembly.assemble import assemble
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 
 comm = MPI.COMM_WORLD
 BOTTOM = {"base": lambda x: x[:, 2] == 0.0}

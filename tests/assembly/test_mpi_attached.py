@@ -16,7 +16,7 @@ from microslip.mesh.data import Outside
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.settings import Load, Mass, Point, Spring, Statics
-from microslip.parallel.errors import MeshError
+from microslip.messages.errors import MeshError
 
 comm = MPI.COMM_WORLD
 SUPPORTED = [("base", "xyz")]

@@ -12,9 +12,9 @@ from oracles import exact, scenes
 from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.library.build import build
 from microslip.library.settings import reduction_settings
+from microslip.messages.errors import CaseError
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.receptance.motions import linear_motion, linear_motion_rate, output_motion
 from microslip.receptance.reduced_model import ReducedModel
 from microslip.reduction.modal_structure import reduce_structure

@@ -12,9 +12,9 @@ from microslip.assembly.nodal_forces import angle_about, nodal_forces
 from microslip.fourier.amplitudes import to_complex
 from microslip.library.build import build
 from microslip.mesh.settings import Load
+from microslip.messages.errors import CaseError
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.receptance.motions import output_motion
 
 SIZE = np.array([0.3, 0.2, 0.1])

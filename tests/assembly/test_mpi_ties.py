@@ -17,7 +17,7 @@ from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.reference_points import of_distributing
 from microslip.mesh.settings import Point, Statics, Support, Tie
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 
 comm = MPI.COMM_WORLD
 YOUNG, DENSITY = 2.1e11, 7800.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from microslip.assembly.pair_file import COLUMNS, read_pairs
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 
 HEADER = ",".join(COLUMNS)
 FIRST, SECOND = "0,1,2,3,4,5,0.3,60.0,0.0,5e5,8e5", "6,7,8,-1,-1,-1,0.25,0.0,1e-6,4e5,6e5"

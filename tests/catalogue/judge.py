@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from microslip.parallel.ending import DEFECT
+from microslip.guards.ending import DEFECT
 
 from .case import Case
 from .faults import ENDED_BY_LAUNCHER, Fault

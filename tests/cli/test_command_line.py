@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.program.command_line import Command, parse
 
 

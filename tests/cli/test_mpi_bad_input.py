@@ -10,7 +10,7 @@ from oracles import scenes
 
 from microslip.__main__ import main
 from microslip.parallel.agree import on_root
-from microslip.parallel.signals import STOPPING
+from microslip.system.signals import STOPPING
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from oracles import scenes
 
 import microslip
 from microslip.library.respond import pairs_with
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.results.read import read_results
 
 OMEGAS = [540.0, 560.0]

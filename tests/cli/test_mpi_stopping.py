@@ -10,10 +10,10 @@ import pytest
 from bar_scene import write_bar
 
 from microslip.continuation import acceptance
+from microslip.guards import lock
+from microslip.guards.lock import NAME
 from microslip.observe.stops import Stops
-from microslip.parallel import lock
 from microslip.parallel.agree import on_root
-from microslip.parallel.lock import NAME
 from microslip.restart.place import UNFINISHED
 
 record = acceptance.point_record

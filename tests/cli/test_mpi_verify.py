@@ -10,8 +10,8 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
 from microslip.__main__ import main
+from microslip.messages.errors import ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import ConvergenceError
 from microslip.studies.verify import story as verify
 from microslip.transient.march import March
 

@@ -21,7 +21,7 @@ from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
 from microslip.harmonic.operating_point import OperatingPoint
 from microslip.harmonic.whole_inverse import WholeInverse
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.points.selection import AllPairs
 from microslip.points.sweep import Sweep
 

@@ -20,8 +20,8 @@ from microslip.mesh.links import find_links
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
+from microslip.messages.errors import MeshError
 from microslip.modes.eigen import lowest_modes
-from microslip.parallel.errors import MeshError
 from microslip.scene.read import scene_of
 from microslip.tables.structure import Body, Material, Spring, Support, Tie
 

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from microslip.formats.read import read_model
-from microslip.parallel.errors import MeshError
+from microslip.messages.errors import MeshError
 from microslip.tables.joint import Joint
 
 BLOCKS = """*NODE

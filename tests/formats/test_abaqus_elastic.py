@@ -6,7 +6,7 @@ import pytest
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.library.settings import mesh_settings
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import scene_of
 
 CUBE = """*NODE, NSET=ALL

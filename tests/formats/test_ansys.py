@@ -9,7 +9,7 @@ from microslip.formats.ansys.contacts import side_of
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.mesh.read import read_mesh
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import scene_of
 
 mapdl_archive = pytest.importorskip("mapdl_archive")

@@ -9,7 +9,7 @@ import pytest
 from in_process import in_process
 
 from microslip.formats.read import read_model
-from microslip.parallel.errors import MeshError
+from microslip.messages.errors import MeshError
 from microslip.tables.structure import Body, Material, Support
 
 HEAD = [1, 1, 1, 1, 0, 0, 0, 0, 7, 0]  # of element 7: material, type, real constants, ...

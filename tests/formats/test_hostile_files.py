@@ -23,7 +23,7 @@ from microslip.formats import bounded
 from microslip.formats.includes import included_files
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
-from microslip.parallel.errors import CaseError, MeshError, MicroslipError
+from microslip.messages.errors import CaseError, MeshError, MicroslipError
 from microslip.results.read import read_results, refuse_deadly
 from microslip.results.scene_back import GONE, fate
 from microslip.results.style import RC
@@ -423,7 +423,7 @@ def test_pictures_take_nothing_from_a_matplotlibrc():
 
 
 def test_names_of_a_file_do_not_steer_the_terminal(capsys):
-    from microslip.parallel.ending import _say
+    from microslip.guards.ending import _say
 
     _say("group \x1b]0;owned\x07 'blade' \u202e\n  second line")
     said = capsys.readouterr().err

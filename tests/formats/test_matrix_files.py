@@ -6,7 +6,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from microslip.formats.matrices.read import read_matrix
-from microslip.parallel.errors import CaseError, ResourceError
+from microslip.messages.errors import CaseError, ResourceError
 
 K = np.array([[4.0, -1.0, 0.0], [-1.0, 3.0, 0.5], [0.0, 0.5, 2.0e6]])
 

@@ -13,7 +13,7 @@ from matrix_files import WITH_DOFS, WRITERS
 
 from microslip.formats.matrices.file_matrix import DofMap
 from microslip.formats.matrices.read import ENDINGS, read_any, read_matrix
-from microslip.parallel.errors import CaseError, ResourceError
+from microslip.messages.errors import CaseError, ResourceError
 
 DATA = Path(__file__).parents[1] / "data" / "matrices"
 N = 9

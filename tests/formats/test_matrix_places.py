@@ -16,7 +16,7 @@ from microslip.assembly.matrix_checks import definiteness, negative_pivots, said
 from microslip.assembly.matrix_places import Places
 from microslip.library.settings import matrix_settings
 from microslip.mesh.data import Mesh
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
 
 

@@ -11,7 +11,7 @@ from microslip import elements
 from microslip.formats.nastran.read import streams_kept
 from microslip.formats.read import read_model
 from microslip.library.complete import complete, held_by
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.scene.read import scene_of
 
 pytest.importorskip("pyNastran")

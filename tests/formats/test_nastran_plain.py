@@ -10,7 +10,7 @@ from microslip.formats.nastran import read
 from microslip.formats.nastran.free import in_fixed_fields
 from microslip.formats.nastran.plain import none_plain, take_plain
 from microslip.formats.read import read_model
-from microslip.parallel.errors import MeshError
+from microslip.messages.errors import MeshError
 
 KINDS = ("hex8", "hex20", "wedge15", "pyramid5", "tet10")
 

@@ -9,7 +9,7 @@ from plain_model import exodus, plain, unv
 
 from microslip import elements
 from microslip.formats.read import read_model
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 
 DATA = Path(__file__).parents[1] / "data"
 

@@ -13,7 +13,7 @@ from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
 from microslip.harmonic.operating_point import OperatingPoint
 from microslip.harmonic.symmetry import symmetric
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.points.selection import AllPairs
 
 pytestmark = pytest.mark.ranks(1, 2)

@@ -8,7 +8,7 @@ import pytest
 from microslip.formats.model import FileModel, Finding, LoadsAtRest
 from microslip.library.complete import complete
 from microslip.library.settings import mesh_settings
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.scene.read import changed, scene_of
 from microslip.tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics
 from microslip.tables.joint import Joint

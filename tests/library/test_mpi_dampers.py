@@ -8,7 +8,7 @@ from bar_scene import by
 import microslip
 from microslip.fourier.amplitudes import to_complex
 from microslip.library.settings import reduction_settings
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.receptance.motions import output_motion
 from microslip.reduction.choose_again import with_first
 

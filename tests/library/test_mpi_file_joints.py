@@ -7,10 +7,10 @@ from mpi4py import MPI
 from microslip.library.build import from_mesh
 from microslip.library.complete import read_completed
 from microslip.linear.joint_springs import linearise
+from microslip.messages.errors import CaseError
 from microslip.modes.eigen import lowest_modes
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.scene.read import scene_of
 
 COMM = MPI.COMM_WORLD

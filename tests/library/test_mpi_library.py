@@ -15,8 +15,8 @@ from petsc4py import PETSc
 
 import microslip
 from microslip.linear import factor as factors
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.results import plots
 from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results

@@ -11,8 +11,8 @@ from petsc4py import PETSc
 import microslip
 from microslip.linear import out_of_core
 from microslip.linear.dense import gram, multiply
+from microslip.messages.errors import ResourceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import ResourceError
 from microslip.scene.read import changed
 
 pytestmark = pytest.mark.ranks(1, 2)

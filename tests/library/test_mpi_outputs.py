@@ -14,8 +14,8 @@ from scene_text import steel, support, table
 
 import microslip
 from microslip.fourier.amplitudes import to_complex
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.receptance.motions import output_motion
 
 N_DOF, N_PAIRS = 54, 6  # of the coarsest bar

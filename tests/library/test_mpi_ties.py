@@ -8,8 +8,8 @@ from msh import write_msh
 from scene_text import joint, response, steel, support, table
 
 import microslip
+from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, ConvergenceError
 
 LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
 SCENE = (

@@ -11,7 +11,7 @@ from lap_scene import SCENE, write_mesh
 from scene_files import GOOD, write_scene
 
 import microslip
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.points.error_parts import total
 
 WITHOUT = """

@@ -13,8 +13,8 @@ from microslip.linear import direct, mumps
 from microslip.linear._mumps import repeats, upper_triangle
 from microslip.linear.factor import Factor
 from microslip.linear.ordering import elimination_order
+from microslip.messages.errors import CaseError
 from microslip.modes.inertia import count_below
-from microslip.parallel.errors import CaseError
 
 comm = MPI.COMM_WORLD
 SHAPE = (12, 6, 5)

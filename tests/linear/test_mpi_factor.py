@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from microslip.linear import mumps
 from microslip.linear.factor import Factor
 from microslip.linear.joint_springs import joint_stiffness, linearise
-from microslip.parallel.errors import CaseError, ConvergenceError, ResourceError
+from microslip.messages.errors import CaseError, ConvergenceError, ResourceError
 
 comm = MPI.COMM_WORLD
 SHAPE = (6, 3, 2)

@@ -12,8 +12,8 @@ from scipy.sparse.linalg import spsolve
 from microslip.linear import factor as factors
 from microslip.linear import mumps
 from microslip.linear.factor import Factor
+from microslip.messages.errors import ResourceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import ResourceError
 
 comm = MPI.COMM_WORLD
 K = lattices.lattice_stiffness((8, 5, 4))

@@ -10,12 +10,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse.linalg import spsolve
 
+from microslip.guards import memory
 from microslip.linear import mumps, out_of_core
 from microslip.linear.analysis import count, factor_memory
 from microslip.linear.factor import Factor
-from microslip.parallel import memory
-from microslip.parallel.errors import CaseError, ResourceError
-from microslip.parallel.memory import Limit
+from microslip.messages.errors import CaseError, ResourceError
+from microslip.system.memory import Limit
 
 pytestmark = pytest.mark.ranks(1, 2)
 comm = MPI.COMM_WORLD

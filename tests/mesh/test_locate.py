@@ -7,7 +7,7 @@ from box_meshes import box, joint, mesh_of, settings
 from microslip.mesh.connected import check_held, connected_parts
 from microslip.mesh.locate import find_node, nearest_node
 from microslip.mesh.pairing import pair_contacts
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 
 GROUPS = {
     "base": lambda x: x[:, 2] == 0.0,

@@ -10,7 +10,7 @@ from microslip import elements
 from microslip.mesh.pairing import contact_frames, contact_points, pair_contacts
 from microslip.mesh.settings import GEOMETRY, GroundPlane
 from microslip.mesh.surface import surface_of
-from microslip.parallel.errors import MeshError
+from microslip.messages.errors import MeshError
 
 TOUCH = {
     "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < TOUCH["n"]),

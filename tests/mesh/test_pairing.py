@@ -8,7 +8,7 @@ from box_meshes import KINDS, box, joint, mesh_of
 
 from microslip.mesh.data import FaceBlock
 from microslip.mesh.pairing import contact_frames, pair_contacts
-from microslip.parallel.errors import MeshError
+from microslip.messages.errors import MeshError
 
 TOUCH = {
     "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),

@@ -7,7 +7,7 @@ from box_meshes import EDGES, KINDS, box, joint, settings
 from microslip.formats.read import read_model
 from microslip.formats.via_meshio import load_meshio
 from microslip.mesh.read import read_mesh
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 
 meshio = load_meshio()
 MESHIO = {

@@ -11,7 +11,7 @@ from microslip.mesh.settings import TouchingFaces
 from microslip.mesh.skin import faces_of_group, skin_of_mesh
 from microslip.mesh.surface import surface_of
 from microslip.mesh.touching import find_touching, with_found_surfaces
-from microslip.parallel.errors import MeshError
+from microslip.messages.errors import MeshError
 
 LOWER, UPPER = (1.0, 1.0, 0.5), (0.6, 1.0, 0.5)
 

@@ -8,7 +8,7 @@ from box_meshes import box, joint, mesh_of
 
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.settings import GEOMETRY
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 
 TOUCH = {
     "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),

@@ -6,10 +6,10 @@ import pytest
 from petsc4py import PETSc
 
 from microslip.linear.joint_springs import linearise
+from microslip.messages.errors import ConvergenceError
 from microslip.modes import krylov_schur
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.krylov_schur import slepc_modes
-from microslip.parallel.errors import ConvergenceError
 
 pytestmark = pytest.mark.ranks(1, 2)
 SHAPE = (12, 7, 6)

@@ -14,12 +14,12 @@ from microslip.linear import factor as factors
 from microslip.linear.dense import gram, multiply
 from microslip.linear.factor import Factor
 from microslip.linear.joint_springs import Linearised, linearise
+from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.modes import eigen, inertia
 from microslip.modes.block_lanczos import BlockLanczos
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.inertia import count_below, find_gap
 from microslip.modes.rayleigh import sharpened
-from microslip.parallel.errors import CaseError, ConvergenceError
 
 comm = MPI.COMM_WORLD
 SMALL, LARGE = (6, 3, 2), (12, 7, 6)  # 108 DOFs: LAPACK; 1512: block Lanczos

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from microslip.messages.errors import CaseError, ResourceError
 from microslip.observe.level_log import LevelLog
 from microslip.observe.log import RunLog
 from microslip.observe.observer import Observers
-from microslip.parallel.errors import CaseError, ResourceError
 from microslip.points.branch import Branch, Point
 from microslip.points.sweep import Sweep
 from microslip.results.measures import AMPLITUDE, MEAN

@@ -3,10 +3,10 @@
 import pytest
 from mpi4py import MPI
 
+from microslip.messages.errors import Interrupted
 from microslip.observe.log import RunLog
 from microslip.observe.stops import Stops
-from microslip.parallel.errors import Interrupted
-from microslip.parallel.walltime import TimeLimit
+from microslip.system.walltime import TimeLimit
 
 
 @pytest.mark.parametrize(

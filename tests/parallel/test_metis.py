@@ -12,8 +12,8 @@ import os, signal, sys
 import numpy as np
 import scipy.sparse as sp
 from microslip.parallel import metis
-from microslip.parallel.errors import Interrupted
-from microslip.parallel.signals import obey_signals
+from microslip.messages.errors import Interrupted
+from microslip.system.signals import obey_signals
 
 signal.signal(signal.SIGTERM, signal.SIG_DFL)
 obey_signals()
@@ -35,7 +35,7 @@ ORDERS = """
 import os, signal
 import scipy.sparse as sp
 from microslip.parallel import metis
-from microslip.parallel.errors import Interrupted
+from microslip.messages.errors import Interrupted
 
 def grid(n):
     alone, row = sp.eye(n), sp.diags([1.0, 1.0], [-1, 1], shape=(n, n))

@@ -3,8 +3,8 @@
 import pytest
 from mpi4py import MPI
 
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_each
-from microslip.parallel.errors import CaseError
 
 COMM = MPI.COMM_WORLD
 

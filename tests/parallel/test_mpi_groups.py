@@ -14,9 +14,9 @@ from microslip.library import side_by_side
 from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.library.side_by_side import groups_that_pay
+from microslip.messages.errors import CaseError, ResourceError
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, ResourceError
 from microslip.parallel.rank_groups import Counter, Reports, dealt, refuse_too_many, split
 from microslip.receptance.on_group import on_group
 from microslip.results.read import read_results

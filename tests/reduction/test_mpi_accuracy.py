@@ -10,11 +10,11 @@ from microslip.fourier.harmonics import Harmonics
 from microslip.library.build import build, from_matrices
 from microslip.library.settings import reduction_settings
 from microslip.linear.joint_springs import linearise
+from microslip.messages.errors import CaseError
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.limits import most_modes, refuse_too_many
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.reduction import choose_modes

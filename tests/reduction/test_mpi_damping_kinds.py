@@ -11,9 +11,9 @@ from matrix_scenes import write_matrix_scene
 import microslip
 from microslip.fourier.amplitudes import to_complex
 from microslip.library.settings import reduction_settings
+from microslip.messages.errors import CaseError
 from microslip.modes.eigen import first_of
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.receptance.motions import output_motion
 from microslip.reduction.truncation import left_out
 

@@ -13,9 +13,9 @@ from oracles import harmonic_balance, scenes
 from microslip.continuation.grid import at_frequencies
 from microslip.library.settings import excitation, reduction_settings
 from microslip.linear.dense import gram, multiply
+from microslip.messages.errors import CaseError
 from microslip.modes.lapack import gathered
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.receptance.motions import ActingForces, linear_motion
 from microslip.receptance.reduced_model import ReducedModel
 from microslip.reduction.expand import displacements

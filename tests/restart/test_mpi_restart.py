@@ -10,9 +10,9 @@ from bar_scene import write_bar
 from mpi4py import MPI
 
 from microslip.library.follow_response import follow
+from microslip.messages.errors import CaseError, ConvergenceError, Interrupted
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, ConvergenceError, Interrupted
 from microslip.restart import identity, restore
 from microslip.restart.folder import NAME, Restart
 from microslip.restart.kept_branch import KeptBranch

@@ -2,7 +2,7 @@
 
 import pytest
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.restart.place import place_of, settle
 
 

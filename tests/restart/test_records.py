@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from microslip.parallel.errors import CaseError, ResourceError
+from microslip.messages.errors import CaseError, ResourceError
 from microslip.restart import records
 from microslip.restart.records import Disk, Journal, Latest, length_of, pack, read_record, read_records, unpack, write_record
 

@@ -10,7 +10,7 @@ from scipy.io import loadmat
 from synthetic_results import branch, no_pairs, pairs_of, write
 
 from microslip.fourier.coefficients import synthesise
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.results.convert import convert
 from microslip.results.joint_cycle import joint_cycle, joint_values
 from microslip.results.joint_mesh import joint_mesh

@@ -6,7 +6,7 @@ import pytest
 from kept_results import MESH, fields, kept
 from synthetic_results import branch, two_flanks, write
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.results.fields import keep_fields, read_fields, read_run
 from microslip.results.read import read_results
 

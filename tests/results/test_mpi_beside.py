@@ -7,8 +7,8 @@ import pytest
 from mpi4py import MPI
 from synthetic_results import branch, two_flanks, write
 
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.results import beside
 from microslip.results.beside import Drawers
 from microslip.results.plots import PICTURES

@@ -6,7 +6,7 @@ import pytest
 from mpi4py import MPI
 from synthetic_results import branch, observe, two_flanks, writer_of
 
-from microslip.parallel.errors import CaseError, ResourceError
+from microslip.messages.errors import CaseError, ResourceError
 from microslip.results.read import read_results
 
 COMM = MPI.COMM_WORLD

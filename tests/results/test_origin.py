@@ -9,14 +9,14 @@ from synthetic_results import branch, head, no_pairs, two_flanks, write
 
 import microslip
 from microslip.library.input_files import fingerprint
-from microslip.parallel.errors import CaseError
-from microslip.parallel.versions import commit, program_hash
+from microslip.messages.errors import CaseError
 from microslip.results.convert import convert
 from microslip.results.origin import InputFile, Origin
 from microslip.results.read import read_results
 from microslip.results.record import ResultFile
 from microslip.results.report.tables import origin_table
 from microslip.results.writer import ResultWriter
+from microslip.system.versions import commit, program_hash
 
 SCENE = """# of the wing
 title = "../meshes/wing.msh, twice"   # a title like a path

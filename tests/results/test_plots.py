@@ -12,7 +12,7 @@ import pytest
 from matplotlib.image import imread
 from synthetic_results import branch, curve, no_pairs, pairs_of, two_flanks, write
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.results import curve_plots, joint_plots, style
 from microslip.results.plots import draw_all
 from microslip.results.read import read_results

@@ -12,7 +12,7 @@ import pytest
 from kept_results import MESH, TITLE, fields, kept
 from synthetic_results import branch, no_pairs, pairs_of, two_flanks, write
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.points.error_parts import total
 from microslip.results.fields import RunRecord, read_fields, read_run
 from microslip.results.read import read_results

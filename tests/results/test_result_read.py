@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from synthetic_results import branch, two_flanks, write
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.results.read import read_results
 
 

@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from synthetic_results import TITLE, branch, head, no_pairs, two_flanks, write, writer_of
 
-from microslip.parallel.errors import CaseError, ResourceError
+from microslip.messages.errors import CaseError, ResourceError
 from microslip.results import writer as writer_module
 from microslip.results.read import read_results
 from microslip.results.writer import ResultWriter

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from box_meshes import KINDS, box, mesh_of
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.results.vtk import peak_fields, write_fields, write_modes
 
 # vtkCellType.h

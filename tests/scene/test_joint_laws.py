@@ -10,7 +10,7 @@ from microslip.assembly.matrices import read_structure
 from microslip.library.settings import matrix_settings, mesh_settings
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.read import read_mesh
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.scene.read import read_scene
 
 ELASTIC = SCENE[SCENE.index("friction = ") : SCENE.index("[[loads]]")]

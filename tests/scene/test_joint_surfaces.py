@@ -7,7 +7,7 @@ from lap_scene import SCENE, write_mesh
 from microslip.library.settings import mesh_settings
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.read import read_mesh
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.scene.read import read_scene
 
 TWO = 'surfaces = ["lap_1", "lap_2"]'

@@ -5,7 +5,7 @@ import pytest
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.scene.read import read_scene
 
 DAMPING, MASS, PAIRS = "[damping]\nratio = 0.03\n", 'mass = "M.mtx"', 'pairs = "pairs.csv"'

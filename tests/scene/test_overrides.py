@@ -3,7 +3,7 @@
 import pytest
 from scene_files import write_scene
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.scene.overrides import overridden
 from microslip.scene.read import read_scene
 

@@ -5,7 +5,7 @@ import pickle
 import pytest
 from scene_files import GOOD, write_scene
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.scene.read import read_scene
 from microslip.scene.schema import Table
 

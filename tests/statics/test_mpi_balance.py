@@ -9,8 +9,8 @@ from msh import write_msh
 from rest_scene import HEIGHT, LENGTH, WIDTH, force, scene_of
 
 import microslip
+from microslip.messages.errors import ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import ConvergenceError
 from microslip.results.read import read_results
 from microslip.statics.balance import BodiesAtRest, check_balance, in_words
 from microslip.statics.equilibrium import Rest

@@ -15,8 +15,8 @@ from microslip.mesh.cut import cut_through
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.settings import Body, Bolt, Force, Statics, Tie
+from microslip.messages.errors import CaseError, MeshError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, MeshError
 from microslip.statics.bolts import cuts_of
 from microslip.statics.equilibrium import Flexibility, equilibrium
 

@@ -7,8 +7,8 @@ from msh import write_msh
 from scene_text import response, steel, support, table
 
 import microslip
+from microslip.messages.errors import CaseError, MeshError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, MeshError
 
 YOUNG, LENGTH, SIDE, EXPANSION = 2.0e11, 0.4, 0.02, 1e-5
 INERTIA = SIDE**4 / 12.0

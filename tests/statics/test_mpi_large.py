@@ -10,8 +10,8 @@ from rest_scene import scene_of as bar_scene_of
 from scene_text import response, steel, support, table
 
 import microslip
+from microslip.messages.errors import CaseError, ConvergenceError, MeshError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, ConvergenceError, MeshError
 
 YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.02
 GUIDED = '[[supports]]\ngroup = "beam"\nfix = ["y", "z"]\n[[supports]]\ngroup = "tip"\nfix = ["x"]\n'

@@ -8,8 +8,8 @@ from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentri
 
 import microslip
 from microslip.library.prepare import prepare
+from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, ConvergenceError
 from microslip.restart.setup import pairs_of, to_arrays
 
 ELASTIC = 'friction = 0.3\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\npreload = "static"\n'

@@ -12,8 +12,8 @@ import microslip
 from microslip.library import at_rest
 from microslip.library import build as library_build
 from microslip.linear import factor as factors
+from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, ConvergenceError
 
 STATICS = "steps = 4\n" + force(150.0, 50.0, -1000.0)  # N; some pairs slide
 COMMON = (("samples = 64", "samples = 64\ntolerance = 1e-11"), ("points = 10", "points = 3\nat = [4665.0]"))

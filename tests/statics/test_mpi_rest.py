@@ -10,8 +10,8 @@ from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentri
 
 import microslip
 from microslip.library.complete import read_completed
+from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, ConvergenceError
 
 
 @pytest.fixture(scope="module")

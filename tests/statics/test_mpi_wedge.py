@@ -7,8 +7,8 @@ from msh import write_msh
 from scene_text import joint, response, steel, support, table
 
 import microslip
+from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError, ConvergenceError
 
 GIVEN = Damper(
     kind="hex8", n_chord=3, n_shank=2, n_thick=1, n_platform=2, n_height=1, n_aerofoil=2, n_damper=2, n_flank=1, n_length=2

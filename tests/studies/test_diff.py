@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from synthetic_results import branch, head, no_pairs, two_flanks, write
 
-from microslip.parallel.errors import CaseError
+from microslip.messages.errors import CaseError
 from microslip.points.error_parts import PARTS, total
 from microslip.results.origin import InputFile, Origin
 from microslip.results.read import read_results

@@ -17,8 +17,8 @@ from microslip.continuation.grid import at_frequencies
 from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.linear.joint_springs import joint_stiffness
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
 from microslip.receptance.motions import linear_motion, output_motion
 from microslip.scene.read import read_scene
 from microslip.studies.export import story

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 from microslip.assembly.assemble import assemble, read_off
 from microslip.assembly.constraints import constrain
 from microslip.assembly.coupling import coupling_of_nodes
+from microslip.guards import memory
 from microslip.library.complete import read_completed
 from microslip.library.settings import mesh_settings
 from microslip.linear.direct import foreseen
@@ -20,12 +21,11 @@ from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
-from microslip.parallel import memory
+from microslip.messages.errors import ResourceError
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import ResourceError
-from microslip.parallel.memory import Limit
 from microslip.reduction import stuck
 from microslip.scene.read import read_scene
+from microslip.system.memory import Limit
 
 # the lap joint of the scene tied instead
 TIED = re.sub(r"\[\[joints\]\].*?(?=\[\[loads)", '[[ties]]\nsurfaces = ["lap_1", "lap_2"]\n', SCENE, flags=re.S)

@@ -8,7 +8,7 @@ import pytest
 from plain_model import bdf, cdb, cdb_with_contact, exodus, inp, plain, unv
 
 from microslip.formats.model import Cells, FileModel, Group
-from microslip.parallel.errors import CaseError, MeshError
+from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
 from microslip.studies.check.model_file import _lines as check_model_lines
 from microslip.studies.check.model_mesh import bodies_of, whole_mesh

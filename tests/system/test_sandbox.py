@@ -14,8 +14,8 @@ import sandboxed
 from mpi4py import MPI
 from processes import environment, wait_for
 
-from microslip.parallel.errors import MeshError
-from microslip.parallel.lock import locked
+from microslip.guards.lock import locked
+from microslip.messages.errors import MeshError
 from microslip.system.sandbox import LibraryError, SandboxError, call
 
 MANY = {"seconds": 60, "memory": 2**28}
@@ -76,9 +76,9 @@ HOLDER = """
 import sandboxed, sys
 from pathlib import Path
 from mpi4py import MPI
-from microslip.parallel.errors import Interrupted
-from microslip.parallel.lock import locked
-from microslip.parallel.signals import obey_signals
+from microslip.messages.errors import Interrupted
+from microslip.guards.lock import locked
+from microslip.system.signals import obey_signals
 from microslip.system.sandbox import call
 obey_signals()
 try:

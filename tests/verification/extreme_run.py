@@ -28,7 +28,7 @@ from microslip.continuation.point_record import HELD
 from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
-from microslip.parallel.errors import MicroslipError
+from microslip.messages.errors import MicroslipError
 from microslip.scene.read import read_scene
 
 HERE = MPI.COMM_SELF
@@ -230,7 +230,7 @@ def _twin_error(case: Case, system: dict, branches, what, folder: Path) -> float
 
 
 def chain_failure(words: str) -> Exception:
-    from microslip.parallel.errors import ConvergenceError
+    from microslip.messages.errors import ConvergenceError
 
     return ConvergenceError(f"the twin: {words}")
 

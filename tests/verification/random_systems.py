@@ -30,7 +30,7 @@ from verification.random_structures import draw, kinds
 from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
-from microslip.parallel.errors import MicroslipError
+from microslip.messages.errors import MicroslipError
 from microslip.points.error_parts import PARTS, total
 from microslip.scene.read import read_scene
 

@@ -9,13 +9,13 @@ import numpy as np
 from petsc4py import PETSc
 
 from .. import elements
+from ..guards.memory import refuse_beyond
 from ..mesh.connected import check_held, connected_parts, loose_clusters
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
 from ..mesh.links import find_links, fixed_places
 from ..mesh.settings import Body, MeshSettings
+from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_root, raise_together
-from ..parallel.errors import CaseError, ResourceError
-from ..parallel.memory import refuse_beyond
 from .base_motion import with_base_motion
 from .check import check_elements
 from .constrained import constrained

@@ -7,7 +7,7 @@ import numpy as np
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock
 from ..mesh.settings import MeshSettings
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
 
 _CHUNK = 5000  # elements whose Jacobians are held at a time
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from petsc4py import PETSc
 
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from .constraints import Constraints, damping_of, mass_blocks, reduced, stiffness_blocks, tidy
 from .system import System
 

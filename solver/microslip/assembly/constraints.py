@@ -13,8 +13,8 @@ from ..mesh.attached import Attached
 from ..mesh.data import DistributedMesh, Mesh
 from ..mesh.links import DIRECTIONS, Links
 from ..mesh.settings import Point
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .numbering import number_dofs
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..formats.csv_table import read_table
 from ..mesh.locate import nodes_numbered
-from ..parallel.csv_table import read_table
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 
 ON_NODES = ("node", "fx", "fy", "fz"), ("fx_im", "fy_im", "fz_im")  # columns that are needed, and that may be there
 ON_DOFS = ("dof", "value"), ("imag",)

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from ..mesh.data import ContactPairs
 from ..mesh.settings import Load, Output
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from .nodal_forces import NodalForces
 from .output_rows import OutputRow
 

@@ -20,7 +20,7 @@ from ..formats.matrices.read import read_matrix
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import join_pairs, pair_contacts
 from ..mesh.settings import Joint, Load, Output
-from ..parallel.errors import CaseError, ResourceError
+from ..messages.errors import CaseError, ResourceError
 from ..parallel.ownership import split_evenly
 from .force_file import forces_on_dofs
 from .maps import orders_of

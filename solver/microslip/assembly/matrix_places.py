@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
+from ..formats.csv_table import numbered_rows, read_table
 from ..formats.matrices.file_matrix import DIRECTIONS, DofMap, FileMatrix
 from ..formats.matrices.read import read_any
 from ..formats.model import index_of
@@ -18,8 +19,7 @@ from ..mesh.data import ContactPairs, Mesh
 from ..mesh.locate import find_node
 from ..mesh.nodes_of_matrices import nodes_alone, read_nodes
 from ..mesh.settings import Load, Output
-from ..parallel.csv_table import numbered_rows, read_table
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from .force_file import forces_on_nodes
 from .maps import pair_map
 from .settings import MatrixSettings

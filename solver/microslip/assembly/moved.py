@@ -8,9 +8,9 @@ from ..mesh.data import Mesh
 from ..mesh.links import find_links
 from ..mesh.locate import find_node
 from ..mesh.settings import MeshSettings
+from ..messages.errors import MeshError
+from ..messages.words import place
 from ..parallel.agree import on_root
-from ..parallel.errors import MeshError
-from ..parallel.words import place
 from .system import System
 
 

@@ -11,7 +11,7 @@ from .. import elements
 from ..mesh.data import Mesh
 from ..mesh.links import Links, places_of
 from ..mesh.settings import Body, MeshSettings, Output
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ..contact.laws import ELASTIC_COULOMB, LAWS
-from ..parallel.csv_table import read_table
-from ..parallel.errors import CaseError
+from ..formats.csv_table import read_table
+from ..messages.errors import CaseError
 
 COLUMNS = ("x1", "y1", "z1", "x2", "y2", "z2", "mu", "n0", "g0", "kt", "kn")
 GROUND = -1

@@ -10,9 +10,9 @@ from .. import elements
 from ..mesh.cut import Cut, cuts_through
 from ..mesh.data import DistributedMesh, LocalBlock, Mesh
 from ..mesh.settings import Bolt, MeshSettings
+from ..messages.errors import MeshError
+from ..messages.words import place
 from ..parallel.agree import on_root
-from ..parallel.errors import MeshError
-from ..parallel.words import place
 from .assemble import element_chunks
 from .prestress import element_forces, on_rows, owned_nodes
 from .system import System

@@ -16,7 +16,7 @@ from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Border, Exactness, Linearisation, Step
 from ..harmonic.newton_solver import NewtonSolver
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
-from ..parallel.watchdog import moved
+from ..system.watchdog import moved
 from .constraint_rows import Constraint, Scaling
 from .iterate import Iterate
 from .problems import Problem

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..parallel.errors import ConvergenceError
+from ..messages.errors import ConvergenceError
 from ..points.sweep import Sweep
 from .iterate import Iterate
 from .point_solver import Found, PointSolver, Workspace

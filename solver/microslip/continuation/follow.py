@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..parallel.errors import ConvergenceError
+from ..messages.errors import ConvergenceError
 from ..points.branch import NOTHING, Branch, Point
 from .acceptance import Accepted, accept
 from .first_point import reach_first

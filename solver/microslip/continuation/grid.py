@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..error_estimate.estimate import ErrorEstimator
-from ..parallel.errors import ConvergenceError
+from ..messages.errors import ConvergenceError
 from ..points.branch import NOTHING, Branch, Point
 from ..points.selection import Selection
 from ..points.sweep import Sweep

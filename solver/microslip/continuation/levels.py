@@ -14,7 +14,7 @@ from ..contact.law import Law
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from ..points.band import frequency_band
 from ..points.branch import Branch, Point
 from ..points.selection import AllPairs, Selection

@@ -8,7 +8,7 @@ from ..contact.energy import contact_work, pair_energy
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.coefficients import cycle_work
 from ..harmonic.operating_point import OperatingPoint
-from ..parallel.errors import ConvergenceError
+from ..messages.errors import ConvergenceError
 from ..points.branch import Point
 from ..points.selection import Selection
 from ..receptance.motions import load_motion, modal_motion, output_motion

@@ -11,7 +11,7 @@ from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.newton_solver import NewtonSolver
-from ..parallel.errors import ConvergenceError
+from ..messages.errors import ConvergenceError
 from ..points.selection import Selection
 from ..points.sweep import Sweep
 from .accuracy import Resolution

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..parallel.errors import ConvergenceError
+from ..messages.errors import ConvergenceError
 from .constraint_rows import Plane
 from .corrector import BorderedSystem, Correction
 from .iterate import Iterate, PointState

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
 
 _FREE = 2**30  # bytes for any file
 _GAIN = 200  # bytes for each byte of a file: the cards of bulk data are objects of Python

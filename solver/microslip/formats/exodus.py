@@ -13,7 +13,7 @@ import numpy as np
 import scipy.io
 
 from .. import elements
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
 from ..system.sandbox import SandboxError, read_file
 from .hdf5 import MOST_GAIN, Storage
 from .model import KINDS, Cells, FileModel, Finding, Group

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
 from .model import KINDS, Cells, FileModel, Group, index_of, names_of_tags
 
 # Gmsh's element types; where its order of mid-side nodes is not VTK's, the permutation to VTK's.

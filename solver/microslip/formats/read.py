@@ -8,8 +8,8 @@ from importlib import import_module
 
 import numpy as np
 
-from ..parallel.errors import CaseError, MeshError
-from ..parallel.words import place
+from ..messages.errors import CaseError, MeshError
+from ..messages.words import place
 from .bounded import bounded_memory
 from .model import FileModel
 from .via_meshio import FORMATS

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
 from .model import KINDS, Cells, FileModel, Finding, Group, index_of
 
 _KINDS = {

@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
 from .model import KINDS, Cells, FileModel, Group, names_of_tags
 
 # Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.

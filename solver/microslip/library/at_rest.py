@@ -20,8 +20,8 @@ from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.deformed import stretched
 from ..mesh.settings import MeshSettings
+from ..messages.errors import ConvergenceError
 from ..parallel.agree import on_root
-from ..parallel.errors import ConvergenceError
 from ..statics.balance import Balance, balance_of
 from ..statics.bolts import BoltsAtRest, Cuts, cuts_of
 from ..statics.equilibrium import Flexibility, Rest, equilibrium, stuck_forces

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..formats.model import FileModel
 from ..formats.read import read_model
+from ..messages.errors import CaseError
+from ..messages.words import hint, listed
 from ..parallel.agree import on_root
-from ..parallel.errors import CaseError
-from ..parallel.words import hint, listed
 from ..scene.checks import remarks
 from ..scene.read import completed
 from ..scene.schema import Scene

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from ..formats.includes import included_files
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from ..results.origin import InputFile
 from ..scene.inputs import named_files
 from ..scene.schema import Scene

@@ -14,16 +14,17 @@ from petsc4py import PETSc
 
 from ..assembly.assemble import ASSEMBLED
 from ..assembly.coupling import Coupling
+from ..guards.memory import refuse_beyond
 from ..linear.analysis import FactorMemory
 from ..linear.direct import foreseen
 from ..linear.joint_springs import KEPT, analysis_of
 from ..modes.block_lanczos import basis_size
-from ..parallel.memory import gigabytes, refuse_beyond
 from ..reduction.facts import Counts
 from ..reduction.galerkin import memory_of_basis
 from ..reduction.methods import METHODS
 from ..reduction.settings import ReductionSettings
 from ..scene.schema import Scene
+from ..system.memory import gigabytes
 from .settings import reduction_settings
 
 if TYPE_CHECKING:

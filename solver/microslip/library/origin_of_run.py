@@ -7,9 +7,9 @@ import socket
 import time
 from typing import TYPE_CHECKING
 
+from ..messages.errors import CaseError
 from ..observe.log import command_line
 from ..parallel.agree import on_root
-from ..parallel.errors import CaseError
 from ..results.origin import InputFile, Origin
 from ..scene.inputs import named_files
 from ..scene.schema import Scene

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from ..contact.laws import LAWS
 from ..mesh.data import ContactPairs
+from ..messages.errors import CaseError
+from ..messages.words import hint
 from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
-from ..parallel.errors import CaseError
-from ..parallel.words import hint
 from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
 from ..reduction.choose_modes import choose_modes

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..fourier.coefficients import amplitude, phase
+from ..messages.errors import CaseError
 from ..observe.observer import Observers
 from ..parallel.agree import on_each, on_root
-from ..parallel.errors import CaseError
 from ..points.branch import QUANTITIES, Branch
 from ..points.error_parts import total
 from ..points.quantities import LABELS, TEXT, Quantity

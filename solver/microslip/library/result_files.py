@@ -10,7 +10,6 @@ import numpy as np
 
 from ..mesh.locate import find_node
 from ..observe.not_computed import Extent
-from ..parallel.versions import commit, program_hash, versions
 from ..points.branch import Branch, hertz
 from ..reduction.expand import node_fields, peak_displacements
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
@@ -19,6 +18,7 @@ from ..results.record import BOLT_UNITS, STATIC_TABLES, Bolts, LinearCurve, Resu
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
 from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
+from ..system.versions import commit, program_hash, versions
 from ..version import __version__
 from .origin_of_run import origin_of
 from .prepare import Prepared

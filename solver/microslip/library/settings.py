@@ -31,7 +31,7 @@ from ..mesh.settings import (
     TouchingFaces,
     Warm,
 )
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from ..points.band import Band
 from ..receptance.excitation import Excitation
 from ..reduction.settings import ModalDamping, ReductionSettings

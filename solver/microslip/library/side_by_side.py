@@ -14,8 +14,8 @@ from ..observe.log import RunLog
 from ..observe.observer import Observers
 from ..parallel.agree import on_root
 from ..parallel.rank_groups import Counter, Reports, dealt, split
-from ..parallel.watchdog import unwatched
 from ..points.branch import NOTHING, Branch
+from ..system.watchdog import unwatched
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -9,9 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from ..parallel.errors import CaseError, ConvergenceError, ResourceError
+from ..messages.errors import CaseError, ConvergenceError, ResourceError
 from ..parallel.ownership import summed
-from ..parallel.watchdog import moved
+from ..system.watchdog import moved
 from .dense import column_norms, diagonal_owned, multiply
 from .direct import DirectSolver, factorise
 from .free_motion import explain_singular, is_singular

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from petsc4py import PETSc
 
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
+from ..messages.words import listed
 from ..parallel.ownership import summed
-from ..parallel.words import listed
 from .dense import diagonal_owned, gram, multiply
 from .direct import DirectSolver, factorise
 

@@ -10,9 +10,9 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from ..assembly.system import System
+from ..guards.memory import refuse_beyond
 from ..mesh.data import ContactPairs
-from ..parallel.errors import CaseError
-from ..parallel.memory import refuse_beyond
+from ..messages.errors import CaseError
 from .analysis import FactorMemory
 from .factor import Factor, KnownFactor
 from .mumps import ADVICE

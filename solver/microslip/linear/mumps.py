@@ -10,9 +10,10 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..guards.memory import refuse_beyond, shortage
+from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_each
-from ..parallel.errors import CaseError, ResourceError
-from ..parallel.memory import gigabytes, refuse_beyond, shortage
+from ..system.memory import gigabytes
 from ._mumps import BUILT_FOR, Instance, upper_triangle
 from .analysis import count, factor_memory
 from .dense import diagonal_owned

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from .dense import wrap
 
 _OURS = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
+from ..messages.errors import ResourceError
 from ..parallel.agree import on_each
-from ..parallel.errors import ResourceError
-from ..parallel.memory import gigabytes
+from ..system.memory import gigabytes
 
 if TYPE_CHECKING:
     from ._mumps import Instance

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
+from ..messages.words import place
 from ..parallel.ownership import rows_of
-from ..parallel.words import place
 from .data import Mesh
 from .settings import MeshSettings, Spring
 

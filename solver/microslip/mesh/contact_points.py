@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy.sparse as sp
 
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .data import Mesh
 from .settings import Joint
 

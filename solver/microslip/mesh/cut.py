@@ -10,8 +10,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from .. import elements
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .data import Mesh
 from .settings import Bolt
 

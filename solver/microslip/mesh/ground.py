@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from .. import elements
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .cells import cells_of
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..formats.csv_table import read_table
 from ..formats.model import index_of
-from ..parallel.csv_table import read_table
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes
 from .settings import Joint

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..parallel.errors import CaseError, MeshError
-from ..parallel.words import place
+from ..messages.errors import CaseError, MeshError
+from ..messages.words import place
 from .data import Mesh
 
 FAR = 0.1  # of the mesh's diagonal: a position this far from every node is a mistake

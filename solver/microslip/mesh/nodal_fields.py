@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..parallel.errors import MeshError
-from ..parallel.words import hint
+from ..messages.errors import MeshError
+from ..messages.words import hint
 from .data import Mesh
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..parallel.csv_table import read_table
-from ..parallel.errors import CaseError
+from ..formats.csv_table import read_table
+from ..messages.errors import CaseError
 from .data import Mesh
 from .read import read_whole
 

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .cells import Cells, cells_of, face_of
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh

@@ -11,8 +11,8 @@ import scipy.sparse as sp
 
 from ..contact.laws import columns_on_area
 from ..contact.laws import joined as joined_columns
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .contact_points import ContactPoints, heaviest
 from .data import ContactPairs, Mesh
 from .ground import grounded

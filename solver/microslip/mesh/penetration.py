@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .contact_points import ContactPoints
 from .data import Mesh
 from .projection import Projection

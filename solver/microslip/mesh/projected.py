@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh, on_nodes
 from .overlap import COVERED, reach_of

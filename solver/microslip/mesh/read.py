@@ -11,8 +11,8 @@ import numpy as np
 from ..elements import Isotropic
 from ..formats.model import KINDS, Equations, FileModel, Group
 from ..formats.read import read_model
-from ..parallel.errors import MeshError
-from ..parallel.words import hint
+from ..messages.errors import MeshError
+from ..messages.words import hint
 from .data import ElementBlock, FaceBlock, Mesh, Outside
 from .settings import Body, MeshSettings
 from .touching import with_found_surfaces

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .. import elements
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
 from ..parallel.ownership import rows_of
 from .data import Mesh
 from .settings import Point

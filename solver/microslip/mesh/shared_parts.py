@@ -13,7 +13,7 @@ import scipy.sparse as sp
 import shapely
 
 from .. import elements
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
 from .cells import Cells, outlines
 from .data import Mesh
 from .near import pairs_within, trees_by_size

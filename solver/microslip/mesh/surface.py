@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import elements
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .data import Mesh
 
 MOST_TURN = 40.0  # degrees of a face from the mean normal of its node; beyond, the node lies on an edge

@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from .. import elements
-from ..parallel.errors import MeshError
+from ..messages.errors import MeshError
+from ..messages.words import place
 from ..parallel.ownership import rows_of
-from ..parallel.words import place
 from .data import Mesh
 from .projection import Projection, project_on_surface
 from .settings import MeshSettings, Tie

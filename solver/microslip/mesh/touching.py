@@ -15,8 +15,8 @@ from scipy.spatial import cKDTree
 
 from .. import elements
 from ..elements import FACE_KINDS
-from ..parallel.errors import MeshError
-from ..parallel.words import place
+from ..messages.errors import MeshError
+from ..messages.words import place
 from .data import FaceBlock, Mesh
 from .settings import MeshSettings, TouchingFaces
 from .skin import Skin, groups_of_bodies, skin_of_mesh

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..contact.laws import LAWS
-from ..parallel.csv_table import read_table
-from ..parallel.errors import CaseError, MeshError
-from ..parallel.words import place
+from ..formats.csv_table import read_table
+from ..messages.errors import CaseError, MeshError
+from ..messages.words import place
 from .contact_points import ContactPoints
 from .data import Mesh
 from .nodal_fields import field_at_nodes

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..parallel.csv_table import read_table
-from ..parallel.errors import CaseError, MeshError
+from ..formats.csv_table import read_table
+from ..messages.errors import CaseError, MeshError
 from .data import Mesh
 from .locate import nodes_numbered
 from .nodal_fields import field_at_nodes

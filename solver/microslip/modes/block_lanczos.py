@@ -12,8 +12,8 @@ import numpy as np
 
 from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
-from ..parallel.errors import ConvergenceError
-from ..parallel.watchdog import moved
+from ..messages.errors import ConvergenceError
+from ..system.watchdog import moved
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised

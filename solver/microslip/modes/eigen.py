@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ..linear.dense import column_norms, gram, multiply
-from ..parallel.errors import CaseError, ConvergenceError
+from ..messages.errors import CaseError, ConvergenceError
 from .block_lanczos import BlockLanczos
 from .inertia import count_below, find_gap
 from .krylov_schur import SlepcSearch, is_asked_for

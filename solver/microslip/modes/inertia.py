@@ -8,7 +8,7 @@ from petsc4py import PETSc
 from ..linear.direct import factorise
 from ..linear.mumps import SINGULAR
 from ..linear.ordering import Elimination, Order
-from ..parallel.errors import ConvergenceError
+from ..messages.errors import ConvergenceError
 
 _GAP = 1e-6  # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
 

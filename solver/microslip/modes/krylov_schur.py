@@ -11,8 +11,8 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
-from ..parallel.errors import ConvergenceError
-from ..parallel.watchdog import moved
+from ..messages.errors import ConvergenceError
+from ..system.watchdog import moved
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised

@@ -8,8 +8,8 @@ import numpy as np
 import scipy.linalg
 from petsc4py import PETSc
 
+from ..messages.errors import CaseError
 from ..parallel.agree import on_root
-from ..parallel.errors import CaseError
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 
 FEW = 20  # a structure of so many DOFs keeps all of its modes
 SMALL = 4_000  # DOFs up to which LAPACK may take all of the spectrum: minutes, and 0.13 GB a matrix

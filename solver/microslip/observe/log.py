@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..parallel.agree import on_root
-from ..parallel.files import make_folder, said_of
-from ..parallel.watchdog import moved
+from ..system.files import make_folder, said_of
+from ..system.watchdog import moved
 from ..version import __version__
 from .screen import Screen
 

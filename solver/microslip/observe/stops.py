@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..parallel.errors import Interrupted, MicroslipError
-from ..parallel.signals import asked_to_save
-from ..parallel.walltime import TimeLimit
+from ..messages.errors import Interrupted, MicroslipError
 from ..points.branch import Branch, Point
+from ..system.signals import asked_to_save
+from ..system.walltime import TimeLimit
 from .log import RunLog
 
 LEAST_MARGIN = 5.0  # s before the end, for what is not measured

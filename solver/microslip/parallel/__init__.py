@@ -1,1 +1,1 @@
-"""What every room may use, no physics: agreement between ranks, errors, the end of a run, files, signals, memory, words."""
+"""MPI and PETSc: their start, agreement between ranks, groups of ranks, who owns what, parts of a graph by METIS."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from .errors import CaseError, MicroslipError
-from .watchdog import moved, unwatched
+from ..messages.errors import CaseError, MicroslipError
+from ..system.watchdog import moved, unwatched
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 import numpy as np
 import scipy.sparse as sp
 
-from .errors import CaseError, Interrupted
-from .signals import STOPPING
+from ..messages.errors import CaseError, Interrupted
+from ..system.signals import STOPPING
 
 
 def partition(graph: sp.csr_matrix, n_parts: int, weights: np.ndarray) -> np.ndarray:

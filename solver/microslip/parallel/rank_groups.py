@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from .errors import CaseError, Interrupted, MicroslipError
+from ..messages.errors import CaseError, Interrupted, MicroslipError
 from .ownership import split_evenly
 
 _REPORT, _END = 1, 2  # tags: from a root to rank 0, and back

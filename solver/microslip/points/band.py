@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 
 
 @dataclass(frozen=True, kw_only=True)

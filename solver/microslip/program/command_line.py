@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
+from ..messages.words import hint, listed
 from ..parallel.petsc import PREFIXES
-from ..parallel.walltime import seconds_of
-from ..parallel.words import hint, listed
+from ..system.walltime import seconds_of
 from ..version import __version__
 
 _SOLVE = ("run", "compare", "verify", "trade", "export")  # commands that PETSc options are for

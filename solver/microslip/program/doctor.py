@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..parallel.petsc import initialise, locate
-from ..parallel.versions import dotted, loaded_libraries, mumps_version
+from ..system.versions import dotted, loaded_libraries, mumps_version
 from ..version import __version__
 
 

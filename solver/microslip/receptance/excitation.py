@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 
 
 @dataclass(frozen=True)

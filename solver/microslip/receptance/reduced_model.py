@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from .damping import DynamicFlexibility
 from .excitation import Excitation
 from .family import Share, shared_out

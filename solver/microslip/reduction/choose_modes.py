@@ -8,9 +8,9 @@ import numpy as np
 
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
+from ..messages.errors import CaseError
 from ..modes.eigen import Modes, first_of, is_complete, lowest_modes, search_of
 from ..modes.limits import FEW, SHARE, most_modes
-from ..parallel.errors import CaseError
 from ..points.band import Band, frequency_band
 from .settings import ReductionSettings
 from .stuck import Statics, StuckStructure

@@ -15,8 +15,8 @@ from petsc4py import PETSc
 from ..linear.dense import column_norms, gram, multiply
 from ..linear.factor import Factor
 from ..linear.joint_springs import Linearised
+from ..messages.errors import CaseError, ConvergenceError
 from ..modes.eigen import Modes, lowest_modes
-from ..parallel.errors import CaseError, ConvergenceError
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 

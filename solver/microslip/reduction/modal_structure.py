@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from ..assembly.system import System
 from ..linear.dense import gram, multiply
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from ..receptance.damping import Damping, added, diagonal_if_possible
 from ..receptance.family import ModalFamily
 from ..receptance.modes_left_out import DampingBeyond

@@ -10,11 +10,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..assembly.system import System
+from ..guards.memory import refuse_beyond
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.constraint import RowSums, static_columns
 from ..modes.eigen import Modes
-from ..parallel.memory import refuse_beyond
 from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.static_columns import BATCH, FROM_DISK, StaticColumns
 

@@ -23,11 +23,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..library.prepare import Prepared
+from ..messages.errors import CaseError, ResourceError
 from ..modes.user_order import in_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
-from ..parallel.errors import CaseError, ResourceError
-from ..parallel.files import make_folder
+from ..system.files import make_folder
 from .kept_columns import KeptColumns, n_pairs_in
 from .kept_factor import KeptFactor
 from .place import is_part

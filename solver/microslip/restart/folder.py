@@ -24,8 +24,8 @@ from ..library.prepare import Prepared
 from ..modes.user_order import in_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
-from ..parallel.files import make_folder, said_of
 from ..points.sweep import Sweep
+from ..system.files import make_folder, said_of
 from .cache import Cache, read_modes, take
 from .identity import Identity, identity_of
 from .kept_branch import KeptBranch

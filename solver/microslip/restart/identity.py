@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..contact.laws import ELASTIC_COULOMB, LAWS
 from ..library.input_files import fingerprint, input_files
-from ..parallel.versions import program_hash, versions
+from ..system.versions import program_hash, versions
 from ..version import __version__
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..continuation.checkpoint import Part, from_arrays, own_arrays, parts_of
 from ..continuation.keeper import Begun, Shorter
+from ..messages.errors import MicroslipError
 from ..parallel.agree import on_root
-from ..parallel.errors import MicroslipError
-from ..parallel.files import make_folder
 from ..points.branch import NOTHING, Branch, Point
+from ..system.files import make_folder
 from .kept_points import of_point, to_point
 from .records import Arrays, Disk, Journal, Latest, as_written, length_of, note_record, pack, read_record, read_records, unpack
 

@@ -26,15 +26,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from petsc4py import PETSc
 
+from ..guards.memory import shortage
 from ..linear import mumps
 from ..linear._mumps import BUILT_FOR
 from ..linear.analysis import saved_size
 from ..linear.factor import Factor
 from ..linear.mumps import MumpsFactor
+from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_each, on_root
-from ..parallel.errors import CaseError, ResourceError
-from ..parallel.files import BESIDE, said_of
-from ..parallel.memory import gigabytes, shortage
+from ..system.files import BESIDE, said_of
+from ..system.memory import gigabytes
 from .records import note_record, read_record
 
 if TYPE_CHECKING:

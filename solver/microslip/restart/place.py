@@ -7,9 +7,9 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from ..parallel.errors import CaseError
-from ..parallel.files import BESIDE, make_folder, said_of
-from ..parallel.signals import unbroken
+from ..messages.errors import CaseError
+from ..system.files import BESIDE, make_folder, said_of
+from ..system.signals import unbroken
 
 UNFINISHED, EARLIER = "unfinished", "earlier"
 RESULTS, TABLE = "results.h5", "frf.csv"

@@ -23,8 +23,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..parallel.errors import CaseError
-from ..parallel.files import said_of, written_whole
+from ..messages.errors import CaseError
+from ..system.files import said_of, written_whole
 
 T = TypeVar("T")
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"

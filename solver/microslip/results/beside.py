@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..parallel import errors
+from ..messages import errors
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -10,8 +10,8 @@ import h5py
 import numpy as np
 
 from ..formats.hdf5 import Storage
-from ..parallel.errors import CaseError
-from ..parallel.files import NO_FILE
+from ..messages.errors import CaseError
+from ..system.files import NO_FILE
 from .writer import FORMAT, FORMAT_VERSION
 
 _MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from ..parallel.errors import CaseError
-from ..parallel.files import make_folder
-from ..parallel.words import hint, listed
+from ..messages.errors import CaseError
+from ..messages.words import hint, listed
+from ..system.files import make_folder
 from .fields import Fields, read_fields
 from .joint_mesh import joint_mesh
 from .mat import write_mat

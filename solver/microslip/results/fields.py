@@ -15,8 +15,8 @@ import numpy as np
 
 from ..elements import KINDS
 from ..mesh.data import ElementBlock, Mesh
-from ..parallel.errors import CaseError
-from ..parallel.files import written_whole
+from ..messages.errors import CaseError
+from ..system.files import written_whole
 from .checked_datasets import Reader, opened
 from .writer import write_array, write_texts
 

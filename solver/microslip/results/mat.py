@@ -8,10 +8,10 @@ import numpy as np
 from scipy.io import savemat
 from scipy.io.matlab import MatWriteError
 
-from ..parallel.errors import CaseError
-from ..parallel.files import written_whole
+from ..messages.errors import CaseError
 from ..points.branch import QUANTITIES
 from ..points.quantities import TEXT
+from ..system.files import written_whole
 from .fields import Fields
 from .record import BOLT_UNITS, JOINT_QUANTITIES, LevelResult, ResultFile
 

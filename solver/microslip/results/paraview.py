@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..fourier.coefficients import synthesise
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from .fields import Fields
 from .joint_cycle import SAMPLES, joint_cycle, joint_values, rest_values
 from .joint_mesh import JointMesh, joint_mesh

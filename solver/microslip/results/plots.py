@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import matplotlib
 
-from ..parallel.errors import CaseError
-from ..parallel.files import make_folder, said_of
+from ..messages.errors import CaseError
+from ..system.files import make_folder, said_of
 from .curve_plots import draw_energy, draw_error, draw_response, draw_rom_size, draw_states
 from .joint_plots import draw_energy_map, draw_rest, draw_slip_map
 from .read import read_results

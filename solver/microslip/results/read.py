@@ -10,7 +10,7 @@ import numpy as np
 from ..contact.law import OPEN
 from ..contact.laws import ELASTIC_COULOMB
 from ..formats.hdf5 import MOST_GAIN
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from ..points.branch import CLOSES_TO, QUANTITIES
 from ..points.quantities import TEXT, Quantity, axis_lengths
 from ..system.sandbox import SandboxError, read_file

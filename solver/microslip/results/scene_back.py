@@ -11,9 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ..parallel.errors import CaseError
-from ..parallel.files import written_whole
-from ..parallel.words import lies_deep
+from ..messages.errors import CaseError
+from ..messages.words import lies_deep
+from ..system.files import written_whole
 from .origin import InputFile
 from .record import ResultFile
 

@@ -6,9 +6,9 @@ import csv
 import os
 from contextlib import suppress
 
-from ..parallel.files import said_of, written_whole
 from ..points.branch import QUANTITIES, Branch, Point
 from ..points.quantities import Column
+from ..system.files import said_of, written_whole
 
 _AFTER_UNIT = [kept for kept in QUANTITIES if kept.field in ("corrected", "error_corrected")]  # columns are added at the end
 _FIRST, *_REST = (kept for kept in QUANTITIES if kept not in _AFTER_UNIT)  # the frequency stands before the name of the output

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ..mesh.data import Mesh
-from ..parallel.files import written_whole
+from ..system.files import written_whole
 from .fields import Fields
 from .measures import segments
 from .record import LevelResult, ResultFile

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from ..mesh.data import Mesh
-from ..parallel.files import written_whole
+from ..system.files import written_whole
 
 VERSION = (2, 1)
 CELL_TYPE = {"tet4": 10, "hex8": 12, "wedge6": 13, "pyramid5": 14, "tet10": 24, "hex20": 25, "wedge15": 26, "pyramid13": 27}

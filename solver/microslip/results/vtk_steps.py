@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from ..mesh.data import Mesh
-from ..parallel.files import written_whole
+from ..system.files import written_whole
 from .joint_mesh import JointMesh
 from .vtk import pack, vtk_root, write_grid, write_numbers
 

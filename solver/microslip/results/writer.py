@@ -11,9 +11,9 @@ import h5py
 import numpy as np
 
 from ..parallel.agree import on_root
-from ..parallel.files import make_folder, written_whole
 from ..points.branch import QUANTITIES, Branch, Point
 from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
+from ..system.files import make_folder, written_whole
 from .origin import Origin
 from .record import (
     BOLT_UNITS,

@@ -7,8 +7,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from ..parallel.files import NO_FILE
-from ..parallel.words import hint
+from ..messages.words import hint
+from ..system.files import NO_FILE
 from ..tables.matrix_names import may_know_nodes
 from .inputs import named_files
 from .schema import Scene, Statics

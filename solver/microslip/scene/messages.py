@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from ..parallel.words import hint, listed, nearest
+from ..messages.words import hint, listed, nearest
 from .schema import (
     Body,
     Bolt,

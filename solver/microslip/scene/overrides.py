@@ -7,8 +7,8 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..parallel.errors import CaseError
-from ..parallel.words import hint, listed
+from ..messages.errors import CaseError
+from ..messages.words import hint, listed
 
 _WORD = re.compile(r"(\.{0,2}/)*[A-Za-z_][\w./-]*")  # what a shell leaves of a text in quotes: a word, the path of a file
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..parallel.errors import CaseError
-from ..parallel.files import refuse_devices
-from ..parallel.words import lies_deep, shortened
+from ..messages.errors import CaseError
+from ..messages.words import lies_deep, shortened
+from ..system.files import refuse_devices
 from .checks import absent, contradictions, missing_files
 from .messages import in_words
 from .overrides import overridden

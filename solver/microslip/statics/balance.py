@@ -11,9 +11,9 @@ from ..assembly.reactions import Acting
 from ..linear.factor import RESIDUAL_LIMIT, ROUNDING_LIMIT
 from ..mesh.connected import connected_parts
 from ..mesh.data import ContactPairs
+from ..messages.errors import ConvergenceError
+from ..messages.words import listed, place
 from ..parallel.agree import on_root
-from ..parallel.errors import ConvergenceError
-from ..parallel.words import listed, place
 from .equilibrium import TOLERANCE, Rest
 from .loaded import Loaded
 

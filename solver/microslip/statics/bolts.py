@@ -12,7 +12,7 @@ import numpy as np
 from ..assembly.pretension import Bolts
 from ..linear.dense import gram
 from ..linear.joint_springs import Linearised
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from ..parallel.ownership import summed
 
 _NOTHING = 1e-9  # stiffness felt over that of the cut itself: below it the two halves of a shank do not hold each other

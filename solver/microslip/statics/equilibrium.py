@@ -16,9 +16,9 @@ from ..contact.law import Law
 from ..contact.laws import are_springs, pressed_to
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
+from ..messages.errors import ConvergenceError, ResourceError
 from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
-from ..parallel.errors import ConvergenceError, ResourceError
 from ..parallel.ownership import rows_of, summed
 from .bolts import BoltsAtRest, Cuts, of_loads
 

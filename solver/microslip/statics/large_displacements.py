@@ -12,7 +12,7 @@ from petsc4py import PETSc
 from ..assembly.system import System
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs
-from ..parallel.errors import CaseError, ConvergenceError
+from ..messages.errors import CaseError, ConvergenceError
 from .equilibrium import Flexibility, Rest, equilibrium
 
 CLOSE = 1e-8  # change of a step over the largest displacement: that of the next one is its square

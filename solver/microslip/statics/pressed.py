@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import connected_components
 
 from ..mesh.connected import connected_parts, on_parts
 from ..mesh.data import ContactPairs
+from ..messages.errors import CaseError
+from ..messages.words import listed
 from ..parallel.agree import on_root
-from ..parallel.errors import CaseError
-from ..parallel.words import listed
 from .equilibrium import Rest
 from .loaded import Loaded
 from .rest import loose_parts

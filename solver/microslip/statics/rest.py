@@ -9,7 +9,7 @@ import numpy as np
 from ..assembly.system import System
 from ..contact.laws import ELASTIC_COULOMB, about_rest, are_springs, friction_limit
 from ..mesh.data import ContactPairs
-from ..parallel.errors import CaseError
+from ..messages.errors import CaseError
 from .balance import Balance
 from .balance import in_words as balance_in_words
 from .equilibrium import Rest

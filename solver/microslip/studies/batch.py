@@ -8,12 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..parallel.ending import conclude_part
-from ..parallel.errors import CaseError, Interrupted
+from ..guards.ending import conclude_part
+from ..messages.errors import CaseError, Interrupted
 from ..parallel.rank_groups import Counter, Groups, dealt, split
-from ..parallel.signals import obey_signals
-from ..parallel.watchdog import unwatched
 from ..run import RunOptions, run
+from ..system.signals import obey_signals
+from ..system.watchdog import unwatched
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -18,7 +18,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import Any, NoReturn
 
-from ..parallel import errors
+from ..messages import errors
 from . import plain_data
 
 _LONGEST = 10  # s of the processor for any file: libraries go round in circles in some that are damaged

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field, field_validator, model_validator
 
 from ..contact.keys import ELASTIC_COULOMB, KEYS
-from ..parallel.words import listed
+from ..messages.words import listed
 from .joint_laws import LAWS_OF_KEY, OF_FILE, check_law
 from .table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Self, cast
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from ..parallel.words import listed
+from ..messages.words import listed
 from .units import Units, times
 
 HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..parallel.errors import ConvergenceError
+from ..messages.errors import ConvergenceError
 from .scheme import RHO, GeneralisedAlpha, Motion, fitted_angle
 from .transient_model import TransientModel
 

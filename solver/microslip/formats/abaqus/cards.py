@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 
 _OTHER_INPUT = ("SUBMODEL", "MATRIXINPUT")  # whose INPUT is no text of cards and their data
 _MOST_FILES = 10_000  # included, one by one

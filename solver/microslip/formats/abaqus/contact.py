@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...parallel.errors import MeshError
-from ...parallel.words import hint, listed
+from ...messages.errors import MeshError
+from ...messages.words import hint, listed
 from ...tables.joint import Joint
 from ..model import Finding
 from .cards import Card, number

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.structure import Mass, Spring
 from .cards import Card, values_of
 from .gathered import Gathered

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.structure import Orientation
 from ...tables.table import Vector
 from .cards import Card, number

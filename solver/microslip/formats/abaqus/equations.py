@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from .cards import Card, number
 from .gathered import Gathered, along_axis
 from .scopes import Scope

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from ...parallel.words import nearest
+from ...messages.words import nearest
 from ..model import Finding
 from .cards import Card
 

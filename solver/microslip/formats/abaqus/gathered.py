@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...parallel.errors import MeshError
-from ...parallel.words import place
+from ...messages.errors import MeshError
+from ...messages.words import place
 from ...tables.constant_loads import Bolt
 from ...tables.joint import Joint
 from ...tables.structure import Body, Mass, Material, Orientation, Point, Spring, Support, Tie

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ..model import NO_NODES
 from .cards import Card, number
 from .mesh import FileMesh, add_to_set

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ..model import KINDS, NO_NODES, Cells, Group
 from .mesh import FileMesh
 from .names import Names

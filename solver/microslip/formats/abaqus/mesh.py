@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...parallel.errors import MeshError
-from ...parallel.words import hint
+from ...messages.errors import MeshError
+from ...messages.words import hint
 from ..model import NO_NODES
 from .cards import Card, values_of
 from .names import Names, Places

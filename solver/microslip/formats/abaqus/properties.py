@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.structure import Body, Material
 from .cards import Card, number
 from .elastic import VALUES, keys_of, kind_of_material, orientation_of

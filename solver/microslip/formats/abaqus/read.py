@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ..model import Equations, FileModel
 from .cards import Card, read_cards
 from .connections import take_connections

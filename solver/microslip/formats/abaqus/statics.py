@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics
 from ...tables.table import Vector
 from ..model import LoadsAtRest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.structure import Support
 from .cards import Card, number, values_of
 from .gathered import Gathered, along_axis

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.constant_loads import Temperature
 from ...tables.structure import Body, Material
 from .cards import Card, number

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.structure import Mass, Point, Spring
 from ..model import KINDS, Cells, Finding, Group, index_of
 from .blocks import FIELDS, Blocks

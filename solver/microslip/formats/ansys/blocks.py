@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 
 FIELDS = 10  # of an element before its nodes: material, type, real constants, ...
 _WIDEST = 400  # of a line of a block, in characters

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 
 _BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK")  # lines of numbers follow, all of one width, without commas
 _NO_NUMBER = re.compile(rb"[^\s0-9+\-.EeDd]")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.structure import Support
 from ..model import Equations, Finding, Group, held_alike, index_of
 from .commands import Command

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from .blocks import FIELDS, Blocks
 from .commands import Command, numbers_behind
 

@@ -8,7 +8,7 @@ from itertools import islice
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...system.sandbox import LibraryError, SandboxError, read_file
 from ..model import FileModel, Group
 from . import constraints as between

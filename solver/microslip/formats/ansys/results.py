@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...system.sandbox import LibraryError, SandboxError, read_file
 from ..model import FileModel
 from .blocks import Blocks, blocks_of_archive

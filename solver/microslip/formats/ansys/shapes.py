@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ..model import Cells, index_of
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...parallel.errors import CaseError
+from ...messages.errors import CaseError
 from .ansys_records import Records
 from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ...parallel.errors import CaseError
+from ...messages.errors import CaseError
 from .file_matrix import LARGEST, DofMap, FileMatrix, Wanted, from_coordinates
 
 _EXPONENT = re.compile(r"(?<=[\d.])([+-]\d)")  # Nastran writes 1.5-3 for 1.5e-3

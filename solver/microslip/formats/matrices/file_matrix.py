@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from ...parallel.errors import CaseError, ResourceError
-from ...parallel.words import shortened
+from ...messages.errors import CaseError, ResourceError
+from ...messages.words import shortened
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")  # 1 to 6 of DofMap
 LARGEST = 2**53  # number of a node: larger ones are not told apart by decimals, and leave no room for a direction

@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 import scipy.sparse as sp
 
-from ...parallel.errors import CaseError
+from ...messages.errors import CaseError
 from .file_matrix import FileMatrix, Wanted
 from .text import fixed_width, fortran_format, numbers
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...parallel.errors import CaseError
+from ...messages.errors import CaseError
 from .file_matrix import FileMatrix, Wanted, from_coordinates
 from .text import table_of
 

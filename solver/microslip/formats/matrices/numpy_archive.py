@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.sparse as sp
 
-from ...parallel.errors import CaseError
+from ...messages.errors import CaseError
 from .file_matrix import FileMatrix, Wanted, from_coordinates
 
 _MOST_DEFLATED = 1040  # bytes that one byte of an archive can stand for

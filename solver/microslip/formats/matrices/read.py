@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from ...parallel.errors import CaseError, ResourceError
-from ...parallel.files import refuse_devices
+from ...messages.errors import CaseError, ResourceError
+from ...system.files import refuse_devices
 from .abaqus import is_abaqus, read_abaqus
 from .ansys_full import read_full
 from .ansys_sub import read_sub

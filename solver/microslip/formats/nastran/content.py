@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ..model import Finding, Group
 
 

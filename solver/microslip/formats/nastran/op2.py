@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ..model import FileModel
 from .plain import Plain
 from .read import follow_references, model_of, read_by_pynastran, streams_kept

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.structure import Body, Orientation
 from ..model import KINDS, Cells, FileModel, Finding, Group, index_of, names_of_tags
 from .cards import EFFECTS, HARMLESS, PARTS, SHELLS

@@ -23,11 +23,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from ...guards.memory import memory_left
 from ...linear.dense import gram, multiply
 from ...linear.joint_springs import Linearised
+from ...messages.errors import CaseError
 from ...modes.eigen import Modes, lowest_modes
-from ...parallel.errors import CaseError
-from ...parallel.memory import memory_left
 from ...points.band import frequency_band
 from ..facts import Facts
 from ..galerkin import memory_of_basis, reduce_on_basis

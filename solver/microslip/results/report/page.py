@@ -8,8 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ...parallel.errors import CaseError
-from ...parallel.files import make_folder, written_whole
+from ...messages.errors import CaseError
+from ...system.files import make_folder, written_whole
 from ..fields import Fields, RunRecord, read_fields, read_run
 from ..read import read_results
 from ..record import ResultFile

@@ -12,7 +12,7 @@ from ...formats.model import FileModel, Finding
 from ...mesh import settings as mesh_settings
 from ...mesh.data import Mesh
 from ...mesh.skin import faces_of_group, skin_of_mesh
-from ...parallel.words import place
+from ...messages.words import place
 from ...tables.joint import Joint
 from ...tables.structure import Body, Material, Orientation
 from ...tables.units import Units

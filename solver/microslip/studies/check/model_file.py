@@ -11,8 +11,8 @@ from ...formats.read import read_model
 from ...mesh.connected import connected_parts
 from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings
+from ...messages.words import place
 from ...parallel.agree import on_root
-from ...parallel.words import place
 from ...tables.units import UNITS
 from . import model_content as content
 from .marks import marks_of_file

@@ -11,7 +11,7 @@ from ...formats.model import KINDS, FileModel, Group
 from ...mesh.data import Mesh
 from ...mesh.read import read_mesh
 from ...mesh.settings import Body, MeshSettings
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 from ...tables.units import UNITS, Units
 from .plausible import SI, better_units, suspicion
 

@@ -15,8 +15,8 @@ from ...library.settings import mesh_settings, reduction_settings, response_sett
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
 from ...mesh.settings import Mass, MeshSettings, Spring
+from ...messages.words import place
 from ...modes.limits import FEW, refuse_too_many
-from ...parallel.words import place
 from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
 from ...scene.schema import DEFAULT_ACCURACY, Load, Output, Scene

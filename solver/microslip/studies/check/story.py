@@ -13,8 +13,8 @@ from ...mesh.pairing import pair_contacts
 from ...mesh.partition import distribute
 from ...mesh.read import read_mesh
 from ...parallel.agree import on_root
-from ...parallel.memory import peak_memory
 from ...scene.schema import Scene
+from ...system.memory import peak_memory
 from .marks import marks_of_scene
 from .memory_report import memory_of_matrices, memory_of_mesh
 from .picture import draw

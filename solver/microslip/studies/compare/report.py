@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...observe.screen_table import screen_table
-from ...parallel.files import make_folder, written_whole
 from ...points.branch import Point
 from ...results.measures import AMPLITUDE, Shown
 from ...results.style import LINEAR, RC, WIDTH, Page, Titled, some, with_prefix
+from ...system.files import make_folder, written_whole
 
 COLUMNS = {
     "level_N": "level N",

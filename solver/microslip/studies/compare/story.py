@@ -9,14 +9,14 @@ from ...continuation.grid import at_frequencies
 from ...library.build import Structure, build
 from ...library.prepare import Prepared, prepare
 from ...library.settings import by_method, reduction_settings, units_of
+from ...messages.errors import CaseError, ConvergenceError
+from ...messages.words import hint
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
-from ...parallel.errors import CaseError, ConvergenceError
-from ...parallel.versions import versions
-from ...parallel.words import hint
 from ...points.branch import Branch
 from ...reduction.methods import METHODS, check_modes
 from ...results.measures import shown_with
+from ...system.versions import versions
 from .report import Row, write_comparison
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...parallel.files import make_folder, written_whole
+from ...system.files import make_folder, written_whole
 from .picture import draw
 from .report import json_of, text_of
 from .story import diff

@@ -6,9 +6,9 @@ import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
-from ...parallel.files import written_whole
 from ...results.measures import segments
 from ...results.style import INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
+from ...system.files import written_whole
 from .compared_levels import LevelDifference, apart_of
 from .story import Difference
 

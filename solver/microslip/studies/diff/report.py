@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from ...messages.words import listed
 from ...observe.screen_table import screen_table
-from ...parallel.words import listed
 from ...results.record import COMPLETE, ResultFile
 from .compared_inputs import Change
 from .compared_levels import LevelDifference

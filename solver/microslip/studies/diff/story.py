@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...parallel.errors import CaseError
+from ...messages.errors import CaseError
 from ...results.measures import Shown
 from ...results.read import read_results
 from ...results.record import COMPLETE, Joint, LevelResult, ResultFile

@@ -11,9 +11,9 @@ import numpy as np
 import scipy.io
 
 from ...contact.laws import ELASTIC_COULOMB, LAWS
-from ...parallel.errors import CaseError
-from ...parallel.files import make_folder, written_whole
-from ...parallel.words import listed
+from ...messages.errors import CaseError
+from ...messages.words import listed
+from ...system.files import make_folder, written_whole
 from .contents import Entry
 
 if TYPE_CHECKING:

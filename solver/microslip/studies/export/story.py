@@ -10,15 +10,15 @@ from ...library.build import Structure, build
 from ...library.prepare import reduced
 from ...library.settings import reduction_settings
 from ...linear.joint_springs import joint_stiffness
+from ...messages.errors import CaseError
+from ...messages.words import hint
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
-from ...parallel.errors import CaseError
-from ...parallel.versions import versions
-from ...parallel.words import hint
 from ...reduction.expand import node_fields
 from ...reduction.methods import METHODS, SELECTIONS
 from ...reduction.reduction import Reduction
 from ...reduction.settings import ReductionSettings
+from ...system.versions import versions
 from .contents import contents, recovery
 from .interface_model import interface_model
 from .report import write_export

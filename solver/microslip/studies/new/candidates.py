@@ -17,7 +17,7 @@ from ...mesh.settings import MeshSettings, TouchingFaces
 from ...mesh.skin import Skin, faces_of_group, groups_of_bodies, skin_of_mesh
 from ...mesh.surface import surface_of
 from ...mesh.touching import TURNED, Touching, find_touching
-from ...parallel.errors import MeshError
+from ...messages.errors import MeshError
 
 _MOST = 0.9  # of the area of one of two named surfaces must lie on the other
 _APART = 0.01  # of the size of the faces: surfaces farther apart than that do not touch yet

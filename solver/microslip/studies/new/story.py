@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 from ...formats.model import FileModel
 from ...formats.read import READERS, read_model
+from ...messages.errors import CaseError
+from ...messages.words import hint, listed
 from ...parallel.agree import on_root
-from ...parallel.errors import CaseError
-from ...parallel.files import written_whole
-from ...parallel.words import hint, listed
 from ...scene.checks import absent
+from ...system.files import written_whole
 from ...tables.units import UNITS
 from ..check.model_content import table
 from ..check.model_mesh import likely_units, whole_mesh

@@ -20,8 +20,8 @@ from ...fourier.harmonics import Harmonics
 from ...library.build import Structure
 from ...library.prepare import Prepared, prepare
 from ...library.settings import reduction_settings, response_settings
+from ...messages.errors import MicroslipError
 from ...modes.eigen import Modes, first_of, lowest_modes
-from ...parallel.errors import MicroslipError
 from ...points.branch import Branch, Point
 from ...points.error_parts import total
 from ...receptance.modes_left_out import BetterModel

@@ -15,7 +15,7 @@ from ...continuation.grid import at_frequencies, range_of
 from ...continuation.iterate import Iterate
 from ...continuation.point_record import point_record
 from ...continuation.point_solver import PointSolver, Workspace
-from ...parallel.errors import CaseError, ConvergenceError
+from ...messages.errors import CaseError, ConvergenceError
 from ...points.branch import Branch
 from .bench import Bench, Clock, curve_of
 from .study import ROUNDING, TARGETS, Check, Curve, Reference, Setting, difference, uncertainty

@@ -10,8 +10,8 @@ import matplotlib
 import numpy as np
 
 from ...observe.screen_table import screen_table
-from ...parallel.files import make_folder, written_whole
 from ...results.style import RC, Titled
+from ...system.files import make_folder, written_whole
 from .study import COMBINED, TARGETS, Curve, Run, Score, Study, score
 
 COLUMNS = {

@@ -7,8 +7,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ...parallel.files import written_whole
 from ...results.style import FAINT, INK, WIDTH, Page, Titled
+from ...system.files import written_whole
 from .study import ACCURACY, BASE, COMBINED, Study
 
 # Okabe and Ito; a marker each, so that they are told apart without colour too

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 from ...library.build import build
 from ...library.settings import by_method, reduction_settings, refuse_statics
+from ...messages.errors import CaseError, MicroslipError
+from ...messages.words import hint
 from ...modes.limits import most_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
-from ...parallel.errors import CaseError, MicroslipError
-from ...parallel.versions import versions
-from ...parallel.words import hint
 from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
 from ...scene.read import changed
+from ...system.versions import versions
 from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
 from .reference import Ladder, find_reference, frequencies

@@ -12,10 +12,10 @@ from matplotlib.lines import Line2D
 
 from ...fourier.coefficients import amplitude
 from ...observe.screen_table import screen_table
-from ...parallel.files import make_folder, written_whole
 from ...points.branch import Branch
 from ...results.measures import segments
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, some, with_prefix
+from ...system.files import make_folder, written_whole
 
 COLUMNS = {
     "level_N": "level N",

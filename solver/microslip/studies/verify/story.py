@@ -16,14 +16,14 @@ from ...fourier.harmonics import Harmonics
 from ...library.build import Structure, build
 from ...library.prepare import prepare
 from ...library.settings import refuse_statics, units_of
+from ...messages.errors import CaseError, ConvergenceError
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
-from ...parallel.errors import CaseError, ConvergenceError
-from ...parallel.versions import versions
 from ...points.branch import Branch
 from ...receptance.motions import modal_motion
 from ...receptance.reduced_model import ReducedModel
 from ...scene.read import changed
+from ...system.versions import versions
 from ...transient.march import Cycle, March
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
 from ...transient.transient_model import TransientModel, transient_model

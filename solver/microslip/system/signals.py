@@ -13,7 +13,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from .errors import Interrupted
+from ..messages.errors import Interrupted
 from .watchdog import end_within
 
 STOPPING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from microslip.parallel.walltime import TimeLimit, seconds_of, time_limit
+from microslip.system.walltime import TimeLimit, seconds_of, time_limit
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_a_scheduler_that_is_not_there_or_fails_says_nothing(monkeypatch, tmp_pa
     assert time_limit(None, {"SLURM_JOB_ID": "7"}) is None
     (tmp_path / "squeue").write_text("#!/bin/sh\necho 10:00\n")
     assert time_limit(None, {"SLURM_JOB_ID": "7"}).seconds == 600.0
-    monkeypatch.setattr("microslip.parallel.walltime._PATIENCE", 0.2)
+    monkeypatch.setattr("microslip.system.walltime._PATIENCE", 0.2)
     (tmp_path / "squeue").write_text("#!/bin/sh\nexec /bin/sleep 60\n")
     assert time_limit(None, {"SLURM_JOB_ID": "7"}) is None
 

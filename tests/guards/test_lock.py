@@ -13,9 +13,9 @@ import time
 import pytest
 from mpi4py import MPI
 
-from microslip.parallel import lock
-from microslip.parallel.errors import CaseError, ResourceError
-from microslip.parallel.lock import NAME, locked
+from microslip.guards import lock
+from microslip.guards.lock import NAME, locked
+from microslip.messages.errors import CaseError, ResourceError
 
 SELF = MPI.COMM_SELF
 
@@ -68,7 +68,7 @@ def test_a_second_run_is_refused_and_a_third_is_not(tmp_path, locks):
 
 
 def test_a_process_that_was_killed_is_recognised(tmp_path, locks):
-    program = "import sys, time; from microslip.parallel.lock import locked; from mpi4py import MPI; from pathlib import Path\n"
+    program = "import sys, time; from microslip.guards.lock import locked; from mpi4py import MPI; from pathlib import Path\n"
     program += "with locked(MPI.COMM_SELF, Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
     other = subprocess.Popen([sys.executable, "-c", program, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     try:

@@ -6,10 +6,10 @@ import time
 
 import pytest
 
-from microslip.parallel import signals
-from microslip.parallel.errors import Interrupted
-from microslip.parallel.files import written_whole
-from microslip.parallel.signals import STOPPING, asked_to_save, obey_signals, unbroken
+from microslip.messages.errors import Interrupted
+from microslip.system import signals
+from microslip.system.files import written_whole
+from microslip.system.signals import STOPPING, asked_to_save, obey_signals, unbroken
 
 
 @pytest.fixture(autouse=True)

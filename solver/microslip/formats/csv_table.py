@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import CaseError
-from .files import refuse_devices
-from .words import hint
+from ..messages.errors import CaseError
+from ..messages.words import hint
+from ..system.files import refuse_devices
 
 
 def read_table(

@@ -9,7 +9,7 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from .errors import CaseError, MicroslipError, ResourceError
+from ..messages.errors import CaseError, MicroslipError, ResourceError
 from .signals import unbroken
 
 BESIDE = ".part"  # what a file is called until it is whole

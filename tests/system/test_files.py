@@ -5,8 +5,8 @@ import os
 
 import pytest
 
-from microslip.parallel.errors import CaseError, ResourceError
-from microslip.parallel.files import make_folder, said_of, written_whole
+from microslip.messages.errors import CaseError, ResourceError
+from microslip.system.files import make_folder, said_of, written_whole
 
 
 def test_the_new_file_appears_at_the_end(tmp_path):

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from processes import LIMIT, MPIRUN, environment, python, wait_for
 
-from microslip.parallel.ending import conclude, expected, no_exit
-from microslip.parallel.errors import CaseError, ConvergenceError, Interrupted, ResourceError
-from microslip.parallel.watchdog import wrong_limit
+from microslip.guards.ending import conclude, expected, no_exit
+from microslip.messages.errors import CaseError, ConvergenceError, Interrupted, ResourceError
+from microslip.system.watchdog import wrong_limit
 
 ENDINGS = Path(__file__).with_name("endings.py")
 

@@ -4,8 +4,9 @@ import resource
 
 import pytest
 
-from microslip.parallel import memory
-from microslip.parallel.memory import Limit, gigabytes, limits_here, worst
+from microslip.guards.memory import worst
+from microslip.system import memory
+from microslip.system.memory import Limit, gigabytes, limits_here
 
 GB = 1e9
 MEMINFO = "MemTotal:       24000000 kB\nMemFree:        10000000 kB\nMemAvailable:   20000000 kB\n"

@@ -6,11 +6,11 @@ import time
 
 from mpi4py import MPI
 
-from microslip.parallel import ending
+from microslip.guards import ending
+from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root, raise_together
-from microslip.parallel.errors import CaseError, ConvergenceError
-from microslip.parallel.signals import obey_signals
-from microslip.parallel.watchdog import moved, unwatched, watch
+from microslip.system.signals import obey_signals
+from microslip.system.watchdog import moved, unwatched, watch
 
 COMM = MPI.COMM_WORLD
 

@@ -20,9 +20,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .agree import on_root
-from .errors import CaseError, ResourceError
-from .files import make_folder, said_of
+from ..messages.errors import CaseError, ResourceError
+from ..parallel.agree import on_root
+from ..system.files import make_folder, said_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -3,9 +3,10 @@
 import pytest
 from mpi4py import MPI
 
-from microslip.parallel import memory
-from microslip.parallel.errors import ResourceError
-from microslip.parallel.memory import Limit, memory_left, refuse_beyond
+from microslip.guards import memory
+from microslip.guards.memory import memory_left, refuse_beyond
+from microslip.messages.errors import ResourceError
+from microslip.system.memory import Limit
 
 COMM = MPI.COMM_WORLD
 

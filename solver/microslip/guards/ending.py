@@ -16,11 +16,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NoReturn
 
-from .errors import CaseError, Interrupted, MicroslipError, ResourceError
-from .petsc import refused_option
-from .signals import drop_output
-from .start import launcher_rank
-from .watchdog import unwatched
+from ..messages.errors import CaseError, Interrupted, MicroslipError, ResourceError
+from ..parallel.agree import raise_together
+from ..parallel.petsc import refused_option
+from ..system.signals import drop_output
+from ..system.start import launcher_rank
+from ..system.watchdog import unwatched
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -108,7 +109,6 @@ def expected(problem: BaseException) -> MicroslipError | None:
 
 def require(comm: MPI.Comm | None, problem: str | None) -> None:
     """Raise CaseError on every rank if any rank passes a ``problem``.  Collective on ``comm``, which may be None."""
-    from .agree import raise_together
 
     if comm is not None:
         raise_together(comm, problem, CaseError)

@@ -1,0 +1,92 @@
+"""How much memory is left to the ranks of a run, by machine, control group and limit, and the refusal of what is more.
+
+A limit is shared: by all ranks of a machine, of a control group, or by none.  What a stage needs is compared with every one of
+them before it is taken: a process that takes more is killed without a word.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from ..messages.errors import ResourceError
+from ..system.memory import Limit, gigabytes, give_back, limits_here, resident_memory
+
+
+@dataclass(frozen=True)
+class Shortage:
+    """What is needed and what is left of a limit that does not suffice."""
+
+    limit: str
+    n_ranks: int  # that share it
+    needed: float  # bytes, all of them together
+    left: float  # bytes
+
+    def __str__(self) -> str:
+        who = "one rank needs" if self.n_ranks == 1 else f"its {self.n_ranks} ranks need"
+        return f"{who} {gigabytes(self.needed)} more, but of {self.limit} {gigabytes(self.left)} are left"
+
+
+def memory_left(comm: MPI.Comm) -> float:
+    """Return the memory that the ranks of ``comm`` may still take together [bytes]; infinite where nothing tells.
+
+    Collective: what ranks share is parted evenly, and the rank with least counts for all.
+    """
+    of_ranks = limits_of_ranks(comm)
+    sharing = Counter(limit.shared_by for limits in of_ranks for limit in limits)
+    shares = [limit.left / sharing[limit.shared_by] for limits in of_ranks for limit in limits]
+    return comm.size * min(shares, default=float("inf"))
+
+
+def refuse_beyond(comm: MPI.Comm, needed: float, what: str, advice: str) -> None:
+    """Raise ResourceError if the memory that the ranks need is more than is left: before it is taken.
+
+    Collective on ``comm``: two gathers.
+
+    Parameters
+    ----------
+    needed : bytes that this rank will take
+    what, advice : for the message: what needs it, and what to do
+
+    Raises
+    ------
+    ResourceError : on every rank
+    """
+    found = shortage(comm, needed)
+    if found is not None:
+        raise ResourceError(f"{what}: not enough memory: {found}; {advice}")
+
+
+def shortage(comm: MPI.Comm, needed: float) -> Shortage | None:
+    """Return the limit that ``needed`` bytes more on this rank, and those of the others, exceed most; None if all fits.
+
+    Collective on ``comm``; the same on every rank.
+    """
+    return worst(limits_of_ranks(comm), comm.allgather(float(needed)))
+
+
+def worst(of_ranks: Sequence[Sequence[Limit]], needed: Sequence[float]) -> Shortage | None:
+    """Return the limit that is exceeded most, from the limits and the need [bytes] of each rank.  Local."""
+    sums: dict[str, float] = {}
+    for limits, more in zip(of_ranks, needed):
+        for limit in limits:
+            sums[limit.shared_by] = sums.get(limit.shared_by, 0.0) + more
+    sharing = Counter(limit.shared_by for limits in of_ranks for limit in limits)
+    exceeded = [limit for limits in of_ranks for limit in limits if sums[limit.shared_by] > limit.left]
+    if not exceeded:
+        return None
+    first = min(exceeded, key=lambda limit: (limit.left - sums[limit.shared_by], limit.shared_by))
+    return Shortage(first.name, sharing[first.shared_by], sums[first.shared_by], max(first.left, 0.0))
+
+
+def limits_of_ranks(comm: MPI.Comm) -> list[list[Limit]]:
+    """Return the limits of each rank, on every rank.  Collective: each machine is asked once by each of its ranks."""
+    give_back()
+    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    machine, resident = here.allreduce(comm.rank, op=MPI.MIN), here.allreduce(resident_memory())
+    here.Free()
+    found = limits_here(f"machine {machine}", f"rank {comm.rank}", resident)
+    return comm.allgather(found)

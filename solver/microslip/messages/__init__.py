@@ -1,0 +1,1 @@
+"""What the program says: errors with their exit status, and words for messages."""
