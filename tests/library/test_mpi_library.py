@@ -14,6 +14,7 @@ from oracles import scenes
 from petsc4py import PETSc
 
 import microslip
+from microslip.library.respond import TABLES, Keys
 from microslip.linear import factor as factors
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
@@ -233,6 +234,10 @@ def test_fields_and_forces_of_matrices(comm, folder):
 def test_what_no_scene_may_hold_is_refused(structure, keys, message):
     with pytest.raises(CaseError, match=message):
         microslip.respond(structure, **keys)
+
+
+def test_every_key_of_a_response_has_a_type():
+    assert set(Keys.__annotations__) == {key for table in TABLES.values() for key in table.model_fields}
 
 
 def test_a_gap_takes_no_preload(structure):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,6 +46,40 @@ INSTEAD_OF = {
 OfJoints = ArrayLike | Mapping[str, ArrayLike]
 
 
+class Keys(TypedDict, total=False):
+    """Keys of [response], [solver], [continuation] and [damping] that a response may have in place of its scene's."""
+
+    levels: float | Sequence[float]
+    frequencies: tuple[float, float] | None
+    mode: int | None
+    span: tuple[float, float] | None
+    points: int
+    at: float | Sequence[float]
+    direction: Literal["up", "down"]
+    fields: bool
+    method: str
+    accuracy: float | None
+    accuracy_of: Literal["amplitude", "corrected"]
+    modes: int | None
+    harmonics: int
+    samples: int
+    between_samples: Literal["path", "return-map"]
+    energy_tolerance: float
+    tolerance: float
+    condensed: bool
+    interface_modes: int
+    in_point_check: bool
+    error_bars: bool
+    verify_modes: bool
+    ds: float | None
+    ds_min: float | None
+    ds_max: float | None
+    ratio: float | None
+    rayleigh: tuple[float, float] | None
+    ratios: Sequence[float] | None
+    structural: float | None
+
+
 def respond(
     structure: Structure,
     *,
@@ -53,7 +87,7 @@ def respond(
     preload: OfJoints | None = None,
     observers: Iterable[Observer] = (),
     n_groups: int = 1,
-    **keys: Any,
+    **keys: Unpack[Keys],
 ) -> Response:
     """Return the response of a structure: of its own scene, but for what is given.
 
@@ -74,7 +108,7 @@ def respond(
         forces [N]
     observers : hear of levels and points as they come, on rank 0
     n_groups : of ranks that follow levels side by side
-    keys : of [response], [solver], [continuation] and [damping], as in a scene: ``levels``, ``harmonics``, ``method``, ...
+    keys : of [response], [solver], [continuation] and [damping], as in a scene: those of :class:`Keys`
 
     Raises
     ------
