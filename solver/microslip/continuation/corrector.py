@@ -7,6 +7,7 @@ parameters and their rows on the last rank.  SNES is an adapter: residual and li
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -123,6 +124,14 @@ class NewtonSystem:
         return self.as_vector is not None and np.array_equal(values, self.as_vector)
 
 
+class Attempt(NamedTuple):
+    """One run of SNES: PETSc's reason for its end, and the iterations it took."""
+
+    reason: int
+    newton: int
+    krylov: int
+
+
 class Corrector:
     """SNES with a matrix-free Jacobian, kept over the points of a branch.  Collective on ``comm``.
 
@@ -197,22 +206,23 @@ class Corrector:
         self._snes.setTolerances(max_it=max(self._max_it, MOST_PATIENT_ITERATIONS) if is_patient else self._max_it)
         with np.errstate(all="ignore"):  # what is not finite is a failed step, which SNES tells
             exactness = Exactness(system.scaling.weight)
-            reason = self._solve(system, guess, exactness)
-            if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
+            attempts = [self._solve(system, guess, exactness)]
+            if attempts[-1].reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
                 self.newton_solver.ask_for_preconditioner()
-                reason = self._solve(system, guess, exactness)
-            if reason <= 0 and self.newton_solver.is_single:
-                reason = self._solve(system, guess, replace(exactness, in_double=True))
-        newton, krylov = self._snes.getIterationNumber(), self._snes.getLinearSolveIterations()
-        self.newton_solver.weigh(newton, krylov, exactness.weight)
+                attempts.append(self._solve(system, guess, exactness))
+            if attempts[-1].reason <= 0 and self.newton_solver.is_single:
+                attempts.append(self._solve(system, guess, replace(exactness, in_double=True)))
+        last = attempts[-1]
+        self.newton_solver.weigh(last.newton, last.krylov, exactness.weight)
+        newton, krylov = sum(attempt.newton for attempt in attempts), sum(attempt.krylov for attempt in attempts)
         residual, failure = self._snes.getFunctionNorm(), None
-        if reason <= 0:
-            failure = f"SNES {_NAMES.get(reason, reason)}, scaled residual {residual:.1e} (bound {self.tolerance:.1e})"
+        if last.reason <= 0:
+            failure = f"SNES {_NAMES.get(last.reason, last.reason)}, scaled residual {residual:.1e} (bound {self.tolerance:.1e})"
         gap = residual * system.scaling.U / system.scaling.weight
         return Correction(self._unpacked(system, guess), newton, krylov, residual, failure, self.tolerance, gap)
 
-    def _solve(self, system: BorderedSystem, guess: Iterate, exactness: Exactness) -> int:
-        """Run SNES from ``guess`` and return PETSc's reason.  Collective."""
+    def _solve(self, system: BorderedSystem, guess: Iterate, exactness: Exactness) -> Attempt:
+        """Run SNES from ``guess``.  Collective."""
         self._snes.setFunction(self._residual, self._r, args=(system,))
         self._snes.setJacobian(self._linearise, self._J, args=(system, exactness))
         self._pack(guess, system.scaling)
@@ -220,8 +230,8 @@ class Corrector:
         self._snes.solve(None, self._x)
         reason, norm = self._snes.getConvergedReason(), self._snes.getFunctionNorm()
         if reason <= 0 and norm <= self._snes.getTolerances()[1]:  # an iteration beyond what was asked for led no further
-            return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
-        return reason
+            reason = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
+        return Attempt(reason, self._snes.getIterationNumber(), self._snes.getLinearSolveIterations())
 
     def tangent(self, system: BorderedSystem, there: Iterate) -> tuple[np.ndarray, np.ndarray]:
         """Return the direction (d_xi, d_nu) in which the linearisation at ``there`` goes on, d_xi of this rank.  Collective.

@@ -1,0 +1,56 @@
+"""The corrector: what it counts; every test runs on any number of ranks."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from dense_model import forced, reduced
+from mpi4py import MPI
+from oracles import scenes
+from petsc4py import PETSc
+
+from microslip.continuation.constraint_rows import Plane, Scaling
+from microslip.continuation.corrector import BorderedSystem, Corrector
+from microslip.continuation.iterate import Iterate
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+OMEGA = 1.1
+
+
+def scene():
+    system = scenes.SCENES["jenkins"]()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    return system
+
+
+def jenkins():
+    """Return the system of a point in gross slip and its linear motion."""
+    problem = forced(*reduced(scene(), COMM, 1), 256, 0.8)
+    guess = Iterate(problem.equation.linear_motion(problem.at((OMEGA,))), (OMEGA,), problem.equation.harmonics)
+    size = COMM.allreduce(float(np.vdot(guess.U, guess.U))) ** 0.5
+    system = BorderedSystem(problem, (Plane.fixed_parameter(guess),), Scaling(size, (1.0,)), problem.equation.every_pair)
+    return system, guess
+
+
+def test_iterations_of_a_solve_that_is_repeated_are_those_of_all_its_runs(monkeypatch):
+    """The third Newton step of the first run fails: a second run with a preconditioner follows."""
+    system, guess = jenkins()
+    corrector = Corrector(COMM, guess.U.shape, 1e-10)
+    undisturbed = corrector.correct(system, guess)
+    assert undisturbed.failure is None and undisturbed.newton > 2
+    steps, solve = [], corrector.newton_solver.solve
+
+    def failing(*of):
+        steps.append(solve(*of))
+        failed = PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT
+        return dataclasses.replace(steps[-1], reason=failed) if len(steps) == 3 else steps[-1]
+
+    monkeypatch.setattr(corrector.newton_solver, "solve", failing)
+    repeated = corrector.correct(system, guess)
+    corrector.destroy()
+    assert repeated.failure is None
+    assert repeated.newton == undisturbed.newton + 2
+    assert repeated.krylov == sum(step.iterations for step in steps)
+    assert repeated.iterate.U == pytest.approx(undisturbed.iterate.U, abs=1e-9 * np.abs(guess.U).max())
