@@ -13,12 +13,12 @@ from taylor import STEPS, UNIT, Place, assert_second_order, assert_square_of_ste
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
-from microslip.continuation.problems import DampingHomotopy, ForcedResponse, LevelHomotopy
+from microslip.continuation.problems import DampingHomotopy, ForcedResponse, LevelHomotopy, ProblemBase
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.newton_solver import NewtonSolver
-from microslip.harmonic.operating_point import OperatingPoint, Rate
+from microslip.harmonic.operating_point import OperatingPoint
 from microslip.receptance.damping import Damping
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
@@ -38,23 +38,14 @@ def chain(H=3, full_damping=False):
     return HarmonicBalance.of_all(model, law, 128)
 
 
-class TwoParameters:
+class TwoParameters(ProblemBase):
     """The same equation over frequency and level at once: what a peak, followed over the level, will be."""
-
-    def __init__(self, equation):
-        self.equation = equation
 
     def at(self, parameters):
         return OperatingPoint(*parameters)
 
     def rates(self, parameters):
-        return Rate(omega=1.0), Rate(level=1.0)
-
-    def where(self, parameter):
-        return self.at((parameter, 0.0)).text
-
-    def with_equation(self, equation):
-        return TwoParameters(equation)
+        return {"omega": 1.0}, {"level": 1.0}
 
 
 PROBLEMS = {

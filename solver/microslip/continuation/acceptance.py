@@ -112,7 +112,7 @@ def solve_sharper(solver: PointSolver, sharper: Resolution, found: Found, asked:
     size, along = better.norm(there.U), np.array(there.U)
     along[..., better.harmonics.mean] = 0.0
     if not asked and size > 0.0 and there.parameter not in (solver.sweep.start, solver.sweep.stop):
-        again, used = better.solve(there, Plane(there, along / size, (0.0,)), size, found[1])
+        again, used = better.solve(there, Plane(there, along / size, (0.0,) * len(there.parameters)), size, found[1])
         if again.failure is None:
             return (again.with_effort_of(found[0]), used), better
     return solve_with(solver, sharper, found)

@@ -7,7 +7,7 @@ where preconditioners were made.  These are no part of a solution, but decide it
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -24,6 +24,7 @@ from ..harmonic.whole_inverse import WholeInverse
 from .accuracy import Memory, Resolution
 from .iterate import Iterate, PointState
 from .point_solver import Workspace
+from .problems import Problem
 from .state import BranchState
 from .task import BranchTask
 
@@ -92,15 +93,15 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     memory = Memory(arrays.get("peak"), calm, patience)
     points = {name: _point(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
     newton = workspace.newton_solver(solver.equation, solver.resolution)
-    made = _made_again(under("newton", arrays), solver.equation) if "newton/U" in arrays else None
+    made = _made_again(under("newton", arrays), solver.problem) if "newton/U" in arrays else None
     newton.restore(made, bool(wants_preconditioner))
     if task.estimator is not None:
         exact = task.estimator.exact
         if "adjoint/U" in arrays:
-            transposed = _made_again(under("adjoint", arrays), solver.equation, exact, transposed=True)
+            transposed = _made_again(under("adjoint", arrays), solver.problem, exact, transposed=True)
             task.estimator.adjoint_solver.restore(transposed)
         if "forward/U" in arrays:
-            task.estimator.forward_solver.restore(_made_again(under("forward", arrays), solver.equation, exact))
+            task.estimator.forward_solver.restore(_made_again(under("forward", arrays), solver.problem, exact))
     solver = replace(solver, is_linear=bool(is_linear))
     return BranchState(solver, memory, float(ds), is_done=bool(is_done), **points)
 
@@ -140,20 +141,22 @@ def _of_preconditioner(made: WholeInverse | PairsPreconditioner) -> Arrays:
         "kind": np.array(_KINDS.index(type(made))),
         "U": equation.gather(made.made_at.forces.U),
         "selected": made.made_at.forces.selected,
-        "at": np.array([getattr(at, field.name) for field in fields(at)]),
+        "at": np.array([at.omega, at.level, at.sigma, *(value for _, value in at.law)]),
         "harmonics": np.array(equation.harmonics.chosen),
         "n_samples": np.array(equation.n_samples),
     }
 
 
-def _made_again(arrays: Arrays, equation: HarmonicBalance, exact=None, transposed: bool = False):
+def _made_again(arrays: Arrays, problem: Problem, exact=None, transposed: bool = False):
     """Return the preconditioner made there, of the ``transposed`` one if told; ``exact`` gives a better equation.  Collective."""
-    owned = equation.model.owned
+    omega, level, sigma, *values = map(float, arrays["at"])
+    at = OperatingPoint(omega, level, sigma, tuple(zip(problem.law_parameters, values)))
+    equation, owned = problem.equation.under(at), problem.equation.model.owned
     equation = equation.resolved(_harmonics(arrays["harmonics"]), int(arrays["n_samples"]))
     equation = equation.holding(arrays["held"][owned] if "held" in arrays else None)
     equation = exact(equation) if exact else equation
     forces = equation.contact_forces(arrays["U"][owned], arrays["selected"], tangents=True)
-    linear = Linearisation.of(equation, OperatingPoint(*map(float, arrays["at"])), forces)
+    linear = Linearisation.of(equation, at, forces)
     return _KINDS[int(arrays["kind"])](linear.transposed() if transposed else linear)
 
 

@@ -5,12 +5,16 @@ Unknowns are scaled: xi = U / its unit, nu = parameters / theirs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
+from ..harmonic.linearisation import Linearisation
 from .iterate import Iterate
+
+if TYPE_CHECKING:
+    from .problems import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,17 +27,45 @@ class Scaling:
     weight: float = 1.0  # the largest of all ranks' rows
 
 
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where constraints are evaluated: a motion, scaled parameters of either sign, and the linearisation there."""
+
+    problem: Problem
+    scaling: Scaling
+    U: np.ndarray  # (n_owned, 3, N_H) m
+    nu: np.ndarray  # (k,) the same on all ranks
+    linearisation: Linearisation | None  # None where no constraint asks for it
+
+    @property
+    def linear(self) -> Linearisation:
+        """The linearisation, of a constraint that says that it takes one."""
+        assert self.linearisation is not None, "made for constraints that take it"
+        return self.linearisation
+
+    def beside(self, d_nu: np.ndarray) -> Place:
+        """Return the place with other parameters, the same motion and contact law.  Collective where static columns are new."""
+        at = self.problem.at(tuple((self.nu + d_nu) * self.scaling.parameters))
+        G = self.linear.equation.receptance(at, self.linear.forces.active)
+        return replace(self, nu=self.nu + d_nu, linearisation=replace(self.linear, at=at, G=G))
+
+
 class Constraint(Protocol):
-    """A scalar equation g(xi, nu) = 0.  What belongs to the motion is summed over the ranks before ``value`` is asked for."""
+    """A scalar equation g(xi, nu) = 0 of the motion, the parameters and, where it says so, the linearisation there."""
+
+    takes_linearisation: ClassVar[bool]  # forces with tangents, G: for rows that a motion alone does not give
 
     def of_motion(self, U: np.ndarray, scaling: Scaling) -> float:
-        """Return this rank's part of g, of its rows of the motion.  Local."""
+        """Return this rank's part of g, of its rows of the motion; summed over the ranks with the contact forces.  Local."""
 
-    def value(self, of_motion: float, nu: np.ndarray, scaling: Scaling) -> float:
-        """Return g, from the sum of the ranks' parts and the parameters nu (k,).  Local; the same on all ranks."""
+    def value(self, of_motion: float, place: Place) -> float:
+        """Return g, from the sum of the ranks' parts.  Collective where it takes the linearisation; the same on all ranks."""
 
-    def gradient(self, U: np.ndarray, scaling: Scaling) -> tuple[np.ndarray, np.ndarray]:
-        """Return d g / d xi (n_owned, 3, N_H) of this rank and d g / d nu (k,).  Local."""
+    def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """Return d g / d xi (n_owned, 3, N_H) of this rank and d g / d nu (k,), which is the same on all ranks.
+
+        Collective where it takes the linearisation.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +75,7 @@ class Plane:
     about: Iterate
     n_U: np.ndarray  # (n_owned, 3, N_H) -
     n_nu: tuple[float, ...]  # (k,) -
+    takes_linearisation: ClassVar[bool] = False
 
     @classmethod
     def fixed_parameter(cls, about: Iterate) -> Plane:
@@ -54,9 +87,9 @@ class Plane:
     def of_motion(self, U: np.ndarray, scaling: Scaling) -> float:
         return float(np.vdot(self.n_U, U - self.about.U)) / scaling.U
 
-    def value(self, of_motion: float, nu: np.ndarray, scaling: Scaling) -> float:
-        terms = (n * (v - about / unit) for n, v, about, unit in zip(self.n_nu, nu, self.about.parameters, scaling.parameters))
-        return of_motion + sum(terms)
+    def value(self, of_motion: float, place: Place) -> float:
+        of = zip(self.n_nu, place.nu, self.about.parameters, place.scaling.parameters)
+        return of_motion + sum(n * (v - about / unit) for n, v, about, unit in of)
 
-    def gradient(self, U: np.ndarray, scaling: Scaling) -> tuple[np.ndarray, np.ndarray]:
+    def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
         return self.n_U, np.array(self.n_nu)

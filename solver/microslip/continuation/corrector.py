@@ -16,9 +16,10 @@ from petsc4py import PETSc
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Border, Exactness, Linearisation, Step
 from ..harmonic.newton_solver import NewtonSolver
+from ..harmonic.operating_point import ContactForces
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from ..system.watchdog import moved
-from .constraint_rows import Constraint, Scaling
+from .constraint_rows import Constraint, Place, Scaling
 from .iterate import Iterate
 from .problems import Problem
 
@@ -84,28 +85,54 @@ class BorderedSystem:
         """Return this rank's rows of r(U, omega), scaled and weighted, and the k constraints.  Collective: one gather.
 
         ``nu_owned`` (k,) are the scaled parameters on the rank that owns them and 0 elsewhere.  Rows are NaN, a failed step on
-        every rank, where a parameter is not above zero.  With ``tangents`` the derivatives of the contact forces, which are then
-        known when they are asked for, come of the same march.
+        every rank, where the problem does not allow the parameters.  With ``tangents`` the derivatives of the contact forces,
+        which are then known when they are asked for, come of the same march.
         """
         scaling, k = self.scaling, len(nu_owned)
         parts = tuple(constraint.of_motion(U, scaling) for constraint in self.constraints)
-        forces = self.equation.contact_forces(U, self.selected, tangents, extras=(*parts, *nu_owned))
-        parts, nu = forces.extras[:k], np.array(forces.extras[k:])
-        parameters = tuple(nu * scaling.parameters)
-        rows = np.full(U.shape, np.nan)
-        if min(parameters) > 0.0:
-            rows = self.equation.residual(U, self.problem.at(parameters), forces) * scaling.rows / scaling.U
-        return rows, np.array([c.value(part, nu, scaling) for c, part in zip(self.constraints, parts)])
+        forces, nu = self._forces(U, nu_owned, tangents or self.takes_linearisation, parts)
+        parameters, parts = tuple(map(float, nu * scaling.parameters)), forces.extras[:k]
+        if not self.problem.allows(parameters):
+            return np.full(U.shape, np.nan), np.full(k, np.nan)
+        at, G = self.problem.at(parameters), None
+        equation, linear = self.equation.under(at), None
+        if self.takes_linearisation:
+            linear = Linearisation.of(equation, at, forces)
+            G = linear.G
+        rows = equation.residual(U, at, forces, G) * scaling.rows / scaling.U
+        place = Place(self.problem, scaling, U, nu, linear)
+        return rows, np.array([c.value(part, place) for c, part in zip(self.constraints, parts)])
 
     def linearise(self, U: np.ndarray, nu_owned: np.ndarray) -> tuple[Linearisation, Border]:
         """Return the Jacobian, eq. (5.3), of the unweighted rows.  Collective: one gather, and new static columns."""
-        forces = self.equation.contact_forces(U, self.selected, tangents=True, extras=tuple(nu_owned))
-        parameters = tuple(np.array(forces.extras) * self.scaling.parameters)
-        linear = Linearisation.of(self.equation, self.problem.at(parameters), forces)
+        forces, nu = self._forces(U, nu_owned, True, ())
+        parameters = tuple(map(float, nu * self.scaling.parameters))
+        at = self.problem.at(parameters)
+        linear = Linearisation.of(self.equation.under(at), at, forces)
         units = (unit / self.scaling.U for unit in self.scaling.parameters)
         r_nu = tuple(linear.rate(rate) * unit for rate, unit in zip(self.problem.rates(parameters), units))
-        n_U, n_nu = zip(*(constraint.gradient(U, self.scaling) for constraint in self.constraints))
+        place = Place(self.problem, self.scaling, U, nu, linear)
+        n_U, n_nu = zip(*(constraint.gradient(place) for constraint in self.constraints))
         return linear, Border(r_nu, n_U, np.array(n_nu))
+
+    @property
+    def takes_linearisation(self) -> bool:
+        return any(constraint.takes_linearisation for constraint in self.constraints)
+
+    def _forces(
+        self, U: np.ndarray, nu_owned: np.ndarray, tangents: bool, parts: tuple[float, ...]
+    ) -> tuple[ContactForces, np.ndarray]:
+        """Return the contact forces, with sums of ``parts``, and the parameters nu of all ranks.  Collective: one gather.
+
+        One sum more where parameters are those of the contact law, whose forces know them before they are gathered.
+        """
+        equation, comm, extras = self.equation, self.equation.comm, (*parts, *nu_owned)
+        if self.problem.law_parameters:
+            nu = nu_owned if comm.size == 1 else comm.allreduce(nu_owned)
+            parameters = tuple(map(float, nu * self.scaling.parameters))
+            equation = equation.under(self.problem.at(parameters)) if self.problem.allows(parameters) else equation
+        forces = equation.contact_forces(U, self.selected, tangents, extras=extras)
+        return forces, np.array(forces.extras[len(parts) :])
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,7 @@ import numpy as np
 
 from ..messages.errors import ConvergenceError
 from ..points.sweep import Sweep
-from .iterate import Iterate
-from .point_solver import Found, PointSolver, Workspace
+from .point_solver import Found, PointSolver
 from .problems import DampingHomotopy, LevelHomotopy, Problem
 from .state import BranchState
 from .steps import ArcLength
@@ -45,19 +44,19 @@ def reach_first(task: BranchTask, solver: PointSolver, ahead: Advance) -> tuple[
 
 def over_the_level(task: BranchTask, solver: PointSolver) -> Reached | None:
     """Solve from a small level up, by arc length at the frequency of the first point, folds included.  Collective."""
-    at = task.problem.at((task.sweep.start,))
+    at = task.problem.at(solver.on_curve(task.sweep.start).parameters)
     return _over(task, solver, LevelHomotopy(solver.equation, at.omega), at.level, FROM_LEVEL)
 
 
 def over_damping(task: BranchTask, solver: PointSolver) -> Reached | None:
     """Solve from a damping that leaves one solution down to none beside the scene's.  Collective."""
-    at = task.problem.at((task.sweep.start,))
+    at = task.problem.at(solver.on_curve(task.sweep.start).parameters)
     return _over(task, solver, DampingHomotopy(solver.equation, at.omega, at.level), 1.0, FROM_DAMPING)
 
 
 def from_rest(task: BranchTask, solver: PointSolver) -> Reached | None:
     """Solve from no motion, where gaps are open.  Collective."""
-    linear = solver.linear_iterate(task.sweep.start)
+    linear = solver.on_curve(task.sweep.start)
     selected = solver.selection.first(solver.equation.model.n_pairs)
     found, selected = solver.solve_at(replace(linear, U=np.zeros_like(linear.U)), solver.norm(linear.U), selected)
     return ((found, selected), solver) if found.failure is None else None
@@ -89,7 +88,8 @@ def _over(task: BranchTask, solver: PointSolver, homotopy: Problem, end: float, 
         if arrived is None or arrived.now is None:
             continue
         there, now = solver.holding(arrived.solver.equation.held), arrived.now
-        found = there.solve_near(Iterate(now.iterate.U, (task.sweep.start,), now.iterate.harmonics), now)
+        guess = replace(solver.on_curve(task.sweep.start), U=now.iterate.U, harmonics=now.iterate.harmonics)
+        found = there.solve_near(guess, now)
         if found[0].failure is None:
             return found, there
     return None
@@ -98,7 +98,7 @@ def _over(task: BranchTask, solver: PointSolver, homotopy: Problem, end: float, 
 def _end_of(way: BranchTask) -> BranchState | None:
     """Return the state at the end of a homotopy; None where it is not reached.  Collective."""
     assert way.ahead is not None, "told by reach_first"
-    workspace, n_points, newton = Workspace(way.problem.equation), 0, 0
+    workspace, n_points, newton = way.workspace(), 0, 0
     state = way.start(workspace)
     try:
         while not state.is_done and n_points < MOST_POINTS:

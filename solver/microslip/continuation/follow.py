@@ -126,7 +126,7 @@ def _begun_beyond(leg: Leg) -> BranchState | None:
     state, solver = leg.state, leg.state.solver
     assert state.before is not None
     for there in places_beyond(solver, solver.carried(state.before), leg.now):
-        guess = solver.linear_iterate(there)
+        guess = solver.on_curve(there)
         found = solver.solve_at(guess, solver.norm(guess.U), solver.selection.first(solver.equation.model.n_pairs))
         if found[0].failure:
             continue
@@ -240,7 +240,7 @@ def follow_branch(
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch = Branch(task.problem.at((task.sweep.start,)).level)
-    workspace = Workspace(task.problem.equation, task.estimator is not None)
+    workspace = task.workspace()
     since: list[Point] = []  # the last step
 
     def take(point: Point) -> None:

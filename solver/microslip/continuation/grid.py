@@ -17,7 +17,6 @@ from .accuracy import Accuracy
 from .first_point import reach_first
 from .follow import Leg, advance, solved
 from .iterate import Iterate, PointState, interpolate
-from .point_solver import Workspace
 from .problems import Problem
 from .state import BranchState
 from .stepping import second, step
@@ -92,7 +91,7 @@ def solved_at(task: BranchTask, omegas: Sequence[float], on_point: Callable[[Poi
     Collective.
     """
     problem = task.problem
-    branch, workspace = Branch(problem.at((omegas[0],)).level), Workspace(problem.equation, task.estimator is not None)
+    branch, workspace = Branch(problem.at((omegas[0],)).level), task.workspace()
     try:
         for point in _points(task, task.start(workspace), omegas):
             on_point(point)

@@ -32,7 +32,7 @@ def let_go(after: Accepted, steps: ArcLength) -> Accepted:
     """
     solver, now = after.state.solver.holding(None), after.now
     at_rest, mean = now.iterate.U.copy(), solver.harmonics.mean
-    at_rest[..., mean] = solver.linear_motion(now.iterate.parameter)[..., mean]
+    at_rest[..., mean] = solver.on_curve(now.iterate.parameter).U[..., mean]
     found, selected = solver.solve_near(replace(now.iterate, U=at_rest), now)
     if found.failure is not None or solver.distance(now, found.iterate) > steps.ds_max:
         return after

@@ -38,7 +38,8 @@ def point_record(
     ------
     Unbalanced : work and losses do not balance, although the residual is small beside the motion; on every rank
     """
-    (correction, selected), equation, at = found, problem.equation, problem.at(found[0].iterate.parameters)
+    (correction, selected), at = found, problem.at(found[0].iterate.parameters)
+    equation = problem.equation.under(at)
     U, model = correction.iterate.U, equation.model_at(at)
     of_all = equation.contact_forces(U, equation.every_pair, tangents=estimator is not None)
     used = of_all if selected.all() else equation.contact_forces(U, selected, tangents=False)

@@ -18,7 +18,6 @@ from .accuracy import Resolution
 from .constraint_rows import Plane, Scaling
 from .corrector import BorderedSystem, Correction, Corrector, row_weights
 from .iterate import Iterate, PointState
-from .linear_levels import sticks
 from .problems import Problem
 
 SHRINKS = 0.5  # of the unit of U: a motion below it is solved again in its own unit
@@ -32,8 +31,8 @@ class Workspace:
     It can be thrown away between any two steps, and does not decide where they lead.
     """
 
-    def __init__(self, equation: HarmonicBalance, has_bars: bool = False):
-        self._has_bars = has_bars  # which ask for tangents at every point
+    def __init__(self, equation: HarmonicBalance, has_bars: bool = False, n_parameters: int = 1):
+        self._has_bars, self._k = has_bars, n_parameters  # bars ask for tangents at every point
         stiffest = float(equation.law.stiffness.max(initial=0.0))
         self.comm, self.stiffest = equation.comm, max(equation.comm.allgather(stiffest))  # N/m, the stiffest spring of all pairs
         self.spent = 0  # Newton iterations so far
@@ -51,7 +50,7 @@ class Workspace:
         return self._corrector
 
     def _new_corrector(self, equation: HarmonicBalance) -> Corrector:
-        return Corrector(equation.comm, equation.shape, self._resolution.tolerance, tangents_at_end=self._has_bars)
+        return Corrector(equation.comm, equation.shape, self._resolution.tolerance, self._k, tangents_at_end=self._has_bars)
 
     def newton_solver(self, equation: HarmonicBalance, resolution: Resolution) -> NewtonSolver:
         """Return what solves Newton's systems of a resolution, with the preconditioner it keeps.  Collective."""
@@ -127,14 +126,14 @@ class PointSolver:
         ``size`` [m] and ``force`` [N] are what residuals are measured by, of a point near by.  Where the answer is much
         smaller, or ``force`` is not known, it is solved again by its own.
         """
-        if self.is_linear and sticks(self.equation, self.problem.at(guess.parameters)):
-            U = self.equation.linear_motion(self.problem.at(guess.parameters))
-            return Correction(replace(guess, U=U), 0, 0, 0.0, None, is_linear=True), selected
+        if self.is_linear and self.problem.curve.holds(guess.parameters):
+            return Correction(self.problem.curve.on(guess), 0, 0, 0.0, None, is_linear=True), selected
         size, newton, krylov = size or 1.0, 0, 0
-        scaling = Scaling(size, (self.sweep.scale,)) if force is None else self.scaling(size, force)
+        scaling = Scaling(size, self.units) if force is None else self.scaling(size, force)
         while True:
             corrector = self.workspace.corrector(self.equation, self.resolution)
-            found = corrector.correct(BorderedSystem(self.problem, (plane,), scaling, selected), guess, self.is_patient)
+            system = BorderedSystem(self.problem, (plane, *self.problem.constraints), scaling, selected)
+            found = corrector.correct(system, guess, self.is_patient)
             newton, krylov = newton + found.newton, krylov + found.krylov
             self.workspace.spent += found.newton
             found = replace(found, newton=newton, krylov=krylov)
@@ -143,12 +142,13 @@ class PointSolver:
             own = self.norm(found.iterate.U)
             if force is None or 0.0 < own < SHRINKS * size:
                 plane = replace(plane, n_U=plane.n_U * ((own or size) / size))  # the same plane in the new unit
-                size, force = own or size, self.force(found.iterate.U, selected)
+                size, force = own or size, self.force(found.iterate, selected)
                 scaling, guess = self.scaling(size, force), found.iterate
                 continue
             if not self.selection.checks_in_point:
                 return found, selected
-            active = self.equation.contact_forces(found.iterate.U, self.equation.every_pair, tangents=False).active
+            equation = self.equation_at(found.iterate)
+            active = equation.contact_forces(found.iterate.U, equation.every_pair, tangents=False).active
             left_out = active[~selected[active]]
             if len(left_out) == 0:
                 return found, selected
@@ -162,7 +162,7 @@ class PointSolver:
         ------
         ConvergenceError : the stuck structure resonates there without damping; on every rank
         """
-        if not np.isfinite(self.norm(self.linear_motion(guess.parameter))):
+        if not np.isfinite(self.norm(self.on_curve(guess.parameter).U)):
             raise ConvergenceError(
                 f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
                 "its linear response is infinite there; state [damping], or another frequency"
@@ -175,21 +175,13 @@ class PointSolver:
         return self.solve_at(guess, near.size, near.selected if selected is None else selected, near.force)
 
     def first(self) -> Found:
-        """Solve the first point of the range from the linear response.  Collective."""
-        guess = self.linear_iterate(self.sweep.start)
+        """Solve the first point of the range from the known curve.  Collective."""
+        guess = self.on_curve(self.sweep.start)
         return self.solve_at(guess, self.norm(guess.U), self.selection.first(self.equation.model.n_pairs))
 
-    def linear_motion(self, parameter: float) -> np.ndarray:
-        """Return the linear response at a value of the swept parameter, (n_owned, 3, N_H) [m].  Local; not to be written into.
-
-        It is not finite on a resonance without damping.
-        """
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return self.equation.linear_motion(self.problem.at((parameter,)))
-
-    def linear_iterate(self, parameter: float) -> Iterate:
-        """Return the linear response at a value of the swept parameter as a guess.  Local."""
-        return Iterate(self.linear_motion(parameter), (parameter,), self.harmonics)
+    def on_curve(self, parameter: float) -> Iterate:
+        """Return the point of the known curve at a value of the swept parameter.  Local; not to be written into."""
+        return self.problem.curve.at(parameter)
 
     # -- from one resolution to another ------------------------------------------------------------------------------
 
@@ -217,16 +209,34 @@ class PointSolver:
 
     # -- units and lengths -------------------------------------------------------------------------------------------
 
+    @property
+    def units(self) -> tuple[float, ...]:
+        """Units of the parameters: of the swept one its range."""
+        return (self.sweep.scale, *self.problem.units)
+
+    def d_nu(self, a: Iterate, b: Iterate) -> np.ndarray:
+        """Return the difference of the scaled parameters of two iterates, (k,).  Local."""
+        return np.subtract(b.parameters, a.parameters) / self.units
+
+    def beside(self, now: Iterate, d_U: np.ndarray, d_nu: np.ndarray) -> Iterate:
+        """Return the iterate at a distance in motion (n_owned, 3, N_H) [m] and scaled parameters (k,) from another.  Local."""
+        return Iterate(now.U + d_U, tuple(map(float, now.parameters + d_nu * self.units)), self.harmonics)
+
+    def equation_at(self, there: Iterate) -> HarmonicBalance:
+        """Return the equation with the contact law of an iterate's parameters.  Local."""
+        return self.equation.under(self.problem.at(there.parameters))
+
     def scaling(self, size: float, force: float) -> Scaling:
         """Return the units of a point near one of this size [m] and force [N].  Local."""
         rows = row_weights(self.equation.law.stiffness[:, :, None], size, force, self.tolerance)
         weight = row_weights(np.array(self.workspace.stiffest), size, force, self.tolerance)
-        return Scaling(size, (self.sweep.scale,), rows, float(weight))
+        return Scaling(size, self.units, rows, float(weight))
 
-    def force(self, U: np.ndarray, selected: np.ndarray) -> float:
-        """Return |f_nl| over all ranks [N] under a motion of this rank's pairs.  Collective."""
-        p = self.equation.full_force(self.equation.contact_forces(U, selected, tangents=False))
-        return self.force_of(U, p.reshape(-1, *U.shape[1:])[self.equation.model.owned])
+    def force(self, there: Iterate, selected: np.ndarray) -> float:
+        """Return |f_nl| over all ranks [N] at an iterate.  Collective."""
+        U, equation = there.U, self.equation_at(there)
+        p = equation.full_force(equation.contact_forces(U, selected, tangents=False))
+        return self.force_of(U, p.reshape(-1, *U.shape[1:])[equation.model.owned])
 
     def force_of(self, U: np.ndarray, p: np.ndarray) -> float:
         """Return |p + K_J U| over all ranks [N].  Collective."""
@@ -236,13 +246,13 @@ class PointSolver:
         """Return |U| over all ranks.  Collective."""
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
 
-    def length(self, d_xi: np.ndarray, d_nu: float) -> float:
-        """Return the length of a step, docs/theory.md, eq. (7.1).
+    def length(self, d_xi: np.ndarray, d_nu: np.ndarray) -> float:
+        """Return the length of a step in motion and scaled parameters (k,), docs/theory.md, eq. (7.1).
 
         The mean does not count: it drifts with the slip in which sliders settle, and turns sharply where that ends, while the
         branch goes straight on.
         """
-        return float(np.hypot(self.norm(self.vibration(d_xi)), d_nu))
+        return float(np.hypot(self.norm(self.vibration(d_xi)), np.linalg.norm(d_nu)))
 
     def vibration(self, U: np.ndarray) -> np.ndarray:
         """Return the harmonics above the mean."""
@@ -251,14 +261,13 @@ class PointSolver:
     def distance(self, now: PointState, there: Iterate) -> float:
         """Return the length of a step in its own norm."""
         d_xi = (there.on(self.harmonics).U - now.iterate.on(self.harmonics).U) / (now.size or 1.0)
-        return self.length(d_xi, (there.parameter - now.iterate.parameter) / self.sweep.scale)
+        return self.length(d_xi, self.d_nu(now.iterate, there))
 
     def turn(self, before: Iterate, now: Iterate, after: Iterate, size: float) -> float:
         """Return the angle [rad] between the last two steps, in the norm of the step."""
-        size, (before, now, after) = max(size, 1e-300), (one.on(self.harmonics) for one in (before, now, after))
+        size, (before, now, after) = max(size, 1e-300), (there.on(self.harmonics) for there in (before, now, after))
         a_xi, b_xi = (now.U - before.U) / size, (after.U - now.U) / size
-        a_nu = (now.parameter - before.parameter) / self.sweep.scale
-        b_nu = (after.parameter - now.parameter) / self.sweep.scale
-        dot = self.comm.allreduce(float(np.vdot(self.vibration(a_xi), self.vibration(b_xi)))) + a_nu * b_nu
+        a_nu, b_nu = self.d_nu(before, now), self.d_nu(now, after)
+        dot = self.comm.allreduce(float(np.vdot(self.vibration(a_xi), self.vibration(b_xi)))) + float(a_nu @ b_nu)
         cosine = dot / max(self.length(a_xi, a_nu) * self.length(b_xi, b_nu), 1e-300)
         return float(np.arccos(min(max(cosine, -1.0), 1.0)))

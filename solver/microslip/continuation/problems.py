@@ -1,7 +1,9 @@
 """What is continued: the harmonic-balance equation along one parameter or several.
 
-A problem says which frequency, level and further damping its parameters stand for, and how these change with them.  Homotopies
-lead to a first point of the forced response: at the end of their parameter they are that problem (docs/theory.md, section 7).
+A problem says which operating point its k parameters stand for, how that changes with them, which k - 1 constraints hold beside
+the row of a step, and which curve, known in closed form, its solutions lie on while no pair slips.  The first parameter is swept.
+Homotopies lead to a first point of the forced response: at the end of their parameter they are that problem (docs/theory.md,
+section 7).
 """
 
 from __future__ import annotations
@@ -9,8 +11,32 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
+import numpy as np
+
 from ..harmonic.balance import HarmonicBalance
-from ..harmonic.operating_point import OperatingPoint, Rate
+from ..harmonic.operating_point import LawParameter, OperatingPoint, Rates
+from .constraint_rows import Constraint
+from .iterate import Iterate
+from .linear_levels import sticks
+
+
+class KnownCurve(Protocol):
+    """A curve in closed form near the solutions of a problem, which lie on it where it holds."""
+
+    def at(self, parameter: float) -> Iterate:
+        """Return the point of the curve at a value of the swept parameter; not to be written into.  Local.
+
+        It is not finite on a resonance without damping.
+        """
+
+    def holds(self, parameters: tuple[float, ...]) -> bool:
+        """Tell whether the point of the curve at k parameters is a solution.  Collective."""
+
+    def on(self, there: Iterate) -> Iterate:
+        """Return the point of the curve at the parameters of an iterate.  Local."""
+
+    def rate(self, parameters: tuple[float, ...]) -> np.ndarray:
+        """Return the rate of the motion with the swept parameter, (n_owned, 3, N_H).  Local."""
 
 
 class Problem(Protocol):
@@ -20,13 +46,32 @@ class Problem(Protocol):
     def equation(self) -> HarmonicBalance: ...
 
     @property
+    def units(self) -> tuple[float, ...]:
+        """Units of the k - 1 parameters beside the swept one, whose unit is the range; in the norm of steps and in SNES."""
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The k - 1 rows that hold beside that of the step."""
+
+    @property
+    def curve(self) -> KnownCurve:
+        """The curve from which a first guess is taken, and on which solutions lie while it holds."""
+
+    @property
+    def law_parameters(self) -> tuple[LawParameter, ...]:
+        """The parameters of the contact law that vary, in the order of those of the operating point."""
+
+    def allows(self, parameters: tuple[float, ...]) -> bool:
+        """Tell whether k parameters have a meaning: a frequency is above zero, a damping need not be.  Local."""
+
+    @property
     def is_constant(self) -> bool:
         """Whether every value of the parameters has the same solution: one point stands for all."""
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         """Return what k parameters stand for.  Local."""
 
-    def rates(self, parameters: tuple[float, ...]) -> tuple[Rate, ...]:
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
         """Return how the operating point changes with each of k parameters.  Local."""
 
     def where(self, parameter: float) -> str:
@@ -40,14 +85,36 @@ class Problem(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _OfEquation:
+class ProblemBase:
     equation: HarmonicBalance
 
     @property
     def is_constant(self) -> bool:
         return False
 
+    @property
+    def units(self) -> tuple[float, ...]:
+        return ()
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        return ()
+
+    @property
+    def curve(self) -> KnownCurve:
+        return LinearResponse(self)
+
+    @property
+    def law_parameters(self) -> tuple[LawParameter, ...]:
+        return ()
+
+    def allows(self, parameters: tuple[float, ...]) -> bool:
+        return parameters[0] > 0.0
+
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        raise NotImplementedError
+
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
         raise NotImplementedError
 
     def with_equation(self, equation: HarmonicBalance) -> Self:
@@ -64,7 +131,32 @@ class _OfEquation:
 
 
 @dataclass(frozen=True, eq=False)
-class ForcedResponse(_OfEquation):
+class LinearResponse:
+    """The forced response of a problem of one parameter while all pairs stick, closed."""
+
+    problem: Problem
+
+    def at(self, parameter: float) -> Iterate:
+        return self._of((parameter,))
+
+    def holds(self, parameters: tuple[float, ...]) -> bool:
+        at = self.problem.at(parameters)
+        return sticks(self.problem.equation.under(at), at)
+
+    def on(self, there: Iterate) -> Iterate:
+        return self._of(there.parameters)
+
+    def _of(self, parameters: tuple[float, ...]) -> Iterate:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            U = self.problem.equation.linear_motion(self.problem.at(parameters))
+        return Iterate(U, parameters, self.problem.equation.harmonics)
+
+    def rate(self, parameters: tuple[float, ...]) -> np.ndarray:
+        return self.problem.equation.linear_motion_rate(self.problem.at(parameters), self.problem.rates(parameters)[0])
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedResponse(ProblemBase):
     """The response to loads of one level [N] over the frequency [rad/s]."""
 
     level: float
@@ -84,12 +176,12 @@ class ForcedResponse(_OfEquation):
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         return OperatingPoint(parameters[0], self.level)
 
-    def rates(self, parameters: tuple[float, ...]) -> tuple[Rate, ...]:
-        return (Rate(omega=1.0),)
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        return ({"omega": 1.0},)
 
 
 @dataclass(frozen=True, eq=False)
-class LevelHomotopy(_OfEquation):
+class LevelHomotopy(ProblemBase):
     """The same equation at a fixed frequency [rad/s], over the level of the loads [N]."""
 
     omega: float
@@ -97,12 +189,12 @@ class LevelHomotopy(_OfEquation):
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         return OperatingPoint(self.omega, parameters[0])
 
-    def rates(self, parameters: tuple[float, ...]) -> tuple[Rate, ...]:
-        return (Rate(level=1.0),)
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        return ({"level": 1.0},)
 
 
 @dataclass(frozen=True, eq=False)
-class DampingHomotopy(_OfEquation):
+class DampingHomotopy(ProblemBase):
     """The same equation at a fixed frequency and level, with further damping that falls to none as the parameter t rises to 1.
 
     docs/theory.md, eq. (7.3): D_n gets i n omega sigma with sigma = omega (1 - t) / t, alike for all
@@ -116,8 +208,8 @@ class DampingHomotopy(_OfEquation):
         (t,) = parameters
         return OperatingPoint(self.omega, self.level, self.omega * (1.0 - t) / t)
 
-    def rates(self, parameters: tuple[float, ...]) -> tuple[Rate, ...]:
-        return (Rate(sigma=-self.omega / parameters[0] ** 2),)
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        return ({"sigma": -self.omega / parameters[0] ** 2},)
 
     def where(self, parameter: float) -> str:
         return f"{super().where(parameter)}, damped further by {self.at((parameter,)).sigma:.3g} M"

@@ -12,7 +12,6 @@ from mpi4py import MPI
 from ..receptance.family import Share
 from ..receptance.motions import modal_motion
 from .iterate import Iterate, PointState
-from .linear_levels import sticks
 from .point_solver import PointSolver
 from .steps import LinearCurve
 
@@ -45,7 +44,7 @@ def stay_stuck(solver: PointSolver, now: PointState, there: Iterate) -> bool:
     That curve is a function of the frequency.  Without damping it may pass through no motion at all, where it turns round as it
     does at a resonance.
     """
-    return now.sticks and sticks(solver.equation, solver.problem.at(there.parameters))
+    return now.sticks and solver.problem.curve.holds(there.parameters)
 
 
 def highest_between(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -123,6 +122,6 @@ def _passed(share: Share, low: float, high: float) -> np.ndarray:
 
 def _modal_motion(solver: PointSolver, there: Iterate) -> list[np.ndarray]:
     """Return the modal amplitudes of each share of the harmonics at a solution.  Collective."""
-    equation, at, there = solver.equation, solver.problem.at(there.parameters), there.on(solver.harmonics)
+    equation, at, there = solver.equation_at(there), solver.problem.at(there.parameters), there.on(solver.harmonics)
     p = equation.full_force(equation.contact_forces(there.U, equation.every_pair, tangents=False))
     return modal_motion(equation.model_at(at), at.level, at.omega, p)

@@ -42,7 +42,7 @@ def second(solver: PointSolver, first: PointState, steps: ArcLength) -> Stepped:
     way = min(linear_step(solver, first, 0.5 * steps.ds), 0.5 * sweep.scale)
     while True:
         there = first.iterate.parameter + sweep.direction * way
-        guess = solver.linear_iterate(there) if first.sticks else first.iterate.at(there)
+        guess = solver.on_curve(there) if first.sticks else first.iterate.at(there)
         found, selected = solver.solve_near(guess, first)
         if found.failure is None:
             is_passed = passed_over(solver, first, found.iterate) is not None
@@ -138,15 +138,15 @@ def beyond_sharp_corner(solver: PointSolver, before: PointState, now: PointState
     Beyond the corner another set of samples slips: the direction in which the linearisation there goes on is that of the
     branch, one way or the other.  What lies back on the way that led here is not wanted.
     """
-    d_U, d_parameter, length = difference(solver, before, now, now.size)
-    normal = d_U / (now.size * length), d_parameter / (solver.sweep.scale * length)
+    d_U, d_nu, length = difference(solver, before, now, now.size)
+    normal = d_U / (now.size * length), d_nu / length
     come_from = tangent(solver, now, now.iterate, *normal)
     for ds in steps.ds_min * CORNERS:
-        ahead = Iterate(now.iterate.U + ds / length * d_U, (now.iterate.parameter + ds / length * d_parameter,), solver.harmonics)
+        ahead = solver.beside(now.iterate, ds / length * d_U, ds / length * d_nu)
         t_xi, t_nu = tangent(solver, now, ahead, *normal)
         for way in (-ds, ds):
             guess = along(solver, now, way, t_xi, t_nu)
-            plane = Plane(guess, np.sign(way) * t_xi, (np.sign(way) * t_nu,))
+            plane = Plane(guess, np.sign(way) * t_xi, tuple(np.sign(way) * t_nu))
             found, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
             if found.failure or not NEAREST * ds <= solver.distance(now, found.iterate) <= FARTHEST * ds:
                 continue
@@ -168,17 +168,19 @@ def patiently_ahead(
     return None
 
 
-def tangent(solver: PointSolver, now: PointState, there: Iterate, n_U: np.ndarray, n_nu: float) -> tuple[np.ndarray, float]:
+def tangent(
+    solver: PointSolver, now: PointState, there: Iterate, n_U: np.ndarray, n_nu: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the unit tangent of the linearisation at ``there``, on the side of the normal (n_U, n_nu).  Collective."""
-    system = BorderedSystem(solver.problem, (Plane(there, n_U, (n_nu,)),), solver.scaling(now.size, now.force), now.selected)
-    t_xi, (t_nu,) = solver.workspace.corrector(solver.equation, solver.resolution).tangent(system, there)
+    rows = Plane(there, n_U, tuple(n_nu)), *solver.problem.constraints
+    system = BorderedSystem(solver.problem, rows, solver.scaling(now.size, now.force), now.selected)
+    t_xi, t_nu = solver.workspace.corrector(solver.equation, solver.resolution).tangent(system, there)
     size = solver.length(t_xi, t_nu)
     if not np.isfinite(size) or size == 0.0:  # the linearisation is singular there: nowhere to go
-        return np.zeros_like(t_xi), 0.0
+        return np.zeros_like(t_xi), np.zeros_like(t_nu)
     return t_xi / size, t_nu / size
 
 
-def along(solver: PointSolver, now: PointState, ds: float, t_xi: np.ndarray, t_nu: float) -> Iterate:
+def along(solver: PointSolver, now: PointState, ds: float, t_xi: np.ndarray, t_nu: np.ndarray) -> Iterate:
     """Return the place a step ``ds`` along a tangent.  Local."""
-    parameter = now.iterate.parameter + ds * solver.sweep.scale * t_nu
-    return Iterate(now.iterate.U + ds * now.size * t_xi, (parameter,), solver.harmonics)
+    return solver.beside(now.iterate, ds * now.size * t_xi, ds * t_nu)

@@ -36,6 +36,10 @@ class BranchTask:
     ways: tuple[Way, ...] | None = None  # to a first point that Newton does not reach at once; None: all there are
     ahead: Advance | None = None  # how a homotopy is followed on the way to a first point, which itself begins with one
 
+    def workspace(self) -> Workspace:
+        """Return what makes solves of this branch quick; to be destroyed.  Collective."""
+        return Workspace(self.problem.equation, self.estimator is not None, 1 + len(self.problem.units))
+
     def start(self, workspace: Workspace) -> BranchState:
         """Return the state before the first point.  Local."""
         solver = PointSolver(self.problem, self.selection, self.sweep, self.tolerance, workspace, self.is_linear)

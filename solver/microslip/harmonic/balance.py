@@ -17,7 +17,7 @@ from ..receptance.columns import ReceptanceColumns
 from ..receptance.motions import linear_motion, linear_motion_rate
 from ..receptance.reduced_model import ReducedModel
 from .mean_slip import hold_mean_slip
-from .operating_point import ContactForces, OperatingPoint, Rate
+from .operating_point import ContactForces, OperatingPoint, Rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +120,10 @@ class HarmonicBalance:
 
     # -- the equation --------------------------------------------------------------------------------------------
 
+    def under(self, at: OperatingPoint) -> HarmonicBalance:
+        """Return the equation with the contact law of an operating point.  Local."""
+        return self
+
     def model_at(self, at: OperatingPoint) -> ReducedModel:
         """Return the model with the damping of an operating point.  Local."""
         if at.sigma == 0.0:
@@ -130,11 +134,12 @@ class HarmonicBalance:
         """Return U_lin of this rank's pairs, (n_owned, 3, N_H) [m].  Local; kept for the last point: do not write into it."""
         return self._kept("motion", at, lambda: linear_motion(self.model_at(at), at.level, at.omega).reshape(self.shape))
 
-    def linear_motion_rate(self, at: OperatingPoint, rate: Rate) -> np.ndarray:
+    def linear_motion_rate(self, at: OperatingPoint, rates: Rates) -> np.ndarray:
         """Return how U_lin changes with a parameter, (n_owned, 3, N_H).  Local."""
-        d_U = linear_motion_rate(self.model_at(at), at.level, at.omega, rate.omega, rate.sigma).reshape(self.shape)
-        per_newton = linear_motion(self.model_at(at), 1.0, at.omega).reshape(self.shape) if rate.level else 0.0
-        return d_U + rate.level * per_newton
+        model, level = self.model_at(at), rates.get("level", 0.0)
+        d_U = linear_motion_rate(model, at.level, at.omega, rates.get("omega", 0.0), rates.get("sigma", 0.0)).reshape(self.shape)
+        per_newton = linear_motion(model, 1.0, at.omega).reshape(self.shape) if level else 0.0
+        return d_U + level * per_newton
 
     def receptance(self, at: OperatingPoint, active: np.ndarray) -> ReceptanceColumns:
         """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from ..receptance.columns import ReceptanceColumns
 from .balance import HarmonicBalance
-from .operating_point import ContactForces, OperatingPoint, Rate
+from .operating_point import ContactForces, OperatingPoint, Rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,10 +115,13 @@ class Linearisation:
         """Rows of the active pairs of all ranks."""
         return 3 * len(self.forces.active) * self.equation.model.N_H
 
-    def rate(self, rate: Rate) -> np.ndarray:
-        """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2), for the rate at which the operating point changes.  Local."""
-        dG_p = self.G.apply_rate(self.forces.p, rate.omega, rate.sigma)
-        return dG_p - self.equation.linear_motion_rate(self.at, rate)
+    def rate(self, rates: Rates) -> np.ndarray:
+        """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2), for the rates at which the operating point changes.
+
+        Local; collective where the contact law changes, eq. (5.8): one gather, and new static columns.
+        """
+        dG_p = self.G.apply_rate(self.forces.p, rates.get("omega", 0.0), rates.get("sigma", 0.0))
+        return dG_p - self.equation.linear_motion_rate(self.at, rates)
 
     def pair_forces(self, d_xi: np.ndarray) -> np.ndarray:
         """Return P d_xi of this rank's active pairs, flat.  Local; ``d_xi`` has their rows."""

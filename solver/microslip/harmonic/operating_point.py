@@ -1,10 +1,23 @@
-"""Where harmonic balance is asked: the operating point, how it changes, and the contact forces at a motion."""
+"""The operating point of harmonic balance, how it changes with a parameter, and the contact forces under a motion."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class LawParameter:
+    """A number of the contact law of some pairs, of a joint or of one pair: a value of it sets their column to value times shape.
+
+    With the shape of the columns at hand the value is a factor, 1 as the scene has it; with ones it is the column itself.
+    """
+
+    name: str  # of contact.law.PARAMETERS
+    pairs: np.ndarray  # (m,) numbers of the pairs among all
+    shape: np.ndarray  # (m,) their columns where the value is 1
 
 
 @dataclass(frozen=True)
@@ -13,7 +26,8 @@ class OperatingPoint:
 
     omega: float  # rad/s, of the excitation
     level: float  # N, multiplies the loads
-    sigma: float = 0.0  # 1/s, further damping sigma M
+    sigma: float = 0.0  # 1/s, further damping sigma M; negative where it excites
+    law: tuple[tuple[LawParameter, float], ...] = ()  # values of law parameters that differ from those of the equation's law
 
     @property
     def text(self) -> str:
@@ -21,13 +35,7 @@ class OperatingPoint:
         return f"{self.omega / 2 / np.pi:.6g} Hz ({self.omega:.6g} rad/s) at level {self.level:.4g} N"
 
 
-@dataclass(frozen=True)
-class Rate:
-    """How an operating point changes with a parameter."""
-
-    omega: float = 0.0
-    level: float = 0.0
-    sigma: float = 0.0
+Rates = Mapping[str | LawParameter, float]  # d / d nu of an operating point, by "omega", "level", "sigma" or a law parameter
 
 
 @dataclass(frozen=True, eq=False)
