@@ -5,16 +5,15 @@ Unknowns are scaled: xi = U / its unit, nu = parameters / theirs.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from ..harmonic.linearisation import Linearisation
+from ..harmonic.operating_point import OperatingPoint
 from .iterate import Iterate
-
-if TYPE_CHECKING:
-    from .problems import Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +30,7 @@ class Scaling:
 class Place:
     """Where constraints are evaluated: a motion, scaled parameters of either sign, and the linearisation there."""
 
-    problem: Problem
+    operating_point: Callable[[tuple[float, ...]], OperatingPoint]  # that k parameters stand for
     scaling: Scaling
     U: np.ndarray  # (n_owned, 3, N_H) m
     nu: np.ndarray  # (k,) the same on all ranks
@@ -45,7 +44,7 @@ class Place:
 
     def beside(self, d_nu: np.ndarray) -> Place:
         """Return the place with other parameters, the same motion and contact law.  Collective where static columns are new."""
-        at = self.problem.at(tuple((self.nu + d_nu) * self.scaling.parameters))
+        at = self.operating_point(tuple((self.nu + d_nu) * self.scaling.parameters))
         G = self.linear.equation.receptance(at, self.linear.forces.active)
         return replace(self, nu=self.nu + d_nu, linearisation=replace(self.linear, at=at, G=G))
 

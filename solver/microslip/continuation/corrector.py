@@ -100,7 +100,7 @@ class BorderedSystem:
             linear = Linearisation.of(equation, at, forces)
             G = linear.G
         rows = equation.residual(U, at, forces, G) * scaling.rows / scaling.U
-        place = Place(self.problem, scaling, U, nu, linear)
+        place = Place(self.problem.at, scaling, U, nu, linear)
         return rows, np.array([c.value(part, place) for c, part in zip(self.constraints, parts)])
 
     def linearise(self, U: np.ndarray, nu_owned: np.ndarray) -> tuple[Linearisation, Border]:
@@ -111,7 +111,7 @@ class BorderedSystem:
         linear = Linearisation.of(self.equation.under(at), at, forces)
         units = (unit / self.scaling.U for unit in self.scaling.parameters)
         r_nu = tuple(linear.rate(rate) * unit for rate, unit in zip(self.problem.rates(parameters), units))
-        place = Place(self.problem, self.scaling, U, nu, linear)
+        place = Place(self.problem.at, self.scaling, U, nu, linear)
         n_U, n_nu = zip(*(constraint.gradient(place) for constraint in self.constraints))
         return linear, Border(r_nu, n_U, np.array(n_nu))
 

@@ -118,7 +118,7 @@ class Linearisation:
     def rate(self, rates: Rates) -> np.ndarray:
         """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2), for the rates at which the operating point changes.
 
-        Local; collective where the contact law changes, eq. (5.8): one gather, and new static columns.
+        Local.
         """
         dG_p = self.G.apply_rate(self.forces.p, rates.get("omega", 0.0), rates.get("sigma", 0.0))
         return dG_p - self.equation.linear_motion_rate(self.at, rates)
