@@ -34,7 +34,7 @@ from microslip.restart.kept_branch import KeptBranch
 from microslip.restart.kept_columns import KeptColumns
 from microslip.restart.kept_points import to_point
 from microslip.restart.records import Latest, as_written, length_of, read_record, read_records, unpack
-from microslip.restart.setup import family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of
+from microslip.restart.setup import left_out_of, modes_of, observed_of, outline_of, pairs_of, selection_of
 from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results, refuse_deadly
 from microslip.scene.read import read_scene
@@ -155,7 +155,7 @@ def _set_up(path: Path) -> Any:
         outline_of(*found),
         pairs_of(*found),
         selection_of(found[1]),
-        family_of(model),
+        modes_of(model),
         observed_of(model),
         left_out_of(found[0]),
     )

@@ -142,11 +142,11 @@ def main() -> None:
     )
     print(" ms, double (whole) | ms, single (whole) |\n| --- |" + " ---: |" * 7)
     for n in given.pairs:
-        columns = joint_model(comm, n, 1).G_static.transposed(np.arange(n))
+        columns = joint_model(comm, n, 1).receptance_of(1).static.G_static.transposed(np.arange(n))
         measure("synthetic", np.ascontiguousarray(columns.T), patch(grid(n)), given.tolerances, given.leaf)
     for scene in given.scenes:
         found = prepare(scene, comm)
-        G = np.ascontiguousarray(found.model.G_static.transposed(np.arange(found.model.n_pairs)).T)
+        G = np.ascontiguousarray(found.model.receptance_of(1).static.G_static.transposed(np.arange(found.model.n_pairs)).T)
         measure(scene, G, found.structure.pairs.position, given.tolerances, given.leaf)
 
 

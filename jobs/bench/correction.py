@@ -25,7 +25,7 @@ from microslip.error_estimate.estimate import ErrorEstimator, output_amplitude
 from microslip.messages.errors import MicroslipError
 from microslip.points.error_parts import total
 from microslip.points.selection import AllPairs
-from microslip.receptance.modes_left_out import BetterModel
+from microslip.receptance.truncated_modes import EnrichedModel
 
 HERE = MPI.COMM_SELF
 SEEN = 1e-6  # error over the peak
@@ -37,7 +37,7 @@ def judged(system: dict[str, Any], level: float, H: int, reference: int) -> list
     model, law = reduced(system, HERE, H)
     low, high = system["omega"]
     omegas = np.linspace(low, high, 10)[1:-1].tolist()
-    estimator = ErrorEstimator(BetterModel(model, None, is_solved=True))
+    estimator = ErrorEstimator(EnrichedModel.of_all_modes(model))
     task = task_at(forced(model, law, SAMPLES, level), AllPairs(), omegas, 1e-9, estimator)
     points = solved_at(task, omegas).points
     finer, _ = reduced(system, HERE, reference)

@@ -73,5 +73,5 @@ def prepare(path: str, comm, points: int | None = None) -> Prepared:
         with log.stage("reduction"):
             response = ready(structure, has_bars=False).response
         with log.stage("static columns of all pairs"):
-            response.model.G_static.require(np.arange(response.model.n_pairs))
+            response.model.receptance_of(1).static.G_static.require(np.arange(response.model.n_pairs))
     return Prepared(scene, structure, response, log.stages)

@@ -120,7 +120,7 @@ def of_scene(comm: MPI.Comm, scene: str, level: float, points: int) -> dict:
         with log.stage("reduction"):
             response = prepare(structure, has_bars=False).response
         with log.stage("static columns of all pairs"):
-            response.model.G_static.require(np.arange(response.model.n_pairs))
+            response.model.receptance_of(1).static.G_static.require(np.arange(response.model.n_pairs))
         task = BranchTask(
             response.at_level(level), AllPairs(), response.sweep, arc_length_steps(response.settings, response.curve), 1e-8
         )

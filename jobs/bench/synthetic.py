@@ -22,10 +22,13 @@ from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.parallel.ownership import split_evenly
 from microslip.receptance.damping import Damping
-from microslip.receptance.family import ModalFamily
+from microslip.receptance.modes import DampedModes
 from microslip.receptance.motions import linear_motion
+from microslip.receptance.per_group import PerGroup
+from microslip.receptance.receptance import Receptance
 from microslip.receptance.reduced_model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
+from microslip.receptance.static_response import StaticResponse
 
 K_T = 2e7  # N/m, of each pair and direction
 OMEGA = 600.0  # rad/s, the middle of the frequencies to solve at
@@ -56,20 +59,23 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
 
     b = np.zeros((n_modes, 1))
     b[0] = 1.0
-    du_static = (R_phi / omega_n**2) @ b
     harmonics = Harmonics.up_to(H)
     f = np.zeros((1, harmonics.n_coefficients))
     f[0, 1] = 1.0
     o = rng.standard_normal((1, n_modes))
-    return ReducedModel(
-        comm=comm,
-        pair_ranges=ranges,
-        families=(ModalFamily(omega_n, Damping(2e-2 * omega_n), R_phi, b, o),),
+    static = StaticResponse(
         G_static=StaticColumns(n_pairs, len(own) // 3, columns),
-        du_static=du_static,
+        du_static=(R_phi / omega_n**2) @ b,
         out_static=(o / omega_n**2) @ b,
         out_R=(o / omega_n**2) @ R_phi.T,
         load_static=(b.T / omega_n**2) @ b,
+        outputs_static=(o**2 / omega_n**2).sum(axis=1),
+    )
+    return ReducedModel(
+        comm=comm,
+        n_pairs=n_pairs,
+        n_outputs=len(o),
+        receptances=PerGroup.single(Receptance(DampedModes(omega_n, Damping(2e-2 * omega_n), R_phi, b, o), static)),
         f=f,
         harmonics=harmonics,
     )

@@ -104,7 +104,7 @@ def test_a_damping_matrix_may_couple_the_modes(shared_path, name, size):
     plain = scenes.SCENES[name]()
     system = with_damping(plain, scattered(len(plain["M"]), size))
     structure, model = reduced(shared_path, system)
-    assert model.one_family.damping.couples_modes
+    assert model.receptance_of(1).modes.damping.couples_modes
     assert_receptance(system, model, OMEGA[name])
     structure.linearised.destroy()
 
@@ -113,7 +113,7 @@ def test_a_proportional_damping_matrix_stays_diagonal(shared_path):
     plain = scenes.chain()
     system = with_damping(plain, 3.0 * plain["M"] + 1e-5 * scenes.stuck_stiffness(plain))
     structure, model = reduced(shared_path, system)
-    damping = model.one_family.damping
+    damping = model.receptance_of(1).modes.damping
     assert not damping.couples_modes
     np.testing.assert_allclose(damping.diagonal, 3.0 + 1e-5 * model.omega_n**2, rtol=1e-10)
     assert_receptance(system, model, OMEGA["chain"])

@@ -20,11 +20,11 @@ COMM = MPI.COMM_SELF
 
 def test_synthetic_joint_is_passive_and_its_compliance_decays_with_distance():
     model = joint_model(COMM, 49, 2)
-    G = model.G_static.transposed(np.arange(49)).T
+    G = model.receptance_of(1).static.G_static.transposed(np.arange(49)).T
     assert pytest.approx(G.T, abs=1e-12 * G.max()) == G
     squares = np.linalg.eigvalsh(K_T * G)
     assert 0.0 < squares[0] and squares[-1] < 1.0
-    residual = G - (model.one_family.R_phi / model.omega_n**2) @ model.one_family.R_phi.T
+    residual = G - (model.receptance_of(1).modes.R_phi / model.omega_n**2) @ model.receptance_of(1).modes.R_phi.T
     assert np.linalg.eigvalsh(residual)[0] > 0.0
     assert abs(residual[0, 3 * 24]) < 1e-3 * residual[0, 3] < 1e-3 * residual[0, 0]
 

@@ -110,7 +110,7 @@ def two_boxes(n_modes):
     scene = SimpleNamespace(loads=case.loads, damping=ModalDamping(ratio=0.02))
     pairs = pair_contacts(mesh, case.joints)
     linearised = linearise(assemble(distribute(mesh, case, COMM), mesh, pairs, case), pairs)
-    structure = StuckStructure(linearised, pairs, static_response(linearised), lowest_modes(linearised, n_modes))
+    structure = StuckStructure.of(linearised, pairs, static_response(linearised), lowest_modes(linearised, n_modes))
     excitation = Excitation(tuple((load.harmonic, load.phase) for load in case.loads))
     return structure, scene, ReducedModel.of(reduce_structure(structure, scene.damping), excitation)
 

@@ -12,7 +12,7 @@ from microslip.harmonic.gmres import Gmres
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.preconditioner import HarmonicPreconditioner
 from microslip.points.selection import AllPairs
-from microslip.receptance.clusters import felt, halved
+from microslip.receptance.subdomains import felt, halved
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM, N_PAIRS, H = MPI.COMM_WORLD, 150, 2

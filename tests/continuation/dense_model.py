@@ -14,10 +14,13 @@ from microslip.parallel.ownership import split_evenly
 from microslip.points.selection import AllPairs
 from microslip.points.sweep import Sweep
 from microslip.receptance.damping import Damping
-from microslip.receptance.family import ModalFamily
+from microslip.receptance.modes import DampedModes
 from microslip.receptance.motions import linear_motion
+from microslip.receptance.per_group import PerGroup
+from microslip.receptance.receptance import Receptance
 from microslip.receptance.reduced_model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
+from microslip.receptance.static_response import StaticResponse
 
 
 def reduced(system, comm, H, n_modes=None):
@@ -45,15 +48,19 @@ def reduced(system, comm, H, n_modes=None):
     for row, load in zip(coefficients, system["loads"]):
         cos_and_sin = np.array([np.cos(load["phase"]), -np.sin(load["phase"])])
         row[harmonics.columns(load["harmonic"])] = cos_and_sin[: 1 if load["harmonic"] == 0 else 2]
-    model = ReducedModel(
-        comm=comm,
-        pair_ranges=ranges,
-        families=(ModalFamily(omega_n, Damping(C), R @ phi, phi.T @ f, o @ phi),),
+    static = StaticResponse(
         G_static=StaticColumns(len(R) // 3, ranges[comm.rank + 1] - ranges[comm.rank], columns),
         du_static=R @ flexibility @ f,
         out_static=o @ flexibility @ f,
         out_R=o @ flexibility @ R.T,
         load_static=f.T @ flexibility @ f,
+        outputs_static=np.einsum("ij,jk,ik->i", o, flexibility, o),
+    )
+    model = ReducedModel(
+        comm=comm,
+        n_pairs=len(R) // 3,
+        n_outputs=len(o),
+        receptances=PerGroup.single(Receptance(DampedModes(omega_n, Damping(C), R @ phi, phi.T @ f, o @ phi), static)),
         f=coefficients,
         harmonics=harmonics,
     )

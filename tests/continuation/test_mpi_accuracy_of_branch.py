@@ -30,7 +30,7 @@ from microslip.fourier.harmonics import Harmonics
 from microslip.points.error_parts import PARTS, total
 from microslip.points.selection import AllPairs
 from microslip.points.sweep import Sweep
-from microslip.receptance.modes_left_out import BetterModel
+from microslip.receptance.truncated_modes import EnrichedModel
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -42,7 +42,7 @@ def problem_of(name, level, H=3, n_samples=128):
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
     model, parameters = reduced(system, COMM, H)
-    return forced(model, parameters, n_samples, level), ErrorEstimator(BetterModel(model, None, is_solved=True))
+    return forced(model, parameters, n_samples, level), ErrorEstimator(EnrichedModel.of_all_modes(model))
 
 
 def amplitudes(points):

@@ -19,7 +19,7 @@ from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic import adjoint_solver, newton_solver
 from microslip.points.selection import AllPairs, NonStickingPairs
 from microslip.points.sweep import Sweep
-from microslip.receptance.modes_left_out import BetterModel
+from microslip.receptance.truncated_modes import EnrichedModel
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM = MPI.COMM_WORLD
@@ -31,7 +31,7 @@ def chain_task(selection=None, with_accuracy=False, level=100.0):
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
     model, law = reduced(system, COMM, 3)
-    estimator = ErrorEstimator(BetterModel(model, None, is_solved=True))
+    estimator = ErrorEstimator(EnrichedModel.of_all_modes(model))
     accuracy = Accuracy(1e-2, Resolution(Harmonics.up_to(1), 16, 1e-4)) if with_accuracy else None
     steps = steps_for(1e-2) if with_accuracy else STEPS
     sweep, selection = Sweep(520.0, 640.0, (540.0,)), selection or AllPairs()

@@ -96,7 +96,7 @@ def test_a_scaled_level_is_the_solved_one(name, selection, down):
         if COMM.rank == 0:
             assert np.abs(mine.U - solved.U).max() <= 1e-10 * np.abs(solved.U).max()
             assert not mine.p.any()
-    assert not model.G_static.known.any()
+    assert not model.receptance_of(1).static.G_static.known.any()
 
 
 @pytest.mark.ranks(1, 2, 3)

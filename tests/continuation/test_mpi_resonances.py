@@ -82,7 +82,7 @@ def test_no_peak_of_a_stuck_structure_is_lost(points):
 
 def test_a_mode_that_hardly_moves_the_pairs_is_seen():
     """The motion as a whole does not turn there: the load is as good as none of mode 2, but for its peak."""
-    phi = reduced(chain(), COMM, 1)[0].one_family.R_phi  # of shape alone
+    phi = reduced(chain(), COMM, 1)[0].receptance_of(1).modes.R_phi  # of shape alone
     assert phi.shape == (3, 3)
     omega_n, shapes = np.linalg.eigh(scenes.stuck_stiffness(chain()))
     system = chain(shapes @ [1.0, 0.02, 1.0])

@@ -16,8 +16,8 @@ from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.operating_point import OperatingPoint
 from microslip.points.error_parts import PARTS, SAFETY, total
 from microslip.points.selection import AllPairs, NonStickingPairs
-from microslip.receptance.modes_left_out import BetterModel
 from microslip.receptance.motions import output_motion
+from microslip.receptance.truncated_modes import EnrichedModel
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -34,7 +34,7 @@ def scene(name):
 def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM, omegas=OMEGAS, name="chain"):
     """Return the points of a level at some frequencies, with error bars."""
     model, parameters = reduced(scene(name), comm, H)
-    estimator = ErrorEstimator(BetterModel(model, None, is_solved=True))
+    estimator = ErrorEstimator(EnrichedModel.of_all_modes(model))
     task = task_at(forced(model, parameters, n_samples, level), selection or AllPairs(), omegas, tolerance, estimator)
     found = solved_at(task, omegas)
     assert found.failure is None
@@ -90,11 +90,7 @@ def test_the_solver_s_part_is_the_distance_to_the_solution():
         return output_motion(model, 100.0, 560.0, p)[0]
 
     off = response(U) - response(exact[model.owned])
-    parts = (
-        ErrorEstimator(BetterModel(model, None, is_solved=True))
-        .at(equation, U, OperatingPoint(560.0, 100.0), everything)
-        .parts[0]
-    )
+    parts = ErrorEstimator(EnrichedModel.of_all_modes(model)).at(equation, U, OperatingPoint(560.0, 100.0), everything).parts[0]
     # tau . r is the distance to the solution: that of the response at U, plus that of U by its own Newton step
     assert parts[PARTS.index("solver")] == pytest.approx(np.hypot(off[1], off[2]), rel=0.05)
 
@@ -184,7 +180,7 @@ def test_what_a_correction_leaves_falls_as_the_square_of_what_it_corrects():
 
     def values(size):
         """Return the amplitude under a motion that is off by this share, without and with its correction."""
-        U, estimator = (exact + size * away)[model.owned], ErrorEstimator(BetterModel(model, None, is_solved=True))
+        U, estimator = (exact + size * away)[model.owned], ErrorEstimator(EnrichedModel.of_all_modes(model))
         p = equation.full_force(equation.contact_forces(U, everything, tangents=False))
         none = np.zeros_like(p)
         estimator.changes = lambda *_: Changes(none, none, none, equation, np.zeros_like(U), p)

@@ -20,6 +20,7 @@ from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.newton_solver import NewtonSolver
 from microslip.harmonic.operating_point import OperatingPoint
 from microslip.receptance.damping import Damping
+from microslip.receptance.per_group import PerGroup
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM = MPI.COMM_WORLD  # the two-pair system leaves a third rank without pairs
@@ -32,9 +33,10 @@ def chain(H=3, full_damping=False):
         load.setdefault("phase", 0.0)
     model, law = reduced(system, COMM, H)
     if full_damping:
-        family = model.one_family
-        coupled = Damping(np.diag(family.damping.diagonal) + 3.0)
-        model = replace(model, families=(replace(family, damping=coupled),))
+        receptance = model.receptance_of(1)
+        coupled = Damping(np.diag(receptance.modes.damping.diagonal) + 3.0)
+        coupled_modes = replace(receptance.modes, damping=coupled)
+        model = replace(model, receptances=PerGroup.single(replace(receptance, modes=coupled_modes)))
     return HarmonicBalance.of_all(model, law, 128)
 
 

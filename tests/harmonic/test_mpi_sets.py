@@ -100,7 +100,10 @@ def full_of(U, full):
 def test_points_record_the_harmonics_that_the_model_ever_had():
     model, parameters = reduced(row_of_masses(), COMM, Harmonics.up_to(4))
     odd = model.with_harmonics(Harmonics((1, 3)))
-    assert odd.recorded == model.recorded == Harmonics.up_to(4) and odd.G_static is model.G_static
+    assert (
+        odd.recorded == model.recorded == Harmonics.up_to(4)
+        and odd.receptance_of(1).static.G_static is model.receptance_of(1).static.G_static
+    )
     assert odd.with_harmonics(model.harmonics).f.tolist() == model.f.tolist()
     assert odd.with_harmonics(Harmonics.odd_up_to(7)).recorded == Harmonics.up_to(7)
     found = at_frequencies(forced(odd, parameters, 64, 1.0), AllPairs(), [1.5, 1.6], tolerance=1e-10)
@@ -265,10 +268,10 @@ def test_scenes_that_odd_harmonics_solve(system, n_samples, expected):
 def test_symmetry_sees_static_coupling_that_no_mode_shows():
     equation = equation_of(row_of_masses())
     model = equation.model
-    columns = model.G_static.transposed(np.arange(model.n_pairs))
+    columns = model.receptance_of(1).static.G_static.transposed(np.arange(model.n_pairs))
     if COMM.rank == 0:
         columns[3, 2] = 1e-20  # a force in x of the second pair moves the first in z
-    model.G_static.put(np.arange(model.n_pairs), columns.T)
+    model.receptance_of(1).static.G_static.put(np.arange(model.n_pairs), columns.T)
     assert symmetric(equation) is False
 
 

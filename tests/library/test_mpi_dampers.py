@@ -86,10 +86,10 @@ def test_fewer_modes_keep_what_dampers_add_to_them(comm, shared_path):
     scene = damped(comm, shared_path)
     with microslip.build(scene, comm) as structure:
         model = reduced_model(structure)
-        C = model.one_family.damping.C
+        C = model.receptance_of(1).modes.damping.C
         damping = reduction_settings(scene).damping
         assert C.shape == (N_DOF, N_DOF) and not damping.is_alone
-        np.testing.assert_array_equal(with_first(model, 10, damping).one_family.damping.C, C[:10, :10])
+        np.testing.assert_array_equal(with_first(model, 10, damping).receptance_of(1).modes.damping.C, C[:10, :10])
 
 
 def test_a_spring_or_a_damper_is_stated(comm, shared_path):

@@ -18,7 +18,7 @@ from microslip.messages.errors import CaseError, ResourceError
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.rank_groups import Counter, Reports, dealt, refuse_too_many, split
-from microslip.receptance.on_group import on_group
+from microslip.receptance.on_ranks import on_ranks
 from microslip.results.read import read_results
 from microslip.results.table import ResponseTable
 from microslip.scene.read import read_scene
@@ -113,16 +113,16 @@ def test_a_group_that_has_finished_still_hears_of_a_failure(comm):
 
 
 def test_each_group_holds_the_whole_model(comm, shared_path, monkeypatch):
-    monkeypatch.setattr("microslip.receptance.on_group._BATCH", 2)
+    monkeypatch.setattr("microslip.receptance.on_ranks._BATCH", 2)
     path = on_root(comm, lambda: write_matrix_scene(shared_path, scenes.chain(), [0.4], (1.0, 1.6)))
     scene = read_scene(path)
     structure = build(scene, comm, RunLog(comm, screen=False))
     model = prepare(structure).model
     parts = split(comm, min(2, comm.size))
-    own, everything = on_group(model, parts.comm), np.arange(model.n_pairs)
-    whole = np.concatenate(comm.allgather(model.G_static.transposed(everything)), axis=1)
-    there = np.concatenate(parts.comm.allgather(own.G_static.transposed(everything)), axis=1)
-    assert own.G_static.known.all() and there.shape == (3 * model.n_pairs, 3 * model.n_pairs)
+    own, everything = on_ranks(model, parts.comm), np.arange(model.n_pairs)
+    whole = np.concatenate(comm.allgather(model.receptance_of(1).static.G_static.transposed(everything)), axis=1)
+    there = np.concatenate(parts.comm.allgather(own.receptance_of(1).static.G_static.transposed(everything)), axis=1)
+    assert own.receptance_of(1).static.G_static.known.all() and there.shape == (3 * model.n_pairs, 3 * model.n_pairs)
     assert np.array_equal(there, whole) or np.abs(there - whole).max() <= 1e-14 * np.abs(whole).max()
     structure.linearised.destroy()
 

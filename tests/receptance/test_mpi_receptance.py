@@ -12,10 +12,13 @@ from microslip.fourier.harmonics import Harmonics
 from microslip.parallel.ownership import split_evenly
 from microslip.receptance.columns import ActiveColumns, ReceptanceColumns
 from microslip.receptance.damping import Damping, DynamicFlexibility
-from microslip.receptance.family import ModalFamily
+from microslip.receptance.modes import DampedModes
 from microslip.receptance.motions import linear_motion, linear_motion_rate, load_motion, modal_motion, output_motion
+from microslip.receptance.per_group import PerGroup
+from microslip.receptance.receptance import Receptance
 from microslip.receptance.reduced_model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
+from microslip.receptance.static_response import StaticResponse
 
 COMM = MPI.COMM_WORLD
 N_PAIRS, N_LOADS, N_OUT, OMEGA = 5, 2, 2, 1.7
@@ -24,20 +27,26 @@ HARMONICS = Harmonics((0, 1, 2, 5))
 ACTIVE = np.array([0, 2, 3])
 
 
-def family(seed, m, full=False, serves=None):
+def modes_of(seed, m, full=False, is_complex=False):
     rng = np.random.default_rng(seed)
     omega_n = np.sort(rng.uniform(1.0, 9.0, m))
-    A = rng.standard_normal((m, m))
-    C = 0.05 * (A @ A.T) if full else 0.1 * omega_n
-    shapes = (rng.standard_normal(shape) for shape in ((3 * N_PAIRS, m), (m, N_LOADS), (N_OUT, m)))
-    return ModalFamily(omega_n, Damping(C), *shapes, **({} if serves is None else {"serves": serves}))
+    A = numbers(rng, is_complex, m, m)
+    C = 0.05 * (A @ A.conj().T) if full else 0.1 * omega_n
+    shapes = (numbers(rng, is_complex, *shape) for shape in ((3 * N_PAIRS, m), (m, N_LOADS), (N_OUT, m)))
+    return DampedModes(omega_n, Damping(C), *shapes)
 
 
-def model_of(*families, harmonics=HARMONICS):
-    rng = np.random.default_rng(0)
+def numbers(rng, is_complex, *shape):
+    real = rng.standard_normal(shape)
+    return real + 1j * rng.standard_normal(shape) if is_complex else real
+
+
+def receptance(modes, seed=0):
+    """Return modes with a random static response, complex where they are; of a seed of its own."""
+    is_complex = np.iscomplexobj(modes.R_phi)
     n = 3 * N_PAIRS + N_OUT + N_LOADS
-    A = rng.standard_normal((n, n))
-    static = A @ A.T / n
+    A = numbers(np.random.default_rng(seed), is_complex, n, n)
+    static = A @ A.conj().T / n
     pairs, outputs, loads = np.split(np.arange(n), [3 * N_PAIRS, 3 * N_PAIRS + N_OUT])
     ranges = split_evenly(N_PAIRS, COMM.size)
     own = slice(3 * ranges[COMM.rank], 3 * ranges[COMM.rank + 1])
@@ -45,46 +54,61 @@ def model_of(*families, harmonics=HARMONICS):
     def columns(of):
         return static[own, (3 * of[:, None] + np.arange(3)).ravel()]
 
-    return ReducedModel(
-        comm=COMM,
-        pair_ranges=ranges,
-        families=families,
-        G_static=StaticColumns(N_PAIRS, ranges[COMM.rank + 1] - ranges[COMM.rank], columns),
+    response = StaticResponse(
+        G_static=StaticColumns(N_PAIRS, ranges[COMM.rank + 1] - ranges[COMM.rank], columns, is_complex=is_complex),
         du_static=static[np.ix_(pairs, loads)],
         out_static=static[np.ix_(outputs, loads)],
         out_R=static[np.ix_(outputs, pairs)],
         load_static=static[np.ix_(loads, loads)],
+        outputs_static=np.diag(static)[outputs].real,
+    )
+    return Receptance(modes, response)
+
+
+def model_of(*receptances, harmonics=HARMONICS):
+    """Return a model of one group of harmonics, or of two: the even and the odd ones."""
+    rng = np.random.default_rng(0)
+    rng.standard_normal((3 * N_PAIRS + N_OUT + N_LOADS,) * 2)
+    per_group = PerGroup(lambda group: receptances[group], lambda n: n % len(receptances), tuple(range(len(receptances))))
+    return ReducedModel(
+        comm=COMM,
+        n_pairs=N_PAIRS,
+        n_outputs=N_OUT,
+        receptances=per_group,
         f=rng.standard_normal((N_LOADS, harmonics.n_coefficients)),
         harmonics=harmonics,
     )
 
 
-def split(full=False, seeds=(1, 2), sizes=(4, 6)):
-    """Two families, of the even and of the odd harmonics."""
-    even, odd = (lambda n: n % 2 == 0), (lambda n: n % 2 == 1)
-    return model_of(family(seeds[0], sizes[0], full, even), family(seeds[1], sizes[1], full, odd))
+def split(full=False, seeds=(1, 2), sizes=(4, 6), statics=(0, 3), is_complex=False):
+    """Two groups, of the even and of the odd harmonics; these may be complex."""
+    even = receptance(modes_of(seeds[0], sizes[0], full), statics[0])
+    return model_of(even, receptance(modes_of(seeds[1], sizes[1], full, is_complex), statics[1]))
 
 
 MODELS = {
-    "modal": lambda: model_of(family(1, 4)),
-    "full": lambda: model_of(family(1, 4, full=True)),
+    "modal": lambda: model_of(receptance(modes_of(1, 4))),
+    "full": lambda: model_of(receptance(modes_of(1, 4, full=True))),
     "two": split,
     "two full": lambda: split(full=True),
+    "two, complex": lambda: split(is_complex=True),
+    "two, complex full": lambda: split(full=True, is_complex=True),
 }
 of_each_model = pytest.mark.parametrize("name", list(MODELS))
 
 
 def dynamic(model, n, x, y, omega=OMEGA):
-    """x c_n y^T by dense algebra, x and y naming a family's participations."""
-    (modes,) = [family for family in model.families if family.serves(n)]
+    """x c_n y^H by dense algebra, x and y naming participations of the modes of harmonic n."""
+    modes = model.receptance_of(n).modes
     C = modes.damping.C if modes.damping.couples_modes else np.diag(modes.damping.C)
     D = np.diag(modes.omega_n**2) - (n * omega) ** 2 * np.eye(len(C)) + 1j * n * omega * C
-    return x(modes) @ (np.linalg.inv(D) - np.diag(modes.omega_n**-2.0)) @ y(modes).T
+    return x(modes) @ (np.linalg.inv(D) - np.diag(modes.omega_n**-2.0)) @ y(modes).conj().T
 
 
 def exact(model, static, x, y, q):
-    """Real coefficients of A_n q_n with A_n = static + x c_n y^T."""
-    q_n, A = to_complex(q), [static + dynamic(model, n, x, y) for n in model.harmonics.chosen]
+    """Real coefficients of A_n q_n with A_n = static + x c_n y^H, ``static`` of a receptance."""
+    q_n = to_complex(q)
+    A = [static(model.receptance_of(n)) + dynamic(model, n, x, y) for n in model.harmonics.chosen]
     return to_real(np.stack([A[i] @ q_n[:, i] for i in range(len(A))], axis=1), q.shape[1])
 
 
@@ -92,12 +116,16 @@ def whole(owned):
     return np.concatenate(COMM.allgather(owned))
 
 
-def static_of(model):
-    return whole(model.G_static.transposed(np.arange(N_PAIRS)).T)
+def of_pairs(receptance):
+    return whole(receptance.static.G_static.transposed(np.arange(N_PAIRS)).T)
 
 
 def pairs_of(modes):
     return modes.R_phi
+
+
+def loads_of(modes):
+    return modes.b.conj().T
 
 
 def random(seed, *shape):
@@ -111,17 +139,17 @@ def test_motions_are_those_of_dense_algebra(name):
     f, still = level * model.f, np.zeros((3 * N_PAIRS, model.N_H))
 
     def moved(static_f, static_p, x, p):
-        return exact(model, static_f, x, lambda m: m.b.T, f) - exact(model, static_p, x, pairs_of, p)
+        return exact(model, static_f, x, loads_of, f) - exact(model, static_p, x, pairs_of, p)
 
-    expected = moved(model.du_static, static_of(model), pairs_of, still)
+    expected = moved(lambda of: of.static.du_static, of_pairs, pairs_of, still)
     np.testing.assert_allclose(whole(linear_motion(model, level, OMEGA)), expected, atol=1e-12)
     np.testing.assert_allclose(linear_motion(model, level, OMEGA, slice(None)), expected, atol=1e-12)
-    outputs = moved(model.out_static, model.out_R, lambda m: m.o, p)
+    outputs = moved(lambda of: of.static.out_static, lambda of: of.static.out_R, lambda m: m.o, p)
     np.testing.assert_allclose(output_motion(model, level, OMEGA, p), outputs, atol=1e-12)
-    loads = moved(model.load_static, model.du_static.T, lambda m: m.b.T, p)
+    loads = moved(lambda of: of.static.load_static, lambda of: of.static.du_static.conj().T, loads_of, p)
     np.testing.assert_allclose(load_motion(model, level, OMEGA, p), loads, atol=1e-12)
     for n in model.harmonics.chosen:
-        A = model.out_R + dynamic(model, n, lambda m: m.o, pairs_of)
+        A = model.receptance_of(n).static.out_R + dynamic(model, n, lambda m: m.o, pairs_of)
         np.testing.assert_allclose(model.output_receptance(OMEGA, n), A, atol=1e-12)
 
 
@@ -129,9 +157,10 @@ def test_motions_are_those_of_dense_algebra(name):
 def test_modal_motion_solves_the_modal_equations(name):
     model = MODELS[name]()
     p = random(4, 3 * N_PAIRS, model.N_H)
-    for share, eta in zip(model.shares, modal_motion(model, 2.0, OMEGA, p), strict=True):
-        modes, n_omega = share.family, OMEGA * share.harmonics.numbers
-        q = to_complex((modes.b @ (2.0 * model.f) - modes.R_phi.T @ p)[:, share.columns])
+    for group, eta in zip(model.groups, modal_motion(model, 2.0, OMEGA, p), strict=True):
+        modes, n_omega = group.receptance.modes, OMEGA * group.harmonics.numbers
+        f_n, p_n = (to_complex(x[:, group.columns]) for x in (2.0 * model.f, p))
+        q = modes.b @ f_n - modes.R_phi.conj().T @ p_n
         left = modes.omega_n[:, None] ** 2 * eta - n_omega**2 * eta + 1j * n_omega * modes.damping.apply(eta)
         np.testing.assert_allclose(left, q, atol=1e-11)
 
@@ -144,12 +173,12 @@ def test_products_blocks_and_matrix_are_one_receptance(name, active):
     p = random(5, len(rows), model.N_H)
     p_all = np.zeros((3 * N_PAIRS, model.N_H))
     p_all[rows] = p
-    expected = exact(model, static_of(model), pairs_of, pairs_of, p_all)
+    expected = exact(model, of_pairs, pairs_of, pairs_of, p_all)
     product = whole(G.apply(p)).reshape(expected.shape)
     np.testing.assert_allclose(product, expected, atol=1e-12)
     np.testing.assert_allclose((G.matrix() @ p.ravel()).reshape(p.shape), expected[rows], atol=1e-12)
     for n, block in zip(model.harmonics.chosen, G.blocks(), strict=True):
-        dense = (static_of(model) + dynamic(model, n, pairs_of, pairs_of))[np.ix_(rows, rows)]
+        dense = (of_pairs(model.receptance_of(n)) + dynamic(model, n, pairs_of, pairs_of))[np.ix_(rows, rows)]
         np.testing.assert_allclose(block, dense, atol=1e-12)
     if len(active) > 0:
         chosen = np.arange(len(active))[::2]
@@ -169,19 +198,25 @@ def test_products_blocks_and_matrix_are_one_receptance(name, active):
 
 @pytest.mark.parametrize("unit_of_time", [1e-25, 1e25])
 @pytest.mark.parametrize("full", [False, True], ids=["modal", "full"])
-def test_single_precision_does_not_care_for_the_unit_of_time(full, unit_of_time):
-    modes, p = family(1, 4, full), random(5, 3 * len(ACTIVE), HARMONICS.n_coefficients)
+@pytest.mark.parametrize("is_complex", [False, True], ids=["real", "complex"])
+def test_single_precision_does_not_care_for_the_unit_of_time(is_complex, full, unit_of_time):
+    harmonics = Harmonics((1, 2, 5)) if is_complex else HARMONICS
+
+    def of(modes):
+        return model_of(receptance(modes), harmonics=harmonics)
+
+    modes, p = modes_of(1, 4, full, is_complex), random(5, 3 * len(ACTIVE), harmonics.n_coefficients)
     damping = Damping(modes.damping.C / unit_of_time)
     omega_n, R_phi = modes.omega_n / unit_of_time, modes.R_phi / unit_of_time
     rows = (3 * ACTIVE[:, None] + np.arange(3)).ravel()
     here, there = (
-        ActiveColumns(ReceptanceColumns(model_of(modes), omega, ACTIVE), np.float32)
+        ActiveColumns(ReceptanceColumns(of(modes), omega, ACTIVE), np.float32)
         for modes, omega in [
             (modes, OMEGA),
             (replace(modes, omega_n=omega_n, damping=damping, R_phi=R_phi), OMEGA / unit_of_time),
         ]
     )
-    expected = whole(ReceptanceColumns(model_of(modes), OMEGA, ACTIVE).apply(p)).reshape(-1, HARMONICS.n_coefficients)[rows]
+    expected = whole(ReceptanceColumns(of(modes), OMEGA, ACTIVE).apply(p)).reshape(-1, harmonics.n_coefficients)[rows]
     for columns in (here, there):
         np.testing.assert_allclose(whole(columns.apply(p * columns.unit)), expected, atol=2e-5 * np.abs(expected).max())
 
@@ -226,7 +261,7 @@ def test_rates_leave_a_remainder_of_second_order(name, d_omega, d_sigma):
 
 
 def test_modal_damping_is_full_damping_with_a_diagonal_matrix():
-    modes, n = family(1, 4), HARMONICS.numbers
+    modes, n = modes_of(1, 4), HARMONICS.numbers
     full = replace(modes, damping=Damping(np.diag(modes.damping.C)))
     assert (modes.damping.couples_modes, full.damping.couples_modes) == (False, True)
     np.testing.assert_array_equal(modes.zeta, full.zeta)
@@ -254,9 +289,9 @@ def test_modal_damping_is_full_damping_with_a_diagonal_matrix():
 
 
 @pytest.mark.parametrize("full", [False, True])
-def test_two_families_with_the_same_modes_are_one(full):
-    one, two = model_of(family(1, 4, full)), split(full, seeds=(1, 1), sizes=(4, 4))
-    assert (len(one.shares), len(two.shares)) == (1, 2)
+def test_two_groups_with_the_same_receptance_are_one(full):
+    one, two = model_of(receptance(modes_of(1, 4, full))), split(full, seeds=(1, 1), sizes=(4, 4), statics=(0, 0))
+    assert (len(one.groups), len(two.groups)) == (1, 2)
     p = random(10, 3 * N_PAIRS, one.N_H)
     for act in (
         lambda model: linear_motion(model, 2.0, OMEGA),
@@ -269,26 +304,30 @@ def test_two_families_with_the_same_modes_are_one(full):
         np.testing.assert_allclose(act(two), act(one), atol=1e-13)
 
 
-def test_families_go_along_to_other_harmonics_and_a_harmonic_has_exactly_one():
-    model = split()
+def test_groups_of_other_harmonics_are_made_when_they_are_needed():
+    made = []
+
+    def make(group):
+        made.append(group)
+        return receptance(modes_of(group, 4), group)
+
+    model = replace(split(), receptances=PerGroup(make, lambda n: n % 3, (0, 1, 2)))
     model = replace(model, f=model.f * [0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    wider = model.with_harmonics(Harmonics((1, 3, 4)))
-    assert [share.harmonics.chosen for share in wider.shares] == [(4,), (1, 3)]
-    assert [list(share.columns) for share in wider.shares] == [[4, 5], [0, 1, 2, 3]]
-    odd = model.with_harmonics(Harmonics((1, 3)))
-    assert [share.family for share in odd.shares] == [model.families[1]] and odd.shares[0].columns == slice(None)
-    with pytest.raises(ValueError):
-        _ = model.one_family
-    for families in (model.families[:1], (family(1, 4), family(2, 3))):
-        with pytest.raises(AssertionError, match="one family a harmonic"):
-            _ = replace(model, families=families).shares
+    only = model.with_harmonics(Harmonics((1, 4)))
+    assert made == [] and [group.harmonics.chosen for group in only.groups] == [(1, 4)] and only.groups[0].columns == slice(None)
+    wider = model.with_harmonics(Harmonics((1, 3, 4, 5)))
+    assert [group.harmonics.chosen for group in wider.groups] == [(1, 4), (3,), (5,)] and made == [1, 0, 2]
+    assert [list(group.columns) for group in wider.groups] == [[0, 1, 4, 5], [2, 3], [6, 7]]
+    assert wider.groups[0].receptance is only.groups[0].receptance is model.receptance_of(10)
+    damped = wider.with_damping(0.3)
+    assert damped.receptance_of(3).static is wider.receptance_of(3).static and made == [1, 0, 2]
 
 
-def test_one_family_serves_all_columns_without_a_copy():
+def test_one_group_has_all_columns_without_a_copy():
     model = MODELS["modal"]()
-    (share,) = model.shares
+    (group,) = model.groups
     term = random(1, 3, model.N_H)
-    assert model.joined([term]) is term and np.shares_memory(term[:, share.columns], term)
+    assert model.joined([term]) is term and np.shares_memory(term[:, group.columns], term)
     assert model.flexibilities(OMEGA) is model.flexibilities(OMEGA)
     with pytest.raises(ValueError, match="read-only"):
         model.flexibilities(OMEGA)[0].c[0] = 0.0

@@ -16,7 +16,7 @@ from microslip.modes.limits import most_modes, refuse_too_many
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.receptance.damping import Damping
-from microslip.receptance.family import ModalFamily
+from microslip.receptance.modes import DampedModes
 from microslip.reduction import choose_modes
 from microslip.reduction.stuck import StuckStructure, static_response
 from microslip.reduction.truncation import gains, left_out, residual_norms
@@ -76,12 +76,12 @@ def all_modes(path):
     _, rest = from_matrices(scene, comm, RunLog(comm, screen=False))
     system, pairs = rest.system, rest.pairs
     linearised = linearise(system, pairs)
-    return scene, StuckStructure(linearised, pairs, static_response(linearised), lowest_modes(linearised, system.n_dof))
+    return scene, StuckStructure.of(linearised, pairs, static_response(linearised), lowest_modes(linearised, system.n_dof))
 
 
 def test_gains_cover_every_mode_left_out():
     omega_n, zeta = np.array([10.0, 12.0, 30.0, 31.0, 80.0]), np.array([0.01, 0.2, 0.01, 0.3, 0.05])
-    family = ModalFamily(omega_n, Damping(2.0 * zeta * omega_n), *np.zeros((3, 0, 0)))
+    family = DampedModes(omega_n, Damping(2.0 * zeta * omega_n), *np.zeros((3, 0, 0)))
     for omega in np.linspace(0.1, 60.0, 400):
         c = np.abs(family.flexibility(Harmonics((1,)), omega).c[:, 0]) * omega_n**2
         exact = np.array([c[m:].max() for m in range(1, 5)])

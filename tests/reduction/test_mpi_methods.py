@@ -157,9 +157,8 @@ def test_unknowns_are_those_of_the_reduced_equations_not_of_what_is_left_after_c
     scene, structure = whole
     for method, n in {"full": N_DOF, "rubin": N_DOF + 6 * N_PAIRS + 1, "rubin, condensed": N_DOF + 3 * N_PAIRS + 1}.items():
         reduction = reduced(scene, structure, method, **BASES.get(method, {}))
-        assert (
-            reduction.selection.unknowns(np.ones(N_PAIRS, bool), np.ones(N_PAIRS, bool), reduction.structure.n_modes, 7) == 7 * n
-        )
+        n_modes, every_pair = model_of(scene, reduction).n_modes, np.ones(N_PAIRS, bool)
+        assert reduction.selection.unknowns(every_pair, every_pair, n_modes, 7) == 7 * n
         solver = by(scene, method, **BASES.get(method, {})).solver
         assert METHODS[method.split(",")[0]].FACTS.coordinates(solver, Counts(N_DOF, N_DOF, N_PAIRS, 1)) == n
 
@@ -179,15 +178,15 @@ def test_full_by_its_krylov_space_is_the_inverse_of_the_dynamic_stiffness(comm, 
     else:
         C = 30.0 * M + 1e-7 * K_L
     system, model = structure.linearised.system, model_of(scene, reduced(scene, structure, "full"))
-    assert len(structure.modes.omega_n) + 56 < model.n_modes < system.n_dof == 324
+    assert len(structure.modes.omega_n) + 56 < len(model.receptance_of(1).modes.omega_n) < system.n_dof == 324
     R, F, O = system.R.toarray(), system.loads.toarray(), system.outputs.toarray()
     for omega in structure.modes.omega_n[0] * np.array([0.7, 0.95, 1.1]):
         for n in range(2):
             exact = np.linalg.inv(K_L + 1j * n * omega * C - (n * omega) ** 2 * M)
-            modes, (c,) = model.one_family, model.flexibilities(omega)
+            modes, (c,) = model.receptance_of(1).modes, model.flexibilities(omega)
             G = modes.R_phi @ c.whole(modes.R_phi.T, n)
             assert np.abs(G - R @ exact @ R.T).max() < bound * np.abs(G).max()
-            out = model.out_static + c.between(modes.o, n, modes.b.T)
+            out = model.receptance_of(1).static.out_static + c.between(modes.o, n, modes.b.T)
             assert np.abs(out - O @ exact @ F).max() < bound * np.abs(out).max()
     structure.linearised.destroy()
 
@@ -199,8 +198,7 @@ def test_full_expands_to_the_same_field_as_receptance(whole, reference):
     p = model.comm.bcast(points[4].p).reshape(-1, model.N_H)
     (u,) = of_full.displacements(model_of(scene, of_full), [ActingForces(30.0, omegas[4], p)])
     assert u == pytest.approx(
-        displacements(structure.linearised, structure.modes, model, [ActingForces(30.0, omegas[4], p)])[0],
-        abs=1e-9 * np.abs(u).max(initial=1e-9),
+        displacements(structure, model, [ActingForces(30.0, omegas[4], p)])[0], abs=1e-9 * np.abs(u).max(initial=1e-9)
     )
 
 
@@ -227,9 +225,10 @@ def test_frequencies_converge_from_above(comm, shared_path, method):
     errors = []
     for n_modes in (6, 15, 30):
         modes = type(structure.modes)(structure.modes.omega_n[0] * np.ones(n_modes), structure.modes.phi_owned)
-        model = reduce_by_method(replace(structure, modes=modes), reduction_settings(by(scene, method))).structure
-        assert (model.omega_n[:6] > exact * (1.0 - 1e-10)).all()
-        errors.append(np.max(model.omega_n[:6] / exact - 1.0))
+        model = reduce_by_method(structure.with_modes(modes), reduction_settings(by(scene, method))).structure
+        omega_n = model.receptance_of(1).modes.omega_n
+        assert (omega_n[:6] > exact * (1.0 - 1e-10)).all()
+        errors.append(np.max(omega_n[:6] / exact - 1.0))
     assert errors[0] > 2.0 * errors[1] > 2.0 * errors[2] > 0.0
     structure.linearised.destroy()
 
@@ -273,9 +272,11 @@ def test_few_shapes_of_the_joint_make_a_small_model_that_more_shapes_improve(who
         errors = []
         for n in (5, 20, 45):
             settings = reduction_settings(by(scene, method, interface_modes=n))
-            model = model_of(scene, reduce_by_method(replace(structure, modes=few), settings))
+            model = model_of(scene, reduce_by_method(structure.with_modes(few), settings))
             assert model.n_modes == 8 + 1 + n
-            trace, exact_trace = (np.sum(m.one_family.R_phi**2 / m.omega_n**2) for m in (model, best))  # of G_static
+            trace, exact_trace = (
+                np.sum(m.receptance_of(1).modes.R_phi ** 2 / m.omega_n**2) for m in (model, best)
+            )  # of G_static
             errors.append(1.0 - trace / exact_trace)
             motion = linear_motion(model, 1.0, omegas[0], slice(None))
             assert np.abs(motion - exact).max() < 1e-3 * np.abs(exact).max()

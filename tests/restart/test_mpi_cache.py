@@ -160,19 +160,20 @@ def assert_same_set_up(one, other):
     assert_close(one.pairs.mu, other.pairs.mu, 0.0)
     assert_close(one.pairs.N0, other.pairs.N0, 0.0)
     assert type(one.reduction.selection) is type(other.reduction.selection)
-    for name in ("du_static", "out_static", "out_R", "load_static", "f"):
-        assert_close(getattr(one.model, name), getattr(other.model, name))
+    assert_close(one.model.f, other.model.f)
+    for name in ("du_static", "out_static", "out_R", "load_static"):
+        assert_close(*(getattr(each.model.receptance_of(1).static, name) for each in (one, other)))
     for name in ("omega_n", "R_phi", "b", "o"):
-        assert_close(getattr(one.model.one_family, name), getattr(other.model.one_family, name), 1e-7)
-    assert_close(one.model.one_family.damping.C, other.model.one_family.damping.C)
-    assert not one.model.G_static.known.any()  # or other points would be found
-    mine, theirs = (each.response.better.left_out for each in (one, other))
+        assert_close(getattr(one.model.receptance_of(1).modes, name), getattr(other.model.receptance_of(1).modes, name), 1e-7)
+    assert_close(one.model.receptance_of(1).modes.damping.C, other.model.receptance_of(1).modes.damping.C)
+    assert not one.model.receptance_of(1).static.G_static.known.any()  # or other points would be found
+    mine, theirs = (each.response.better.truncated.of(1) for each in (one, other))
     assert np.isclose(mine.omega, theirs.omega, rtol=1e-7) and mine.highest == pytest.approx(theirs.highest, rel=1e-9)
     assert astuple(mine.damping) == pytest.approx(astuple(theirs.damping), rel=1e-9)
     for name in ("of_pairs", "of_outputs", "of_loads", "direct", "own", "residual"):
         assert_close(getattr(mine, name), getattr(theirs, name), 1e-7)
     all_pairs = np.arange(one.pairs.n_pairs)
-    assert_close(one.model.G_static.transposed(all_pairs), other.model.G_static.transposed(all_pairs))
+    assert_close(*(each.model.receptance_of(1).static.G_static.transposed(all_pairs) for each in (one, other)))
 
 
 def assert_close(one, other, rtol=1e-9):
@@ -256,9 +257,9 @@ def test_modes_that_damping_couples_are_used_again_where_their_number_is_stated(
     two, _ = prepared_by(other, shared_path / "alone", None)
     assert built == {"first": 2, "again": 0}
     assert_same_set_up(one, two)
-    assert_close(one.model.one_family.damping.S, two.model.one_family.damping.S)
+    assert_close(one.model.receptance_of(1).modes.damping.S, two.model.receptance_of(1).modes.damping.S)
     for name in ("of_pairs", "of_outputs", "of_loads", "own"):
-        assert_close(*(getattr(each.response.better.left_out.coupling, name) for each in (one, two)))
+        assert_close(*(getattr(each.response.better.truncated.of(1).coupling, name) for each in (one, two)))
     with pytest.raises(Built):  # their number would have to be chosen with the drag of the damping
         prepared_by(scene(), shared_path / "third", shared, build_it)
 
@@ -398,6 +399,6 @@ def test_dampers_are_shared_as_they_were_kept_and_with_other_damping_made_anew(s
     damped, _ = prepared_by(other, shared_path / "third", shared_path / "cache")
     assert built == {"first": 2, "again": 0}
     alone, _ = prepared_by(scene_at(shared_path, *QUICK, friction), shared_path / "alone", None)
-    one, two, own = (each.model.one_family for each in (shared, damped, alone))
+    one, two, own = (each.model.receptance_of(1).modes for each in (shared, damped, alone))
     assert_close(one.damping.C, own.damping.C)
     assert_close(two.damping.C - own.damping.C, np.diag(0.02 * own.omega_n))

@@ -43,7 +43,7 @@ def test_matrices_have_the_linear_response_and_the_frequencies_of_the_reduction(
     scene, structure = bar(comm, shared_path, modes=8)
     prepared = prepare(structure, by(scene, method), has_bars=False)
     reduced, K_J = prepared.model, joint_stiffness(structure.pairs)
-    own = interface_model(reduced.one_family, K_J)
+    own = interface_model(reduced.receptance_of(1).modes, K_J)
     K_L = own.K + own.R.T @ (K_J[:, None] * own.R)
     omega_n = np.sqrt(scipy.linalg.eigh(K_L, own.M, eigvals_only=True))
     assert omega_n[:20] == pytest.approx(reduced.omega_n[:20], rel=1e-8)

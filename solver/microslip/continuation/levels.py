@@ -19,10 +19,10 @@ from ..points.band import frequency_band
 from ..points.branch import Branch, Point
 from ..points.selection import AllPairs, Selection
 from ..points.sweep import Sweep
-from ..receptance.modes_left_out import BetterModel
 from ..receptance.motions import linear_motion, output_motion
-from ..receptance.on_group import on_group
+from ..receptance.on_ranks import on_ranks
 from ..receptance.reduced_model import ReducedModel
+from ..receptance.truncated_modes import EnrichedModel
 from .accuracy import accuracy_of, steps_for
 from .corrector import Correction
 from .follow import follow_branch
@@ -53,17 +53,17 @@ class ResponseProblem:
     selection: Selection
     sweep: Sweep
     curve: LinearCurve  # the response with every pair stuck
-    better: BetterModel | None = None  # what error bars compare with; None: there are none
+    better: EnrichedModel | None = None  # what error bars compare with; None: there are none
 
     @property
     def steps(self) -> ArcLength:
         """The step lengths that the number of points, or what is stated, asks for."""
         return arc_length_steps(self.settings, self.curve)
 
-    def on_group(self, comm: MPI.Comm) -> ResponseProblem:
-        """Return the same for a group of ranks, ``comm``, that goes on without the others.  Collective on all of them."""
-        model = on_group(self.model, comm)
-        return replace(self, model=model, better=self.better and self.better.on_group(model, comm))
+    def on_ranks(self, comm: MPI.Comm) -> ResponseProblem:
+        """Return the same for some of the ranks, ``comm``, which go on without the others.  Collective on all of them."""
+        model = on_ranks(self.model, comm)
+        return replace(self, model=model, better=self.better and self.better.on_ranks(model, comm))
 
     def at_level(self, level: float) -> ForcedResponse:
         """Return what is continued at a level [N].  Local."""
@@ -87,7 +87,7 @@ def response_problem(
     law: Law,
     selection: Selection,
     omega_n: np.ndarray,
-    better: BetterModel | None = None,
+    better: EnrichedModel | None = None,
 ) -> ResponseProblem:
     """Return what all levels share: the range about the modes ``omega_n`` [rad/s], the linear curve in it.  Collective.
 
@@ -99,8 +99,8 @@ def response_problem(
     """
     sweep = frequency_sweep(settings, omega_n)
     curve = linear_curve(model, sweep, law)
-    if model.n_pairs > 0 and not model.G_static.known.all():
-        model.G_static.expect(likely_to_slip(model, law, curve))
+    if model.n_pairs > 0 and not all(columns.known.all() for columns in model.static_columns):
+        model.expect_to_slip(likely_to_slip(model, law, curve))
     return ResponseProblem(settings, model, law, selection, sweep, curve, better)
 
 

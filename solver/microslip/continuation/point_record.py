@@ -110,11 +110,11 @@ def apparent_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> flo
 
 def damping_loss(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
     """Return the viscous loss D of eq. (9.1) and the structural one of eq. (13.3), together [J per cycle].  Local."""
-    of_shares = list(zip(model.shares, modal_motion(model, at.level, at.omega, p)))
-    viscous = [_real_product(share.harmonics.numbers**2, eta, share.family.damping.apply(eta)) for share, eta in of_shares]
-    structural = [
-        _real_product(share.harmonics.numbers, eta, share.family.damping.apply_structural(eta)) for share, eta in of_shares
-    ]
+    viscous, structural = [], []
+    for group, eta in zip(model.groups, modal_motion(model, at.level, at.omega, p)):
+        n, damping = group.harmonics.numbers, group.receptance.modes.damping
+        viscous.append(_real_product(n**2, eta, damping.apply(eta)))
+        structural.append(_real_product(n, eta, damping.apply_structural(eta)))
     return float(np.pi * at.omega * sum(viscous)) + float(np.pi * sum(structural))
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from ..receptance.family import Share
 from ..receptance.motions import modal_motion
+from ..receptance.reduced_model import HarmonicGroup
 from .iterate import Iterate, PointState
 from .point_solver import PointSolver
 from .steps import LinearCurve
@@ -79,15 +79,16 @@ def modes_passed(solver: PointSolver, here: Iterate, there: Iterate) -> float | 
     """
     at, to = (solver.problem.at(iterate.parameters) for iterate in (here, there))
     low, high, model = min(at.omega, to.omega), max(at.omega, to.omega), solver.equation.model
-    passed = [_passed(share, low, high) for share in model.shares]
+    passed = [_passed(group, low, high) for group in model.groups]
     if not any(modes.any() for modes in passed):
         return None
     found = []
-    for share, modes, a, b in zip(model.shares, passed, _modal_motion(solver, here), _modal_motion(solver, there)):
-        background = np.maximum(np.abs(share.family.o @ a), np.abs(share.family.o @ b))  # (n_outputs, n_harmonics)
+    for group, modes, a, b in zip(model.groups, passed, _modal_motion(solver, here), _modal_motion(solver, there)):
+        o = group.receptance.modes.o
+        background = np.maximum(np.abs(o @ a), np.abs(o @ b))  # (n_outputs, n_harmonics)
         highest, where = highest_between(a, b)
         rises = modes & (highest > RISES * np.maximum(np.abs(a), np.abs(b)))
-        seen = np.abs(share.family.o)[:, :, None] * highest > SEEN * background[:, None, :]  # (n_outputs, m, n_harmonics)
+        seen = np.abs(o)[:, :, None] * highest > SEEN * background[:, None, :]  # (n_outputs, m, n_harmonics)
         found += [(highest[k, n], where[k, n]) for k, n in np.argwhere(rises & seen.any(axis=0))]
     return max(found)[1] if found else None
 
@@ -111,17 +112,18 @@ def unresolved_peaks(curve: LinearCurve, omegas: np.ndarray) -> np.ndarray:
     return np.unique(found)
 
 
-def _passed(share: Share, low: float, high: float) -> np.ndarray:
+def _passed(group: HarmonicGroup, low: float, high: float) -> np.ndarray:
     """Return which modes a step between two frequencies passes in which harmonic, longer than their width, (m, n_harmonics)."""
-    n, omega_n = share.harmonics.numbers, share.family.omega_n[:, None]
+    n, modes = group.harmonics.numbers, group.receptance.modes
+    omega_n = modes.omega_n[:, None]
     passed = (n * low < omega_n) & (omega_n < n * high)
     if passed.any():
-        passed &= n * (high - low) > 2.0 * np.maximum(share.family.zeta[:, None], LEAST_DAMPING) * omega_n
+        passed &= n * (high - low) > 2.0 * np.maximum(modes.zeta[:, None], LEAST_DAMPING) * omega_n
     return passed
 
 
 def _modal_motion(solver: PointSolver, there: Iterate) -> list[np.ndarray]:
-    """Return the modal amplitudes of each share of the harmonics at a solution.  Collective."""
+    """Return the modal amplitudes of each group of the harmonics at a solution.  Collective."""
     equation, at, there = solver.equation_at(there), solver.problem.at(there.parameters), there.on(solver.harmonics)
     p = equation.full_force(equation.contact_forces(there.U, equation.every_pair, tangents=False))
     return modal_motion(equation.model_at(at), at.level, at.omega, p)

@@ -22,9 +22,10 @@ from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..parallel.ownership import rows_of
-from ..receptance.modes_left_out import BetterModel
 from ..receptance.motions import output_motion
 from ..receptance.reduced_model import ReducedModel
+from ..receptance.truncated_modes import SAMPLES as SAMPLES_OF_MODES
+from ..receptance.truncated_modes import EnrichedModel, Truncation
 from .correction import Estimate, corrected
 
 FINER = 2  # times the samples of the better problem
@@ -81,8 +82,8 @@ class Felt:
 class ErrorEstimator:
     """Error bars of the points of a branch.  Collective on the communicator of the model."""
 
-    def __init__(self, better: BetterModel):
-        self.better, self.left_out = better, better.left_out
+    def __init__(self, better: EnrichedModel):
+        self.better = better
         self.adjoint_solver, self.forward_solver = AdjointSolver(better.structure.comm), AdjointSolver(better.structure.comm)
         self._models: dict[Harmonics, ReducedModel] = {}  # better ones, by harmonics
 
@@ -123,23 +124,30 @@ class ErrorEstimator:
         used = forces if selected.all() else equation.contact_forces(U, selected, tangents=False)
         p = equation.full_force(used)
         changes = self.changes(exact, U, at, equation.full_force(forces), p)
-        n_samples = 0 if self.left_out is None else self.left_out.of_pairs.shape[1]
+        truncation = self.better.truncation(exact.model)
+        n_samples = 0 if truncation.is_exact else SAMPLES_OF_MODES
         found = Felt.nothing(2 * n_out, n_samples, exact.model.N_H)  # all pairs stick, in the better problems too
         if len(forces.active) > 0 or changes.are_any:
-            found = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes)
+            found = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes, truncation)
         by_harmonics, by_samples, by_pairs, by_solver, by_basis = found.linear
         if not self.better.is_solved:
             by_basis = by_basis + (output_amplitude(exact.model, at, p) - output_amplitude(model, at, p))
         left_out = np.zeros(2 * n_out)
-        if self.left_out is not None:
-            left_out = self.left_out.changes(exact.model, at.level, at.omega, p, found.modes)
+        if not truncation.is_exact:
+            left_out = truncation.changes(at.level, at.omega, p, found.modes)
         lost = 0.0 if found.is_adjoint_found else np.abs(output_amplitude(model, at, p))
         parts = [np.abs(by_basis) + left_out, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
         linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver])
         return corrected(np.stack(parts), linear, found.second, left_out, changes.unsettled)
 
     def through_the_joint(
-        self, equation: HarmonicBalance, linear: Linearisation, U: np.ndarray, used: ContactForces, changes: Changes
+        self,
+        equation: HarmonicBalance,
+        linear: Linearisation,
+        U: np.ndarray,
+        used: ContactForces,
+        changes: Changes,
+        truncation: Truncation,
     ) -> Felt:
         """Return what the outputs feel of all changes, by way of the pairs; ``linear`` is the better model's linearisation.
 
@@ -156,8 +164,8 @@ class ErrorEstimator:
         beyond, is_step_found = self.beyond_linear(linear, U, equation.full_force(used), changes)
         sums.append(-chi @ beyond.ravel())
         modes = np.zeros((len(tau), 0, N_H))
-        if self.left_out is not None:
-            modes = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, N_H))
+        if not truncation.is_exact:
+            modes = truncation.samples_of(tau.reshape(len(tau), -1, N_H))
         totals = equation.comm.bcast(equation.sum(np.concatenate([*sums, modes.ravel()])))
         of_changes, of_modes = np.split(totals, [6 * len(tau)])
         *first, second = of_changes.reshape(6, -1)

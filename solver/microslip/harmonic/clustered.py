@@ -16,7 +16,7 @@ import scipy.linalg
 from scipy.linalg.lapack import zgetrs
 
 from ..parallel.ownership import rows_of
-from ..receptance.clusters import halved
+from ..receptance.subdomains import halved
 from .linearisation import Linearisation
 from .preconditioner import REGULAR, HarmonicPreconditioner, PairsPreconditioner, complex_linear
 

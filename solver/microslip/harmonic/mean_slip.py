@@ -51,7 +51,9 @@ def is_held_by_its_joint_alone(model: ReducedModel, law: Law) -> bool:
     tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
     n_owned = model.owned.stop - model.owned.start
     own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()
-    rows = model.comm.gather(model.G_static.chosen(np.arange(model.n_pairs)).part(tangential).columns(own).T)
+    rows = model.comm.gather(
+        model.receptance_of(0).static.G_static.chosen(np.arange(model.n_pairs)).part(tangential).columns(own).T
+    )
     roots = model.comm.gather(np.sqrt(law.stiffness[:, :2]).ravel())
     return on_root(model.comm, _largest_share, rows, roots) > 1.0 - FREE
 

@@ -40,7 +40,8 @@ def symmetric(equation: HarmonicBalance) -> bool:
 
 def _moving_rows(model: ReducedModel) -> np.ndarray:
     """Return which relative motions modes or loads move, (3 n_pairs,) bool.  Local."""
-    return np.hstack([model.du_static, *(family.R_phi for family in model.families)]).any(axis=1)
+    receptances = [group.receptance for group in model.groups]
+    return np.hstack([each for of in receptances for each in (of.static.du_static, of.modes.R_phi)]).any(axis=1)
 
 
 def _statically_moving_rows(model: ReducedModel) -> np.ndarray:
@@ -49,8 +50,10 @@ def _statically_moving_rows(model: ReducedModel) -> np.ndarray:
     Collective where static columns are not known yet.
     """
     every, moves = np.arange(model.n_pairs), np.zeros(3 * (model.owned.stop - model.owned.start), dtype=bool)
-    model.G_static.require(every)
-    for pairs in np.array_split(every, len(every) // _TOGETHER + 1):
-        columns = model.G_static.transposed(pairs).reshape(len(pairs), 3, len(moves))
-        moves |= (columns[:, :2] != 0.0).any((0, 1))
+    for group in model.groups:
+        G_static = group.receptance.static.G_static
+        G_static.require(every)
+        for pairs in np.array_split(every, len(every) // _TOGETHER + 1):
+            columns = G_static.transposed(pairs).reshape(len(pairs), 3, len(moves))
+            moves |= (columns[:, :2] != 0.0).any((0, 1))
     return moves

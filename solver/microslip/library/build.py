@@ -26,7 +26,7 @@ from ..parallel.agree import on_root
 from ..parallel.petsc import everyone
 from ..reduction.choose_modes import choose_modes
 from ..reduction.methods import check_size, keeps_to_K_L
-from ..reduction.stuck import StuckStructure, static_response
+from ..reduction.stuck import Factored, StuckStructure, static_response
 from ..scene.schema import Scene
 from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
@@ -50,7 +50,7 @@ class Known:
     factor: KnownFactor | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Structure(StuckStructure):
     """The stuck structure of a scene."""
 
@@ -59,10 +59,6 @@ class Structure(StuckStructure):
     bolts: BoltsAtRest | None = None
     balance: Balance | None = None  # of forces at rest, with [statics]
     unloaded: Unloaded | None = None  # with [statics]: before its loads act
-
-    @property
-    def comm(self) -> MPI.Comm:
-        return self.linearised.system.comm
 
     def close(self) -> None:
         """Free the factors and the matrices.  Collective."""
@@ -144,7 +140,8 @@ def stuck_structure(
         modes, why = (known.modes(linearised), "") if known else choose_modes(linearised, pairs, statics, settings)
     for note in filter(None, (*modes.info.get("said", ()), why)):
         log.note(note)
-    return Structure(linearised, pairs, statics, modes, scene, mesh, rest.bolts, rest.balance, unloaded)
+    of_scene = {"scene": scene, "mesh": mesh, "bolts": rest.bolts, "balance": rest.balance, "unloaded": unloaded}
+    return Structure.of(linearised, pairs, statics, modes, **of_scene)
 
 
 def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> tuple[Structure, tuple[str, ...]]:
@@ -170,8 +167,9 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
         rest = brought_to_rest(structure.unloaded, pairs, known.system)
         if rest.system.K is known.system.K and np.array_equal(joint_stiffness(rest.pairs), joint_stiffness(structure.pairs)):
             linearised = replace(known, system=replace(known.system, rest_owned=rest.system.rest_owned))
+            factored = Factored(linearised, structure.modes)
             found = replace(
-                structure, linearised=linearised, pairs=rest.pairs, scene=scene, bolts=rest.bolts, balance=rest.balance
+                structure, factored=lambda: factored, pairs=rest.pairs, scene=scene, bolts=rest.bolts, balance=rest.balance
             )
         else:
             found = stuck_structure(scene, structure.mesh, rest, log)

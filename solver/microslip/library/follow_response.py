@@ -33,14 +33,15 @@ def follow(
     ------
     MicroslipError : on every rank; a level that ends early raises nothing, its branch says why
     """
-    comm, columns = response.model.comm, response.model.G_static
+    comm, n_pairs = response.model.comm, response.model.n_pairs
     told, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
     if (slip := levels_of_slip(response)) is not None:
         log.note(_in_words(*slip, max(response.settings.levels)))
     if not in_turn(response, n_groups):
         return follow_side_by_side(response, n_groups, told, log, keepers)
     branches = follow_levels(response, told.tell, keepers)
-    log.note(f"static columns: of {columns.known.sum()} of {response.model.n_pairs} pairs, in {columns.batches} batches")
+    for columns in response.model.static_columns:
+        log.note(f"static columns: of {columns.known.sum()} of {n_pairs} pairs, in {columns.batches} batches")
     return branches
 
 
@@ -64,5 +65,6 @@ def in_turn(response: ResponseProblem, n_groups: int) -> bool:
 
 def known_columns(response: ResponseProblem) -> np.ndarray:
     """Return the pairs whose static columns were solved for, (n_pairs,) bool.  Local."""
-    better, known = response.better, response.model.G_static.known
-    return known if better is None else known | better.structure.G_static.known
+    structures = [response.model, *([] if response.better is None else [response.better.structure])]
+    known = [columns.known for structure in structures for columns in structure.static_columns]
+    return np.logical_or.reduce(known)

@@ -12,9 +12,9 @@ from ..continuation.levels import ResponseProblem, response_problem
 from ..mesh.data import ContactPairs
 from ..points.band import Band
 from ..receptance.excitation import Excitation
-from ..receptance.modes_left_out import BetterModel
 from ..receptance.reduced_model import ReducedModel
-from ..reduction.better_model import better_model_of
+from ..receptance.truncated_modes import EnrichedModel
+from ..reduction.enriched_model import enriched_model_of
 from ..reduction.methods import METHODS, check_size, reduce_by_method
 from ..reduction.reduction import Reduction
 from ..reduction.settings import ReductionSettings
@@ -39,10 +39,10 @@ class Outline:
     @classmethod
     def of(cls, structure: Structure) -> Outline:
         """Return that of a structure.  Local."""
-        system, mesh = structure.linearised.system, structure.mesh
+        system, mesh = structure.system, structure.mesh
         numbers = None if mesh is None else mesh.numbers
         has_mesh, bolts = system.dof is not None, structure.bolts
-        return cls(system.n_dof, structure.modes.omega_n, has_mesh, numbers, bolts, structure.balance)
+        return cls(system.n_dof, structure.omega_n, has_mesh, numbers, bolts, structure.balance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +86,14 @@ def prepare(
     reduction = reduced(structure, settings)
     seconds = perf_counter() - start
     has_bars = has_error_bars(scene) if has_bars is None else has_bars
-    better = better_model_of(structure, reduction, settings) if has_bars else None
-    response = response_of(scene, pairs, reduction, structure.modes.omega_n, better)
+    better = enriched_model_of(structure, reduction, settings) if has_bars else None
+    response = response_of(scene, pairs, reduction, structure.omega_n, better)
     outline = Outline.of(structure)
     return Prepared(scene, lambda: structure, outline, pairs, reduction, response, seconds, structure.close, lambda: structure)
 
 
 def response_of(
-    scene: Scene, pairs: ContactPairs, reduction: Reduction, omega_n: np.ndarray, better: BetterModel | None
+    scene: Scene, pairs: ContactPairs, reduction: Reduction, omega_n: np.ndarray, better: EnrichedModel | None
 ) -> ResponseProblem:
     """Return what is solved at every level, about the modes ``omega_n`` [rad/s].  Collective.
 
@@ -113,9 +113,9 @@ def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:
     ------
     CaseError, ConvergenceError, ResourceError : the method cannot be used here; on every rank
     """
-    key = structure.modes, _of_basis(settings)
+    key = structure.seen, structure.n_modes, _of_basis(settings)
     if structure.kept.get("basis") != key:
-        check_size(settings, structure.linearised.system)
+        check_size(settings, structure.system)
         structure.kept.pop("reduction", None)  # its memory first
         structure.kept["reduction"] = reduce_by_method(structure, settings)
         structure.kept["basis"] = key

@@ -232,13 +232,13 @@ def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: Con
     """
     if _of_modes(settings) == _of_modes(reduction_settings(structure.scene)):
         return structure, ""
-    refuse_too_many(settings.modes, structure.linearised.system.n_dof, settings.where)
+    refuse_too_many(settings.modes, structure.n_dof, settings.where)
     key: tuple = ("modes", *_of_modes(settings))
     if settings.modes is None:
         limits = pairs.mu.tobytes(), pairs.N0.tobytes()
         key = (*key, settings.method, settings.excitation, settings.damping, settings.level, *limits)
     modes, why = structure.once(key, lambda: choose_modes(structure.linearised, pairs, structure.statics, settings))
-    return replace(structure, modes=modes), why
+    return structure.once(("with", *key), lambda: structure.with_modes(modes)), why
 
 
 def _of_modes(settings: ReductionSettings) -> tuple:

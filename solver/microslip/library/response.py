@@ -213,7 +213,7 @@ class Response:
         """
         structure = self.prepared.structure
         structure.refuse_closed()
-        found, system = self.level(level), structure.linearised.system
+        found, system = self.level(level), structure.system
         if len(found.frequency) == 0:
             raise CaseError(f"{level:g} N has no point: {found.failure}")
         i = int(

@@ -104,7 +104,7 @@ def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
     """
     if not (prepared.outline.has_mesh and asks_for_fields(prepared.scene)):
         return None
-    structure, system = prepared.structure, prepared.structure.linearised.system
+    structure, system = prepared.structure, prepared.structure.system
     structure.refuse_closed()
     modes = node_fields(system, structure.modes.phi_owned)
     rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])

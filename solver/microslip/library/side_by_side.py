@@ -56,7 +56,7 @@ def follow_side_by_side(
     groups = split(of.model.comm, min(n_groups, len(levels)))
     log.note(f"{len(levels)} levels on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
     with log.stage("static columns of all pairs"):
-        own = of.on_group(groups.comm)
+        own = of.on_ranks(groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
     counter, reports = Counter(groups.world), Reports(groups, observers.hear)
 

@@ -2,17 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from functools import cached_property
 
 import numpy as np
 
+from ..fourier.amplitudes import times, times_adjoint, to_complex, to_real
 from ..parallel.ownership import rows_of
 from ._row_products import answer
 from .damping import Flexibility
-from .reduced_model import ReducedModel
+from .reduced_model import HarmonicGroup, ReducedModel
 from .rows import Rows
+
+
+class GroupColumns:
+    """Columns of G_n(omega) of one group of harmonics that belong to some pairs; rows are those of this rank's pairs.
+
+    Forces and motions are real coefficients of the group's harmonics, N_H of them.  All methods are local.
+    """
+
+    def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
+        self.group, self.c, modes = group, c, group.receptance.modes
+        self.G_static = group.receptance.static.G_static.chosen(active)
+        self.R_active = modes.R_phi if 3 * len(active) == len(modes.R_phi) else modes.R_phi[rows_of(active)]
+        self.R_owned = modes.R_phi[owned]
+
+    def dynamic(self, c: Flexibility, p: np.ndarray) -> np.ndarray:
+        """Return R phi c_n phi^H R^H p, (3 n_owned, N_H): minus R phi eta of docs/theory.md, eq. (4.3), under p alone."""
+        return times(self.R_owned, c.apply(times_adjoint(self.R_active, p)))
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return G p on this rank's pairs, (3 n_owned, N_H) [m], for p (3 n_active, N_H) [N]."""
+        return self.G_static.apply(p) + self.dynamic(self.c, p)
+
+    def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
+        """Return this rank's part of G^H x, (3 n_active, N_H), for x (3 n_owned, N_H)."""
+        return self.G_static.apply_adjoint(x) + times(self.R_active, self.c.adjoint().apply(times_adjoint(self.R_owned, x)))
+
+    def adjoint(self) -> GroupColumns:
+        """Return the columns of G^H, which has the same static part."""
+        other = copy(self)
+        other.c = self.c.adjoint()
+        return other
+
+    def static_block(self, part: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Return G_static between the rows ``own`` of this rank and the rows ``part`` of the active pairs, (k, l)."""
+        return self.G_static.part(part).columns(own).T
+
+    def dynamic_block(self, i: int, part: np.ndarray) -> np.ndarray:
+        """Return what the modes add to G_n of the i-th harmonic between some rows of the active pairs."""
+        return self.c.between(self.R_active[part], i, self.R_active[part])
 
 
 class ReceptanceColumns:
@@ -23,10 +63,8 @@ class ReceptanceColumns:
 
     def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
         self.model, self.omega, self.active = model, omega, active
-        self.G_static = model.G_static.chosen(active)
-        self.flexibilities: Sequence[Flexibility] = model.flexibilities(omega)
-        rows = slice(None) if len(active) == model.n_pairs else rows_of(active)
-        self.R_active = [share.family.R_phi[rows] for share in model.shares]
+        of_groups = zip(model.groups, model.flexibilities(omega))
+        self.groups: Sequence[GroupColumns] = [GroupColumns(group, c, active, model.owned_rows) for group, c in of_groups]
         self.shape = (-1, 3, model.N_H)
 
     @cached_property
@@ -39,35 +77,34 @@ class ReceptanceColumns:
         first, last = self.model.owned.start, self.model.owned.stop
         return pairs[(pairs >= first) & (pairs < last)] - first
 
+    def _joined(self, term: Callable[[GroupColumns, np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+        """Return what each group makes of its columns of x, (n, N_H)."""
+        return self.model.joined([term(group, x[:, group.group.columns]) for group in self.groups])
+
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
         if len(p) == 0:
             return np.zeros((self.model.owned.stop - self.model.owned.start, *self.shape[1:]))
-        return (self.G_static.combined(p).T + self._dynamic(self.flexibilities, p)).reshape(self.shape)
+        return self._joined(GroupColumns.apply, p).reshape(self.shape)
 
     def apply_rate(self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:
         """Return dG p on this rank's pairs, (n_owned, 3, N_H), dG being the rate of G where omega changes at ``d_omega`` and a
         damping sigma M at ``d_sigma``: eq. (5.2).  Local; of G itself, not of an adjoint."""
         rates = [c.rate(d_omega, d_sigma) for c in self.model.flexibilities(self.omega)]
-        return self._dynamic(rates, p).reshape(self.shape)
-
-    def _dynamic(self, flexibilities: Sequence[Flexibility], p: np.ndarray) -> np.ndarray:
-        """Return R phi c_n phi^T R^T p, (3 n_owned, N_H): minus R phi eta of docs/theory.md, eq. (4.3), under p alone."""
-        model, own = self.model, self.model.owned_rows
-        of_shares = zip(model.shares, self.R_active, flexibilities)
-        return model.joined([s.family.R_phi[own] @ c.apply(R.T @ p[:, s.columns]) for s, R, c in of_shares])
+        terms = [group.dynamic(rate, p[:, group.group.columns]) for group, rate in zip(self.groups, rates)]
+        return self.model.joined(terms).reshape(self.shape)
 
     def apply_transposed(self, x: np.ndarray) -> np.ndarray:
-        """Return this rank's part of G^T x for x (n_owned, 3, N_H), (3 n_active, N_H).  Local; to be summed over the ranks."""
-        model, own, x = self.model, self.model.owned_rows, x.reshape(-1, x.shape[-1])
-        of_shares = zip(model.shares, self.R_active, self.adjoint().flexibilities)
-        dynamic = [R @ c.apply(s.family.R_phi[own].T @ x[:, s.columns]) for s, R, c in of_shares]
-        return self.G_static.times(x) + model.joined(dynamic)
+        """Return this rank's part of G^T x for x (n_owned, 3, N_H), (3 n_active, N_H).  Local; to be summed over the ranks.
+
+        G as a map of real coefficients: of complex amplitudes it is G^H.
+        """
+        return self._joined(GroupColumns.apply_adjoint, x.reshape(-1, x.shape[-1]))
 
     def adjoint(self) -> ReceptanceColumns:
-        """Return the columns of the transposed of G, which has the same static part.  Local."""
+        """Return the columns of the transposed of G, a map of real coefficients.  Local."""
         other = copy(self)
-        other.flexibilities = [c.adjoint() for c in self.flexibilities]
+        other.groups = [group.adjoint() for group in self.groups]
         return other
 
     # -- the block between the active pairs ------------------------------------------------------------------------
@@ -75,16 +112,17 @@ class ReceptanceColumns:
     def blocks(self, chosen: np.ndarray | None = None) -> Iterator[np.ndarray]:
         """Return G_n between the active pairs for each harmonic of the set, (3 n_active, 3 n_active), complex [m/N].
 
-        Collective: one gather, before the first is asked for.  Between the ``chosen`` ones alone, (m,) numbers among the active
-        pairs, rising, where they are given: (3 m, 3 m).
+        Collective: one gather for each group, before the first is asked for.  Between the ``chosen`` ones alone, (m,) numbers
+        among the active pairs, rising, where they are given: (3 m, 3 m).
         """
         part, own = np.arange(3 * len(self.active)), self.rows
         if chosen is not None:
             part, own = rows_of(chosen), rows_of(self._owned(self.active[chosen]))
-        static = self.G_static.part(part).columns(own).T
+        static = [group.static_block(part, own) for group in self.groups]
         if self.model.comm.size > 1:
-            static = np.concatenate(self.model.comm.allgather(static))  # rank order is row order
-        return (static + self._dynamic_block(n, part) for n in self.model.harmonics.chosen)
+            static = [np.concatenate(self.model.comm.allgather(rows)) for rows in static]  # rank order is row order
+        at = (self.model.index_of(n) for n in self.model.harmonics.chosen)
+        return (static[k] + self.groups[k].dynamic_block(i, part) for k, i in at)
 
     def moved_by(self, chosen: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return G_n p_n of this rank's active pairs, complex (n_harmonics, 3 n_active_owned, k) [m].  Local.
@@ -92,21 +130,26 @@ class ReceptanceColumns:
         ``p`` (m, n_harmonics, 3, k) [N] are the amplitudes of forces on the ``chosen`` ones (m,) of the active pairs.
         """
         rows, forces = rows_of(chosen), p.swapaxes(0, 1).reshape(p.shape[1], -1, p.shape[3]).astype(complex)
-        static = self.G_static.part(rows).columns(self.rows).T
+        static = [group.static_block(rows, self.rows) for group in self.groups]
         own = slice(*np.searchsorted(self.active, [self.model.owned.start, self.model.owned.stop]) * 3)
-        found = np.stack([(static @ force.view(float)).view(complex) for force in forces])
-        for moved, force, n in zip(found, forces, self.model.harmonics.chosen):
+        moved = np.empty((len(forces), len(self.rows), p.shape[3]), dtype=complex)
+        for j, (force, n) in enumerate(zip(forces, self.model.harmonics.chosen)):
             k, i = self.model.index_of(n)
-            moved += self.flexibilities[k].between(self.R_active[k][own], i, force.T @ self.R_active[k][rows])
-        return found
+            R, block = self.groups[k].R_active, static[k]
+            moved[j] = block @ force if np.iscomplexobj(block) else (block @ force.view(float)).view(complex)
+            moved[j] += self.groups[k].c.between(R[own], i, (R[rows].conj().T @ force).conj().T)
+        return moved
 
-    def _dynamic_block(self, n: int, part: np.ndarray) -> np.ndarray:
-        """Return what the modes add to G_n between some rows of the active pairs."""
-        k, i = self.model.index_of(n)
-        return self.flexibilities[k].between(self.R_active[k][part], i, self.R_active[k][part])
+    def static_coupling(self, pair: int) -> np.ndarray:
+        """Return the size of the static motion of this rank's active pairs under forces on one of the active ones, (m,).
+
+        Local.  That of the first group tells for all which pairs are near each other.
+        """
+        block = self.groups[0].static_block(rows_of(np.array([pair])), self.rows).T  # (3, 3 m)
+        return np.linalg.norm(block.reshape(3, -1, 3), axis=(0, 2))
 
     def matrix(self) -> np.ndarray:
-        """Return G between the active pairs, all harmonics, (3 n_active N_H, 3 n_active N_H) [m/N].  Collective: one gather.
+        """Return G between the active pairs, all harmonics, (3 n_active N_H, 3 n_active N_H) [m/N].  Collective: see ``blocks``.
 
         Index = row N_H + coefficient; amplitudes are cos - i sin.
         """
@@ -122,7 +165,7 @@ class ReceptanceColumns:
 
 
 class ActiveColumns:
-    """Columns and rows of G_n(omega) of pairs that do not stick, in one array and of a precision to choose.
+    """Columns and rows of G_n(omega) of pairs that do not stick, in one array for each group and of a precision to choose.
 
     Forces come in units of 1 / ``unit`` [N], the same on all ranks, so that single precision neither overflows nor vanishes,
     whatever the units of the scene.  Collective on the model's communicator.
@@ -130,52 +173,95 @@ class ActiveColumns:
 
     def __init__(self, G: ReceptanceColumns, precision: type):
         self.model, self.precision = G.model, precision
-        self.unit = max(G.model.comm.allgather(G.G_static.largest)) or 1.0  # m/N
-        self._R_unit = max(float(np.abs(R).max(initial=0.0)) for R in G.R_active) or 1.0  # kg^-1/2
+        largest = max(group.G_static.largest for group in G.groups)
+        self.unit = max(G.model.comm.allgather(largest)) or 1.0  # m/N
+        self._groups = [
+            (_ComplexGroup if group.group.receptance.is_complex else _RealGroup)(group, G.rows, self.unit, precision)
+            for group in G.groups
+        ]
         self.n_rows = len(G.rows)
-        ends = np.cumsum([self.n_rows] + [R.shape[1] for R in G.R_active])
-        self.modes = [slice(first, last) for first, last in zip(ends, ends[1:])]  # columns of the modes of each share
-        self.columns: np.ndarray = np.empty((3 * len(G.active), ends[-1]), dtype=precision)
-        G.G_static.write_columns(G.rows, self.unit, self.columns[:, : self.n_rows])
-        for modes, R in zip(self.modes, G.R_active):
-            self.columns[:, modes] = R / self._R_unit
-        self._rows = Rows.of(self.columns)
-        own = [s.family.R_phi[G.model.owned_rows][G.rows] / self._R_unit for s in G.model.shares]
-        self.R_rows: list[np.ndarray] = [np.ascontiguousarray(R.T, dtype=precision) for R in own]  # (n_modes, 3 m)
-        numbers = [s.harmonics.chosen for s in G.model.shares]
-        self.cosines = [np.array([G.model.harmonics.columns(n).start for n in of_share], dtype=np.intp) for of_share in numbers]
         self.move_to(G)
 
     def move_to(self, G: ReceptanceColumns) -> None:
         """Take over the frequency of ``G``, of the same pairs.  Local."""
-        self._flexibilities = [Flexibility(f.c * self._R_unit * (self._R_unit / self.unit)) for f in G.flexibilities]  # no unit
+        for own, group in zip(self._groups, G.groups):
+            own.c = Flexibility(group.c.c * own.R_unit * (own.R_unit / self.unit))  # no unit
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
-        return self._answered(self._rows.combined(p)).T
+        if len(self._groups) == 1:
+            return self._groups[0].apply(p)
+        return self.model.joined([own.apply(p[:, group.columns]) for own, group in zip(self._groups, self.model.groups)])
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in those units.  Local."""
-        n, rows, N_H = p.shape
-        together = p.transpose(0, 2, 1).reshape(n * N_H, rows)
-        product = self._answered(together.astype(self.precision, copy=False) @ self.columns)
-        return product.reshape(n, N_H, self.n_rows).swapaxes(1, 2)
-
-    def _answered(self, product: np.ndarray) -> np.ndarray:
-        """Return the pairs' columns of a product (n N_H, 3 m + n_modes), with what the modes answer to the forces beside them."""
-        of_shares = zip(self.model.shares, self.modes, self.R_rows, self._flexibilities, self.cosines)
-        for share, modes, R, flexibility, cosines in of_shares:
-            if flexibility.couples_modes:
-                forces = product[:, modes].reshape(-1, self.model.N_H, modes.stop - modes.start)[:, share.columns]
-                eta = flexibility.apply(np.moveaxis(forces, 2, 0).astype(float))  # (n_modes, n, N_H of the share)
-                product.reshape(-1, self.model.N_H, product.shape[1])[:, share.columns, : self.n_rows] += (
-                    np.moveaxis(eta, 0, 2) @ R
-                )
-            else:
-                answer(product, R, flexibility.c, cosines, share.harmonics.has_mean, self.model.N_H, modes.start)
-        return product[:, : self.n_rows]
+        p = p.astype(self.precision, copy=False)
+        if len(self._groups) == 1:
+            return self._groups[0].apply_to_several(p)
+        of_groups = zip(self._groups, self.model.groups)
+        return self.model.joined([own.apply_to_several(p[..., group.columns]) for own, group in of_groups])
 
     def in_units(self, P: np.ndarray) -> np.ndarray:
         """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
         found: np.ndarray = np.empty_like(P, dtype=self.precision)
         return np.multiply(P, self.unit, out=found, casting="same_kind")
+
+
+class _RealGroup:
+    """The columns of a real group: static columns and modes beside each other, multiplied by compiled products."""
+
+    c: Flexibility  # without unit
+
+    def __init__(self, G: GroupColumns, rows: np.ndarray, unit: float, precision: type):
+        self.harmonics, self.n_rows, n_modes = G.group.harmonics, len(rows), G.R_active.shape[1]
+        self.N_H = self.harmonics.n_coefficients
+        self.R_unit = float(np.abs(G.R_active).max(initial=0.0)) or 1.0  # kg^-1/2
+        self.columns: np.ndarray = np.empty((len(G.R_active), self.n_rows + n_modes), dtype=precision)
+        G.G_static.write_columns(rows, unit, self.columns[:, : self.n_rows])
+        self.columns[:, self.n_rows :] = G.R_active / self.R_unit
+        self._rows = Rows.of(self.columns)
+        self.R_rows: np.ndarray = np.ascontiguousarray(G.R_owned[rows].T / self.R_unit, dtype=precision)  # (n_modes, 3 m)
+        self.cosines = np.array([self.harmonics.columns(n).start for n in self.harmonics.chosen], dtype=np.intp)
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        return self._answered(self._rows.combined(p)).T
+
+    def apply_to_several(self, p: np.ndarray) -> np.ndarray:
+        n, rows, N_H = p.shape
+        product = self._answered(p.transpose(0, 2, 1).reshape(n * N_H, rows) @ self.columns)
+        return product.reshape(n, N_H, self.n_rows).swapaxes(1, 2)
+
+    def _answered(self, product: np.ndarray) -> np.ndarray:
+        """Return the pairs' columns of a product (n N_H, 3 m + n_modes), with what the modes answer to the forces beside them."""
+        if self.c.couples_modes:
+            forces = product[:, self.n_rows :].reshape(-1, self.N_H, product.shape[1] - self.n_rows)
+            eta = self.c.apply(np.moveaxis(forces, 2, 0).astype(float))  # (n_modes, n, N_H)
+            product.reshape(-1, self.N_H, product.shape[1])[:, :, : self.n_rows] += np.moveaxis(eta, 0, 2) @ self.R_rows
+        else:
+            answer(product, self.R_rows, self.c.c, self.cosines, self.harmonics.has_mean, self.N_H, self.n_rows)
+        return product[:, : self.n_rows]
+
+
+class _ComplexGroup:
+    """The columns of a complex group, multiplied by complex products of NumPy."""
+
+    c: Flexibility  # without unit
+
+    def __init__(self, G: GroupColumns, rows: np.ndarray, unit: float, precision: type):
+        self.n_rows, kind = len(rows), np.complex64 if precision is np.float32 else np.complex128
+        self.R_unit = float(np.abs(G.R_active).max(initial=0.0)) or 1.0  # kg^-1/2
+        static, R = G.static_block(np.arange(len(G.R_active)), rows).T / unit, G.R_active / self.R_unit
+        self.columns: np.ndarray = np.hstack([static, R.conj()]).astype(kind)  # (3 n_active, 3 m + n_modes)
+        self.R_rows: np.ndarray = (G.R_owned[rows].T / self.R_unit).astype(kind)  # (n_modes, 3 m)
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        return self.apply_to_several(p[None])[0]
+
+    def apply_to_several(self, p: np.ndarray) -> np.ndarray:
+        n, rows, N_H = p.shape
+        amplitudes = to_complex(p.reshape(n * rows, N_H)).reshape(n, rows, N_H // 2).transpose(0, 2, 1)  # (n, n_harmonics, rows)
+        product: np.ndarray = amplitudes.astype(self.columns.dtype, copy=False) @ self.columns
+        forces, c = product[..., self.n_rows :], self.c.c
+        eta = np.einsum("hij,nhj->nhi", c, forces) if self.c.couples_modes else forces * c.T
+        motion = product[..., : self.n_rows] + eta.astype(self.columns.dtype, copy=False) @ self.R_rows
+        return to_real(motion.transpose(0, 2, 1).reshape(n * self.n_rows, N_H // 2), N_H).reshape(n, self.n_rows, N_H)

@@ -18,10 +18,10 @@ _COUPLES = 1e-12  # |C_ij| / sqrt(C_ii C_jj) between modes beyond which a dampin
 
 
 def diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
-    """Return the diagonal (m,) of a symmetric matrix (m, m) that couples no modes; else itself.  Local."""
+    """Return the diagonal (m,) of a Hermitian matrix (m, m) that couples no modes; else itself.  Local."""
     size = np.sqrt(np.abs(np.diag(modal)))
     is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)
-    return modal if is_coupled.any() else np.diag(modal).copy()
+    return modal if is_coupled.any() else np.diag(modal).real.copy()
 
 
 def added(C: np.ndarray, of_modes: np.ndarray) -> np.ndarray:
@@ -35,9 +35,9 @@ def _first(C: np.ndarray, n: int) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Damping:
-    """phi^T C phi of M-normalised modes [1/s], and of structural damping eta phi^T K phi [1/s2]."""
+    """phi^H C phi of M-normalised modes [1/s], and of structural damping eta phi^T K phi [1/s2]."""
 
-    C: np.ndarray  # (m,) 2 zeta omega_n of modal damping, or the full, symmetric (m, m)
+    C: np.ndarray  # (m,) 2 zeta omega_n of modal damping, or the full, Hermitian (m, m)
     S: np.ndarray | None = None  # of the same shape; None: no structural damping
 
     def __post_init__(self):
@@ -58,14 +58,14 @@ class Damping:
     @property
     def diagonal(self) -> np.ndarray:
         """2 zeta omega_n, (m,) [1/s]."""
-        return np.diag(self.C) if self.couples_modes else self.C
+        return np.diag(self.C).real if self.couples_modes else self.C
 
     @property
     def structural_diagonal(self) -> np.ndarray:
         """eta omega_n^2 where all stiffness is that of the bodies, (m,) [1/s2]."""
         if self.S is None:
             return np.zeros(len(self.C))
-        return np.diag(self.S) if self.couples_modes else self.S
+        return np.diag(self.S).real if self.couples_modes else self.S
 
     def of_first(self, n: int) -> Damping:
         """Return that of the first n modes, as a structure with these alone has it."""
@@ -76,7 +76,7 @@ class Damping:
         return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma), self.S)
 
     def apply(self, eta: np.ndarray) -> np.ndarray:
-        """Return phi^T C phi eta, (m, n) both."""
+        """Return phi^H C phi eta, (m, n) both."""
         return self.C @ eta if self.couples_modes else self.C[:, None] * eta
 
     def apply_structural(self, eta: np.ndarray) -> np.ndarray:
@@ -135,12 +135,12 @@ class Flexibility:
         return Flexibility(self.c.conj() if self.c.ndim == 2 else self.c.conj().swapaxes(1, 2))
 
     def between(self, x: np.ndarray, i: int, y: np.ndarray) -> np.ndarray:
-        """Return x c_n y^T, complex (a, b), of the i-th harmonic for participations x (a, m) and y (b, m)."""
-        return (x * self.c[:, i] if self.c.ndim == 2 else x @ self.c[i]) @ y.T
+        """Return x c_n y^H, complex (a, b), of the i-th harmonic for participations x (a, m) and y (b, m)."""
+        return (x * self.c[:, i] if self.c.ndim == 2 else x @ self.c[i]) @ y.conj().T
 
 
 class DynamicFlexibility(Flexibility):
-    """c_n = D_n^-1 - Omega^-2 [s2] at one frequency, D_n = Omega^2 - (n omega)^2 + i n omega phi^T C phi.
+    """c_n = D_n^-1 - Omega^-2 [s2] at one frequency, D_n = Omega^2 - (n omega)^2 + i n omega phi^H C phi.
 
     docs/theory.md, eq. (4.1).  Structural damping adds i eta phi^T K phi to D_n of the harmonics above the mean, eq. (13.2).
 

@@ -5,7 +5,7 @@ Coefficients are real, in the order of fourier/harmonics.py; the complex amplitu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -16,10 +16,19 @@ from ..fourier.harmonics import Harmonics
 from ..messages.errors import CaseError
 from .damping import DynamicFlexibility
 from .excitation import Excitation
-from .family import Share, shared_out
+from .receptance import Receptance
 from .reduced_structure import ReducedStructure
 
 _KEPT = 4  # frequencies of which a model keeps the flexibilities
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicGroup:
+    """What a set of harmonics has of one group."""
+
+    receptance: Receptance
+    harmonics: Harmonics
+    columns: slice | np.ndarray  # of their coefficients among those of the whole set; a slice where it is all of them
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,42 +76,71 @@ class ReducedModel(ReducedStructure):
 
     def with_damping(self, sigma: float) -> ReducedModel:
         """Return the same model with sigma M [1/s] added to its damping matrix; all else is shared.  Local."""
-        return replace(self, families=tuple(family.with_damping(sigma) for family in self.families))
+        return replace(self, receptances=self.receptances.mapped(lambda receptance: receptance.with_damping(sigma)))
 
-    # -- harmonic by harmonic: each family on the columns of its own -----------------------------------------------
+    # -- harmonic by harmonic: each group on the columns of its own ------------------------------------------------
 
     @cached_property
-    def shares(self) -> tuple[Share, ...]:
-        """What each family serves of the harmonics."""
-        return shared_out(self.families, self.harmonics)
+    def groups(self) -> tuple[HarmonicGroup, ...]:
+        """The groups of the set, by their first harmonics.  Collective where one is new."""
+        harmonics, group_of = self.harmonics, self.receptances.group_of
+        chosen: dict[Hashable, list[int]] = {}
+        for n in harmonics.chosen:
+            chosen.setdefault(group_of(n), []).append(n)
+        receptances = [self.receptances.of_group(group) for group in chosen]
+        if len(chosen) == 1:
+            return (HarmonicGroup(receptances[0], harmonics, slice(None)),)
+        columns = [np.concatenate([np.r_[harmonics.columns(n)] for n in some]) for some in chosen.values()]
+        return tuple(HarmonicGroup(*each) for each in zip(receptances, map(Harmonics, map(tuple, chosen.values())), columns))
+
+    @property
+    def omega_n(self) -> np.ndarray:
+        """Natural frequencies of all groups of the set, one after the other, (n,) [rad/s].  Collective where one is new."""
+        return np.concatenate([group.receptance.modes.omega_n for group in self.groups])
+
+    @property
+    def zeta(self) -> np.ndarray:
+        """Damping ratios of the same modes, (n,) [-]."""
+        return np.concatenate([group.receptance.modes.zeta for group in self.groups])
+
+    @property
+    def n_modes(self) -> int:
+        """Modes that a harmonic has, at most."""
+        return max(len(group.receptance.modes.omega_n) for group in self.groups)
 
     def flexibilities(self, omega: float) -> tuple[DynamicFlexibility, ...]:
-        """Return c_n of each share.  Local; kept for the last few frequencies."""
-        found = self._flexibilities.pop(omega, None) or tuple(s.family.flexibility(s.harmonics, omega) for s in self.shares)
+        """Return c_n of each group.  Kept for the last few frequencies; collective where a group is new."""
+        found = self._flexibilities.pop(omega, None) or tuple(
+            group.receptance.modes.flexibility(group.harmonics, omega) for group in self.groups
+        )
         self._flexibilities[omega] = found  # the last
         if len(self._flexibilities) > _KEPT:
             del self._flexibilities[next(iter(self._flexibilities))]
         return found
 
     def joined(self, terms: Sequence[np.ndarray]) -> np.ndarray:
-        """Return terms of the shares, each (..., N_H of its own), as one array (..., N_H); the term itself of one.  Local."""
+        """Return terms of the groups, each (..., N_H of its own), as one array (..., N_H); the term itself of one.  Local."""
         if len(terms) == 1:
             return terms[0]
         whole = np.empty((*terms[0].shape[:-1], self.N_H))
-        for share, term in zip(self.shares, terms):
-            whole[..., share.columns] = term
+        for group, term in zip(self.groups, terms):
+            whole[..., group.columns] = term
         return whole
 
     def index_of(self, n: int) -> tuple[int, int]:
-        """Return the number of the share that serves harmonic n, and the place of n in it.  Local."""
-        return next((k, s.harmonics.chosen.index(n)) for k, s in enumerate(self.shares) if n in s.harmonics)
+        """Return the number of the group of harmonic n, and the place of n in it.  Local."""
+        return next((k, group.harmonics.chosen.index(n)) for k, group in enumerate(self.groups) if n in group.harmonics)
 
     def output_receptance(self, omega: float, n: int) -> np.ndarray:
         """Return A_n between the outputs and the pairs, (n_outputs, 3 n_pairs), complex [unit of the output/N].  Local."""
         k, i = self.index_of(n)
-        family = self.shares[k].family
-        A = self.out_R + self.flexibilities(omega)[k].between(family.o, i, family.R_phi)
+        A = self.groups[k].receptance.of_outputs(self.flexibilities(omega)[k], i)
         return A if self.observed is None else self.observed.of_forces(A, n * omega)
+
+    def expect_to_slip(self, pairs: np.ndarray) -> None:
+        """Have the static columns of these pairs solved for first, where others leave room.  Local; the same on every rank."""
+        for group in self.groups:
+            group.receptance.static.G_static.expect(pairs)
 
 
 def _parts(structure: ReducedStructure) -> dict[str, Any]:

@@ -1,11 +1,4 @@
-"""What a reduction makes of a structure: the receptance of its pairs, loads and outputs, whatever acts on it and how fast.
-
-That of harmonic n between any two of them with modal participations x, y is (docs/theory.md, eq. (4.1))
-
-    A_n(omega) = A_static + x c_n(omega) y^T,
-
-with c_n of the modal family of the harmonic (receptance/damping.py).
-"""
+"""What a reduction makes of a structure: the receptance of its pairs, loads and outputs, whatever acts on it and how fast."""
 
 from __future__ import annotations
 
@@ -15,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .family import ModalFamily
+from ..parallel.ownership import split_evenly
 from .observed import Observed
+from .per_group import PerGroup
+from .receptance import Receptance
 from .static_columns import StaticColumns
 
 if TYPE_CHECKING:
@@ -25,49 +20,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReducedStructure:
-    """Modal families and static residuals, seen from pairs, loads and outputs: docs/theory.md, eq. (4.1).
+    """The receptance of each group of harmonics, made when it is first needed.
 
     Everything is replicated except the columns of ``G_static``, whose rows live with their pairs.
     """
 
     comm: MPI.Comm
-    pair_ranges: np.ndarray  # (size + 1,) rank r owns pairs pair_ranges[r]:pair_ranges[r + 1]
-    families: tuple[ModalFamily, ...]  # exactly one of them serves a harmonic
-    G_static: StaticColumns  # columns of R K_L^-1 R^T, solved for on demand; rows of this rank's pairs
-    du_static: np.ndarray  # (3 n_pairs, n_loads) R K_L^-1 f
-    out_static: np.ndarray  # (n_outputs, n_loads) o K_L^-1 f
-    out_R: np.ndarray  # (n_outputs, 3 n_pairs) o K_L^-1 R^T
-    load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
+    n_pairs: int
+    n_outputs: int
+    receptances: PerGroup[Receptance]
     observed: Observed | None = None  # what makes outputs of their rows; None: they are displacements
 
-    @property
-    def n_pairs(self) -> int:
-        return len(self.du_static) // 3
+    def receptance_of(self, n: int) -> Receptance:
+        """Return the receptance of harmonic n.  Collective where its group is new."""
+        return self.receptances.of(n)
 
     @property
-    def n_outputs(self) -> int:
-        return len(self.out_static)
+    def static_columns(self) -> list[StaticColumns]:
+        """The static columns of the groups made so far.  Local."""
+        return [receptance.static.G_static for receptance in self.receptances.made]
 
-    @property
-    def omega_n(self) -> np.ndarray:
-        """Natural frequencies of all families, one after the other, (n,) [rad/s]."""
-        return np.concatenate([family.omega_n for family in self.families])
-
-    @property
-    def zeta(self) -> np.ndarray:
-        """Damping ratios of the same modes, (n,) [-]."""
-        return np.concatenate([family.zeta for family in self.families])
-
-    @property
-    def n_modes(self) -> int:
-        """Modes that a harmonic has, at most."""
-        return max(len(family.omega_n) for family in self.families)
-
-    @property
-    def one_family(self) -> ModalFamily:
-        """The family of every harmonic, for what knows modes of one kind alone; there must be no other."""
-        (family,) = self.families
-        return family
+    @cached_property
+    def pair_ranges(self) -> np.ndarray:
+        """Rank r owns the pairs ``pair_ranges[r]`` to ``pair_ranges[r + 1]`` - 1, (size + 1,)."""
+        return split_evenly(self.n_pairs, self.comm.size)
 
     @cached_property
     def owned(self) -> slice:

@@ -25,10 +25,13 @@ class StaticColumns:
     n_pairs, n_owned : pairs in all, and those whose rows this rank keeps
     solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
     batch : pairs solved for together, at least
+    is_complex : whether columns are complex, G_static = R K_L^-1 R^H
     """
 
-    def __init__(self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray], batch: int = BATCH):
-        self.solve, self.batch = solve, batch
+    def __init__(
+        self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray], batch: int = BATCH, is_complex: bool = False
+    ):
+        self.solve, self.batch, self.is_complex = solve, batch, is_complex
         self.n_owned = n_owned
         # transposed, so that a pair's columns lie together; in the order in which they come, so that there is no more than needed
         self._held: list[np.ndarray] = []
@@ -66,7 +69,7 @@ class StaticColumns:
 
     def put(self, pairs: np.ndarray, columns: np.ndarray) -> None:
         """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Local."""
-        held = np.ascontiguousarray(columns.T, dtype=float)
+        held = np.ascontiguousarray(columns.T, dtype=complex if self.is_complex else float)
         self._held.append(held)
         self._places[pairs] = places_of(held).reshape(-1, 3)
         self._largest[pairs] = np.abs(held).reshape(len(pairs), -1).max(axis=1, initial=0.0)
@@ -77,7 +80,8 @@ class StaticColumns:
         self.require(pairs)
         if self._last is None or not np.array_equal(self._last[0], pairs):
             largest = float(self._largest[pairs].max(initial=0.0))
-            self._last = pairs, ChosenColumns(self._places[pairs].ravel(), 3 * self.n_owned, self._held, largest)
+            kind = ComplexColumns if self.is_complex else ChosenColumns
+            self._last = pairs, kind(self._places[pairs].ravel(), 3 * self.n_owned, self._held, largest)
         return self._last[1]
 
     def transposed(self, pairs: np.ndarray) -> np.ndarray:
@@ -88,6 +92,55 @@ class StaticColumns:
 class ChosenColumns(Rows):
     """This rank's rows of the columns of some pairs, as the rows of the transposed matrix, (3 m, 3 n_owned) [m/N]."""
 
-    def __init__(self, places: np.ndarray, n: int, held: list[np.ndarray], largest: float):
+    def __init__(self, places: np.ndarray, n: int, held: object, largest: float):
         super().__init__(places, n, np.float64, held)
         self.largest = largest  # of its entries, in size
+
+    def part(self, chosen: np.ndarray) -> ChosenColumns:
+        """Return some of the columns, (k,) by number, of the same memory."""
+        return type(self)(self._places[chosen], self.n_rows, self._kept, self.largest)
+
+    @property
+    def n_rows(self) -> int:
+        """This rank's rows."""
+        return self.shape[1]
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return the real coefficients of G p, (n_rows, N_H) [m], for forces p (3 m, N_H) [N]."""
+        return self.combined(p).T
+
+    def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
+        """Return this rank's part of the real coefficients of G^H x, (3 m, N_H), for x (n_rows, N_H)."""
+        return self.times(x)
+
+
+class ComplexColumns(ChosenColumns):
+    """The same of complex columns: real and imaginary part of a row lie side by side, as numbers of a real matrix."""
+
+    def __init__(self, places: np.ndarray, n: int, held: object, largest: float):
+        super().__init__(places, 2 * n, held, largest)
+
+    @property
+    def n_rows(self) -> int:
+        return self.shape[1] // 2
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return the same; amplitudes are cos - i sin, and there is no mean."""
+        product = self.combined(p).view(complex)  # (N_H, n_rows), of cosines and of sines
+        cos, sin = product[0::2], product[1::2]
+        y = np.empty((self.n_rows, p.shape[1]))
+        y[:, 0::2], y[:, 1::2] = (cos.real + sin.imag).T, (sin.real - cos.imag).T
+        return y
+
+    def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
+        """Return the same; amplitudes are cos - i sin, and there is no mean."""
+        sides = np.empty((self.n_rows, 2, x.shape[1]))
+        cos, sin = x[:, 0::2], x[:, 1::2]
+        sides[:, 0, 0::2], sides[:, 1, 0::2] = cos, -sin
+        sides[:, 0, 1::2], sides[:, 1, 1::2] = sin, cos
+        return self.times(sides.reshape(2 * self.n_rows, -1))
+
+    def columns(self, wanted: np.ndarray) -> np.ndarray:
+        """Return a copy of the rows ``wanted`` (k,) of G, transposed, complex (3 m, k)."""
+        both = (2 * np.asarray(wanted)[:, None] + np.arange(2)).ravel()
+        return super().columns(both).view(complex)

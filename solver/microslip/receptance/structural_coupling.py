@@ -1,7 +1,7 @@
-"""What structural damping does between the modes kept and those left out (docs/theory.md, section 13).
+"""What structural damping does between the modes used and the truncated ones (docs/theory.md, section 13).
 
-The springs of the joint have no structural damping, so that eta phi^T K phi couples all modes: the modes left out feel
-d x = eta R^T K_J R phi x of the modes kept, a quarter of a cycle late, and the modes kept feel them.
+The springs of the joint have no structural damping, so that eta phi^H K phi couples all modes: d x, d = eta R^H K_J R phi,
+of the modes used acts on the truncated ones, a quarter of a cycle late, and those act back on the modes used.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fourier.amplitudes import to_complex
-from .motions import modal_motion
-from .reduced_model import ReducedModel
+from .damping import DynamicFlexibility
+from .reduced_model import HarmonicGroup
 
 
 @dataclass(frozen=True)
 class StructuralCoupling:
-    """The statics Z of the modes left out under d, one column a mode kept, as pairs, outputs, loads and d see it; replicated.
+    """The statics Z of the truncated modes under d, a column a mode used, as pairs, outputs, loads and d see it; replicated.
 
     docs/theory.md, eq. (13.8).
     """
@@ -25,18 +25,18 @@ class StructuralCoupling:
     of_pairs: np.ndarray  # (3 n_pairs, m)
     of_outputs: np.ndarray  # (n_outputs, m)
     of_loads: np.ndarray  # (n_loads, m)
-    own: np.ndarray  # (m, m) d^T Z d
+    own: np.ndarray  # (m, m) d^H Z d
 
-    def changes(self, model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
+    def changes(self, group: HarmonicGroup, c: DynamicFlexibility, f: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return what it changes in cos 1 and then sin 1 of the rows of the outputs, in size, (2 n_outputs,) [m].  Local.
 
-        With the pairs' forces held: u_left = Z (f - R^T p) + i Z d x.
+        With the pairs' forces held: u_left = Z (f - R^H p) + i Z d x.  ``f`` (n_loads, N_H) and ``p`` (3 n_pairs, N_H) are
+        coefficients of the group.
         """
-        k, i = model.index_of(1)
-        family, j = model.shares[k].family, model.harmonics.chosen.index(1)
-        x = modal_motion(model, level, omega, p)[k][:, i]
-        f_1, p_1 = to_complex(level * model.f)[:, j], to_complex(p)[:, j]
-        force = 1j * (self.of_loads.T @ f_1 - self.of_pairs.T @ p_1) - self.own @ x
-        more = model.flexibilities(omega)[k].whole(force[:, None], i)[:, 0]
-        y = 1j * (self.of_outputs @ x) + family.o @ more
+        i, modes = group.harmonics.chosen.index(1), group.receptance.modes
+        x = group.receptance.modal_motion(f, p, c)[:, i]
+        f_1, p_1 = to_complex(f)[:, i], to_complex(p)[:, i]
+        force = 1j * (self.of_loads.conj().T @ f_1 - self.of_pairs.conj().T @ p_1) - self.own @ x
+        more = c.whole(force[:, None], i)[:, 0]
+        y = 1j * (self.of_outputs @ x) + modes.o @ more
         return np.abs(np.concatenate([y.real, y.imag]))

@@ -13,7 +13,9 @@ import numpy as np
 from ..contact.law import Law
 from ..modes.limits import FEW
 from ..parallel.ownership import rows_of
-from ..receptance.family import ModalFamily
+from ..receptance.modes import DampedModes
+from ..receptance.per_group import PerGroup
+from ..receptance.receptance import Receptance
 from ..receptance.reduced_structure import ReducedStructure
 from .choose_modes import as_stated, batches, picked
 from .modal_structure import modal_damping
@@ -26,9 +28,12 @@ class KnownStructure:
     """A stuck structure without its matrices."""
 
     reduced: ReducedStructure  # of all modes that were found
-    outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
     n_dof: int
     n_proved: int  # modes that are known to be the lowest
+
+    @property
+    def modes(self) -> DampedModes:
+        return self.reduced.receptance_of(1).modes
 
 
 class NotKnown(LookupError):
@@ -44,7 +49,7 @@ def choose_again(known: KnownStructure, law: Law, settings: ReductionSettings) -
     ------
     CaseError : the accuracy asked for needs more modes than are computed
     """
-    n_known = len(known.reduced.one_family.omega_n)
+    n_known = len(known.modes.omega_n)
     if settings.modes is not None:
         found: tuple[int, str] | None = settings.modes, as_stated(_omega_n(known, settings.modes), settings, known.n_dof)
     elif known.n_dof <= FEW:
@@ -57,12 +62,12 @@ def choose_again(known: KnownStructure, law: Law, settings: ReductionSettings) -
 
 
 def _omega_n(known: KnownStructure, n_modes: int) -> np.ndarray:
-    return known.reduced.one_family.omega_n[:n_modes]
+    return known.modes.omega_n[:n_modes]
 
 
 def _fewest(known: KnownStructure, law: Law, settings: ReductionSettings) -> tuple[int, str] | None:
     """Return the same where an accuracy decides, from the batches in which the modes were found."""
-    n_known, mode = len(known.reduced.one_family.omega_n), settings.band.mode or 0
+    n_known, mode = len(known.modes.omega_n), settings.band.mode or 0
     for n_batch, is_last in batches(known.n_dof, mode):
         n_found = min(n_batch, n_known)
         if n_found < n_batch and n_known < known.n_dof:
@@ -70,7 +75,7 @@ def _fewest(known: KnownStructure, law: Law, settings: ReductionSettings) -> tup
         if mode < n_found or is_last:
             reduced = with_first(known.reduced, n_found, settings.damping)
             try:
-                norms = Known(reduced.one_family, reduced.load_static, known.outputs_static, reduced)
+                norms = Known(reduced.receptance_of(1), reduced)
                 found = bound(reduced, law, norms, settings)
             except NotKnown:
                 return None
@@ -86,13 +91,14 @@ def with_first(reduced: ReducedStructure, n_modes: int, damping: ModalDamping | 
 
     Local.
     """
-    family, first = reduced.one_family, slice(n_modes)
-    omega_n = family.omega_n[first]
-    of_first = family.damping.of_first(n_modes)
+    receptance, first = reduced.receptance_of(1), slice(n_modes)
+    modes = receptance.modes
+    omega_n = modes.omega_n[first]
+    of_first = modes.damping.of_first(n_modes)
     if damping is not None and damping.is_alone:
         of_first = replace(of_first, C=modal_damping(damping, omega_n))
-    shared = ModalFamily(omega_n, of_first, family.R_phi[:, first], family.b[first], family.o[:, first])
-    return replace(reduced, families=(shared,))
+    fewer = DampedModes(omega_n, of_first, modes.R_phi[:, first], modes.b[first], modes.o[:, first])
+    return replace(reduced, receptances=PerGroup.single(Receptance(fewer, receptance.static)))
 
 
 @dataclass(frozen=True)
@@ -105,12 +111,13 @@ class Known(KnownNorms):
         model = self.reduced
         parts = np.concatenate([p.real, p.imag], axis=1)
         moving = np.flatnonzero(parts.reshape(model.n_pairs, -1).any(axis=1))
-        if not model.G_static.known[moving].all():
+        G_static = self.receptance.static.G_static
+        if not G_static.known[moving].all():
             raise NotKnown("static columns")
         rows = rows_of(moving)
-        Gp_owned = parts[rows].T @ model.G_static.transposed(moving)  # its columns are this rank's rows of G
+        Gp_owned = parts[rows].T @ G_static.transposed(moving)  # its columns are this rank's rows of G
         static = model.comm.allreduce(np.einsum("pi,ip->p", Gp_owned, parts[model.owned_rows]))
-        return norms_beyond(static, self.family.R_phi.T @ parts, self.family.omega_n)
+        return norms_beyond(static, self.receptance.modes.R_phi.T @ parts, self.receptance.modes.omega_n)
 
     def of_drag(self, z: np.ndarray, n_omega: float, settings: ReductionSettings) -> np.ndarray:
         raise NotKnown("drag of a full damping matrix")

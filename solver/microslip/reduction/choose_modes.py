@@ -12,8 +12,9 @@ from ..messages.errors import CaseError
 from ..modes.eigen import Modes, first_of, is_complete, lowest_modes, search_of
 from ..modes.limits import FEW, SHARE, most_modes
 from ..points.band import Band, frequency_band
+from ..receptance.static_response import StaticResponse
 from .settings import ReductionSettings
-from .stuck import Statics, StuckStructure
+from .stuck import StuckStructure
 from .truncation import LeftOut, left_out
 
 _AT_ONCE = 400  # DOFs up to which LAPACK finds all modes at once
@@ -21,7 +22,9 @@ _START, _MOST = 12, 600  # modes of the first batch, each further one has twice 
 _EQUAL = 1e-6  # relative difference of equal frequencies, which are kept or left out together
 
 
-def choose_modes(linearised: Linearised, pairs: ContactPairs, statics: Statics, settings: ReductionSettings) -> tuple[Modes, str]:
+def choose_modes(
+    linearised: Linearised, pairs: ContactPairs, statics: StaticResponse, settings: ReductionSettings
+) -> tuple[Modes, str]:
     """Return the modes of the stuck structure that are needed, and a line that says why so many.
 
     Collective on the system's communicator.
@@ -59,7 +62,9 @@ def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:
     )
 
 
-def _fewest(linearised: Linearised, pairs: ContactPairs, statics: Statics, settings: ReductionSettings) -> tuple[Modes, str]:
+def _fewest(
+    linearised: Linearised, pairs: ContactPairs, statics: StaticResponse, settings: ReductionSettings
+) -> tuple[Modes, str]:
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
     n_dof, verify, mode = linearised.system.n_dof, settings.verify_modes, settings.band.mode or 0
     n_found, search = 0, search_of(linearised)
@@ -68,7 +73,7 @@ def _fewest(linearised: Linearised, pairs: ContactPairs, statics: Statics, setti
         n_found = len(modes.omega_n)
         is_all = n_found < n_batch or n_found == n_dof
         if mode < n_found or is_all or is_last:
-            bound = left_out(StuckStructure(linearised, pairs, statics, modes), settings)
+            bound = left_out(StuckStructure.of(linearised, pairs, statics, modes), settings)
             n_modes, why = linearised.system.comm.bcast(picked(bound, modes.omega_n, is_all, is_last, settings))
             if n_modes == n_found:
                 return modes, why

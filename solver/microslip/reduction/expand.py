@@ -8,32 +8,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from ..receptance.motions import ActingForces, modal_forces
+from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
 
 if TYPE_CHECKING:
     from ..assembly.system import System
-    from ..linear.joint_springs import Linearised
-    from ..modes.eigen import Modes
     from ..points.branch import Branch
     from .reduction import Reduction
+    from .stuck import StuckStructure
 
 
-def displacements(linearised: Linearised, modes: Modes, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
+def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
     """Return the harmonics of u on this rank's rows at some points, (n_owned, N_H) each [m].
 
-    Collective: static solves with N_H right-hand sides a point, all at once.  u = K_L^-1 (f - R^T p) + phi c(omega) phi^T
-    (f - R^T p); docs/theory.md, section 4.  The harmonics of the points may be others than the model's.
+    Collective: static solves with N_H right-hand sides a point, all at once.  u = K_L^-1 (f - R^H p) + phi c(omega) phi^H
+    (f - R^H p); docs/theory.md, section 4.  The harmonics of the points may be others than the model's.
     """
-    system, forces, dynamic = linearised.system, [], []
+    system, forces, dynamic = stuck.system, [], []
     first, last = system.M.getOwnershipRange()
     loads, R_T = system.loads.tocsr()[first:last], system.R.T.tocsr()[first:last]
     for level, omega, p in points:
         full = model.with_harmonics(Harmonics.full(p.shape[-1]))
         forces.append(loads @ (level * full.f) - R_T @ p)
-        (c,), (q,) = full.flexibilities(omega), modal_forces(full, level, p)
-        dynamic.append(modes.phi_owned @ c.apply(q))
-    static = linearised.factor.solve(np.hstack(forces)) if forces else np.empty((last - first, 0))
+        (c,), (group,) = full.flexibilities(omega), full.groups
+        dynamic.append(stuck.modes.phi_owned @ c.apply(group.receptance.modal_forces(level * full.f, p)))
+    static = stuck.linearised.factor.solve(np.hstack(forces)) if forces else np.empty((last - first, 0))
     ends = np.cumsum([force.shape[1] for force in forces])[:-1]
     return [own + more for own, more in zip(np.split(static, ends, axis=1), dynamic)]
 

@@ -25,16 +25,19 @@ from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import rows_of, split_evenly
 from ..points.selection import AllPairs
-from ..receptance.family import ModalFamily
+from ..receptance.modes import DampedModes
 from ..receptance.motions import ActingForces, modal_motion
 from ..receptance.observed import Observed
+from ..receptance.per_group import PerGroup
+from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.static_columns import StaticColumns
-from .modal_structure import modal_family, observed
+from ..receptance.static_response import StaticResponse
+from .modal_structure import damped_modes
 from .reduction import Reduction
 from .settings import ReductionSettings
-from .stuck import StuckStructure
+from .stuck import StuckStructure, seen_modes
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -57,17 +60,16 @@ def reduce_on_basis(
     Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
     """
     omega_n, phi_owned = galerkin_modes(stuck.linearised, V_owned)
-    system = stuck.linearised.system
-    family = modal_family(system, omega_n, phi_owned, settings.damping)
-    structure = structure_of_family(system.comm, family, observed(system))
+    modes = damped_modes(seen_modes(stuck.system, omega_n, phi_owned), stuck.pairs.law.stiffness.ravel(), settings.damping)
+    structure = structure_of_modes(stuck.comm, modes, stuck.observed)
 
     def displacements(model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
-        found = []
+        fields = []
         for level, omega, p in points:
             full = model.with_harmonics(Harmonics.full(p.shape[-1]))
             (eta,) = modal_motion(full, level, omega, p)
-            found.append(phi_owned @ to_real(eta, full.N_H))
-        return found
+            fields.append(phi_owned @ to_real(eta, full.N_H))
+        return fields
 
     return Reduction(structure, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacements, leaves_out, phi_owned)
 
@@ -108,26 +110,25 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     return theta[::-1], (W @ q)[:, ::-1], float(values[kept][0] / values[-1])
 
 
-def structure_of_family(comm: MPI.Comm, family: ModalFamily, observed: Observed | None = None) -> ReducedStructure:
-    """Return what holds a family of modes and nothing else: its static parts are theirs, eq. (8.2).  Local."""
-    R_phi, o, b, n_pairs = family.R_phi, family.o, family.b, len(family.R_phi) // 3
-    pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / family.omega_n**2
+def structure_of_modes(comm: MPI.Comm, modes: DampedModes, observed: Observed | None = None) -> ReducedStructure:
+    """Return what has these modes in all harmonics and nothing else: its static parts are theirs, eq. (8.2).  Local."""
+    R_phi, o, b, n_pairs = modes.R_phi, modes.o, modes.b, len(modes.R_phi) // 3
+    pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / modes.omega_n**2
     own = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
 
     def columns(pairs: np.ndarray) -> np.ndarray:
         return own @ R_phi[rows_of(pairs)].T
 
-    return ReducedStructure(
-        comm=comm,
-        pair_ranges=pair_ranges,
-        families=(family,),
+    static = StaticResponse(
         G_static=StaticColumns(n_pairs, len(own) // 3, columns),
         du_static=(R_phi * flexibility) @ b,
         out_static=(o * flexibility) @ b,
         out_R=(o * flexibility) @ R_phi.T,
         load_static=(b.T * flexibility) @ b,
-        observed=observed,
+        outputs_static=(o**2 * flexibility).sum(axis=1),
     )
+    receptances = PerGroup.single(Receptance(modes, static))
+    return ReducedStructure(comm=comm, n_pairs=n_pairs, n_outputs=len(o), receptances=receptances, observed=observed)
 
 
 def memory_of_basis(n_dof: int, n_columns: int) -> float:

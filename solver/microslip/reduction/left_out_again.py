@@ -14,9 +14,9 @@ import numpy as np
 from ..linear.dense import diagonal_owned, gram
 from ..linear.random_signs import random_signs
 from ..parallel.ownership import summed
-from ..receptance.family import ModalFamily
-from ..receptance.modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
-from ..receptance.reduced_structure import ReducedStructure
+from ..receptance.modes import DampedModes
+from ..receptance.receptance import Receptance
+from ..receptance.truncated_modes import KEY, LAST, SAMPLES, TruncatedModes, of_samples
 from .modal_structure import damping_beyond
 from .settings import ModalDamping
 
@@ -46,28 +46,28 @@ def on_random(linearised: Linearised, modes: Modes) -> OnRandom:
 
 
 def left_out_again(
-    left_out: ModesLeftOut,
+    left_out: TruncatedModes,
     n_kept: int,
-    structure: ReducedStructure,
-    family: ModalFamily,
+    receptance: Receptance,
+    everything: DampedModes,
     seen: OnRandom,
     damping: ModalDamping | None,
-) -> ModesLeftOut:
-    """Return the samples beside the modes of ``structure`` from those beside ``n_kept`` modes.  Local.
+) -> TruncatedModes:
+    """Return the samples beside the modes of ``receptance`` from those beside ``n_kept`` modes.  Local.
 
-    ``family`` are all modes known.  What couples the modes kept to the others is known for ``n_kept`` alone.
+    ``everything`` are all modes known.  What couples the modes kept to the others is known for ``n_kept`` alone.
     """
-    n = len(structure.one_family.omega_n)
+    n = len(receptance.modes.omega_n)
     assert n == n_kept or left_out.coupling is None, "a coupling is known for the modes kept alone"
     between, sign = slice(min(n, n_kept), max(n, n_kept)), 1.0 if n < n_kept else -1.0
-    squares = family.omega_n[between] ** 2
-    o, b = family.o[:, between], family.b[between]
+    squares = everything.omega_n[between] ** 2
+    o, b = everything.o[:, between], everything.b[between]
     rows = np.concatenate([left_out.of_pairs, left_out.of_outputs, left_out.of_loads]) / seen.scale(n_kept)
-    of_modes = np.concatenate([family.R_phi[:, between], o, b.T])
+    of_modes = np.concatenate([everything.R_phi[:, between], o, b.T])
     rows = (rows + sign * (of_modes / squares) @ seen.amplitudes[between]) * seen.scale(n)
     direct = left_out.direct + sign * (o / squares**2) @ b
     own = left_out.own + sign * (b**2 / squares[:, None] ** 2).sum(axis=0)
-    beyond = damping_beyond(damping, structure.one_family)
+    beyond = damping_beyond(damping, receptance.modes)
     if damping is None or not damping.is_alone:  # as the damping matrix was seen with the modes kept
         beyond = replace(beyond, alpha=max(beyond.alpha, left_out.damping.alpha))
-    return of_samples(structure, rows, direct, own, beyond, left_out.coupling)
+    return of_samples(receptance, rows, direct, own, beyond, left_out.coupling)

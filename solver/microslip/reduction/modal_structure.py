@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
-import scipy.sparse as sp
 
-from ..assembly.system import System
-from ..linear.dense import gram, multiply
 from ..messages.errors import CaseError
 from ..receptance.damping import Damping, added, diagonal_if_possible
-from ..receptance.family import ModalFamily
-from ..receptance.modes_left_out import DampingBeyond
-from ..receptance.observed import Observed
+from ..receptance.modes import DampedModes, SeenModes
+from ..receptance.receptance import Receptance
 from ..receptance.reduced_structure import ReducedStructure
+from ..receptance.truncated_modes import DampingBeyond
 from .settings import ModalDamping
-from .stuck import StuckStructure, seen_rows
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-    from petsc4py import PETSc
+from .stuck import StuckStructure
 
 _ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi over the largest that counts as zero
 
@@ -33,53 +24,47 @@ def modal_damping(damping: ModalDamping, omega_n: np.ndarray) -> np.ndarray:
     return alpha + beta * omega_n**2
 
 
-def damping_beyond(damping: ModalDamping | None, family: ModalFamily) -> DampingBeyond:
-    """Return the damping beyond the modes of a family: as stated, with what dampers or a matrix make of the last.  Local."""
+def damping_beyond(damping: ModalDamping | None, modes: DampedModes) -> DampingBeyond:
+    """Return the damping of the truncated modes: as stated, with what dampers or a matrix make of the last mode.  Local."""
     if damping is None:
-        return DampingBeyond(float(family.damping.diagonal[-1]))
-    beside = float(family.damping.diagonal[-1] - modal_damping(damping, family.omega_n)[-1])
+        return DampingBeyond(float(modes.damping.diagonal[-1]))
+    beside = float(modes.damping.diagonal[-1] - modal_damping(damping, modes.omega_n)[-1])
     if damping.rayleigh is not None:
         alpha, beta = damping.rayleigh
         return DampingBeyond(alpha + max(beside, 0.0), 0.0, beta, damping.structural)
-    return DampingBeyond(max(beside, 0.0), float(damping.ratios_of(len(family.omega_n) + 1)[-1]), 0.0, damping.structural)
+    return DampingBeyond(max(beside, 0.0), float(damping.ratios_of(len(modes.omega_n) + 1)[-1]), 0.0, damping.structural)
 
 
-def structural_damping(K: PETSc.Mat, phi_owned: np.ndarray, eta: float, comm: MPI.Comm) -> np.ndarray:
-    """Return eta phi^T K phi [1/s2], K without the springs of the joints: diagonal where nothing couples the modes, else full.
+def structural_damping(modes: SeenModes, K_J: np.ndarray, eta: float) -> np.ndarray:
+    """Return eta phi^H K phi [1/s2], K without the springs of the joints: diagonal where nothing couples the modes, else full.
 
-    Collective: one sum.  docs/theory.md, eq. (13.2).
+    Local.  docs/theory.md, eq. (13.2); phi^H K_L phi is diagonal.
     """
-    modal = gram(comm, phi_owned, multiply(K, phi_owned))
-    return eta * diagonal_if_possible(0.5 * (modal + modal.T))
+    of_springs = modes.R_phi.conj().T @ (K_J[:, None] * modes.R_phi)
+    modal = np.diag(modes.omega_n**2) - 0.5 * (of_springs + of_springs.conj().T)
+    return eta * diagonal_if_possible(modal)
 
 
-def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np.ndarray:
-    """Return phi^T C phi of the user's C [1/s]: its diagonal (n_phi,) where nothing couples the modes, else (n_phi, n_phi).
-
-    Collective: one sum.
+def projected_damping(C: np.ndarray) -> np.ndarray:
+    """Return phi^H C phi of the user's C [1/s]: its diagonal (m,) where nothing couples the modes, else itself, (m, m).  Local.
 
     Raises
     ------
     CaseError : C feeds energy into a motion; on every rank
     """
-    modal = gram(comm, phi_owned, multiply(C, phi_owned))
-    modal = 0.5 * (modal + modal.T)
-    least, most = np.linalg.eigvalsh(modal)[[0, -1]]
+    least, most = np.linalg.eigvalsh(C)[[0, -1]]
     if least < -_ROUNDING * max(most, -least):
         raise CaseError(
             f"[model] damping: z^T C z = {least:.3g} z^T M z 1/s for some motion z (of others up to {most:.3g}): "
             "the damping matrix feeds energy in, so that no vibration is steady; it must not be negative"
         )
-    return diagonal_if_possible(modal)
+    return diagonal_if_possible(C)
 
 
-def all_damping(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, damping: ModalDamping | None) -> np.ndarray:
-    """Return phi^T C phi [1/s] of what the scene states for the modes and of the structure's own C, (m,) or (m, m).
-
-    Collective: one sum where the structure has one.
-    """
-    of_modes = None if damping is None else modal_damping(damping, omega_n)
-    of_structure = None if system.C is None else projected_damping(system.C, phi_owned, system.comm)
+def all_damping(modes: SeenModes, damping: ModalDamping | None) -> np.ndarray:
+    """Return phi^H C phi [1/s] of what the scene states for the modes and of the structure's own C, (m,) or (m, m).  Local."""
+    of_modes = None if damping is None else modal_damping(damping, modes.omega_n)
+    of_structure = None if modes.C is None else projected_damping(modes.C)
     if of_structure is None:
         assert of_modes is not None, "a scene with [damping] where the structure has no C"
         return of_modes
@@ -88,48 +73,34 @@ def all_damping(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, damp
     return added(of_structure, of_modes)
 
 
-def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> ReducedStructure:
-    """Return the structure's modes with its exact static response.
-
-    Collective on the system's communicator: a sum, with a damping matrix another.
-    """
-    system, modes, static = stuck.linearised.system, stuck.modes, stuck.statics
-    return ReducedStructure(
-        comm=system.comm,
-        pair_ranges=static.pair_ranges,
-        families=(modal_family(system, modes.omega_n, modes.phi_owned, damping),),
-        G_static=static.G_static,
-        du_static=static.du_static,
-        out_static=static.out_static,
-        out_R=static.out_R,
-        load_static=static.load_static,
-        observed=observed(system),
-    )
-
-
-def observed(system: System) -> Observed | None:
-    """Return what makes outputs of their rows; None where all are displacements.  Local."""
-    parts = system.output_orders, system.output_pairs, system.output_base
-    if all(part is None for part in parts):
-        return None
-    n_outputs, (n_rows, n_loads) = system.outputs.shape[0], (system.R.shape[0], system.loads.shape[1])
-    empty = np.zeros(n_outputs, dtype=int), np.zeros((n_outputs, n_rows)), np.zeros((n_outputs, n_loads))
-    return Observed(*(none if part is None else part for part, none in zip(parts, empty)))
-
-
-def modal_family(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, damping: ModalDamping | None) -> ModalFamily:
-    """Return what pairs, loads and outputs see of modes, and their damping.  Collective: one sum, with the user's C or
-    structural damping another.
-    """
-    participation = owned_product(seen_rows(system), phi_owned, system)
-    R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
-    C = all_damping(system, omega_n, phi_owned, damping)
+def damped_modes(modes: SeenModes, K_J: np.ndarray, damping: ModalDamping | None) -> DampedModes:
+    """Return modes with all of their damping; ``K_J`` (3 n_pairs,) are the springs of the joints [N/m].  Local."""
     eta = 0.0 if damping is None else damping.structural
-    S = structural_damping(system.K, phi_owned, eta, system.comm) if eta > 0.0 else None
-    return ModalFamily(omega_n, Damping(C, S), R_phi, b_T.T.copy(), o)
+    S = structural_damping(modes, K_J, eta) if eta > 0.0 else None
+    return DampedModes(modes.omega_n, Damping(all_damping(modes, damping), S), modes.R_phi, modes.b, modes.o)
 
 
-def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) -> np.ndarray:
-    """Return rows @ phi on every rank, (n_rows, n_phi).  Collective: one sum."""
-    first, last = system.M.getOwnershipRange()
-    return system.comm.allreduce(rows[:, first:last] @ phi_owned)
+def stuck_receptance(stuck: StuckStructure, damping: ModalDamping | None) -> Receptance:
+    """Return the receptance of one group of harmonics: modes of its stuck structure, with its exact static response.  Local."""
+    K_J = stuck.pairs.law.stiffness.ravel()
+    return Receptance(damped_modes(stuck.seen.first(stuck.n_modes), K_J, damping), stuck.statics)
+
+
+def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> ReducedStructure:
+    """Return the modes of a structure with its exact static response: of harmonic 1 now, of other groups when they are needed.
+
+    Local.
+
+    Raises
+    ------
+    CaseError : the structure's damping matrix feeds energy into a motion; on every rank
+    """
+    receptances = stuck.per_group.mapped(lambda of_group: stuck_receptance(of_group, damping))
+    receptances.of(1)
+    return ReducedStructure(
+        comm=stuck.comm,
+        n_pairs=stuck.pairs.n_pairs,
+        n_outputs=len(stuck.statics.out_static),
+        receptances=receptances,
+        observed=stuck.observed,
+    )

@@ -1,49 +1,111 @@
-"""What every method starts from: the stuck structure, its modes, and the static solutions that all of them share."""
+"""What every method starts from: the structure with all pairs stuck, one object for each group of harmonics."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..assembly.system import System
 from ..guards.memory import refuse_beyond
+from ..linear.dense import gram, multiply
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.constraint import RowSums, static_columns
 from ..modes.eigen import Modes
 from ..parallel.ownership import rows_of, split_evenly
+from ..receptance.modes import SeenModes
+from ..receptance.observed import Observed
+from ..receptance.per_group import PerGroup
 from ..receptance.static_columns import BATCH, FROM_DISK, StaticColumns
+from ..receptance.static_response import StaticResponse
+
+if TYPE_CHECKING:
+    from typing import Self
+
+    from mpi4py import MPI
 
 _ASKED_FROM = 1e8  # bytes of columns from which memory is asked for before they are solved for
 _FEWER = "fewer pairs slip at lower [response] levels; more ranks on more machines hold more of them"
 
 
 @dataclass(frozen=True, eq=False)
-class Statics:
-    """The exact static response of pairs, outputs and loads; all but the last are attributes of a reduced structure."""
+class Factored:
+    """What of a stuck structure is as large as its mesh."""
 
-    pair_ranges: np.ndarray  # (size + 1,) rank r owns pairs pair_ranges[r]:pair_ranges[r + 1]
-    G_static: StaticColumns  # of R K_L^-1 R^T, solved for on demand
-    du_static: np.ndarray  # (3 n_pairs, n_loads) R K_L^-1 f
-    out_static: np.ndarray  # (n_outputs, n_loads) o K_L^-1 f
-    out_R: np.ndarray  # (n_outputs, 3 n_pairs) o K_L^-1 R^T
-    load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
-    outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
-
-
-@dataclass(frozen=True, eq=False)
-class StuckStructure:
-    """The structure with all pairs stuck, its lowest modes and its static response; ``kept`` is what was made of them."""
-
-    linearised: Linearised
-    pairs: ContactPairs
-    statics: Statics
+    linearised: Linearised  # K_L, M, and the factor of K_L
     modes: Modes
-    kept: dict[Hashable, Any] = field(default_factory=dict, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StuckStructure:
+    """The structure of one group of harmonics with all pairs stuck.
+
+    What pairs, loads and outputs see of it is held as small arrays, the same on every rank but for the static columns.  Matrices,
+    factor and modes over all DOFs come from ``factored``: at once where they were made, and made when they are first needed where
+    the rest was read from disk.
+    """
+
+    comm: MPI.Comm
+    n_dof: int
+    pairs: ContactPairs
+    statics: StaticResponse
+    seen: SeenModes  # all that were computed; the first ``n_modes`` are used
+    n_modes: int
+    observed: Observed | None  # what makes outputs of their rows; None: all are displacements
+    factored: Callable[[], Factored]  # collective
+    groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: it is that of every harmonic itself
+    kept: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what was made of it
+
+    @classmethod
+    def of(cls, linearised: Linearised, pairs: ContactPairs, statics: StaticResponse, modes: Modes, **more: Any) -> Self:
+        """Return the stuck structure of a factor and its modes.  Collective: one sum, with a damping matrix another."""
+        system, computed, factored = linearised.system, modes.found or modes, Factored(linearised, modes)
+        return cls(
+            comm=system.comm,
+            n_dof=system.n_dof,
+            pairs=pairs,
+            statics=statics,
+            seen=seen_modes(system, computed.omega_n, computed.phi_owned),
+            n_modes=len(modes.omega_n),
+            observed=observed(system),
+            factored=lambda: factored,
+            **more,
+        )
+
+    @property
+    def per_group(self) -> PerGroup[StuckStructure]:
+        """The stuck structure of each group of harmonics.  Local."""
+        return PerGroup.single(self) if self.groups is None else self.groups
+
+    @property
+    def omega_n(self) -> np.ndarray:
+        """Natural frequencies of the modes used, (n_modes,) [rad/s]."""
+        return self.seen.omega_n[: self.n_modes]
+
+    @property
+    def linearised(self) -> Linearised:
+        """The matrices and the factor; collective where they must be made first."""
+        return self.factored().linearised
+
+    @property
+    def system(self) -> System:
+        """The structure's matrices and maps; collective where they must be made first."""
+        return self.linearised.system
+
+    @property
+    def modes(self) -> Modes:
+        """The modes used, over all DOFs; collective where they must be made first."""
+        return self.factored().modes
+
+    def with_modes(self, modes: Modes) -> Self:
+        """Return the same structure with other modes.  Collective: one sum, with a damping matrix another."""
+        computed, factored = modes.found or modes, Factored(self.linearised, modes)
+        seen = seen_modes(self.system, computed.omega_n, computed.phi_owned)
+        return replace(self, seen=seen, n_modes=len(modes.omega_n), factored=lambda: factored)
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return what ``make`` makes, made once for the same key.  Collective where ``make`` is."""
@@ -52,7 +114,7 @@ class StuckStructure:
         return self.kept[key]
 
 
-def static_response(linearised: Linearised) -> Statics:
+def static_response(linearised: Linearised) -> StaticResponse:
     """Return the static response: n_loads + n_outputs + 1 solves now, those of the pairs when they first leave sticking.
 
     Collective on the system's communicator.  The further solve is of random forces on all pairs: by it their columns are checked.
@@ -62,10 +124,8 @@ def static_response(linearised: Linearised) -> Statics:
     signs = np.random.default_rng(n_rows).choice([-1.0, 1.0], n_rows)
     forces = sp.hstack([system.loads, system.outputs.T, sp.csc_matrix(system.R.T @ signs).T], format="csc")
     static, of_signs = np.split(static_columns(linearised, seen_rows(system), forces), [n_load + n_out], axis=1)
-    pair_ranges = split_evenly(n_rows // 3, system.comm.size)
-    return Statics(
-        pair_ranges=pair_ranges,
-        G_static=pair_columns(linearised, pair_ranges, RowSums(signs, of_signs[:n_rows, 0])),
+    return StaticResponse(
+        G_static=pair_columns(linearised, RowSums(signs, of_signs[:n_rows, 0])),
         du_static=static[:n_rows, :n_load].copy(),
         out_static=static[n_rows : n_rows + n_out, :n_load].copy(),
         out_R=static[:n_rows, n_load:].T.copy(),
@@ -79,13 +139,41 @@ def seen_rows(system: System) -> sp.csr_matrix:
     return sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
 
 
-def pair_columns(linearised: Linearised, pair_ranges: np.ndarray, known: RowSums) -> StaticColumns:
+def seen_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray) -> SeenModes:
+    """Return what pairs, loads and outputs see of modes.  Collective: one sum, with a damping matrix another."""
+    participation = owned_product(seen_rows(system), phi_owned, system)
+    R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
+    C = None
+    if system.C is not None:
+        C = gram(system.comm, phi_owned, multiply(system.C, phi_owned))
+        C = 0.5 * (C + C.T)
+    return SeenModes(omega_n, R_phi, b_T.T.copy(), o, C)
+
+
+def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) -> np.ndarray:
+    """Return rows @ phi on every rank, (n_rows, n_phi).  Collective: one sum."""
+    first, last = system.M.getOwnershipRange()
+    return system.comm.allreduce(rows[:, first:last] @ phi_owned)
+
+
+def observed(system: System) -> Observed | None:
+    """Return what makes outputs of their rows; None where all are displacements.  Local."""
+    parts = system.output_orders, system.output_pairs, system.output_base
+    if all(part is None for part in parts):
+        return None
+    n_outputs, (n_rows, n_loads) = system.outputs.shape[0], (system.R.shape[0], system.loads.shape[1])
+    empty = np.zeros(n_outputs, dtype=int), np.zeros((n_outputs, n_rows)), np.zeros((n_outputs, n_loads))
+    return Observed(*(none if part is None else part for part, none in zip(parts, empty)))
+
+
+def pair_columns(linearised: Linearised, known: RowSums) -> StaticColumns:
     """Return the columns of R K_L^-1 R^T, to be solved for with the kept factor when they are needed.  Local.
 
     ``known`` are random sums of the rows of all of them.  Where there is no memory for them, that raises ResourceError on every
     rank.
     """
     R, comm = linearised.system.R, linearised.system.comm
+    pair_ranges = split_evenly(R.shape[0] // 3, comm.size)
     R_T, n_owned = R.T.tocsc(), int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
 
     def solve(pairs: np.ndarray) -> np.ndarray:

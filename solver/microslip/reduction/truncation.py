@@ -24,8 +24,9 @@ from ..fourier.amplitudes import to_complex
 from ..linear.dense import gram, multiply
 from ..parallel.ownership import summed
 from ..points.band import frequency_band
-from ..receptance.family import ModalFamily
+from ..receptance.modes import DampedModes
 from ..receptance.motions import linear_motion, output_motion
+from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
 from .modal_structure import reduce_structure
@@ -68,16 +69,17 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     docs/theory.md, eq. (4.5).
     """
     structure = reduce_structure(stuck, settings.damping)
-    norms = Solved(structure.one_family, structure.load_static, stuck.statics.outputs_static, stuck)
+    norms = Solved(structure.receptance_of(1), stuck)
     return bound(structure, stuck.pairs.law, norms, settings)
 
 
 def bound(structure: ReducedStructure, law: Law, norms: Norms, settings: ReductionSettings) -> LeftOut:
     """Return the bounds for the modes of a structure, by residual norms that are solved for or known.  Collective."""
     model = ReducedModel.of(structure, settings.excitation)
-    family, n = model.one_family, len(model.one_family.omega_n)
-    low, high = 2.0 * np.pi * np.array(frequency_band(settings.band, family.omega_n))
-    omegas = np.union1d(np.linspace(low, high, 60), family.omega_n[(family.omega_n > low) & (family.omega_n < high)])
+    modes = modes_of(model)
+    n = len(modes.omega_n)
+    low, high = 2.0 * np.pi * np.array(frequency_band(settings.band, modes.omega_n))
+    omegas = np.union1d(np.linspace(low, high, 60), modes.omega_n[(modes.omega_n > low) & (modes.omega_n < high)])
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
     comm = model.comm
     peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
@@ -90,9 +92,9 @@ def bound(structure: ReducedStructure, law: Law, norms: Norms, settings: Reducti
     # of the rows of the outputs, where velocities and the like count most
     peaks_u = {h: peaks / model.output_factors(h * high) for h in loaded}
     for h in loaded:
-        error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks_u[h]
+        error = (gains(modes, h * high) * of_load[h])[:, None] * of_output / peaks_u[h]
         direct = np.maximum(direct, error.max(axis=1))
-    if model.n_pairs or family.damping.couples_modes:
+    if model.n_pairs or modes.damping.couples_modes:
         at_which = [(h, omega) for omega in comm.bcast(resonances(model, law, omegas)) for h in loaded]
         for (h, _), at in zip(at_which, acting(norms, model, law, at_which, settings)):
             error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks_u[h]
@@ -108,7 +110,7 @@ def _through_the_joint(model: ReducedModel, at: Resonance, h: int, of_load, of_o
     """
     error = np.zeros_like(of_output)
     for n in model.harmonics.above_mean:
-        rho = gains(model.one_family, n * at.omega)[:, None]
+        rho = gains(modes_of(model), n * at.omega)[:, None]
         force, motion = (_content(n, h) * at.p / level)[:, None], _content(n, h) * at.pairs
         if n != h:
             error += rho * force * motion
@@ -128,16 +130,22 @@ def _content(n: int, h: int) -> float:
     return 1.0 if n <= h else 4.0 / np.pi * (h / n) ** 2
 
 
-def gains(family: ModalFamily, n_omega: float) -> np.ndarray:
+def modes_of(model: ReducedModel) -> DampedModes:
+    """Return the modes whose number is chosen: those of the one group that there is.  Local."""
+    (group,) = model.groups
+    return group.receptance.modes
+
+
+def gains(modes: DampedModes, n_omega: float) -> np.ndarray:
     """Return rho of eq. (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
 
     omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first mode left out its
     parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
     Structural damping adds the loss factor to 2 zeta s.
     """
-    first, zeta = np.append(family.omega_n[1:], np.inf), _of_left_out(family.zeta, np.minimum)
-    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(family.viscous_ratio / family.omega_n, np.maximum)
-    damped = damped + _of_left_out(family.loss_factor, np.maximum)
+    first, zeta = np.append(modes.omega_n[1:], np.inf), _of_left_out(modes.zeta, np.minimum)
+    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(modes.viscous_ratio / modes.omega_n, np.maximum)
+    damped = damped + _of_left_out(modes.loss_factor, np.maximum)
     with np.errstate(divide="ignore", invalid="ignore"):
         below = np.hypot(s**2, damped) / np.abs(1.0 - s**2 + 2j * zeta * s)
         at_resonance = 1.1 * np.sqrt(1.0 + 4.0 * zeta**2) / (2.0 * zeta) + damped
@@ -154,7 +162,7 @@ def residual_norms(stuck: StuckStructure, X_owned: np.ndarray) -> np.ndarray:
 
     Collective: 2 q static solves.  docs/theory.md, eq. (4.4).
     """
-    modes, comm, q = stuck.modes, stuck.linearised.system.comm, X_owned.shape[1]
+    modes, comm, q = stuck.modes, stuck.comm, X_owned.shape[1]
     parts = np.concatenate([X_owned.real, X_owned.imag], axis=1)
     static = np.zeros(2 * q)
     for start in range(0, 2 * q, _COLUMNS):
@@ -190,7 +198,7 @@ def acting(
     of_everything = np.split(norms.of_pairs(np.hstack([p for p, _ in everything])), len(everything), axis=1)
     found = []
     for (h, omega), (_, z), of_p in zip(at_which, everything, of_everything):
-        drags = norms.of_drag(z, h * omega, settings) if model.one_family.damping.couples_modes else np.zeros_like(of_p)
+        drags = norms.of_drag(z, h * omega, settings) if modes_of(model).damping.couples_modes else np.zeros_like(of_p)
         found.append(Resonance(omega, of_p[:, 0], drags[:, 0], of_p[:, 1:], drags[:, 1:]))
     return found
 
@@ -200,13 +208,14 @@ def _at_joint(model: ReducedModel, law: Law, h: int, omega: float, level: float)
 
     Local.
     """
-    family, (c,), i = model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
+    (group,), (c,), i = model.groups, model.flexibilities(omega), model.harmonics.chosen.index(h)
+    modes = group.receptance.modes
     U = to_complex(linear_motion(model, level, omega, slice(None)))
-    U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
+    U_adjoint = group.receptance.static.out_R.T + c.between(modes.R_phi, i, modes.o)  # (3 n_pairs, n_outputs)
     share = law.slipping_share(np.abs(U).sum(axis=1).reshape(-1, 3), _EARLY).ravel()
     K_J = law.stiffness.ravel()
     p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
-    return p, c.whole(np.column_stack([level * family.b @ to_complex(model.f)[:, i], family.o.T]), i)
+    return p, c.whole(np.column_stack([level * modes.b @ to_complex(model.f)[:, i], modes.o.T]), i)
 
 
 def _load(model: ReducedModel, h: int) -> np.ndarray:
@@ -234,19 +243,17 @@ class Norms(Protocol):
 class KnownNorms:
     """Those of loads and outputs, whose static solutions are known."""
 
-    family: ModalFamily
-    load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
-    outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
+    receptance: Receptance
 
     def of_load(self, f: np.ndarray) -> np.ndarray:
         parts = np.column_stack([f.real, f.imag])
-        static = np.einsum("lp,lm,mp->p", parts, self.load_static, parts)
-        return norms_beyond(static, self.family.b @ parts, self.family.omega_n)[:, 0]
+        modes, static = self.receptance.modes, np.einsum("lp,lm,mp->p", parts, self.receptance.static.load_static, parts)
+        return norms_beyond(static, modes.b @ parts, modes.omega_n)[:, 0]
 
     def of_outputs(self) -> np.ndarray:
-        of_modes, static = self.family.o.T, self.outputs_static
+        of_modes, static = self.receptance.modes.o.T, self.receptance.static.outputs_static
         both = np.concatenate([of_modes, np.zeros_like(of_modes)], axis=1)
-        return norms_beyond(np.concatenate([static, np.zeros_like(static)]), both, self.family.omega_n)
+        return norms_beyond(np.concatenate([static, np.zeros_like(static)]), both, self.receptance.modes.omega_n)
 
 
 def norms_beyond(static: np.ndarray, of_modes: np.ndarray, omega_n: np.ndarray) -> np.ndarray:
@@ -266,15 +273,17 @@ class Solved(KnownNorms):
     stuck: StuckStructure
 
     def of_pairs(self, p: np.ndarray) -> np.ndarray:
-        system = self.stuck.linearised.system
-        return residual_norms(self.stuck, _owned(system, system.R.T) @ p)
+        return residual_norms(self.stuck, _owned(self.stuck.system, self.stuck.system.R.T) @ p)
 
     def of_drag(self, z: np.ndarray, n_omega: float, settings: ReductionSettings) -> np.ndarray:
-        system, eta = self.stuck.linearised.system, 0.0 if settings.damping is None else settings.damping.structural
-        u_owned = self.stuck.modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
+        system, eta = self.stuck.system, 0.0 if settings.damping is None else settings.damping.structural
+        parts = np.concatenate([z.real, z.imag], axis=1)
+        u_owned = self.stuck.modes.phi_owned @ parts
         Cu_owned = n_omega * multiply(system.C, u_owned) if system.C is not None else np.zeros_like(u_owned)
-        if eta > 0.0:
-            Cu_owned = Cu_owned + eta * multiply(system.K, u_owned)
+        if eta > 0.0:  # of K, without the springs of the joints
+            springs = self.stuck.pairs.law.stiffness.reshape(-1, 1) * (self.receptance.modes.R_phi @ parts)
+            Ku_owned = multiply(self.stuck.linearised.K_L, u_owned) - _owned(system, system.R.T) @ springs
+            Cu_owned = Cu_owned + eta * Ku_owned
         q = z.shape[1]
         return residual_norms(self.stuck, Cu_owned[:, :q] + 1j * Cu_owned[:, q:])
 

@@ -22,16 +22,19 @@ from ..modes.user_order import from_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
-from ..receptance.modes_left_out import BetterModel
 from ..receptance.motions import ActingForces
+from ..receptance.per_group import PerGroup
+from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.static_columns import StaticColumns
-from ..reduction.galerkin import structure_of_family
+from ..receptance.static_response import StaticResponse
+from ..receptance.truncated_modes import EnrichedModel
+from ..reduction.galerkin import structure_of_modes
 from ..reduction.reduction import Reduction
 from .kept_columns import KeptColumns
 from .records import Arrays
-from .setup import STATICS, family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of
+from .setup import STATICS, left_out_of, modes_of, observed_of, outline_of, pairs_of, selection_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -119,13 +122,13 @@ def restored(kept: KeptSetup, scene: Scene, log: RunLog) -> Prepared:
     if exact:
         structure = exact_structure(under("model", arrays), comm, rebuilt.solve)
     else:
-        structure = structure_of_family(comm, family_of(under("model", arrays)), observed_of(under("model", arrays)))
+        structure = structure_of_modes(comm, modes_of(under("model", arrays)), observed_of(under("model", arrays)))
     reduction = Reduction(structure, selection_of(texts), rebuilt.displacements, texts["leaves_out"])
     better = None
     if texts["has_bars"]:
         other = under("better", arrays)
         compared_with = exact_structure(other, comm, rebuilt.solve) if other else structure
-        better = BetterModel(compared_with, left_out_of(arrays), is_solved=not other)
+        better = EnrichedModel(compared_with, PerGroup.single(left_out_of(arrays)), is_solved=not other)
     known = exact_columns(reduction, better)
     if known is not None:
         columns.restore(known, structure.owned_rows)
@@ -135,21 +138,17 @@ def restored(kept: KeptSetup, scene: Scene, log: RunLog) -> Prepared:
 
 def exact_structure(arrays: Mapping[str, Any], comm: MPI.Comm, solve: Callable[[np.ndarray], np.ndarray]) -> ReducedStructure:
     """Return a structure with the exact static response, its columns to be solved for by ``solve``.  Local."""
-    family = family_of(arrays)
-    n_pairs = len(family.R_phi) // 3
-    pair_ranges = split_evenly(n_pairs, comm.size)
+    modes, static = modes_of(arrays), {name: arrays[name] for name in STATICS}
+    n_pairs = len(modes.R_phi) // 3
+    columns = StaticColumns(n_pairs, int(np.diff(split_evenly(n_pairs, comm.size))[comm.rank]), solve)
+    receptance = Receptance(modes, StaticResponse(G_static=columns, **static))
     return ReducedStructure(
-        comm=comm,
-        pair_ranges=pair_ranges,
-        families=(family,),
-        G_static=StaticColumns(n_pairs, int(np.diff(pair_ranges)[comm.rank]), solve),
-        observed=observed_of(arrays),
-        **{name: arrays[name] for name in STATICS},
+        comm=comm, n_pairs=n_pairs, n_outputs=len(modes.o), receptances=PerGroup.single(receptance), observed=observed_of(arrays)
     )
 
 
-def exact_columns(reduction: Reduction, better: BetterModel | None) -> StaticColumns | None:
+def exact_columns(reduction: Reduction, better: EnrichedModel | None) -> StaticColumns | None:
     """Return the static columns that were solved for with the factor; None where the modes of a basis give them.  Local."""
     if reduction.leaves_out == "modes":
-        return reduction.structure.G_static
-    return None if better is None or better.is_solved else better.structure.G_static
+        return reduction.structure.receptance_of(1).static.G_static
+    return None if better is None or better.is_solved else better.structure.receptance_of(1).static.G_static

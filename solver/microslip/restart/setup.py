@@ -17,17 +17,17 @@ from ..library.prepare import Outline, Prepared
 from ..mesh.data import ContactPairs
 from ..points.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
 from ..receptance.damping import Damping
-from ..receptance.family import ModalFamily
-from ..receptance.modes_left_out import DampingBeyond, ModesLeftOut
+from ..receptance.modes import DampedModes
 from ..receptance.observed import Observed
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.structural_coupling import StructuralCoupling
+from ..receptance.truncated_modes import DampingBeyond, TruncatedModes
 from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..statics.bolts import BoltsAtRest
 from .records import Arrays
 
 SELECTIONS: dict[str, type] = {kind.__name__: kind for kind in (AllPairs, DissipatingPairs, NonStickingPairs)}
-STATICS = ("du_static", "out_static", "out_R", "load_static")  # of a structure with the exact static response
+STATICS = ("du_static", "out_static", "out_R", "load_static", "outputs_static")  # of a structure with the exact static response
 _OF_MESH = ("weights1", "weights2", "notes")  # of pairs: assembly alone needs them
 
 
@@ -44,7 +44,8 @@ def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     arrays |= of_rest(outline)
     if better is not None:
         arrays |= {} if better.is_solved else over("better", of_reduced(better.structure))
-        arrays |= {} if better.left_out is None else over("left_out", numbers_of(better.left_out))
+        left_out = better.truncated.of(1)
+        arrays |= {} if left_out is None else over("left_out", numbers_of(left_out))
     return arrays, texts
 
 
@@ -97,10 +98,10 @@ def selection_of(texts: Mapping[str, Any]) -> Selection:
     return SELECTIONS[kind](**values)
 
 
-def family_of(arrays: Mapping[str, Any]) -> ModalFamily:
-    """Return the modal family of a model's arrays.  Local."""
+def modes_of(arrays: Mapping[str, Any]) -> DampedModes:
+    """Return the modes of a model's arrays.  Local."""
     kept = under("family", arrays)
-    return ModalFamily(damping=Damping(kept.pop("C"), kept.pop("S", None)), **kept)
+    return DampedModes(damping=Damping(kept.pop("C"), kept.pop("S", None)), **kept)
 
 
 def observed_of(arrays: Mapping[str, Any]) -> Observed | None:
@@ -109,21 +110,22 @@ def observed_of(arrays: Mapping[str, Any]) -> Observed | None:
     return Observed(**kept) if kept else None
 
 
-def left_out_of(arrays: Arrays) -> ModesLeftOut | None:
+def left_out_of(arrays: Arrays) -> TruncatedModes | None:
     """Return the samples of the modes left out.  Local."""
     kept = under("left_out", arrays)
     coupling, damping = under("coupling", kept), {name: value.item() for name, value in under("damping", kept).items()}
     whole = {name: values.item() if values.ndim == 0 else values for name, values in kept.items() if "/" not in name}
     known = StructuralCoupling(**coupling) if coupling else None
-    return ModesLeftOut(**whole, damping=DampingBeyond(**damping), coupling=known) if kept else None
+    return TruncatedModes(**whole, damping=DampingBeyond(**damping), coupling=known) if kept else None
 
 
 def of_reduced(reduced: ReducedStructure) -> Arrays:
-    """Return the arrays of a reduced structure with one family."""
-    family = reduced.one_family
-    found = over("family", {"omega_n": family.omega_n, "R_phi": family.R_phi, "b": family.b, "o": family.o})
-    found |= {"family/C": family.damping.C, **({} if family.damping.S is None else {"family/S": family.damping.S})}
-    found |= {name: getattr(reduced, name) for name in STATICS}
+    """Return the arrays of a reduced structure with one group of harmonics."""
+    receptance = reduced.receptance_of(1)
+    modes = receptance.modes
+    found = over("family", {"omega_n": modes.omega_n, "R_phi": modes.R_phi, "b": modes.b, "o": modes.o})
+    found |= {"family/C": modes.damping.C, **({} if modes.damping.S is None else {"family/S": modes.damping.S})}
+    found |= {name: getattr(receptance.static, name) for name in STATICS}
     return found | ({} if reduced.observed is None else over("observed", numbers_of(reduced.observed)))
 
 

@@ -19,13 +19,14 @@ from ..mesh.read import read_mesh
 from ..modes.eigen import Modes
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
-from ..receptance.modes_left_out import BetterModel
+from ..receptance.per_group import PerGroup
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.static_columns import StaticColumns
+from ..receptance.truncated_modes import EnrichedModel
 from ..reduction.choose_again import KnownStructure, choose_again, with_first
 from ..reduction.left_out_again import OnRandom, left_out_again, on_random
 from ..reduction.methods import SELECTIONS
-from ..reduction.modal_structure import modal_family
+from ..reduction.modal_structure import stuck_receptance
 from ..reduction.reduction import Reduction
 from ..reduction.settings import ModalDamping
 from .records import Arrays
@@ -60,16 +61,14 @@ def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     ------
     CaseError : the damping matrix feeds energy into a mode that was found, but is not kept
     """
-    structure = prepared.structure
-    linearised, modes = structure.linearised, all_found(structure)
-    system, settings = linearised.system, reduction_settings(prepared.scene)
-    family = modal_family(system, modes.omega_n, modes.phi_owned, settings.damping)
-    reduced = replace(prepared.reduction.structure, families=(family,))
+    structure, settings = prepared.structure, reduction_settings(prepared.scene)
+    modes = all_found(structure)
+    receptance = stuck_receptance(replace(structure, n_modes=len(modes.omega_n)), settings.damping)
+    reduced = replace(prepared.reduction.structure, receptances=PerGroup.single(receptance))
     arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_reduced(reduced))
     arrays |= over("outline", numbers_of(replace(prepared.outline, omega_n=modes.omega_n)))
-    arrays["outputs_static"] = structure.statics.outputs_static
-    arrays |= over("random", numbers_of(on_random(linearised, modes)))
-    n_kept, better = len(structure.modes.omega_n), prepared.response.better
+    arrays |= over("random", numbers_of(on_random(structure.linearised, modes)))
+    n_kept, better = structure.n_modes, prepared.response.better
     texts: dict[str, Any] = texts_of_pairs(prepared.pairs, prepared.outline) | {
         "joints": joints_of(prepared.scene),
         "is_at_rest": prepared.scene.statics is not None,  # the file may state it, and joints and dampers
@@ -79,8 +78,9 @@ def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
         "has_bars": better is not None,
     }
     arrays |= of_rest(prepared.outline)
-    if better is not None and better.left_out is not None:
-        arrays |= over("left_out", numbers_of(better.left_out))
+    left_out = None if better is None else better.truncated.of(1)
+    if left_out is not None:
+        arrays |= over("left_out", numbers_of(left_out))
     return arrays, texts
 
 
@@ -115,13 +115,15 @@ def made_of(kept: KeptSetup, scene: Scene, log: RunLog) -> tuple[Prepared, str] 
     outline = outline_of(arrays, texts)
     rebuilt = Rebuilt(scene, comm, log, outline.omega_n, kept.read_modes, kept.factor)
     everything = exact_structure(under("model", arrays), comm, rebuilt.solve)
-    columns.restore(everything.G_static, everything.owned_rows)
-    known = KnownStructure(everything, arrays["outputs_static"], outline.n_dof, texts["n_proved"])
+    columns.restore(everything.receptance_of(1).static.G_static, everything.owned_rows)
+    known = KnownStructure(everything, outline.n_dof, texts["n_proved"])
     chosen = choose_again(known, pairs.law, settings)
     if chosen is None:
         return None
     n_modes, why = chosen
-    reduced = replace(with_first(everything, n_modes, settings.damping), G_static=to_ask_for(everything.G_static))
+    receptance = with_first(everything, n_modes, settings.damping).receptance_of(1)
+    static = replace(receptance.static, G_static=to_ask_for(receptance.static.G_static))
+    reduced = replace(everything, receptances=PerGroup.single(replace(receptance, static=static)))
     better = None
     if has_error_bars(scene):
         better = _better(arrays, texts, reduced, known, settings.damping)
@@ -144,16 +146,17 @@ def to_ask_for(known: StaticColumns) -> StaticColumns:
 
 def _better(
     arrays: Arrays, texts: Mapping[str, Any], reduced: ReducedStructure, known: KnownStructure, damping: ModalDamping | None
-) -> BetterModel | None:
+) -> EnrichedModel | None:
     """Return what error bars compare with; None where its samples are not known.  Local."""
-    n, n_kept = len(reduced.one_family.omega_n), texts["n_kept"]
+    n, n_kept = len(reduced.receptance_of(1).modes.omega_n), texts["n_kept"]
     left_out = left_out_of(arrays)
     if n == known.n_dof:
-        return BetterModel(reduced, None, True)
+        return EnrichedModel.of_all_modes(reduced)
     if left_out is None or (left_out.coupling is not None and n != n_kept):
         return None
-    again = left_out_again(left_out, n_kept, reduced, known.reduced.one_family, OnRandom(**under("random", arrays)), damping)
-    return BetterModel(reduced, again, True)
+    seen, receptance = OnRandom(**under("random", arrays)), reduced.receptance_of(1)
+    again = left_out_again(left_out, n_kept, receptance, known.modes, seen, damping)
+    return EnrichedModel(reduced, PerGroup.single(again), True)
 
 
 def pairs_for(scene: Scene, kept: ContactPairs, joints: list[dict[str, Any]], comm: MPI.Comm) -> ContactPairs | None:

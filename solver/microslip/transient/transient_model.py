@@ -8,7 +8,7 @@ import numpy as np
 
 from ..contact.law import Law
 from ..fourier.coefficients import synthesise
-from ..receptance.family import ModalFamily
+from ..receptance.modes import DampedModes
 from ..receptance.reduced_model import ReducedModel
 
 
@@ -16,7 +16,7 @@ from ..receptance.reduced_model import ReducedModel
 class TransientModel:
     """Modes and what is left of statics beside them; du = R_phi eta + s f - G p, eq. (10.1); everything replicated."""
 
-    modes: ModalFamily
+    modes: DampedModes
     G: np.ndarray  # (3 n_pairs, 3 n_pairs) G_static - R_phi Omega^-2 R_phi^T [m/N]
     s: np.ndarray  # (3 n_pairs, n_loads) du_static - R_phi Omega^-2 b [m/N]
     out_f: np.ndarray  # (n_outputs, n_loads) outputs' residual flexibility to the loads [m/N]
@@ -47,17 +47,18 @@ class TransientModel:
 
 def transient_model(model: ReducedModel, law: Law) -> TransientModel:
     """Return the model of eq. (10.1).  Collective on ``model.comm``: static columns of all pairs, and one gather."""
-    rows = np.ascontiguousarray(model.G_static.transposed(np.arange(model.n_pairs)).T)
+    (group,) = model.groups
+    modes, static = group.receptance.modes, group.receptance.static
+    rows = np.ascontiguousarray(static.G_static.transposed(np.arange(model.n_pairs)).T)
     G_static = rows if model.comm.size == 1 else np.concatenate(model.comm.allgather(rows))
-    modes = model.one_family
     R_flexibility, o_flexibility, b_flexibility = (x * modes.omega_n**-2.0 for x in (modes.R_phi, modes.o, modes.b.T))
     return TransientModel(
         modes=modes,
         f=model.f,
         law=law,
         G=G_static - R_flexibility @ modes.R_phi.T,
-        s=model.du_static - R_flexibility @ modes.b,
-        out_f=model.out_static - o_flexibility @ modes.b,
-        out_p=model.out_R - o_flexibility @ modes.R_phi.T,
-        load_f=model.load_static - b_flexibility @ modes.b,
+        s=static.du_static - R_flexibility @ modes.b,
+        out_f=static.out_static - o_flexibility @ modes.b,
+        out_p=static.out_R - o_flexibility @ modes.R_phi.T,
+        load_f=static.load_static - b_flexibility @ modes.b,
     )

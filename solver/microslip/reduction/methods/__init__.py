@@ -69,7 +69,7 @@ def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
 
 def keeps_to_K_L(settings: ReductionSettings) -> bool:
     """Return whether nothing asks for K without the springs of the joints once K_L is there.  Local."""
-    return settings.method in SELECTIONS and (settings.damping is None or settings.damping.structural == 0.0)
+    return settings.method in SELECTIONS
 
 
 def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
@@ -81,6 +81,6 @@ def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Redu
         stuck.linearised.bring_K_back()
     if settings.method in REDUCTIONS:
         return REDUCTIONS[settings.method](stuck, settings)
-    expand = partial(displacements, stuck.linearised, stuck.modes)
+    expand = partial(displacements, stuck)
     selection = SELECTIONS[settings.method](settings)
     return Reduction(reduce_structure(stuck, settings.damping), selection, expand, leaves_out="modes")

@@ -24,10 +24,9 @@ from ...parallel.agree import on_root
 from ...parallel.ownership import summed
 from ..facts import Facts
 from ..galerkin import DEPENDENT, reduce_on_basis
-from ..modal_structure import owned_product
 from ..reduction import Reduction
 from ..settings import ReductionSettings
-from ..stuck import StuckStructure
+from ..stuck import StuckStructure, owned_product
 
 FACTS = Facts(lambda settings, n: n.modes + min(settings.interface_modes, 3 * n.pairs) + n.loads, makes_basis=True)
 

@@ -102,7 +102,7 @@ class Comparison:
         ------
         CaseError : `full` was asked for and does not fit; on every rank
         """
-        if asked or self.structure.linearised.system.n_dof <= LARGEST_REFERENCE:
+        if asked or self.structure.n_dof <= LARGEST_REFERENCE:
             try:
                 return "full", self.reduced("full")
             except CaseError as reason:

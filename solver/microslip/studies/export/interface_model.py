@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from ...receptance.family import ModalFamily
+from ...receptance.modes import DampedModes
 
 INDEPENDENT = 1e-7  # of a relative displacement's energy norm: what is less beside the others follows them
 
@@ -39,16 +39,16 @@ class InterfaceModel:
         return len(self.independent)
 
 
-def interface_model(family: ModalFamily, K_J: np.ndarray) -> InterfaceModel:
+def interface_model(modes: DampedModes, K_J: np.ndarray) -> InterfaceModel:
     """Return the matrices of the modes of a Galerkin reduction, K_J (3 n_pairs,) being the springs of the pairs [N/m].
 
     Local.  docs/theory.md, eq. (8.8).
     """
-    flexible = family.R_phi / family.omega_n  # over coordinates y = Omega eta, in which K_L is the identity
+    flexible = modes.R_phi / modes.omega_n  # over coordinates y = Omega eta, in which K_L is the identity
     independent, E, psi = constraint_shapes(flexible)
-    chi, squares = held_modes(psi, family.omega_n)
+    chi, squares = held_modes(psi, modes.omega_n)
     Y = np.hstack([psi, chi])
-    T = Y / family.omega_n[:, None]
+    T = Y / modes.omega_n[:, None]
     n_b = len(independent)
     R = np.zeros((len(K_J), Y.shape[1]))
     R[:, :n_b] = E
@@ -57,12 +57,12 @@ def interface_model(family: ModalFamily, K_J: np.ndarray) -> InterfaceModel:
     K[np.arange(n_b, len(K)), np.arange(n_b, len(K))] = squares
     model = InterfaceModel(
         M=T.T @ T,
-        C=T.T @ family.damping.apply(T),
+        C=T.T @ modes.damping.apply(T),
         K=0.5 * (K + K.T),
-        S=None if family.damping.S is None else T.T @ family.damping.apply_structural(T),
+        S=None if modes.damping.S is None else T.T @ modes.damping.apply_structural(T),
         R=R,
-        F=T.T @ family.b,
-        outputs=family.o @ T,
+        F=T.T @ modes.b,
+        outputs=modes.o @ T,
         T=T,
         independent=independent,
     )

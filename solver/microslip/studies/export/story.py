@@ -58,7 +58,7 @@ def export(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
             reduction = reduced(structure, settings)
         with log.stage("matrices"):
             K_J = joint_stiffness(structure.pairs)
-            model = on_root(comm, lambda: interface_model(reduction.structure.one_family, K_J))
+            model = on_root(comm, lambda: interface_model(reduction.structure.receptance_of(1).modes, K_J))
             found = contents(scene, structure, reduction, model, K_J)
             fields = recovered(structure, reduction, model.T) if asked.recovery else None
         log.note(note)
@@ -95,7 +95,7 @@ def settings_of(scene: Scene, structure: Structure, method: str | None) -> tuple
 def recovered(structure: Structure, reduction: Reduction, T) -> dict | None:
     """Return the arrays of full fields on rank 0, None elsewhere.  Collective: one gather."""
     assert reduction.phi_owned is not None, "a Galerkin reduction"
-    system, owned = structure.linearised.system, reduction.phi_owned @ T
+    system, owned = structure.system, reduction.phi_owned @ T
     if system.dof is None:
         gathered = system.comm.gather(owned, root=0)
         return None if gathered is None else recovery(gathered, None)

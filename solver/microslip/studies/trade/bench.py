@@ -24,7 +24,7 @@ from ...messages.errors import MicroslipError
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...points.branch import Branch, Point
 from ...points.error_parts import total
-from ...receptance.modes_left_out import BetterModel
+from ...receptance.truncated_modes import EnrichedModel
 from ...scene.read import changed
 from .study import Curve, Run, Setting
 
@@ -62,7 +62,7 @@ class Bench:
         self.sweep = frequency_sweep(own, structure.modes.omega_n)
         self.least_harmonics = own.loaded
         self.modes: Modes = structure.modes
-        self.has_all_modes = len(structure.modes.omega_n) == structure.linearised.system.n_dof
+        self.has_all_modes = len(structure.modes.omega_n) == structure.n_dof
         highest = max(self.sweep.start, self.sweep.stop)
         in_range = int(np.count_nonzero(structure.modes.omega_n <= highest))
         self.least_modes = self.comm.bcast(max(own.band.mode or 1, in_range))  # fewer leave a resonance out
@@ -76,7 +76,7 @@ class Bench:
         """Compute modes anew where ``n_modes`` are more than there are, and know how long that takes."""
         modes, seconds = self._timed_modes(n_modes)
         self.modes_seconds[len(modes.omega_n)] = seconds
-        n_dof = self.structure.linearised.system.n_dof
+        n_dof = self.structure.n_dof
         self.has_all_modes = self.has_all_modes or n_modes == n_dof or len(modes.omega_n) < n_modes
         if len(modes.omega_n) > len(self.modes.omega_n):
             self.modes, self._first = modes, {}
@@ -113,7 +113,7 @@ class Bench:
 
     def _prepare(self, setting: Setting) -> Prepared:
         if setting.modes not in self._first:
-            self._first[setting.modes] = replace(self.structure, modes=first_of(self.modes, setting.modes))
+            self._first[setting.modes] = self.structure.with_modes(first_of(self.modes, setting.modes))
         prepared = prepare(self._first[setting.modes], self.scene_of(setting), has_bars=True)
         return replace(prepared, seconds=self.comm.bcast(prepared.seconds))
 
@@ -227,7 +227,7 @@ class Stopwatch:
 class TimedEstimator(ErrorEstimator):
     """Error bars, and the time they took."""
 
-    def __init__(self, better: BetterModel):
+    def __init__(self, better: EnrichedModel):
         super().__init__(better)
         self.spent = np.zeros(2)
 

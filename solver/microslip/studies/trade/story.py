@@ -197,7 +197,7 @@ def cheap(bench: Bench, base: Setting) -> Setting:
 
 def measure_modes(bench: Bench, n_base: int) -> None:
     """Compute the modes of the reference, and learn what fewer cost.  Collective."""
-    n_dof = bench.structure.linearised.system.n_dof
+    n_dof = bench.structure.n_dof
     most = min(max(FEWEST_OF_REFERENCE, 3 * n_base), most_modes(n_dof))
     for n_modes in sorted({bench.least_modes, most}):
         bench.more_modes(n_modes)
@@ -231,7 +231,7 @@ def settings(
         energies = [float(f"{10.0**decade * most:.0e}") for decade in EPS]
         later += [("eps", f"{eps:g} J", replace(base, method="adaptive-energy", energy_tolerance=eps)) for eps in energies]
     if "method" in knobs:
-        n_dof = bench.structure.linearised.system.n_dof
+        n_dof = bench.structure.n_dof
         known = {base.method, *(["adaptive-energy"] if "eps" in knobs else []), *(["full"] if n_dof > LARGEST_REFERENCE else [])}
         later += [("method", name, replace(base, method=name)) for name in METHODS if name not in known]
     return first, [*later, *last[:1], (ACCURACY, f"{TARGETS[2]:g}", replace(base, accuracy=TARGETS[2])), *last[1:]]
@@ -313,6 +313,6 @@ def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: Ru
             omegas[level] = sorted({*omegas.get(level, ()), *points}, reverse=bench.sweep.direction < 0)
     for mesh, bench, setup in benches:
         run = bench.run("mesh", Path(mesh).name, replace(base, mesh=mesh), omegas, bars=False)
-        found.append((bench.structure.linearised.system.n_dof, replace(run, setup=setup)))
+        found.append((bench.structure.n_dof, replace(run, setup=setup)))
         bench.structure.close()
     return [run for _, run in sorted(found, key=lambda entry: entry[0])]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..parallel.ownership import rows_of
 from .columns import ReceptanceColumns
 
 _LEAST = 1e-30  # share of a pair's own compliance below which another one feels nothing of it
@@ -43,7 +42,6 @@ def felt(G: ReceptanceColumns, pair: int) -> np.ndarray:
 
     Collective: one gather.
     """
-    block = G.G_static.part(rows_of(np.array([pair]))).columns(G.rows)  # (3, 3 m)
-    own = np.linalg.norm(block.reshape(3, -1, 3), axis=(0, 2))
+    own = G.static_coupling(pair)
     size = own if G.model.comm.size == 1 else np.concatenate(G.model.comm.allgather(own))  # rank order is row order
     return np.maximum(size / (size[pair] or 1.0), _LEAST)

@@ -1,0 +1,60 @@
+"""The modes of one group of harmonics, as pairs, loads and outputs see them (docs/theory.md, section 4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..fourier.harmonics import Harmonics
+from .damping import Damping, DynamicFlexibility
+
+
+@dataclass(frozen=True, eq=False)
+class SeenModes:
+    """Modes of one (K_L, M), M-normalised, and what a damping matrix of the structure is between them.  Replicated."""
+
+    omega_n: np.ndarray  # (m,) rad/s
+    R_phi: np.ndarray  # (3 n_pairs, m) participation of the pairs
+    b: np.ndarray  # (m, n_loads) phi^T f
+    o: np.ndarray  # (n_outputs, m) output rows times phi
+    C: np.ndarray | None = None  # (m, m) phi^T C phi of the structure's damping matrix [1/s]; None: it has none
+
+    def first(self, n: int) -> SeenModes:
+        """Return the first n of them.  Local."""
+        C = None if self.C is None else self.C[:n, :n]
+        return SeenModes(self.omega_n[:n], self.R_phi[:, :n], self.b[:n], self.o[:, :n], C)
+
+
+@dataclass(frozen=True, eq=False)
+class DampedModes:
+    """The same modes with all of their damping.  Replicated."""
+
+    omega_n: np.ndarray  # (m,) rad/s
+    damping: Damping  # phi^T C phi
+    R_phi: np.ndarray  # (3 n_pairs, m) participation of the pairs
+    b: np.ndarray  # (m, n_loads) phi^T f
+    o: np.ndarray  # (n_outputs, m) output rows times phi
+
+    @property
+    def zeta(self) -> np.ndarray:
+        """Damping ratios at resonance, (m,) [-]; of a full damping its diagonal, of structural damping half the loss factor."""
+        return self.viscous_ratio if self.damping.S is None else self.viscous_ratio + 0.5 * self.loss_factor
+
+    @property
+    def viscous_ratio(self) -> np.ndarray:
+        """Ratios of viscous damping, (m,) [-]."""
+        return self.damping.diagonal / (2.0 * self.omega_n)
+
+    @property
+    def loss_factor(self) -> np.ndarray:
+        """Loss factors of structural damping, (m,) [-]."""
+        return self.damping.structural_diagonal / self.omega_n**2
+
+    def with_damping(self, sigma: float) -> DampedModes:
+        """Return the same modes with sigma M [1/s] added to the damping matrix.  Local."""
+        return replace(self, damping=self.damping.plus(sigma))
+
+    def flexibility(self, harmonics: Harmonics, omega: float) -> DynamicFlexibility:
+        """Return c_n of (4.1) of a set of harmonics at ``omega`` [rad/s].  Local."""
+        return DynamicFlexibility(self.omega_n, self.damping, harmonics.numbers, omega)

@@ -1,0 +1,58 @@
+"""A reduced model for some of the ranks, which go on without the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from ..parallel.ownership import split_evenly
+from .per_group import PerGroup
+from .reduced_structure import ReducedStructure
+from .static_columns import StaticColumns
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+Reduced = TypeVar("Reduced", bound=ReducedStructure)
+_BATCH = 128  # pairs whose columns travel together
+
+
+def on_ranks(model: Reduced, comm: MPI.Comm) -> Reduced:
+    """Return the same model, or structure, with its pairs split over the ranks of ``comm``, a part of those of ``model.comm``.
+
+    Collective on ``model.comm``: the receptances of *all* groups of harmonics are made, and the static columns of *all* pairs
+    solved for.  The factor is spread over all ranks, so that some of them cannot solve for a pair that leaves sticking later.
+    """
+    receptances = {}
+    for group in model.receptances.groups:
+        receptance = model.receptances.of_group(group)
+        static = replace(receptance.static, G_static=_columns_on(model, receptance.static.G_static, comm))
+        receptances[group] = replace(receptance, static=static)
+    per_group = PerGroup(receptances.__getitem__, model.receptances.group_of, model.receptances.groups)
+    return replace(model, comm=comm, receptances=per_group)
+
+
+def _columns_on(model: ReducedStructure, columns: StaticColumns, comm: MPI.Comm) -> StaticColumns:
+    """Return the static columns of all pairs with the rows of this rank's share in ``comm``.  Collective on ``model.comm``."""
+    first, last = (int(pair) for pair in split_evenly(model.n_pairs, comm.size)[comm.rank : comm.rank + 2])
+    wanted = model.comm.allgather((first, last))
+    moved = StaticColumns(model.n_pairs, last - first, _no_solve, is_complex=columns.is_complex)
+    for start in range(0, model.n_pairs, _BATCH):
+        pairs = np.arange(start, min(start + _BATCH, model.n_pairs))
+        rows = columns.transposed(pairs).T  # of the pairs owned in model.comm
+        parts = [_rows_between(rows, model.owned, *ends) for ends in wanted]
+        moved.put(pairs, np.concatenate(model.comm.alltoall(parts)))  # rank order is row order
+    return moved
+
+
+def _rows_between(rows: np.ndarray, owned: slice, first: int, last: int) -> np.ndarray:
+    """Return those of ``rows``, of the pairs ``owned``, that belong to the pairs ``first`` to ``last`` - 1.  Local."""
+    start = max(first, owned.start)
+    stop = max(start, min(last, owned.stop))
+    return rows[3 * (start - owned.start) : 3 * (stop - owned.start)]
+
+
+def _no_solve(pairs: np.ndarray) -> np.ndarray:
+    raise AssertionError(f"the columns of all pairs were solved for before the ranks parted, but {len(pairs)} are missing")

@@ -1,0 +1,61 @@
+"""Harmonics in groups: harmonics of one group share stiffness, modes and static response (docs/theory.md, section 4).
+
+A plain structure has one group; of a disc of alike sectors the harmonics of one nodal diameter are one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+S = TypeVar("S")
+
+
+def only_group(n: int) -> Hashable:
+    """Return the group of harmonic n where there is but one."""
+    return 0
+
+
+class PerGroup(Generic[T]):
+    """A value of each group of harmonics, made when it is first needed.
+
+    Parameters
+    ----------
+    make : collective; returns the value of a group
+    group_of : returns the group of harmonic n
+    groups : all groups there are
+    """
+
+    def __init__(
+        self,
+        make: Callable[[Hashable], T],
+        group_of: Callable[[int], Hashable] = only_group,
+        groups: tuple[Hashable, ...] = (only_group(0),),
+    ):
+        self._make, self.group_of, self.groups = make, group_of, groups
+        self._made: dict[Hashable, T] = {}
+
+    @classmethod
+    def single(cls, value: T) -> PerGroup[T]:
+        """Return a value that is that of every harmonic."""
+        return cls(lambda group: value)
+
+    def of_group(self, group: Hashable) -> T:
+        """Return the value of a group.  Collective where it is new."""
+        if group not in self._made:
+            self._made[group] = self._make(group)
+        return self._made[group]
+
+    def of(self, n: int) -> T:
+        """Return the value of the group of harmonic n.  Collective where it is new."""
+        return self.of_group(self.group_of(n))
+
+    def mapped(self, change: Callable[[T], S]) -> PerGroup[S]:
+        """Return what becomes of the values by ``change``, when it is first needed.  Local."""
+        return PerGroup(lambda group: change(self.of_group(group)), self.group_of, self.groups)
+
+    @property
+    def made(self) -> list[T]:
+        """The values that were made so far.  Local."""
+        return list(self._made.values())

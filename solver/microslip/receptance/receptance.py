@@ -1,0 +1,68 @@
+"""The receptance of one group of harmonics: its modes and static response, seen from pairs, loads and outputs.
+
+Between any two of them with modal participations x, y, in harmonic n (docs/theory.md, eq. (4.1)),
+
+    A_n(omega) = A_static + x c_n(omega) y^H.
+
+All of it is real for a structure by itself, complex where neighbours move with another phase.  Motions and forces are real
+coefficients [mean, cos, sin, ...] of the group's harmonics, of which the complex amplitude is cos - i sin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..fourier.amplitudes import times, times_adjoint, to_complex
+from .damping import DynamicFlexibility, Flexibility
+from .modes import DampedModes
+from .static_response import StaticResponse
+
+
+@dataclass(frozen=True, eq=False)
+class Receptance:
+    """What belongs to one group of harmonics.  All methods are local; N_H counts the coefficients of its harmonics."""
+
+    modes: DampedModes
+    static: StaticResponse
+
+    @property
+    def is_complex(self) -> bool:
+        return np.iscomplexobj(self.modes.R_phi) or self.static.G_static.is_complex
+
+    def with_damping(self, sigma: float) -> Receptance:
+        """Return the same with sigma M [1/s] added to the damping matrix."""
+        return replace(self, modes=self.modes.with_damping(sigma))
+
+    def modal_forces(self, f: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
+        """Return phi^H (f - R^H p), (m, N_H), for loads (n_loads, N_H) and forces of the pairs (3 n_pairs, N_H)."""
+        q = times(self.modes.b, f)
+        return q if p is None else q - times_adjoint(self.modes.R_phi, p)
+
+    def linear_motion(self, f: np.ndarray, c: Flexibility, rows: slice) -> np.ndarray:
+        """Return the motion of some rows of the pairs under loads f alone, all pairs stuck, (n_rows, N_H) [m]."""
+        return times(self.static.du_static[rows], f) + times(self.modes.R_phi[rows], c.apply(self.modal_forces(f)))
+
+    def linear_motion_rate(self, f: np.ndarray, rate: Flexibility, rows: slice) -> np.ndarray:
+        """Return the rate of that motion, (n_rows, N_H), for the ``rate`` of c_n."""
+        return times(self.modes.R_phi[rows], rate.apply(self.modal_forces(f)))
+
+    def output_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
+        """Return o u, (n_outputs, N_H) [m]."""
+        dynamic = times(self.modes.o, c.apply(self.modal_forces(f, p)))
+        return times(self.static.out_static, f) - times(self.static.out_R, p) + dynamic
+
+    def load_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
+        """Return f^H u, the motion along each load, (n_loads, N_H) [m]."""
+        dynamic = times_adjoint(self.modes.b, c.apply(self.modal_forces(f, p)))
+        return times(self.static.load_static, f) - times_adjoint(self.static.du_static, p) + dynamic
+
+    def modal_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
+        """Return the complex modal amplitudes D_n^-1 phi^H (f - R^H p), (m, n_harmonics)."""
+        q = self.modal_forces(f, p)
+        return to_complex(c.apply(q)) + to_complex(q) / self.modes.omega_n[:, None] ** 2
+
+    def of_outputs(self, c: DynamicFlexibility, i: int) -> np.ndarray:
+        """Return A_n between outputs and pairs, (n_outputs, 3 n_pairs) complex [m/N], of the i-th of the group's harmonics."""
+        return self.static.out_R + c.between(self.modes.o, i, self.modes.R_phi)

@@ -1,0 +1,222 @@
+"""How strongly forces act on the truncated modes, without knowing them (docs/theory.md, section 11).
+
+The receptance (4.1) lacks E_n = sum over k > m of phi_k c_kn phi_k^H of the modes that are truncated.  Below their resonances
+
+    E_n ~ (n omega)^2 W,        W = sum over k > m of phi_k phi_k^H / omega_k^4 = Z M Z,        Z = K_L^-1 - phi Omega^-2 phi^H,
+
+and W is sampled: with random vectors s of covariance M, W is the mean of (Z s)(Z s)^H.  A few static solutions once, however
+many pairs there are.  A damping alpha M + beta K adds -i n omega (alpha W + beta Z), structural damping -i eta Z, a ratio zeta
+-2 i n omega zeta times what lies between W and Z: no more than their geometric mean, where x E_n x is asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..fourier.amplitudes import times, times_adjoint
+from .damping import DynamicFlexibility
+from .on_ranks import on_ranks
+from .per_group import PerGroup
+from .receptance import Receptance
+from .reduced_model import HarmonicGroup, ReducedModel
+from .reduced_structure import ReducedStructure
+from .structural_coupling import StructuralCoupling
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+SAMPLES = 32  # random vectors: norms are known to about a quarter
+KEY = 20  # of the random vectors
+LAST = 3  # modes whose kinetic energy they have
+_NEAR = 0.9  # of that frequency: a harmonic above it is taken to lie here
+
+
+@dataclass(frozen=True)
+class DampingBeyond:
+    """Of the truncated modes: phi_k^H C phi_k ~ alpha + 2 zeta omega_k + beta omega_k^2, and a loss factor in addition to it."""
+
+    alpha: float = 0.0  # 1/s
+    ratio: float = 0.0  # zeta
+    beta: float = 0.0  # s
+    loss_factor: float = 0.0  # eta of structural damping; the static part has none
+
+
+@dataclass(frozen=True)
+class TruncatedModes:
+    """The samples Z s of one group of harmonics, seen from pairs, outputs and loads; replicated."""
+
+    omega: float  # rad/s: what the loads move beyond the modes used vibrates about here, or above
+    highest: float  # rad/s, of the last mode used
+    damping: DampingBeyond
+    of_pairs: np.ndarray  # (3 n_pairs, SAMPLES)
+    of_outputs: np.ndarray  # (n_outputs, SAMPLES)
+    of_loads: np.ndarray  # (n_loads, SAMPLES)
+    direct: np.ndarray  # (n_outputs, n_loads) W between outputs and loads, exactly
+    own: np.ndarray  # (n_loads,) W of each load with itself, exactly
+    residual: np.ndarray  # (n_outputs, n_loads) their static flexibility without the modes used, exactly [m/N]
+    coupling: StructuralCoupling | None  # of structural damping with a joint
+
+    def gains(self, n_omega: np.ndarray) -> np.ndarray:
+        """Return the factor of W in E_n at the frequencies n omega, (n_harmonics,) [1/s2].  Local."""
+        s = np.minimum(n_omega / self.omega, _NEAR)
+        return np.hypot(n_omega**2, self._of_mass * n_omega) / (1.0 - s**2)
+
+    @property
+    def _of_mass(self) -> float:
+        """Factor of -i n omega W in E_n, where that is all that is known [1/s]."""
+        return self.damping.alpha + 2.0 * self.damping.ratio * self.highest
+
+    def _lost(self, n_omega: np.ndarray) -> np.ndarray:
+        """Return the factor of Z in E_n at the frequencies n omega, (n_harmonics,) [-]."""
+        return self.damping.loss_factor + self.damping.beta * n_omega
+
+    def through_joint(
+        self, group: HarmonicGroup, omega: float, f: np.ndarray, p: np.ndarray, samples: np.ndarray, factors: np.ndarray
+    ) -> np.ndarray:
+        """Return what they change in the outputs by way of the pairs at most, all harmonics of the group, (2 n_outputs,).  Local.
+
+        By Cauchy and Schwarz, harmonic by harmonic.  ``f`` (n_loads, N_H), ``p`` (3 n_pairs, N_H) and ``samples`` (2 n_outputs,
+        SAMPLES, N_H) are coefficients of the group, ``factors`` (n_outputs,) those of the outputs' rows.
+        """
+        loads, pairs = times_adjoint(self.of_loads, f), times_adjoint(self.of_pairs, p)
+        numbers = group.harmonics.numbers
+        straight = np.zeros((len(samples), len(numbers)))  # harmonic 1 of an output is its own
+        straight[:, numbers == 1] = np.tile(np.linalg.norm(self.of_outputs, axis=1) * factors, 2)[:, None]
+        through = straight * _norms(pairs, group) + _norms(samples, group) * _norms(loads - pairs, group)
+        lost = np.where(numbers > 0, self._lost(omega * numbers), 0.0)
+        return through @ (self.gains(omega * numbers) + lost * self.omega**2)  # static parts are about W omega^2
+
+    def direct_changes(self, omega: float, f_1: np.ndarray) -> np.ndarray:
+        """Return what they change in cos 1 and then sin 1 of the rows of the outputs under loads alone, (2 n_outputs,).  Local.
+
+        Exactly, but for the order beyond W.  ``f_1`` (n_loads, 2) are cosine and sine of the loads.
+        """
+        n_omega = np.array([omega])
+        of_W, of_Z = (np.abs(times(each, f_1)).T.ravel() for each in (self.direct, self.residual))
+        between = 2.0 * self.damping.ratio * omega * np.sqrt(of_W * of_Z)
+        return self.gains(n_omega) * of_W + np.maximum(between - self._of_mass * omega * of_W, 0.0) + self._lost(n_omega) * of_Z
+
+
+@dataclass(frozen=True)
+class Truncation:
+    """The truncated modes of each group of a model's harmonics; None of a group that has all of its modes."""
+
+    model: ReducedModel
+    of_groups: tuple[TruncatedModes | None, ...]
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether no mode is truncated."""
+        return all(truncated is None for truncated in self.of_groups)
+
+    def samples_of(self, tau: np.ndarray) -> np.ndarray:
+        """Return this rank's part of the samples of R^H tau, (n, SAMPLES, N_H), of rows tau (n, 3 n_owned, N_H).  Local."""
+        samples, own = np.zeros((len(tau), SAMPLES, self.model.N_H)), self.model.owned_rows
+        for group, truncated in zip(self.model.groups, self.of_groups):
+            if truncated is not None:
+                rows = truncated.of_pairs[own]
+                samples[..., group.columns] = [times_adjoint(rows, x[:, group.columns]) for x in tau]
+        return samples
+
+    def changes(self, level: float, omega: float, p: np.ndarray, samples: np.ndarray) -> np.ndarray:
+        """Return what the truncated modes would change in cos 1 and then sin 1 of the outputs, (2 n_outputs,) [m].  Local.
+
+        From a load straight to an output exactly, but for the order beyond W; by way of the pairs at most.  docs/theory.md, eq.
+        (11.2).
+
+        Parameters
+        ----------
+        p : (3 n_pairs, N_H) forces of the pairs [N]
+        samples : (2 n_outputs, SAMPLES, N_H) samples of what an output receives by way of the pairs, R^H tau
+        """
+        model, f = self.model, level * self.model.f
+        factors, total = np.broadcast_to(model.output_factors(omega), model.n_outputs), np.zeros(2 * model.n_outputs)
+        for group, truncated, c in zip(model.groups, self.of_groups, model.flexibilities(omega)):
+            if truncated is None:
+                continue
+            of_group = f[:, group.columns], p[:, group.columns]
+            if 1 in group.harmonics:
+                total = total + np.tile(factors, 2) * _straight(truncated, group, c, omega, *of_group)
+            total = total + truncated.through_joint(group, omega, *of_group, samples[..., group.columns], factors)
+        return total
+
+
+def _straight(
+    truncated: TruncatedModes, group: HarmonicGroup, c: DynamicFlexibility, omega: float, f: np.ndarray, p: np.ndarray
+) -> np.ndarray:
+    """Return what changes in harmonic 1 of the rows of the outputs straight from loads and the modes used, (2 n_outputs,)."""
+    first = group.harmonics.columns(1)
+    changes = truncated.direct_changes(omega, f[:, first])
+    if truncated.coupling is not None:
+        changes = changes + truncated.coupling.changes(group, c, f, p)
+    return changes
+
+
+def _norms(samples: np.ndarray, group: HarmonicGroup) -> np.ndarray:
+    """Return the norm of each harmonic, (..., n_harmonics), of samples (..., SAMPLES, N_H).  Local."""
+    squares, harmonics = np.einsum("...sh,...sh->...h", samples, samples), group.harmonics
+    mean, cos, sin = (squares[..., columns] for columns in (harmonics.mean, harmonics.cos, harmonics.sin))
+    return np.sqrt(np.concatenate([mean, cos + sin], axis=-1))
+
+
+def of_samples(
+    receptance: Receptance,
+    rows: np.ndarray,
+    direct: np.ndarray,
+    own: np.ndarray,
+    damping: DampingBeyond,
+    coupling: StructuralCoupling | None,
+) -> TruncatedModes:
+    """Return what samples tell in addition to the modes of a receptance.  Local.
+
+    Parameters
+    ----------
+    rows : (3 n_pairs + n_outputs + n_loads, SAMPLES) the samples Z s seen from pairs, outputs and loads
+    direct, own : (n_outputs, n_loads), (n_loads,) of W, as stored
+    """
+    modes, static = receptance.modes, receptance.static
+    n_rows, n_out = len(static.du_static), len(static.out_static)
+    # Rayleigh's quotients of the loads: energy x^H K_L^-1 x over x^H W x, without the modes used
+    energy = np.diag(static.load_static).real - (np.abs(modes.b) ** 2 / modes.omega_n[:, None] ** 2).sum(axis=0)
+    squares = np.maximum(energy, 0.0) / np.maximum(own, np.finfo(float).tiny)
+    effective = np.sqrt(squares[squares > 0.0].min(initial=np.inf))
+    omega = np.clip(effective, modes.omega_n[-1], 1e3 * modes.omega_n[-1])
+    return TruncatedModes(
+        float(omega),
+        float(modes.omega_n[-1]),
+        damping,
+        rows[:n_rows],
+        rows[n_rows : n_rows + n_out],
+        rows[n_rows + n_out :],
+        direct,
+        own,
+        static.out_static - (modes.o / modes.omega_n**2) @ modes.b,
+        coupling,
+    )
+
+
+@dataclass(frozen=True)
+class EnrichedModel:
+    """The receptance with an exact static residual, and samples of the truncated modes of each group; None where none is."""
+
+    structure: ReducedStructure
+    truncated: PerGroup[TruncatedModes | None]
+    is_solved: bool  # whether it is the very model that is solved
+
+    @classmethod
+    def of_all_modes(cls, structure: ReducedStructure) -> EnrichedModel:
+        """Return a structure from which no mode is truncated, as the enriched model of itself.  Local."""
+        return cls(structure, structure.receptances.mapped(lambda _: None), True)
+
+    def truncation(self, model: ReducedModel) -> Truncation:
+        """Return the truncated modes of a model's harmonics.  Collective where a group is new."""
+        return Truncation(model, tuple(self.truncated.of(group.harmonics.chosen[0]) for group in model.groups))
+
+    def on_ranks(self, own: ReducedStructure, comm: MPI.Comm) -> EnrichedModel:
+        """Return the same for some of the ranks, which solve the model ``own``.  Collective on ``structure.comm``."""
+        made = {group: self.truncated.of_group(group) for group in self.truncated.groups}
+        truncated = PerGroup(made.__getitem__, self.truncated.group_of, self.truncated.groups)
+        return replace(self, structure=own if self.is_solved else on_ranks(self.structure, comm), truncated=truncated)
