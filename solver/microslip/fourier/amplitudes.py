@@ -13,7 +13,7 @@ def to_complex(coefficients: np.ndarray) -> np.ndarray:
     first = coefficients.shape[1] % 2  # column of the first cosine
     amplitudes = np.empty((coefficients.shape[0], (coefficients.shape[1] + 1) // 2), dtype=complex)
     amplitudes[:, :first] = coefficients[:, :first]
-    np.conjugate(np.ascontiguousarray(coefficients[:, first:]).view(complex), out=amplitudes[:, first:])
+    np.conjugate(np.ascontiguousarray(coefficients[:, first:], dtype=float).view(complex), out=amplitudes[:, first:])
     return amplitudes
 
 

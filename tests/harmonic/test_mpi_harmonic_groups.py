@@ -1,0 +1,197 @@
+"""Groups of harmonics, each with its own stiffness and complex coupling, through all that solves with them: against dense harmonic
+balance in physical coordinates, a matrix a harmonic, and against a ring in full.  On any number of ranks, one without a pair."""
+
+import numpy as np
+import pytest
+from dense_model import forced, reduced
+from mpi4py import MPI
+from petsc4py import PETSc
+from ring import Sector, Wave, amplitude, whole_ring
+from taylor import Place, assert_second_order
+
+from microslip.continuation.follow import follow_branch
+from microslip.continuation.grid import at_frequencies, solved_at, task_at
+from microslip.continuation.problems import DampingHomotopy, ForcedResponse, LevelHomotopy
+from microslip.continuation.steps import ArcLength
+from microslip.continuation.task import BranchTask
+from microslip.error_estimate.estimate import ErrorEstimator
+from microslip.fourier.harmonics import Harmonics
+from microslip.harmonic.adjoint_solver import AdjointSolver
+from microslip.harmonic.balance import HarmonicBalance
+from microslip.harmonic.linearisation import Linearisation
+from microslip.harmonic.operating_point import OperatingPoint
+from microslip.points.error_parts import total
+from microslip.points.selection import AllPairs
+from microslip.points.sweep import Sweep
+from microslip.receptance.on_ranks import on_ranks
+from microslip.receptance.truncated_modes import EnrichedModel
+
+pytestmark = pytest.mark.ranks(1, 2, 3)
+COMM = MPI.COMM_WORLD
+N, N_SAMPLES, OMEGA, LEVEL = 5, 160, 700.0, 150.0
+
+
+def two_groups(n):
+    """The even harmonics stand still from sector to sector: real; the odd ones have nodal diameter 1: complex."""
+    return n % 2
+
+
+def wave(n):
+    """A wave of h = 1: every harmonic up to 4 has a nodal diameter of its own."""
+    return n % N
+
+
+H3 = Harmonics.up_to(3)
+
+
+def equation_of(diameter=two_groups, harmonics=H3, n_modes=None):
+    sector = Sector(COMM, N, diameter)
+    model = sector.model(harmonics, n_modes)
+    return sector, HarmonicBalance.of_all(model, sector.law, N_SAMPLES)
+
+
+def whole(owned):
+    return np.concatenate(COMM.allgather(owned))
+
+
+def test_the_groups_differ_and_one_is_complex():
+    even, odd = (Wave.of(two_groups(n), N) for n in (0, 1))
+    assert not np.iscomplexobj(even.K_L) and np.abs(odd.K_L.imag).max() > 0.05 * np.abs(odd.K_L).max()
+    assert np.abs(odd.K_L - odd.K_L.conj().T).max() == pytest.approx(0.0, abs=1e-9)
+    lowest = even.modes()[0][0], odd.modes()[0][0]
+    assert abs(lowest[1] / lowest[0] - 1.0) > 0.05
+
+
+@pytest.mark.parametrize("diameter", [two_groups, wave])
+def test_the_residual_is_that_of_dense_harmonic_balance(diameter):
+    sector, equation = equation_of(diameter)
+    U = 1e-3 * np.random.default_rng(1).standard_normal((6, H3.n_coefficients))
+    at = OperatingPoint(OMEGA, LEVEL)
+    mine = U.reshape(2, 3, -1)[equation.model.owned]
+    forces = equation.contact_forces(mine, equation.every_pair, tangents=False)
+    assert len(forces.active) == 2
+    du, _ = sector.physical(U, OMEGA, LEVEL, H3, N_SAMPLES)
+    found = whole(equation.residual(mine, at, forces)).reshape(6, -1)
+    np.testing.assert_allclose(found, U - du, atol=1e-12 * np.abs(du).max())
+
+
+@pytest.mark.parametrize("problem", ["frequency", "level", "damping"])
+def test_the_jacobian_is_the_derivative_of_the_residual(problem):
+    _, equation = equation_of()
+    of, parameters = {
+        "frequency": (ForcedResponse(equation, LEVEL), (OMEGA,)),
+        "level": (LevelHomotopy(equation, OMEGA), (LEVEL,)),
+        "damping": (DampingHomotopy(equation, OMEGA, LEVEL), (0.6,)),
+    }[problem]
+    there = Place(of, parameters, 1.3)
+    assert there.n_active == 2
+    assert_second_order(there)
+
+
+@pytest.mark.parametrize("direct", [100, 0], ids=["by a factor", "by GMRES"])
+def test_the_transposed_system_is_solved(direct, monkeypatch):
+    monkeypatch.setattr("microslip.harmonic.adjoint_solver.DIRECT", direct)
+    _, equation = equation_of(wave)
+    at = OperatingPoint(OMEGA, LEVEL)
+    forces = equation.contact_forces(1.2 * equation.linear_motion(at), equation.every_pair, tangents=True)
+    linear = Linearisation.of(equation, at, forces)
+    assert len(forces.active) == 2
+    B = np.random.default_rng(3).standard_normal((2, 6, H3.n_coefficients))
+    options, solver = PETSc.Options(), AdjointSolver(COMM)
+    options["hb_ksp_rtol"] = "1e-7"  # its products are in single precision
+    try:
+        chi, tau, is_found = linear.solve_transposed(B, solver)
+    finally:
+        options.delValue("hb_ksp_rtol")
+        solver.destroy()
+    P, size = np.concatenate(COMM.allgather(linear.P)), 3 * H3.n_coefficients
+    P_all = np.zeros((2 * size, 2 * size))
+    for i, block in enumerate(P):
+        P_all[i * size : (i + 1) * size, i * size : (i + 1) * size] = block
+    expected = np.linalg.solve(np.eye(2 * size) + linear.G.matrix().T @ P_all.T, B.reshape(2, -1).T).T
+    shape = (2, -1, size)
+    by_pair = np.concatenate(COMM.allgather(chi.reshape(shape)), axis=1).reshape(2, -1)
+    assert is_found
+    np.testing.assert_allclose(by_pair, expected, atol=1e-5 * np.abs(expected).max())
+    p_t = np.concatenate(COMM.allgather(tau.reshape(shape)), axis=1).reshape(2, -1)
+    np.testing.assert_allclose(p_t, expected @ P_all, atol=1e-5 * np.abs(expected @ P_all).max())
+
+
+@pytest.mark.parametrize("diameter", [two_groups, wave])
+def test_a_branch_solves_dense_harmonic_balance(diameter):
+    sector, equation = equation_of(diameter)
+    problem, steps = ForcedResponse(equation, LEVEL), ArcLength(ds=0.02, ds_min=1e-6, ds_max=0.1)
+    found = follow_branch(BranchTask(problem, AllPairs(), Sweep(550.0, 800.0, (700.0,)), steps, 1e-10), 400)
+    assert found.failure is None and len(found.points) > 10
+    slips = 0
+    for point in found.points:
+        U, state = COMM.bcast((point.U, point.state))
+        du, out = sector.physical(U.reshape(6, -1), point.omega, LEVEL, H3, N_SAMPLES)
+        np.testing.assert_allclose(U.reshape(6, -1), du, atol=3e-9 * np.abs(U).max())
+        if COMM.rank == 0:
+            assert amplitude(point.response[0], H3) == pytest.approx(out[1], rel=1e-8)
+        slips += int(np.count_nonzero(state) == 2)
+    assert slips > 5
+
+
+def points_with_bars(sector, model, omegas, enriched):
+    estimator = ErrorEstimator(enriched)
+    task = task_at(forced(model, sector.law, N_SAMPLES, LEVEL), AllPairs(), omegas, 1e-10, estimator)
+    found = solved_at(task, omegas)
+    assert found.failure is None
+    return found.points
+
+
+def amplitudes(points):
+    return np.array([amplitude(point.response[0], H3) for point in points])
+
+
+def test_error_bars_ask_for_groups_that_nobody_made_and_hold_what_more_harmonics_change():
+    omegas = list(np.linspace(620.0, 760.0, 8))
+    sector, harmonics = Sector(COMM, N, wave), Harmonics((1, 5))
+    model = sector.model(harmonics)
+    at_frequencies(forced(model, sector.law, N_SAMPLES, LEVEL), AllPairs(), omegas[:1], tolerance=1e-8)
+    assert sector.made == [1, 0]
+    sector.made.clear()
+    points = points_with_bars(sector, sector.model(H3), omegas, EnrichedModel.of_all_modes(sector.model(H3)))
+    assert set(sector.made) == set(range(N))
+    many = Sector(COMM, N, wave).model(Harmonics.up_to(21))
+    finest = at_frequencies(forced(many, sector.law, 1280, LEVEL), AllPairs(), omegas, tolerance=1e-10).points
+    true, bars = np.abs(amplitudes(points) - amplitudes(finest)), total(np.array([point.error[0] for point in points]))
+    peak = np.abs(amplitudes(finest)).max()
+    assert (true > 1e-6 * peak).all() and (true <= bars).all() and np.median(bars / true) < 12.0
+
+
+def test_error_bars_hold_what_truncated_modes_of_each_group_change():
+    omegas = list(np.linspace(620.0, 760.0, 5))
+    sector = Sector(COMM, N, wave)
+    model = sector.model(H3, n_modes=4)
+    points = points_with_bars(sector, model, omegas, sector.enriched(model))
+    exact = at_frequencies(forced(sector.model(H3), sector.law, N_SAMPLES, LEVEL), AllPairs(), omegas, tolerance=1e-10).points
+    parts = np.array([point.error[0] for point in points])[:, 0]
+    true = np.abs(amplitudes(points) - amplitudes(exact))
+    assert (true > 1e-6 * np.abs(amplitudes(exact)).max()).all()
+    assert (true <= 3.0 * parts).all() and np.median(parts / true) < 30.0
+
+
+def test_a_model_for_some_of_the_ranks_has_every_group():
+    _, equation = equation_of(wave)
+    alone = on_ranks(equation.model, MPI.COMM_SELF)
+    U = 1e-3 * np.random.default_rng(1).standard_normal((2, 3, H3.n_coefficients))
+    at, own = OperatingPoint(OMEGA, LEVEL), HarmonicBalance.of_all(alone, Sector(COMM, N, wave).law, N_SAMPLES)
+    mine = own.residual(U, at, own.contact_forces(U, own.every_pair, tangents=False))
+    part = U[equation.model.owned]
+    forces = equation.contact_forces(part, equation.every_pair, tangents=False)
+    np.testing.assert_allclose(mine[equation.model.owned], equation.residual(part, at, forces), atol=1e-14)
+
+
+@pytest.mark.parametrize("h", [1, 2, -1])
+def test_a_sector_answers_as_the_ring_in_full(h):
+    """Where all pairs slip in each cycle the sliders' start is forgotten, and the ring in full moves as a wave."""
+    omegas = [640.0, 700.0, 730.0]
+    sector = Sector(COMM, N, lambda n: (n * h) % N)
+    own = at_frequencies(forced(sector.model(H3), sector.law, N_SAMPLES, 400.0), AllPairs(), omegas, tolerance=1e-11).points
+    model, law = reduced(whole_ring(N, h), COMM, H3)
+    full = at_frequencies(forced(model, law, N_SAMPLES, 400.0), AllPairs(), omegas, tolerance=1e-11).points
+    assert len(own) == len(full) == 3
+    np.testing.assert_allclose(amplitudes(own), amplitudes(full), rtol=1e-6)
