@@ -26,11 +26,17 @@ def to_real(amplitudes: np.ndarray, N_H: int) -> np.ndarray:
     return coefficients
 
 
-def times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the real coefficients of A x_n, (m, N_H), for those of x_n (n, N_H); a complex A has no mean to multiply."""
+def matrix_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the real coefficients of A x_n, (m, N_H), for those of x_n (n, N_H); a complex A has no mean to multiply.
+
+    docs/theory.md, eq. (4.6).
+    """
     return A @ x if not np.iscomplexobj(A) else to_real(A @ to_complex(x), x.shape[-1])
 
 
-def times_adjoint(A: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the real coefficients of A^H x_n, (n, N_H), for those of x_n (m, N_H): the transposed of the map of ``times``."""
-    return times(A.conj().T, x)
+def adjoint_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the real coefficients of A^H x_n, (n, N_H), for those of x_n (m, N_H): the transposed of ``matrix_times``.
+
+    docs/theory.md, eq. (4.6).
+    """
+    return matrix_times(A.conj().T, x)

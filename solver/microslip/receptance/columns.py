@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..fourier.amplitudes import times, times_adjoint, to_complex, to_real
+from ..fourier.amplitudes import adjoint_times, matrix_times, to_complex, to_real
 from ..parallel.ownership import rows_of
 from ._row_products import answer
 from .damping import Flexibility
@@ -30,7 +30,7 @@ class GroupColumns:
 
     def dynamic(self, c: Flexibility, p: np.ndarray) -> np.ndarray:
         """Return R phi c_n phi^H R^H p, (3 n_owned, N_H): minus R phi eta of docs/theory.md, eq. (4.3), under p alone."""
-        return times(self.R_owned, c.apply(times_adjoint(self.R_active, p)))
+        return matrix_times(self.R_owned, c.apply(adjoint_times(self.R_active, p)))
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p on this rank's pairs, (3 n_owned, N_H) [m], for p (3 n_active, N_H) [N]."""
@@ -38,7 +38,9 @@ class GroupColumns:
 
     def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
         """Return this rank's part of G^H x, (3 n_active, N_H), for x (3 n_owned, N_H)."""
-        return self.G_static.apply_adjoint(x) + times(self.R_active, self.c.adjoint().apply(times_adjoint(self.R_owned, x)))
+        return self.G_static.apply_adjoint(x) + matrix_times(
+            self.R_active, self.c.adjoint().apply(adjoint_times(self.R_owned, x))
+        )
 
     def adjoint(self) -> GroupColumns:
         """Return the columns of G^H, which has the same static part."""

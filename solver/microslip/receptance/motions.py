@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..fourier.amplitudes import times
+from ..fourier.amplitudes import matrix_times
 from .reduced_model import ReducedModel
 
 
@@ -28,7 +28,7 @@ def linear_motion(model: ReducedModel, level: float, omega: float, rows: slice |
 def static_motion(model: ReducedModel, level: float) -> np.ndarray:
     """Return du_static f, U_lin as it would be if nothing had inertia, of this rank's pairs, (3 n_owned, N_H) [m].  Local."""
     f, own = level * model.f, model.owned_rows
-    return model.joined([times(group.receptance.static.du_static[own], f[:, group.columns]) for group in model.groups])
+    return model.joined([matrix_times(group.receptance.static.du_static[own], f[:, group.columns]) for group in model.groups])
 
 
 def linear_motion_rate(model: ReducedModel, level: float, omega: float, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:

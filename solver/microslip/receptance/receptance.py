@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..fourier.amplitudes import times, times_adjoint, to_complex
+from ..fourier.amplitudes import adjoint_times, matrix_times, to_complex
 from .damping import DynamicFlexibility, Flexibility
 from .modes import DampedModes
 from .static_response import StaticResponse
@@ -22,7 +22,7 @@ from .static_response import StaticResponse
 
 @dataclass(frozen=True, eq=False)
 class Receptance:
-    """What belongs to one group of harmonics.  All methods are local; N_H counts the coefficients of its harmonics."""
+    """What belongs to one group of harmonics, docs/theory.md, eq. (4.1).  All methods are local; N_H counts its coefficients."""
 
     modes: DampedModes
     static: StaticResponse
@@ -37,26 +37,26 @@ class Receptance:
 
     def modal_forces(self, f: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
         """Return phi^H (f - R^H p), (m, N_H), for loads (n_loads, N_H) and forces of the pairs (3 n_pairs, N_H)."""
-        q = times(self.modes.b, f)
-        return q if p is None else q - times_adjoint(self.modes.R_phi, p)
+        q = matrix_times(self.modes.b, f)
+        return q if p is None else q - adjoint_times(self.modes.R_phi, p)
 
     def linear_motion(self, f: np.ndarray, c: Flexibility, rows: slice) -> np.ndarray:
         """Return the motion of some rows of the pairs under loads f alone, all pairs stuck, (n_rows, N_H) [m]."""
-        return times(self.static.du_static[rows], f) + times(self.modes.R_phi[rows], c.apply(self.modal_forces(f)))
+        return matrix_times(self.static.du_static[rows], f) + matrix_times(self.modes.R_phi[rows], c.apply(self.modal_forces(f)))
 
     def linear_motion_rate(self, f: np.ndarray, rate: Flexibility, rows: slice) -> np.ndarray:
         """Return the rate of that motion, (n_rows, N_H), for the ``rate`` of c_n."""
-        return times(self.modes.R_phi[rows], rate.apply(self.modal_forces(f)))
+        return matrix_times(self.modes.R_phi[rows], rate.apply(self.modal_forces(f)))
 
     def output_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
         """Return o u, (n_outputs, N_H) [m]."""
-        dynamic = times(self.modes.o, c.apply(self.modal_forces(f, p)))
-        return times(self.static.out_static, f) - times(self.static.out_R, p) + dynamic
+        dynamic = matrix_times(self.modes.o, c.apply(self.modal_forces(f, p)))
+        return matrix_times(self.static.out_static, f) - matrix_times(self.static.out_R, p) + dynamic
 
     def load_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
         """Return f^H u, the motion along each load, (n_loads, N_H) [m]."""
-        dynamic = times_adjoint(self.modes.b, c.apply(self.modal_forces(f, p)))
-        return times(self.static.load_static, f) - times_adjoint(self.static.du_static, p) + dynamic
+        dynamic = adjoint_times(self.modes.b, c.apply(self.modal_forces(f, p)))
+        return matrix_times(self.static.load_static, f) - adjoint_times(self.static.du_static, p) + dynamic
 
     def modal_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
         """Return the complex modal amplitudes D_n^-1 phi^H (f - R^H p), (m, n_harmonics)."""

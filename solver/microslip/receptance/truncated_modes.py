@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..fourier.amplitudes import times, times_adjoint
+from ..fourier.amplitudes import adjoint_times, matrix_times
 from .damping import DynamicFlexibility
 from .on_ranks import on_ranks
 from .per_group import PerGroup
@@ -81,7 +81,7 @@ class TruncatedModes:
         By Cauchy and Schwarz, harmonic by harmonic.  ``f`` (n_loads, N_H), ``p`` (3 n_pairs, N_H) and ``samples`` (2 n_outputs,
         SAMPLES, N_H) are coefficients of the group, ``factors`` (n_outputs,) those of the outputs' rows.
         """
-        loads, pairs = times_adjoint(self.of_loads, f), times_adjoint(self.of_pairs, p)
+        loads, pairs = adjoint_times(self.of_loads, f), adjoint_times(self.of_pairs, p)
         numbers = group.harmonics.numbers
         straight = np.zeros((len(samples), len(numbers)))  # harmonic 1 of an output is its own
         straight[:, numbers == 1] = np.tile(np.linalg.norm(self.of_outputs, axis=1) * factors, 2)[:, None]
@@ -95,7 +95,7 @@ class TruncatedModes:
         Exactly, but for the order beyond W.  ``f_1`` (n_loads, 2) are cosine and sine of the loads.
         """
         n_omega = np.array([omega])
-        of_W, of_Z = (np.abs(times(each, f_1)).T.ravel() for each in (self.direct, self.residual))
+        of_W, of_Z = (np.abs(matrix_times(each, f_1)).T.ravel() for each in (self.direct, self.residual))
         between = 2.0 * self.damping.ratio * omega * np.sqrt(of_W * of_Z)
         return self.gains(n_omega) * of_W + np.maximum(between - self._of_mass * omega * of_W, 0.0) + self._lost(n_omega) * of_Z
 
@@ -118,14 +118,15 @@ class Truncation:
         for group, truncated in zip(self.model.groups, self.of_groups):
             if truncated is not None:
                 rows = truncated.of_pairs[own]
-                samples[..., group.columns] = [times_adjoint(rows, x[:, group.columns]) for x in tau]
+                samples[..., group.columns] = [adjoint_times(rows, x[:, group.columns]) for x in tau]
         return samples
 
     def changes(self, level: float, omega: float, p: np.ndarray, samples: np.ndarray) -> np.ndarray:
         """Return what the truncated modes would change in cos 1 and then sin 1 of the outputs, (2 n_outputs,) [m].  Local.
 
-        From a load straight to an output exactly, but for the order beyond W; by way of the pairs at most.  docs/theory.md, eq.
-        (11.2).
+        From a load straight to an output exactly, but for the order beyond W; by way of the pairs at most.
+
+        docs/theory.md, eq. (11.2).
 
         Parameters
         ----------
