@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from microslip.elements import Isotropic
 from microslip.mesh.data import ElementBlock, Mesh
-from microslip.mesh.settings import Body, Joint, Load, MeshSettings, Output, Support
+from microslip.tables.joint import Joint
+from microslip.tables.structure import Body, Material, Model, Orientation, Support
+from microslip.tables.structure_tables import StructureTables
+from microslip.tables.vibration import Load, Output
 
+STEEL = Material(young=2.1e11, poisson=0.3, density=7800.0)
 KINDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13")
 # A hexahedron of corners 0 to 7 as six tetrahedra, two wedges, or six pyramids about its centre, 8; neighbours fit.
 _SPLIT = {
@@ -68,18 +69,27 @@ def mesh_of(*parts, groups=None, faces=()) -> Mesh:
 
 def joint(name="joint", surfaces=("lower_top", "upper_bottom"), **changes) -> Joint:
     values = {"friction": 0.3, "tangential_stiffness": 2e13, "normal_stiffness": 3e13, "preload": 5e7, "pairing": "nodes"}
-    return Joint(name=name, surfaces=surfaces, **{**values, **changes})
+    return Joint.of_file(name=name, surfaces=surfaces, **{**values, **changes})
 
 
-def settings(bodies, supports=(), joints=(), loads=(), outputs=(), file="box.msh", scale=1.0) -> MeshSettings:
-    """Return the settings of a mesh of steel; ``bodies`` maps names to groups, supports are (group, axes)."""
-    return MeshSettings(
-        file=Path(file),
-        stated=Path(file).name,
-        scale=scale,
-        bodies={name: Body(group=group, material=Isotropic(2.1e11, 0.3), density=7800.0) for name, group in bodies.items()},
+def settings(bodies, supports=(), joints=(), loads=(), outputs=(), file="box.msh", scale=1.0, **more) -> StructureTables:
+    """Return the tables of a mesh of steel; ``bodies`` maps names to groups, supports are (group, axes)."""
+    return StructureTables.of_file(
+        model=Model.of_file(mesh=str(file), scale=scale, take=()),
+        materials={"steel": STEEL},
+        bodies={name: Body(group=group, material="steel") for name, group in bodies.items()},
         supports=tuple(Support(group=group, fix=tuple(fix)) for group, fix in supports),
         joints=tuple(joints),
-        loads=tuple(Load(**load) for load in loads),
+        loads=tuple(load if isinstance(load, Load) else Load(**load) for load in loads),
         outputs=tuple(Output(**output) for output in outputs),
+    ).with_keys(**more)
+
+
+def made_of(given: StructureTables, material: Material, orientation: Orientation | None = None) -> StructureTables:
+    """Return the tables with all bodies of another material."""
+    axes = None if orientation is None else "axes"
+    return given.with_keys(
+        materials={"steel": material},
+        orientations={} if orientation is None else {"axes": orientation},
+        bodies={name: body.with_keys(orientation=axes) for name, body in given.bodies.items()},
     )

@@ -32,7 +32,6 @@ from mpi4py import MPI
 import microslip
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import constant_forces
-from microslip.library.settings import mesh_settings
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
@@ -198,7 +197,7 @@ def largest_pressure(path: Path) -> float:
 
 def ours(scene, blade: Body) -> Contact:
     """Return what the statics of a scene find, on one rank."""
-    start, comm, settings = time.perf_counter(), MPI.COMM_SELF, mesh_settings(scene)
+    start, comm, settings = time.perf_counter(), MPI.COMM_SELF, scene
     mesh = read_mesh(settings)
     pairs = pair_contacts(mesh, settings.joints)
     shares = distribute(mesh, settings, comm)

@@ -41,7 +41,6 @@ def measure(path: Path) -> None:
     import microslip
     from microslip.assembly.check import check_elements
     from microslip.library.complete import read_completed
-    from microslip.library.settings import mesh_settings
     from microslip.mesh.pairing import pair_contacts
     from microslip.mesh.partition import distribute
     from microslip.mesh.read import read_mesh
@@ -58,14 +57,13 @@ def measure(path: Path) -> None:
     mark("start")
     file, whole, notes = read_completed(microslip.read(path), comm)
     mark("model file")
-    settings = mesh_settings(whole)
-    mesh = on_root(comm, read_mesh, settings, file, share=False)
+    mesh = on_root(comm, read_mesh, whole, file, share=False)
     mark("mesh")
-    pairs = on_root(comm, pair_contacts, mesh, settings.joints)
+    pairs = on_root(comm, pair_contacts, mesh, whole.joints)
     mark("pairs")
-    share = distribute(mesh, settings, comm)
+    share = distribute(mesh, whole, comm)
     mark("partition")
-    check_elements(share, settings)
+    check_elements(share, whole)
     mark("elements")
     on_root(comm, description, whole, file, mesh, pairs, notes)
     mark("report")

@@ -12,17 +12,17 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from time import process_time
 
 import numpy as np
 
-from microslip.elements import Isotropic
 from microslip.mesh.data import Mesh
 from microslip.mesh.pairing import contact_points
 from microslip.mesh.read import read_mesh
-from microslip.mesh.settings import Body, Joint, MeshSettings
+from microslip.tables.joint import Joint
+from microslip.tables.structure import Body, Model
+from microslip.tables.structure_tables import StructureTables
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "meshes"))
 
@@ -48,8 +48,9 @@ def meshed(kind: str, n: int, is_graded: bool, folder: Path) -> Mesh:
         "lower": block(kind, mapping(lower, -0.1), lower, {"z1": "on"}),
     }
     write_msh(str(folder / "blocks.msh"), bodies)
-    own = {name: Body(group=name, material=Isotropic(2.1e11, 0.3), density=7850.0) for name in bodies}
-    return read_mesh(MeshSettings(file=folder / "blocks.msh", stated="blocks.msh", scale=1.0, bodies=own, joints=(JOINT,)))
+    own = {name: Body(group=name, material="steel") for name in bodies}
+    model = Model(mesh=str(folder / "blocks.msh"))
+    return read_mesh(StructureTables.of_file(model=model, bodies=own, joints=(JOINT,)))
 
 
 def _graded(s: np.ndarray, cells: int) -> np.ndarray:
@@ -72,7 +73,7 @@ def main() -> None:
                 mesh, cells = meshed(given.kind, n, is_graded, Path(folder)), []
                 for pairing in given.pairing:
                     start = process_time()
-                    found = contact_points(mesh, replace(JOINT, pairing=pairing))
+                    found = contact_points(mesh, JOINT.with_keys(pairing=pairing))
                     cells.append(f"{found.n_points} | {process_time() - start:.1f}")
                 print(f"| {n * n + (n + 7) * (n + 3)} | {words} | {' | '.join(cells)} |", flush=True)
 

@@ -9,7 +9,6 @@ from mpi4py import MPI
 
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import constant_forces
-from microslip.library.settings import mesh_settings
 from microslip.linear.joint_springs import Linearised, linearise
 from microslip.mesh.data import ContactPairs
 from microslip.mesh.pairing import pair_contacts
@@ -34,7 +33,7 @@ class SlowCycle:
     @classmethod
     def of(cls, scene, rest_steps: int = 4) -> SlowCycle:
         """Return the joint of a scene at rest; on one rank."""
-        settings, comm = mesh_settings(scene), MPI.COMM_SELF
+        settings, comm = scene, MPI.COMM_SELF
         mesh = read_mesh(settings)
         pairs = pair_contacts(mesh, settings.joints)
         shares = distribute(mesh, settings, comm)

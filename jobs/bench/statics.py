@@ -26,7 +26,6 @@ initialise()
 import microslip
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import constant_forces, stiffness_at_rest
-from microslip.library.settings import mesh_settings
 from microslip.linear.joint_springs import Linearised, linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
@@ -70,7 +69,7 @@ class Timed(Flexibility):
 
 def measure(path: Path, comm: MPI.Comm) -> tuple[Parts, str]:
     """Return the times, and what was solved in words.  Collective."""
-    parts, settings = Parts(comm), mesh_settings(microslip.read(path))
+    parts, settings = Parts(comm), microslip.read(path)
     mesh = parts.timed("mesh", on_root, comm, read_mesh, settings, share=False)
     pairs = parts.timed("mesh", on_root, comm, pair_contacts, mesh, settings.joints)
     shares = parts.timed("mesh", distribute, mesh, settings, comm)

@@ -26,7 +26,6 @@ initialise()
 import microslip
 from microslip.assembly.assemble import assemble
 from microslip.assembly.maps import pair_map
-from microslip.library.settings import mesh_settings
 from microslip.linear.joint_springs import Linearised, linearise
 from microslip.mesh.data import ContactPairs, Mesh
 from microslip.mesh.pairing import pair_contacts
@@ -74,7 +73,7 @@ def main() -> None:
     parser.add_argument("scene", nargs="?", type=Path, default=SCENE)
     parser.add_argument("--times", type=int, default=3)
     given = parser.parse_args()
-    settings, comm = mesh_settings(microslip.read(given.scene)), MPI.COMM_SELF
+    settings, comm = microslip.read(given.scene), MPI.COMM_SELF
     mesh = read_mesh(settings)
     pairs = pair_contacts(mesh, settings.joints)
     system = assemble(distribute(mesh, settings, comm), mesh, pairs, settings)

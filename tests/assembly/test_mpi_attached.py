@@ -15,8 +15,10 @@ from microslip.formats.model import Equations
 from microslip.mesh.data import Outside
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.settings import Load, Mass, Point, Spring, Statics
 from microslip.messages.errors import MeshError
+from microslip.tables.constant_loads import Statics
+from microslip.tables.structure import Mass, Model, Point, Spring
+from microslip.tables.vibration import Load
 
 comm = MPI.COMM_WORLD
 SUPPORTED = [("base", "xyz")]
@@ -32,8 +34,12 @@ def block(turn=None, **more):
     return replace(mesh_of(("block", "hex20", points @ turn.T, nodes), groups=groups), **more)
 
 
+def with_equations(given):
+    return given.with_keys(model=given.model.with_keys(take=("equations",)))
+
+
 def case_of(supports=SUPPORTED, **more):
-    return replace(settings({"block": "block"}, supports), has_equations=True, **more)
+    return with_equations(settings({"block": "block"}, supports, **more))
 
 
 def system_of(mesh, case):
@@ -57,13 +63,13 @@ def dense(mesh, case):
 KNOB = Point(name="knob", position=(0.3, 0.2, 1.4), group="top")
 
 
-@pytest.mark.parametrize("rigid", [True, False])
-def test_masses_and_springs_at_a_point_are_those_of_the_point(rigid):
+@pytest.mark.parametrize("connection", ["rigid", "distributing"])
+def test_masses_and_springs_at_a_point_are_those_of_the_point(connection):
     """As its own mass and its springs to ground; a spring between two points acts along their line."""
-    mesh, knob = block(), replace(KNOB, rigid=rigid)
+    mesh, knob = block(), KNOB.with_keys(connection=connection)
     springs = tuple(Spring(points=("knob",), direction=tuple(axis), stiffness=k) for axis, k in zip(np.eye(3), (1e6, 2e6, 3e6)))
     named = case_of(points=(knob,), masses=(Mass(point="knob", mass=5.0),), springs=springs)
-    own = case_of(points=(replace(knob, mass=5.0, stiffness=(1e6, 2e6, 3e6)),))
+    own = case_of(points=(knob.with_keys(mass=5.0, stiffness=(1e6, 2e6, 3e6)),))
     for found, expected in zip(dense(mesh, named)[:2], dense(mesh, own)[:2], strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
@@ -91,10 +97,10 @@ def test_dampers_add_exactly_their_entries():
     mesh = block()
     dampers = (Spring(groups=("top",), direction=(0.0, 0.0, 2.0), damping=3.0), Spring(groups=("corner", "other"), damping=7.0))
     system, _ = system_of(mesh, case_of(springs=dampers))
-    springs = tuple(replace(one, stiffness=one.damping, damping=0.0) for one in dampers)
+    springs = tuple(one.with_keys(stiffness=one.damping, damping=0.0) for one in dampers)
     K0, (K, _, _) = (
         gathered(system, system.K),
-        dense(mesh, case_of(springs=tuple(replace(s, stiffness=1e9 * s.stiffness) for s in springs))),
+        dense(mesh, case_of(springs=tuple(s.with_keys(stiffness=1e9 * s.stiffness) for s in springs))),
     )
     np.testing.assert_allclose(1e9 * gathered(system, system.C), K - K0, atol=1e-12 * K0.max())
     assert system_of(mesh, case_of(springs=springs))[0].C is None
@@ -130,7 +136,7 @@ def test_equations_merge_what_they_equate():
     meeting = [(i, n + int(np.argmin(np.linalg.norm(upper[0] - x, axis=1)))) for i, x in enumerate(lower[0]) if x[2] == 1.0]
     rows = [[(high, axis, 2.0), (low, axis, -2.0)] for low, high in meeting for axis in range(3)]
     chained = [*rows, [(meeting[0][1], 0, 1.0), (meeting[0][0], 0, -1.0)]]  # one of them twice
-    case = replace(settings({"low": "low", "high": "high"}, SUPPORTED), has_equations=True)
+    case = with_equations(settings({"low": "low", "high": "high"}, SUPPORTED))
     K, M, dof = dense(replace(mesh, equations=equations(*chained)), case)
     whole = mesh_of(("one", "hex20", *box("hex20", (1, 1, 2), (1.0, 1.0, 2.0))), groups=groups)
     K1, M1, _ = dense(whole, settings({"one": "one"}, SUPPORTED))
@@ -165,7 +171,7 @@ def test_a_node_outside_the_elements_leads_a_face_and_carries_mass_and_spring():
     springs = (Spring(groups=("reference",), direction=(0.0, 0.0, 1.0), stiffness=2e9),)
     case = case_of([*SUPPORTED, ("reference", "xy")])
     K0, M0, dof = dense(mesh, case)
-    K, M, _ = dense(mesh, replace(case, masses=masses, springs=springs))
+    K, M, _ = dense(mesh, case.with_keys(masses=masses, springs=springs))
     leading = dof[top, 2][dof[top, 2] >= 0]
     assert len(leading) == 1
     unit = np.zeros((len(K), len(K)))
@@ -173,18 +179,19 @@ def test_a_node_outside_the_elements_leads_a_face_and_carries_mass_and_spring():
     np.testing.assert_allclose(M - M0, 4.0 * unit, atol=1e-12 * M0.max())
     np.testing.assert_allclose(K - K0, 2e9 * unit, atol=1e-12 * K0.max())
     with pytest.raises(MeshError, match=r"\[\[masses\]\]: node 9999 .* belongs to no element of a body and is free to move"):
-        dense(mesh, replace(case_of(), masses=masses))
+        dense(mesh, case_of().with_keys(masses=masses))
 
 
 def test_masses_turn_and_accelerate_with_the_structure():
     """The weight of a mass in rotation and under a base acceleration, and its softening, are those of a point in space."""
     mesh = block()
-    statics = Statics(speed=100.0, axis=(0.0, 0.0, 1.0), axis_point=(-1.0, 0.0, 0.0))
+    statics = Statics(rotation_speed=100.0)
+    model = Model.of_file(mesh="box.msh", take=(), axis=(0.0, 0.0, 1.0), axis_point=(-1.0, 0.0, 0.0))
     accelerated = (Load(base_acceleration=(1.0, 2.0, 3.0)),)
     masses = (Mass(group="corner", mass=5.0),)
-    plain = case_of(statics=statics, loads=accelerated, masses=(Mass(group="corner", mass=0.0),))
+    plain = case_of(model=model, statics=statics, loads=accelerated, masses=(Mass(group="corner", mass=0.0),))
     found = []
-    for case in (plain, replace(plain, masses=masses)):
+    for case in (plain, plain.with_keys(masses=masses)):
         system, shares = system_of(mesh, case)
         on_root = mesh if comm.rank == 0 else None
         f = np.concatenate(comm.allgather(constant_forces(shares, on_root, case, system)))
@@ -215,6 +222,6 @@ def test_springs_and_equations_that_resist_a_translation_hold_a_body():
     assert np.linalg.eigvalsh(K)[0] > 0.0
     with pytest.raises(MeshError, match="nothing holds body 'block'"):
         dense(mesh, case_of((), springs=(Spring(groups=("corner", "other"), stiffness=1e9),)))
-    dampers = tuple(replace(one, stiffness=0.0, damping=1e3) for one in sprung)
+    dampers = tuple(one.with_keys(stiffness=0.0, damping=1e3) for one in sprung)
     with pytest.raises(MeshError, match="nothing holds body 'block'"):
         dense(mesh, case_of((), springs=dampers))

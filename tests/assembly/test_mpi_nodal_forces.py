@@ -11,13 +11,17 @@ import microslip
 from microslip.assembly.nodal_forces import angle_about, nodal_forces
 from microslip.fourier.amplitudes import to_complex
 from microslip.library.build import build
-from microslip.mesh.settings import Load
 from microslip.messages.errors import CaseError
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.receptance.motions import output_motion
+from microslip.tables.structure import Model
+from microslip.tables.vibration import Load
 
 SIZE = np.array([0.3, 0.2, 0.1])
+
+
+MODEL = Model(mesh="box.msh", axis=(0.0, 0.0, 2.0), axis_point=(0.0, 0.0, 7.0))
 
 
 def box_mesh(kind, n=(3, 2, 1), turn=((1, 0, 0), (0, 1, 0), (0, 0, 1)), origin=(0.0, 0.0, 0.0)):
@@ -29,7 +33,7 @@ def box_mesh(kind, n=(3, 2, 1), turn=((1, 0, 0), (0, 1, 0), (0, 0, 1)), origin=(
 
 def complex_forces(mesh, **load):
     """The complex force of a load on every node, (n_nodes, 3)."""
-    found = nodal_forces(mesh, Load(**load), "[[loads]] 1")
+    found = nodal_forces(mesh, Load(**load), MODEL, "[[loads]] 1")
     total = np.zeros((len(mesh.points), 3), dtype=complex)
     for factor, shape in zip((1.0, 1j), found.shapes):
         np.add.at(total, found.nodes, factor * shape)
@@ -62,7 +66,7 @@ def test_an_engine_order_turns_with_the_structure(order):
     turned = np.radians(70.0)
     c, s = np.cos(turned), np.sin(turned)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    common = {"group": "top", "pressure": 2.0, "engine_order": order, "axis": (0.0, 0.0, 2.0), "axis_point": (0.0, 0.0, 7.0)}
+    common = {"group": "top", "pressure": 2.0, "engine_order": order}
     here, there = (complex_forces(box_mesh("hex20", turn=one, origin=(-1.0, 0.1, 0.0)), **common) for one in (np.eye(3), turn))
     np.testing.assert_allclose(there, here @ turn.T * np.exp(1j * order * turned), atol=1e-13)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse as sp
-from box_meshes import KINDS, box, joint, mesh_of, settings
+from box_meshes import KINDS, STEEL, box, joint, made_of, mesh_of, settings
 from mpi4py import MPI
 
 from microslip.assembly import assemble as assemble_module
@@ -16,8 +16,9 @@ from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.reference_points import of_distributing
-from microslip.mesh.settings import Point, Statics, Support, Tie
 from microslip.messages.errors import CaseError, MeshError
+from microslip.tables.constant_loads import Statics
+from microslip.tables.structure import Point, Support, Tie
 
 comm = MPI.COMM_WORLD
 YOUNG, DENSITY = 2.1e11, 7800.0
@@ -42,8 +43,8 @@ def stack(low="hex20", high="hex20", n_low=(2, 2, 1), n_high=(2, 2, 1)):
 def tied(mesh, *ties, supports=(), points=(), joints=(), poisson=0.3, **more):
     """Return the settings of a mesh whose groups of elements are its bodies."""
     case = settings({block.group: block.group for block in mesh.elements}, supports, joints, **more)
-    bodies = {name: replace(body, material=replace(body.material, poisson=poisson)) for name, body in case.bodies.items()}
-    return replace(case, bodies=bodies, ties=ties, points=points)
+    steel = STEEL.with_keys(poisson=poisson)
+    return made_of(case, steel).with_keys(ties=ties, points=points)
 
 
 def system_of(mesh, case, comm=comm):
@@ -125,7 +126,7 @@ def curved(n_low, n_high, kind="hex8"):
     "mesh", [stack("hex20", "tet10", (2, 2, 1), (3, 2, 1)), curved((3, 2, 1), (5, 3, 1))], ids=["flat", "curved"]
 )
 def test_six_motions_are_free_and_no_more(mesh, loose):
-    system = system_of(mesh, tied(mesh, replace(GLUE, tolerance=0.1)))
+    system = system_of(mesh, tied(mesh, GLUE.with_keys(tolerance=0.1)))
     K = gathered(system, "K")
     motions = np.array([on_rows(system, motion) for motion in rigid_motions(mesh.points)])
     for w, motion in zip(motions, rigid_motions(mesh.points), strict=True):
@@ -186,7 +187,7 @@ def test_a_chain_is_resolved():
     point = Point(name="p", position=(1.0, 0.5, 1.5), group="side")
     with pytest.raises(MeshError, match="follow two things, tie 'a' and point 'p'"):
         system_of(mesh, tied(mesh, *ties, supports=[("base", "xyz")], points=(point,)))
-    ties, point = [Tie(name="a", surfaces=("low_top", "mid_bottom"))], replace(point, stiffness=(1.0, 1.0, 1.0))
+    ties, point = [Tie(name="a", surfaces=("low_top", "mid_bottom"))], point.with_keys(stiffness=(1.0, 1.0, 1.0))
     system = system_of(mesh, tied(mesh, *ties, supports=[("high", "xyz")], points=(point,)))
     motion = rigid_motions(mesh.points - point.position)[
         4
@@ -217,7 +218,7 @@ def test_a_mass_on_a_bar(freed):
     point = Point(name="p", position=(0.5, 0.5, length), group="end", mass=mass, inertia=(*inertia, 0.0, 0.0, 0.0))
     others = tuple(direction for direction in ("x", "y", "z", "rx", "ry", "rz") if direction != freed)
     case = tied(mesh, supports=[("base", "xyz")], points=(point,), poisson=0.0)
-    case = replace(case, supports=(*case.supports, Support(point="p", fix=others)))
+    case = case.with_keys(supports=(*case.supports, Support(point="p", fix=others)))
     omega2 = (2.0 * np.pi * frequencies(system_of(mesh, case), 1)[0]) ** 2
     if freed == "z":
         assert omega2 == pytest.approx(YOUNG / length / (mass + DENSITY * length / 3.0), rel=1e-7)
@@ -244,11 +245,11 @@ def test_a_block_on_springs(loose):
     assert found == pytest.approx(np.sort(np.concatenate([np.array(k) / mass, np.array(kr) / J])), rel=1e-4)
 
 
-@pytest.mark.parametrize("rigid", [True, False])
-def test_forces_and_moments_arrive(rigid):
+@pytest.mark.parametrize("connection", ["rigid", "distributing"])
+def test_forces_and_moments_arrive(connection):
     """The reactions of the support balance a force and a moment on the point."""
     mesh = column()
-    point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", rigid=rigid)
+    point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", connection=connection)
     F, moment = (1.0, 2.0, 3.0), (-2.0, 0.5, 4.0)
     loads = [{"point": "p", "direction": F}, {"point": "p", "moment": moment}]
     held, free_ = (
@@ -260,7 +261,7 @@ def test_forces_and_moments_arrive(rigid):
         work = []
         for motion, of_point in zip(rigid_motions(arms), np.eye(6)):
             w = on_rows(system, motion)
-            if rigid:
+            if connection == "rigid":
                 own = system.constraints.free[-2:].ravel()
                 w[own] = of_point
             work.append(column_ @ w)
@@ -269,7 +270,7 @@ def test_forces_and_moments_arrive(rigid):
 
 def test_a_distributing_point_adds_no_stiffness_and_sees_rigid_motions():
     mesh = column()
-    point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", rigid=False)
+    point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", connection="distributing")
     outputs = [{"name": f"u{i}", "point": "p", "direction": tuple(np.eye(3)[i])} for i in range(3)]
     outputs += [{"name": f"r{i}", "point": "p", "rotation": tuple(np.eye(3)[i])} for i in range(3)]
     plain = system_of(mesh, tied(mesh, supports=[("base", "xyz")]))
@@ -283,15 +284,15 @@ def test_a_distributing_point_adds_no_stiffness_and_sees_rigid_motions():
         assert system.outputs @ on_rows(system, motion) == pytest.approx(seen, abs=1e-12)
 
 
-@pytest.mark.parametrize("by_area", [True, False])
-def test_a_distributing_point_weighs_by_area_or_alike(by_area):
+@pytest.mark.parametrize("weights", ["area", "equal"])
+def test_a_distributing_point_weighs_by_area_or_alike(weights):
     """Lifting one corner of a quadratic face moves the mean by the corner's share."""
     mesh = stack()
-    point = Point(name="p", position=(0.5, 0.5, 2.0), group="top", rigid=False, by_area=by_area)
+    point = Point(name="p", position=(0.5, 0.5, 2.0), group="top", connection="distributing", weights=weights)
     nodes = mesh.node_groups["top"]
     follower = of_distributing(mesh, point, len(mesh.points), len(mesh.points) + 2)
     shares = np.array([follower.weights[2, 3 * node + 2] for node in nodes])
-    assert shares.sum() == pytest.approx(1.0) and (np.ptp(shares) < 1e-12) == (not by_area)
+    assert shares.sum() == pytest.approx(1.0) and (np.ptp(shares) < 1e-12) == (weights == "equal")
 
 
 def test_a_spring_and_a_mass_on_a_distributing_point():
@@ -301,7 +302,7 @@ def test_a_spring_and_a_mass_on_a_distributing_point():
         name="p",
         position=(0.5, 0.5, 1.0),
         group="end",
-        rigid=False,
+        connection="distributing",
         mass=50.0,
         stiffness=(1e5,) * 3,
         rotational_stiffness=(1e6,) * 3,
@@ -320,12 +321,12 @@ def test_a_point_is_held_in_some_directions():
     load, output = {"point": "p", "direction": (1.0, 0.0, 0.0)}, {"name": "u", "point": "p", "direction": (1.0, 0.0, 0.0)}
     case = tied(mesh, supports=[("base", "xyz")], points=(point,), loads=[load], outputs=[output], poisson=0.0)
     free_end = flexibility(system_of(mesh, case))[0, 0]
-    case = replace(case, supports=(*case.supports, Support(point="p", fix=("ry", "rx"))))
+    case = case.with_keys(supports=(*case.supports, Support(point="p", fix=("ry", "rx"))))
     guided = flexibility(system_of(mesh, case))[0, 0]
     shear = 1.2 * 20.0 / (YOUNG / 2.0)
     assert free_end == pytest.approx(20.0**3 * 12.0 / (3.0 * YOUNG) + shear, rel=2e-3)
     assert guided == pytest.approx(20.0**3 / YOUNG + shear, rel=5e-3)  # both ends hinder
-    held = replace(case, supports=(*case.supports, Support(point="p", fix=("x",))))
+    held = case.with_keys(supports=(*case.supports, Support(point="p", fix=("x",))))
     with pytest.raises(CaseError, match=r"\[\[loads\]\] 1 acts only on degrees of freedom that a support fixes"):
         system_of(mesh, held)
 
@@ -338,7 +339,9 @@ def test_ranks_agree():
     mesh.node_groups["high_side"] = np.flatnonzero((mesh.points[:, 0] == 1.0) & (mesh.points[:, 2] > 1.0))
     points = (
         Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=3.0, inertia=(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)),
-        Point(name="q", position=(1.5, 0.5, 1.5), group="high_side", rigid=False, mass=10.0, stiffness=(1e9, 0.0, 0.0)),
+        Point(
+            name="q", position=(1.5, 0.5, 1.5), group="high_side", connection="distributing", mass=10.0, stiffness=(1e9, 0.0, 0.0)
+        ),
     )
     loads = [
         {"point": "p", "direction": (1.0, 2.0, 3.0)},
@@ -395,7 +398,7 @@ def test_what_turns_is_softened_across_the_axis():
     """Without stress the change of the stiffness is - Omega^2 times the mass, that of the point among it."""
     mesh = stack("hex8", "hex8", (2, 2, 1), (3, 3, 1))
     point = Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=1000.0)
-    case = replace(tied(mesh, GLUE, supports=[("base", "z")], points=(point,)), statics=Statics(speed=20.0))
+    case = tied(mesh, GLUE, supports=[("base", "z")], points=(point,)).with_keys(statics=Statics(rotation_speed=20.0))
     system = system_of(mesh, case)
     first, last = system.K.getOwnershipRange()
     shares = distribute(mesh if comm.rank == 0 else None, case, comm)
@@ -424,7 +427,7 @@ def test_nodes_far_from_the_facets():
         r"tie 'glue': 1 of 9 nodes of 'high_bottom' lie farther than 0.025 m .* worst is node \d+ at \(0.5, 0.5, 1.2\) m, 0.2 m"
     )
     refused(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]), MeshError, says)
-    system_of(mesh, tied(mesh, replace(GLUE, tolerance=0.3), supports=[("base", "xyz")]))
+    system_of(mesh, tied(mesh, GLUE.with_keys(tolerance=0.3), supports=[("base", "xyz")]))
 
 
 def test_surfaces_that_share_nodes():
@@ -477,8 +480,12 @@ def test_supports_on_what_follows():
 
 def test_a_point_that_follows_is_not_held():
     mesh = column()
-    case = tied(mesh, supports=[("base", "xyz")], points=(Point(name="p", position=(0.5, 0.5, 4.0), group="end", rigid=False),))
-    case = replace(case, supports=(*case.supports, Support(point="p", fix=("x",))))
+    case = tied(
+        mesh,
+        supports=[("base", "xyz")],
+        points=(Point(name="p", position=(0.5, 0.5, 4.0), group="end", connection="distributing"),),
+    )
+    case = case.with_keys(supports=(*case.supports, Support(point="p", fix=("x",))))
     refused(mesh, case, MeshError, "point 'p' follows its nodes and cannot be held")
 
 
@@ -503,8 +510,8 @@ def test_a_coarser_surface_that_follows_is_noted():
 def test_groups_that_cannot_turn():
     mesh = column()
     mesh.node_groups["line"] = np.flatnonzero((mesh.points[:, 0] == 0.0) & (mesh.points[:, 2] == 4.0))
-    for rigid in (True, False):
-        point = Point(name="p", position=(0.0, 0.0, 5.0), group="line", rigid=rigid)
+    for connection in ("rigid", "distributing"):
+        point = Point(name="p", position=(0.0, 0.0, 5.0), group="line", connection=connection)
         refused(
             mesh,
             tied(mesh, supports=[("base", "xyz")], points=(point,)),
@@ -520,4 +527,4 @@ def test_what_a_spring_holds_is_held_and_a_tie_holds_what_it_ties():
     system_of(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]))
     point = Point(name="p", position=(0.5, 0.5, 2.0), group="top")
     refused(mesh, tied(mesh, GLUE, points=(point,)), MeshError, "nothing holds body 'low'; body 'high'")
-    system_of(mesh, tied(mesh, GLUE, points=(replace(point, stiffness=(1.0, 1.0, 1.0)),)))
+    system_of(mesh, tied(mesh, GLUE, points=(point.with_keys(stiffness=(1.0, 1.0, 1.0)),)))

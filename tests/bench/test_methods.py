@@ -104,7 +104,7 @@ def two_boxes(n_modes):
         {"low": "low", "high": "high"},
         [("base", ["x", "y", "z"])],
         [joint(tangential_stiffness=2e11, normal_stiffness=3e11, preload=100.0)],
-        [{"position": (1.0, 1.0, 1.5), "direction": (1.0, 0.4, 0.1), "scale": 1.0, "harmonic": 1, "phase": 0.3}],
+        [{"position": (1.0, 1.0, 1.5), "direction": (1.0, 0.4, 0.1), "harmonic": 1, "phase": 0.3}],
         [{"name": "top", "position": (0.0, 0.5, 2.0), "direction": (0.0, 1.0, 0.0)}],
     )
     scene = SimpleNamespace(loads=case.loads, damping=ModalDamping(ratio=0.02))

@@ -14,7 +14,6 @@ from microslip import elements
 from microslip.assembly.assemble import assemble
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
-from microslip.library.settings import mesh_settings
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.links import find_links
 from microslip.mesh.pairing import pair_contacts
@@ -406,10 +405,9 @@ def test_a_mass_on_a_spring_that_an_equation_leads(tmp_path):
     text += "*BOUNDARY\n21, 1, 3\n22, 2, 3\nALL, 2, 3\n*EQUATION\n5\n22, 1, 1., 1, 1, -.25, 4, 1, -.25,\n5, 1, -.25, 8, 1, -.25\n"
     model = read(tmp_path, text + STEEL)
     scene, _ = complete(scene_of({**tables("job.inp"), "joints": ()}, tmp_path / "s.toml"), model)
-    settings = mesh_settings(scene)
-    mesh = read_mesh(settings, model)
-    pairs = pair_contacts(mesh, settings.joints)
-    linearised = linearise(assemble(distribute(mesh, settings, MPI.COMM_SELF), mesh, pairs, settings), pairs, "job.inp")
+    mesh = read_mesh(scene, model)
+    pairs = pair_contacts(mesh, scene.joints)
+    linearised = linearise(assemble(distribute(mesh, scene, MPI.COMM_SELF), mesh, pairs, scene), pairs, "job.inp")
     omega = lowest_modes(linearised, 1, verify=False).omega_n[0]
     linearised.destroy()
     assert omega == pytest.approx(np.sqrt(10.0 / 7.85e-9), rel=3e-5)  # the cube gives by 1e-5
@@ -428,19 +426,16 @@ def test_the_bolted_beam_is_read_as_it_stands(tmp_path):
     bolts = tuple({"group": f"BOLT-{i}.CUT", "force": 9000.0} for i in (1, 2, 3))
     more = {"joints": (joint,), "loads": (at,), "outputs": ({"name": "end", **at},), "statics": {"bolts": bolts}}
     scene, _ = complete(scene_of({**tables("job.inp", units="mm-t-s"), **more}, tmp_path / "s.toml"), model)
-    settings = mesh_settings(scene)
     del more["statics"]
     taken, _ = complete(scene_of({**tables("job.inp", units="mm-t-s"), **more}, tmp_path / "s.toml"), model)
-    assert [(one.group, one.force) for one in mesh_settings(taken).statics.bolts] == [
-        (f"BOLT-{i}.CUT", 9000.0) for i in (1, 2, 3)
-    ]
-    assert taken.statics.deformed_shape and not settings.statics.deforms
-    mesh = read_mesh(settings, model)
-    pairs = pair_contacts(mesh, settings.joints)
+    assert [(one.group, one.force) for one in taken.statics.bolts] == [(f"BOLT-{i}.CUT", 9000.0) for i in (1, 2, 3)]
+    assert taken.statics.deformed_shape and not scene.statics.deformed_shape
+    mesh = read_mesh(scene, model)
+    pairs = pair_contacts(mesh, scene.joints)
     np.testing.assert_allclose(mesh.points[pairs.node1], mesh.points[pairs.node2], atol=1e-9)
     lap = 0.12 * 0.025 - 3 * 2.0 * np.sqrt(2.0) * 0.0043**2  # the holes are octagons
     assert pairs.area.sum() == pytest.approx(lap, rel=1e-6)
-    assert len(find_links(mesh, settings).notes) == 16
+    assert len(find_links(mesh, scene).notes) == 16
 
 
 FINDINGS = {

@@ -5,7 +5,6 @@ import pytest
 
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
-from microslip.library.settings import mesh_settings
 from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import scene_of
 
@@ -63,7 +62,7 @@ def test_engineering_constants_come_to_the_scene_with_their_axes(tmp_path):
     model = read(tmp_path, CONSTANTS + "*EXPANSION, TYPE=ORTHO\n-1e-6, 3e-5, 2e-5\n")
     assert changes(model) == []
     found, _ = complete(scene(tmp_path, units="mm-t-s"), model)
-    body = mesh_settings(found).bodies["CUBE"]
+    body = found.sections["CUBE"]
     C = np.array(body.material.elasticity)
     compliance = np.linalg.inv(C)
     assert 1.0 / np.diag(compliance) == pytest.approx(1e6 * np.array([140.0, 10.0, 20.0, 5.0, 6.0, 3.5]))
@@ -97,7 +96,7 @@ def test_cylindrical_axes_have_a_point_in_units_of_the_file(tmp_path):
     model = read(tmp_path, CONSTANTS, "*ORIENTATION, NAME=FIBRES, SYSTEM=CYLINDRICAL\n1., 2., 3., 1., 2., 5.\n")
     assert model.bodies["CUBE"].orientation == "FIBRES" and changes(model) == []
     found, _ = complete(scene(tmp_path, units="mm-t-s"), model)
-    axes = mesh_settings(found).bodies["CUBE"].material.axes
+    axes = found.sections["CUBE"].material.axes
     assert (axes.axis, axes.point) == ((0.0, 0.0, 2.0), pytest.approx((1e-3, 2e-3, 3e-3)))
 
 
@@ -169,6 +168,5 @@ def test_what_is_damaged_is_one_message(tmp_path, elastic, axes, says):
 )
 def test_there_is_no_material_that_does_work(tmp_path, elastic, says):
     model = read(tmp_path, elastic)
-    found, _ = complete(scene(tmp_path), model)
     with pytest.raises(CaseError, match=rf"\[materials.Ply\]: there is no such material; .*{says}"):
-        mesh_settings(found)
+        complete(scene(tmp_path), model)

@@ -325,11 +325,9 @@ def test_files_of_mapdl_archive_are_read(file, volume):
 
 def test_a_mesh_of_an_archive_has_faces_by_its_components(tmp_path):
     scene, _ = complete(scene_of(tables("model.cdb"), written(tmp_path).parent / "s.toml"), read_model(tmp_path / "model.cdb"))
-    from microslip.library.settings import mesh_settings
     from microslip.mesh.pairing import pair_contacts
 
-    settings = mesh_settings(scene)
-    assert pair_contacts(read_mesh(settings), settings.joints).n_pairs == 8
+    assert pair_contacts(read_mesh(scene), scene.joints).n_pairs == 8
 
 
 @pytest.mark.parametrize(

@@ -14,14 +14,13 @@ from oracles import scenes
 from microslip.assembly.matrices import read_structure
 from microslip.assembly.matrix_checks import definiteness, negative_pivots, said_of
 from microslip.assembly.matrix_places import Places
-from microslip.library.settings import matrix_settings
 from microslip.mesh.data import Mesh
 from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
 
 
 def structure(path):
-    return read_structure(matrix_settings(read_scene(path)))
+    return read_structure(read_scene(path))
 
 
 def change(path, old, new):

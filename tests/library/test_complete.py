@@ -7,7 +7,6 @@ import pytest
 
 from microslip.formats.model import FileModel, Finding, LoadsAtRest
 from microslip.library.complete import complete
-from microslip.library.settings import mesh_settings
 from microslip.messages.errors import CaseError
 from microslip.scene.read import changed, scene_of
 from microslip.tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics
@@ -49,13 +48,12 @@ def scene(path, of_model=None, **more):
 
 def test_everything_is_taken_over_in_si_units(tmp_path):
     found, notes = complete(scene(tmp_path), model())
-    settings = mesh_settings(found)
-    assert settings.scale == 1e-3
-    assert settings.bodies["beam"].material.young == pytest.approx(2.1e11)
-    assert settings.bodies["beam"].density == pytest.approx(7850.0)
-    assert (settings.bodies["beam"].integration, settings.supports[0].group) == ("reduced", "root")
-    assert settings.ties[0].tolerance == pytest.approx(1e-4)
-    point = settings.points[0]
+    assert found.model.metres == 1e-3
+    assert found.materials["STEEL"].young == pytest.approx(2.1e11)
+    assert found.sections["beam"].density == pytest.approx(7850.0)
+    assert (found.bodies["beam"].integration, found.supports[0].group) == ("reduced", "root")
+    assert found.ties[0].tolerance == pytest.approx(1e-4)
+    point = found.points[0]
     assert point.position == pytest.approx((1e-3, 2e-3, 3e-3))
     assert point.mass == pytest.approx(2.0) and point.inertia[:3] == pytest.approx((4e-6, 5e-6, 6e-6))
     assert "1 bodies taken over from job.inp: beam" in notes
@@ -134,12 +132,15 @@ GRAVITY = Finding(word="*DLOAD, GRAV", where="line 8", effect="a load GRAV", cha
 
 def test_loads_before_the_vibration_become_statics(tmp_path):
     found, notes = complete(scene(tmp_path), model(**LOADED))
-    statics = mesh_settings(found).statics
-    assert statics.forces[0].force == (1.0, 0.0, -2.0) and statics.pressures == (("pad", 3e6),)
+    statics = found.statics
+    assert statics.forces[0].force == (1.0, 0.0, -2.0) and (statics.pressures[0].group, statics.pressures[0].pressure) == (
+        "pad",
+        3e6,
+    )
     assert (statics.bolts[0].group, statics.bolts[0].force) == ("cut", 4.0)
-    assert (statics.speed, statics.axis, statics.axis_point) == (5.0, (0.0, 0.0, 1.0), (6e-3, 0.0, 0.0))
+    assert (statics.rotation_speed, found.model.axis, found.model.axis_point) == (5.0, (0.0, 0.0, 1.0), (6e-3, 0.0, 0.0))
     assert (
-        statics.deforms
+        statics.deformed_shape
         and not any(WORD in note for note in notes)
         and "[statics] with 1 forces, 1 pressures, 1 bolts and rotation of step 1 taken over from job.inp" in notes
     )
@@ -223,10 +224,11 @@ IN_CONTACT = {**LOADED, "joints": (RUBBING,), "findings": (*LOADED["findings"], 
 
 def test_a_contact_of_the_file_becomes_a_joint_that_its_loads_press(tmp_path):
     found, notes = complete(scene(tmp_path), model(**IN_CONTACT))
-    (joint,) = mesh_settings(found).joints
+    (joint,) = found.joints
     assert (joint.name, joint.surfaces, joint.pairing, joint.friction) == ("lap", ("upper", "lower"), "points", 0.3)
     assert (joint.tangential_stiffness, joint.normal_stiffness) == pytest.approx((2e9, 3e9))
-    assert (joint.preload, joint.gap, joint.tolerance) == (0.0, 0.0, pytest.approx(5e-4)) and found.joints[0].preload == "static"
+    assert (joint.preload, joint.gap, joint.tolerance) == ("static", 0.0, pytest.approx(5e-4))
+    assert joint.stated_values["preload"] == 0.0
     assert "1 joints taken over from job.inp: lap" in notes and not any("CONTACT" in note for note in notes)
     far = {**IN_CONTACT, "joints": (RUBBING.with_keys(tolerance=None, gap="geometry"),)}
     joint = complete(scene(tmp_path), model(**far))[0].joints[0]

@@ -8,7 +8,6 @@ from box_meshes import KINDS, box, joint, mesh_of
 
 from microslip import elements
 from microslip.mesh.pairing import contact_frames, contact_points, pair_contacts
-from microslip.mesh.settings import GEOMETRY, GroundPlane
 from microslip.mesh.surface import surface_of
 from microslip.messages.errors import MeshError
 
@@ -209,7 +208,7 @@ def test_surfaces_too_far_apart_or_back_to_front():
         MeshError, match=r"no contact point found: .* within 0.0[34]\d* m .* the worst is node .* 0.5 m from the other side"
     ):
         contact_points(mesh, joint(surfaces=SURFACES, pairing="auto"))
-    gap = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=GEOMETRY, tolerance=0.6)])
+    gap = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap="geometry", tolerance=0.6)])
     np.testing.assert_allclose(-gap.N0 / gap.k_n, 0.5, rtol=1e-12)
     mesh.points[upper, 2] -= 1.5  # the bodies fill the same space
     for changes in ({"pairing": "auto", "tolerance": 0.1}, {"pairing": "auto"}, {"pairing": "points"}, {"pairing": "projected"}):
@@ -221,7 +220,7 @@ def test_penetration_at_rest_is_refused():
     mesh = boxes()
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] -= 0.01
     with pytest.raises(MeshError, match=r"the sides penetrate at rest, by 0.01 m at \(.*\) m; move them apart, or state the gap"):
-        pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=GEOMETRY)])
+        pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap="geometry")])
     pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")])  # within the tolerance, as it was drawn
     assert pairs.n_pairs == 48
     assert "joint 'joint': the sides penetrate in the mesh, by 0.01 m at " in pairs.notes[-1]
@@ -248,7 +247,7 @@ def test_penetration_at_rest_is_refused():
 def test_a_gap_of_the_mesh_is_not_advised_where_it_is_stated():
     mesh = boxes()
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.5
-    for gap, advised in ((0.0, True), (GEOMETRY, False)):
+    for gap, advised in ((0.0, True), ("geometry", False)):
         with pytest.raises(MeshError, match="or state a larger tolerance") as found:
             pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=gap, tolerance=0.1)])
         assert ('gap = "geometry"' in str(found.value)) is advised
@@ -256,9 +255,9 @@ def test_a_gap_of_the_mesh_is_not_advised_where_it_is_stated():
 
 def test_a_plane_takes_its_gap_from_the_mesh():
     mesh = boxes()
-    tilted = GroundPlane(point=(0.0, 0.0, -0.1), normal=(0.0, 0.6, 3.0))
+    tilted = {"against": "plane", "plane_point": (0.0, 0.0, -0.1), "plane_normal": (0.0, 0.6, 3.0)}
     for pairing in ("auto", "points"):
-        pairs = pair_contacts(mesh, [joint(surfaces=("lower_bottom",), plane=tilted, gap=GEOMETRY, preload=0.0, pairing=pairing)])
+        pairs = pair_contacts(mesh, [joint(surfaces=("lower_bottom",), **tilted, gap="geometry", preload=0.0, pairing=pairing)])
         z = np.array([0.0, 0.6, 3.0]) / np.hypot(0.6, 3.0)
         np.testing.assert_allclose(pairs.frame[:, 2], np.tile(z, (pairs.n_pairs, 1)), atol=1e-12)
         np.testing.assert_allclose(-pairs.N0 / pairs.k_n, (pairs.position - (0.0, 0.0, -0.1)) @ z, atol=1e-13)
@@ -276,9 +275,9 @@ def test_a_plane_takes_its_gap_from_the_mesh():
     ],
 )
 def test_a_plane_that_the_surface_does_not_face_or_is_far_from_is_refused(point, normal, keys, says):
-    plane = GroundPlane(point=point, normal=normal)
+    plane = {"against": "plane", "plane_point": point, "plane_normal": normal}
     with pytest.raises(MeshError, match=says):
-        pair_contacts(boxes(), [joint(surfaces=("lower_bottom",), plane=plane, gap=GEOMETRY, preload=0.0, **keys)])
+        pair_contacts(boxes(), [joint(surfaces=("lower_bottom",), **plane, gap="geometry", preload=0.0, **keys)])
 
 
 @pytest.mark.parametrize(

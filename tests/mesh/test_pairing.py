@@ -50,7 +50,7 @@ def test_flat_pairs(kind):
 
 
 def test_parameters_are_per_unit_area():
-    pairs = pair_contacts(two_boxes("hex8"), [joint(separate=True)])
+    pairs = pair_contacts(two_boxes("hex8"), [joint(friction_limit="separate")])
     np.testing.assert_allclose(pairs.k_t, 2e13 * pairs.area)
     np.testing.assert_allclose(pairs.k_n, 3e13 * pairs.area)
     np.testing.assert_allclose(pairs.N0, 5e7 * pairs.area)

@@ -7,11 +7,11 @@ import pytest
 from box_meshes import KINDS, box, joint, mesh_of, settings
 
 from microslip.mesh.pairing import pair_contacts
-from microslip.mesh.settings import TouchingFaces
 from microslip.mesh.skin import faces_of_group, skin_of_mesh
 from microslip.mesh.surface import surface_of
 from microslip.mesh.touching import find_touching, with_found_surfaces
 from microslip.messages.errors import MeshError
+from microslip.tables.structure import Surface
 
 LOWER, UPPER = (1.0, 1.0, 0.5), (0.6, 1.0, 0.5)
 
@@ -23,12 +23,12 @@ def two_boxes(kind="hex8", other=None, at=(0.7, 0.0, 0.5), n=(5, 5, 1), size=UPP
 
 
 def found(mesh, *surfaces, bodies=("lower", "upper")):
-    given = replace(settings({name: name for name in bodies}), surfaces=surfaces)
+    given = settings({name: name for name in bodies}, surfaces=surfaces)
     return with_found_surfaces(mesh, given)
 
 
-UP = TouchingFaces(name="up", bodies=("upper", "lower"))
-LOW = TouchingFaces(name="low", bodies=("lower", "upper"))
+UP = Surface(name="up", bodies=("upper", "lower"))
+LOW = Surface(name="low", bodies=("lower", "upper"))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -65,11 +65,11 @@ def test_how_far_apart_they_may_lie():
     touching = find_touching(skin_of_mesh(mesh))
     assert touching.gap == pytest.approx(0.003, rel=1e-9)
     with pytest.raises(MeshError, match="within 0.002 m"):
-        found(mesh, replace(UP, tolerance=0.002))
+        found(mesh, UP.with_keys(tolerance=0.002))
     far = two_boxes(at=(0.7, 0.0, 0.53))
     with pytest.raises(MeshError, match="within 0.1 of the size of the faces"):
         found(far, UP)
-    assert len(found(far, replace(UP, tolerance=0.04)).node_groups["up"])
+    assert len(found(far, UP.with_keys(tolerance=0.04)).node_groups["up"])
 
 
 def test_a_peg_in_a_hole_whose_meshes_differ():
@@ -80,7 +80,7 @@ def test_a_peg_in_a_hole_whose_meshes_differ():
 
     mesh = found(
         mesh_of(("peg", "hex8", *ring(24, 0.5, 1.0)), ("hole", "hex8", *ring(31, 1.0, 2.0))),
-        TouchingFaces(name="out", bodies=("peg", "hole")),
+        Surface(name="out", bodies=("peg", "hole")),
         bodies=("peg", "hole"),
     )
     own = faces_of_group(mesh, skin_of_mesh(mesh), "out")
@@ -90,13 +90,13 @@ def test_a_peg_in_a_hole_whose_meshes_differ():
 def test_parts_of_one_body_and_the_side_that_is_meant():
     whole = two_boxes()
     one = replace(whole, elements=tuple(replace(block, group="both") for block in whole.elements), node_groups={})
-    up = TouchingFaces(name="up", bodies=("both", "both"), normal=(0.1, 0.0, -1.0))
-    mesh = found(one, up, replace(up, name="low", normal=(0.0, 0.0, 2.0)), bodies=("both",))
+    up = Surface(name="up", bodies=("both", "both"), normal=(0.1, 0.0, -1.0))
+    mesh = found(one, up, up.with_keys(name="low", normal=(0.0, 0.0, 2.0)), bodies=("both",))
     expected = found(whole, UP, LOW)
     for name in ("up", "low"):
         assert np.array_equal(mesh.node_groups[name], expected.node_groups[name])
     with pytest.raises(MeshError, match=r"no face of 'both' with normals within 45 degrees of \(1, 0, 0\) lies on 'both'"):
-        found(one, replace(up, normal=(1.0, 0.0, 0.0)), bodies=("both",))
+        found(one, up.with_keys(normal=(1.0, 0.0, 0.0)), bodies=("both",))
 
 
 def test_merged_bodies_and_names_that_are_taken():
@@ -104,6 +104,6 @@ def test_merged_bodies_and_names_that_are_taken():
     blocks = mesh_of(("a", "hex8", points, nodes[:1]))
     merged = replace(blocks, elements=(blocks.elements[0], replace(blocks.elements[0], group="b", nodes=nodes[1:])))
     with pytest.raises(MeshError, match="they share 4 nodes, and are merged there"):
-        found(merged, TouchingFaces(name="up", bodies=("a", "b")), bodies=("a", "b"))
+        found(merged, Surface(name="up", bodies=("a", "b")), bodies=("a", "b"))
     with pytest.raises(MeshError, match="a group of the mesh has this name already"):
-        found(two_boxes(), replace(UP, name="lower"))
+        found(two_boxes(), UP.with_keys(name="lower"))

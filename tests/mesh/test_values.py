@@ -7,7 +7,6 @@ import pytest
 from box_meshes import box, joint, mesh_of
 
 from microslip.mesh.pairing import pair_contacts
-from microslip.mesh.settings import GEOMETRY
 from microslip.messages.errors import CaseError, MeshError
 
 TOUCH = {
@@ -77,7 +76,7 @@ def test_rows_that_belong_nowhere(tmp_path):
     with pytest.raises(MeshError, match=r"line 2: \(0, 0, 3\) m is 2 m from the nearest contact point .* places are in metres"):
         paired(tmp_path, "x,y,z,friction\n0,0,3,0.1\n")
     with pytest.raises(CaseError, match="takes its gap from the mesh"):
-        paired(tmp_path, "x,y,z,gap\n0,0,1,0\n", gap=GEOMETRY, preload=0.0)
+        paired(tmp_path, "x,y,z,gap\n0,0,1,0\n", gap="geometry", preload=0.0)
 
 
 def with_field(name="mu", values=None):

@@ -7,7 +7,6 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
 from microslip.assembly.matrices import read_structure
-from microslip.library.settings import matrix_settings, mesh_settings
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.read import read_mesh
 from microslip.messages.errors import CaseError
@@ -32,8 +31,7 @@ def read(folder, own):
 
 
 def pairs_of(scene):
-    settings = mesh_settings(scene)
-    return pair_contacts(read_mesh(settings), settings.joints)
+    return pair_contacts(read_mesh(scene), scene.joints)
 
 
 def test_every_key_of_a_joint_of_surfaces_arrives(folder):
@@ -125,7 +123,7 @@ def with_pairs(folder, own, **changed):
     """Return the structure of one mass whose pair has other numbers, and what its joint states."""
     path = write_matrix_scene(folder, scenes.spatial_mass() | changed, [0.4], (0.8, 2.4))
     path.write_text(path.read_text().replace('friction_limit = "circle"', own))
-    return read_structure(matrix_settings(read_scene(path)))
+    return read_structure(read_scene(path))
 
 
 def test_pairs_of_matrices_have_their_law_at_rest_from_the_file(tmp_path):

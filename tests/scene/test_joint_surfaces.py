@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from lap_scene import SCENE, write_mesh
 
-from microslip.library.settings import mesh_settings
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.read import read_mesh
 from microslip.messages.errors import CaseError
@@ -32,8 +31,7 @@ def read(folder, *changes):
 
 
 def pairs_of(scene):
-    settings = mesh_settings(scene)
-    return pair_contacts(read_mesh(settings), settings.joints)
+    return pair_contacts(read_mesh(scene), scene.joints)
 
 
 def test_keys_reach_the_pairs(folder):

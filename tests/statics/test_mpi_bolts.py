@@ -4,21 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_meshes import box, joint, mesh_of, settings
+from box_meshes import box, joint, made_of, mesh_of, settings
 
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import constant_forces, stiffness_at_rest
 from microslip.assembly.pretension import pretension
-from microslip.elements import Isotropic
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.cut import cut_through
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.settings import Body, Bolt, Force, Statics, Tie
 from microslip.messages.errors import CaseError, MeshError
 from microslip.parallel.agree import on_root
 from microslip.statics.bolts import cuts_of
 from microslip.statics.equilibrium import Flexibility, equilibrium
+from microslip.tables.constant_loads import Bolt, Force, Statics, Temperature
+from microslip.tables.structure import Body, Material, Tie
 
 YOUNG, DENSITY, EXPANSION = 2.0e11, 8000.0, 1e-5
 LENGTH, WIDTH = 0.1, 0.02  # m, of the bar along x
@@ -26,8 +26,8 @@ AREA = WIDTH**2
 STIFFNESS = YOUNG * AREA / LENGTH
 
 
-def steel(group, young=YOUNG):
-    return Body(group=group, material=Isotropic(young, 0.0, EXPANSION), density=DENSITY)
+def steel(young=YOUNG):
+    return Material(young=young, poisson=0.0, expansion=EXPANSION, density=DENSITY)
 
 
 def bar(kind, bulge=0.0, n=(4, 2, 2)):
@@ -42,7 +42,7 @@ def bar(kind, bulge=0.0, n=(4, 2, 2)):
 
 def of_bar(**statics):
     given = settings({"bar": "bar"}, supports=[("ends", "xyz")])
-    return replace(given, bodies={"bar": steel("bar")}, statics=Statics(**statics))
+    return made_of(given, steel()).with_keys(statics=Statics(**statics))
 
 
 def at_rest(comm, mesh, given):
@@ -61,7 +61,7 @@ def at_rest(comm, mesh, given):
 
 
 def bolt(name="bolt", group="cut", **given):
-    return Bolt(name=name, group=group, **given)
+    return Bolt.of_file(name=name, group=group, **given)
 
 
 @pytest.mark.slow
@@ -106,9 +106,8 @@ def glued():
 def test_a_bar_that_is_glued_is_pulled_as_one(comm):
     mesh = on_root(comm, glued, share=False)
     given = settings({"left": "left", "right": "right"}, supports=[("ends", "xyz")])
-    bodies = {name: steel(name) for name in ("left", "right")}
     tie = Tie(name="glue", surfaces=("right_start", "left_end"))
-    given = replace(given, bodies=bodies, ties=(tie,), statics=Statics(bolts=(bolt(shortening=1e-5),)))
+    given = made_of(given, steel()).with_keys(ties=(tie,), statics=Statics(bolts=(bolt(shortening=1e-5),)))
     *_, rest = at_rest(comm, mesh, given)
     assert rest.bolts.force == pytest.approx(STIFFNESS * 1e-5, rel=1e-8)
 
@@ -143,7 +142,9 @@ def test_the_stress_of_the_bolt_is_its_force_over_its_area(comm, kind):
 def test_warmth_slackens_a_bolt_that_is_held(comm):
     """Tightened first, then warmed between the walls: the force falls by E A alpha theta, the shortening is held."""
     mesh = on_root(comm, bar, "hex8", share=False)
-    *_, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(force=6000.0),), temperatures={"bar": 20.0}))
+    *_, rest = at_rest(
+        comm, mesh, of_bar(bolts=(bolt(force=6000.0),), temperatures=(Temperature(group="bar", temperature=20.0),))
+    )
     assert rest.bolts.tightened == pytest.approx(6000.0, rel=1e-8)
     assert rest.bolts.force == pytest.approx(6000.0 - YOUNG * AREA * EXPANSION * 20.0, rel=1e-8)
 
@@ -151,7 +152,7 @@ def test_warmth_slackens_a_bolt_that_is_held(comm):
 def test_rotation_loads_the_cut_as_theory_says(comm):
     """A bar between two walls turns about one of them: N(x) = rho A Omega^2 (L^2 / 6 - x^2 / 2), on top of the bolt's force."""
     mesh = on_root(comm, bar, "hex20", share=False)
-    *_, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(force=100.0),), speed=1000.0))
+    *_, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(force=100.0),), rotation_speed=1000.0))
     change = DENSITY * AREA * 1000.0**2 * LENGTH**2 * (1.0 / 6.0 - 1.0 / 8.0)
     assert rest.bolts.force - rest.bolts.tightened == pytest.approx(change, rel=1e-8)
 
@@ -208,9 +209,11 @@ def of_clamped(pull=0.0, push=0.0, **given):
         for group, force in (("under_head", (push, 0.0, 0.0)), ("head", (0.0, 0.0, pull)))
         if any(force)
     )
-    bodies = {name: steel(name, YOUNG * (1e6 if name == "head" else 1.0)) for name in names}
+    materials = {name: steel(YOUNG * (1e6 if name == "head" else 1.0)) for name in names}
+    bodies = {name: Body(group=name, material=name) for name in names}
     made = settings({name: name for name in names}, supports=supports, joints=joints)
-    return replace(made, bodies=bodies, statics=Statics(bolts=(bolt(**(given or {"force": CLAMP})),), forces=loads, steps=4))
+    statics = Statics(bolts=(bolt(**(given or {"force": CLAMP})),), forces=loads, steps=4)
+    return made.with_keys(materials=materials, bodies=bodies, statics=statics)
 
 
 @pytest.fixture(scope="module")
@@ -305,7 +308,7 @@ def test_a_group_that_is_no_cut_is_refused_by_name(comm, name):
 
 def test_what_holds_a_cut_is_refused(comm):
     mesh = on_root(comm, lambda: claimed(cut=middle), share=False)
-    held = replace(of_bar(bolts=(bolt(force=1.0),)), supports=settings({}, supports=[("ends", "xyz"), ("cut", "x")]).supports)
+    held = of_bar(bolts=(bolt(force=1.0),)).with_keys(supports=settings({}, supports=[("ends", "xyz"), ("cut", "x")]).supports)
     with pytest.raises(MeshError, match="cannot open, for a support holds it along the shank"):
         at_rest(comm, mesh, held)
 
@@ -318,6 +321,6 @@ def test_two_cuts_side_by_side_are_refused(comm):
 
 def test_a_bolt_that_clamps_nothing_is_refused(comm):
     mesh = on_root(comm, lambda: claimed(cut=middle, start=lambda x: x[:, 0] == 0.0), share=False)
-    loose = replace(of_bar(bolts=(bolt(force=1.0),)), supports=settings({}, supports=[("start", "xyz")]).supports)
+    loose = of_bar(bolts=(bolt(force=1.0),)).with_keys(supports=settings({}, supports=[("start", "xyz")]).supports)
     with pytest.raises(CaseError, match=r"\[\[statics.bolts\]\] 'bolt': there is nothing to clamp"):
         at_rest(comm, mesh, loose)

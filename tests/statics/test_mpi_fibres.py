@@ -1,10 +1,8 @@
 """A warm block of orthotropic material against its free expansion; on one rank and on several."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from box_meshes import box, mesh_of, settings
+from box_meshes import STEEL, box, made_of, mesh_of, settings
 
 from microslip import elements
 from microslip.assembly.assemble import assemble
@@ -12,12 +10,13 @@ from microslip.assembly.prestress import constant_forces, stiffness_at_rest
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.settings import Statics
 from microslip.parallel.agree import on_root
 from microslip.statics.equilibrium import Flexibility, equilibrium
+from microslip.tables.constant_loads import Statics, Temperature
+from microslip.tables.structure import Material, Orientation
 
 ALPHA, WARMER = (-1e-6, 3e-5, 2e-5), 150.0
-AXES = elements.Directions((1.0, 0.4, -0.3), (0.2, 1.0, 0.7))
+AXES = Orientation(directions=((1.0, 0.4, -0.3), (0.2, 1.0, 0.7)))
 CORNERS = {  # six displacements, of which none resists an expansion about the first corner once they turn with it
     "origin": lambda x: (x == 0.0).all(axis=1),
     "along_x": lambda x: (x[:, 1:] == 0.0).all(axis=1) & (x[:, 0] == 1.0),
@@ -27,11 +26,12 @@ CORNERS = {  # six displacements, of which none resists an expansion about the f
 
 def warm(kind):
     """Return the settings of a block of fibres, held at three corners as a rigid body is."""
-    C = elements.orthotropic((1.4e11, 1e10, 2e10), (0.28, 0.31, 0.4), (5e9, 6e9, 3.5e9))
-    material = elements.Anisotropic(tuple(map(tuple, C.tolist())), ALPHA, AXES)
+    material = Material(
+        young=(1.4e11, 1e10, 2e10), poisson=(0.28, 0.31, 0.4), shear=(5e9, 6e9, 3.5e9), density=STEEL.density, expansion=ALPHA
+    )
     held = settings({"block": "block"}, [("origin", "xyz"), ("along_x", "yz"), ("along_y", "z")])
-    bodies = {"block": replace(held.bodies["block"], material=material)}
-    return replace(held, bodies=bodies, statics=Statics(temperatures={"block": WARMER}, steps=1))
+    statics = Statics(temperatures=(Temperature(group="block", temperature=WARMER),), steps=1)
+    return made_of(held, material, AXES).with_keys(statics=statics)
 
 
 @pytest.mark.parametrize("kind", ["hex8", "tet10"])
@@ -46,7 +46,7 @@ def test_a_warm_block_shears_as_its_fibres_do_and_has_no_stress(comm, kind):
     linearised.destroy()
     u_all = np.concatenate(comm.allgather(rest.u_owned))
     u = np.where(system.dof >= 0, u_all[system.dof], 0.0)
-    a = AXES.at(np.zeros(3))
+    a = elements.Directions(*AXES.directions).at(np.zeros(3))
     E = WARMER * (a.T * ALPHA) @ a
     H = E + np.array([[0.0, E[0, 1], E[0, 2]], [-E[0, 1], 0.0, E[1, 2]], [-E[0, 2], -E[1, 2], 0.0]])  # nothing below the diagonal
 

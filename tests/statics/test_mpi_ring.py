@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from blocks import block, join
-from box_meshes import mesh_of, settings
+from box_meshes import made_of, mesh_of, settings
 
 from microslip import elements
 from microslip.assembly.assemble import assemble
@@ -13,14 +13,15 @@ from microslip.assembly.prestress import constant_forces, stiffness_at_rest
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.settings import Body, Statics
 from microslip.modes.eigen import lowest_modes
 from microslip.parallel.agree import on_root
 from microslip.reduction.expand import node_fields
 from microslip.statics.equilibrium import Flexibility, equilibrium
+from microslip.tables.constant_loads import Statics
+from microslip.tables.structure import Material
 
 YOUNG, DENSITY, RADIUS, SIDE = 2.0e11, 8000.0, 0.2, 0.004  # of a square section
-BODY = Body(group="ring", material=elements.Isotropic(YOUNG, 0.3), density=DENSITY)
+STEEL = Material(young=YOUNG, poisson=0.3, density=DENSITY)
 
 
 def ring():
@@ -48,7 +49,8 @@ def ring():
 
 def turning(speed):
     held = settings({"ring": "ring"}, supports=[("on_x", "y"), ("on_y", "x"), ("between", "z")])
-    return replace(held, bodies={"ring": BODY}, statics=Statics(speed=speed, steps=1))
+    statics = Statics(rotation_speed=speed, steps=1)
+    return made_of(held, STEEL).with_keys(statics=statics)
 
 
 def at_speed(comm, mesh, speed):
@@ -73,7 +75,7 @@ def test_the_hoop_stress_is_that_of_a_thin_ring(comm):
     expected = DENSITY * speed**2 * RADIUS**2
     u_by_rank = u[np.argsort(shares.rank_order)]
     for own in shares.blocks:
-        stress = elements.stress(BODY.solids(own.kind, own.points), u_by_rank[own.nodes])
+        stress = elements.stress(turning(speed).sections[own.body].solids(own.kind, own.points), u_by_rank[own.nodes])
         middle = own.points.mean(axis=1)
         along = np.stack([-middle[:, 1], middle[:, 0], 0.0 * middle[:, 2]], axis=1) / np.linalg.norm(middle, axis=1)[:, None]
         hoop = np.einsum("ei,eqij,ej->eq", along, stress, along)

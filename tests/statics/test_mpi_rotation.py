@@ -9,7 +9,6 @@ from scene_text import driven, response, steel, support, table
 import microslip
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import constant_forces
-from microslip.library.settings import mesh_settings
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
@@ -59,7 +58,7 @@ def turning(speed):
 def test_a_spinning_bar_stretches_as_theory_says(comm, folder):
     """u(L) = rho Omega^2 L^3 / (3 E) of a bar from the axis outwards, without Poisson's ratio; its force at the hub is m Omega^2 L/2."""
     speed = 100.0
-    settings = mesh_settings(scene_of(comm, folder, turning(speed)))
+    settings = scene_of(comm, folder, turning(speed))
     mesh = on_root(comm, read_mesh, settings, share=False)
     pairs = on_root(comm, pair_contacts, mesh, settings.joints)
     shares = distribute(mesh, settings, comm)

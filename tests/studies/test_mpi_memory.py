@@ -15,7 +15,6 @@ from microslip.assembly.constraints import constrain
 from microslip.assembly.coupling import coupling_of_nodes
 from microslip.guards import memory
 from microslip.library.complete import read_completed
-from microslip.library.settings import mesh_settings
 from microslip.linear.direct import foreseen
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
@@ -34,10 +33,9 @@ TIED = re.sub(r"\[\[joints\]\].*?(?=\[\[loads)", '[[ties]]\nsurfaces = ["lap_1",
 def parts(comm, path):
     """Return the distributed mesh, mesh, pairs and settings of a scene.  Collective."""
     file, scene, _ = read_completed(read_scene(path), comm)
-    settings = mesh_settings(scene)
-    mesh = on_root(comm, read_mesh, settings, file, share=False)
-    pairs = on_root(comm, pair_contacts, mesh, settings.joints)
-    return distribute(mesh, settings, comm), mesh, pairs, settings
+    mesh = on_root(comm, read_mesh, scene, file, share=False)
+    pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+    return distribute(mesh, scene, comm), mesh, pairs, scene
 
 
 def entries(matrix):

@@ -19,8 +19,8 @@ from microslip import elements
 from microslip.assembly.assemble import assemble
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.settings import Tie
 from microslip.mesh.surface import outward_faces
+from microslip.tables.structure import Tie
 
 YOUNG, POISSON, PULL = 2.1e11, 0.3, 1e6  # Pa, -, Pa
 GLUE = Tie(name="glue", surfaces=("high_bottom", "low_top"))

@@ -13,9 +13,9 @@ from ..guards.memory import refuse_beyond
 from ..mesh.connected import check_held, connected_parts, loose_clusters
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
 from ..mesh.links import find_links, fixed_places
-from ..mesh.settings import Body, MeshSettings
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_root, raise_together
+from ..tables.structure_tables import StructureTables
 from .base_motion import with_base_motion
 from .check import check_elements
 from .constrained import constrained
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 ASSEMBLED = 40.0  # bytes an entry of K held at once: sums of element matrices, rows expanded, PETSc's copy of them
 
 
-def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings) -> System:
+def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: StructureTables) -> System:
     """Return K, M, R, loads and outputs on the free DOFs.
 
     Collective on ``dmesh.comm``.
@@ -58,7 +58,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     if n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
     constraints = constrain(dmesh, links, is_fixed, *clusters) if not links.is_empty else None
-    K, M = _matrices(dmesh, dof, row_ranges, settings.bodies)
+    K, M = _matrices(dmesh, dof, row_ranges, settings.sections)
     dof_of_mesh = dof[dmesh.rank_order]
     if constraints is not None:
         dof_of_mesh, n_dof = constraints.dof, constraints.T.shape[0]
@@ -81,7 +81,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     return system if constraints is None else constrained(system, constraints, part)
 
 
-def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
+def read_off(mesh: Mesh, pairs: ContactPairs, settings: StructureTables) -> tuple:
     """Return what only the whole mesh tells.
 
     Fixed DOFs by place (``mesh/ties.py``), parts and their names, loads and outputs on places, what follows what, and which
@@ -93,12 +93,12 @@ def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
     part, part_names = connected_parts(mesh, settings.body_of)
     check_held(part, part_names, mesh, settings.supports, pairs, links)
     clusters = loose_clusters(part, len(part_names), mesh, settings.supports, links)
-    loads = [nodal_forces(mesh, load, f"[[loads]] {i}", links) for i, load in enumerate(settings.loads, 1)]
+    loads = [nodal_forces(mesh, load, settings.model, f"[[loads]] {i}", links) for i, load in enumerate(settings.loads, 1)]
     outputs = [output_row(mesh, output, settings, links) for output in settings.outputs]
     return is_fixed, part, part_names, loads, outputs, links, clusters
 
 
-def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, Body]):
+def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, elements.SolidSection]):
     """Return K and M as PETSc matrices.  Collective on ``dmesh.comm``.
 
     M couples equal directions only: its pattern is a third of K's, and part of it.
@@ -124,7 +124,7 @@ def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, b
     return K, M
 
 
-def _sums(dmesh: DistributedMesh, bodies: Mapping[str, Body], pattern: NodePattern) -> list[BlockSum]:
+def _sums(dmesh: DistributedMesh, bodies: Mapping[str, elements.SolidSection], pattern: NodePattern) -> list[BlockSum]:
     """Return the sums of the element matrices, K and M.  Local."""
     sums = [BlockSum(pattern, 3), BlockSum(pattern, 1)]
     for block in dmesh.blocks:
@@ -132,7 +132,7 @@ def _sums(dmesh: DistributedMesh, bodies: Mapping[str, Body], pattern: NodePatte
     return sums
 
 
-def _add_elements(block: LocalBlock, body: Body, pattern: NodePattern, K_sum: BlockSum, M_sum: BlockSum) -> None:
+def _add_elements(block: LocalBlock, body: elements.SolidSection, pattern: NodePattern, K_sum: BlockSum, M_sum: BlockSum) -> None:
     """Add a block's element matrices, a bounded number of elements at a time."""
     n_nodes = block.nodes.shape[1]
     for chunk in element_chunks(block):

@@ -9,12 +9,14 @@ import numpy as np
 from .. import elements
 from ..mesh.data import DistributedMesh
 from ..mesh.links import Links
-from ..mesh.settings import MeshSettings
+from ..tables.structure_tables import StructureTables
 from .nodal_forces import NodalForces
 from .node_blocks import element_chunks
 
 
-def with_base_motion(loads: list[NodalForces], settings: MeshSettings, dmesh: DistributedMesh, links: Links) -> list[NodalForces]:
+def with_base_motion(
+    loads: list[NodalForces], settings: StructureTables, dmesh: DistributedMesh, links: Links
+) -> list[NodalForces]:
     """Return the loads with those of a base that accelerates, -M r a of eq. (13.4), on the masses of points too.
 
     Collective on ``dmesh.comm`` where there is one: one gather.
@@ -37,7 +39,7 @@ def with_base_motion(loads: list[NodalForces], settings: MeshSettings, dmesh: Di
     return found
 
 
-def nodal_masses(dmesh: DistributedMesh, settings: MeshSettings) -> np.ndarray:
+def nodal_masses(dmesh: DistributedMesh, settings: StructureTables) -> np.ndarray:
     """Return the integral of rho N_a of every node of Mesh.points, (n_nodes,) [kg]: its row of M, over fixed nodes too.
 
     Collective on ``dmesh.comm``: one gather.  At corners of quadratic elements it may be negative.
@@ -45,7 +47,7 @@ def nodal_masses(dmesh: DistributedMesh, settings: MeshSettings) -> np.ndarray:
     first, last = dmesh.node_ranges[dmesh.comm.rank :][:2]
     mass = np.zeros(last - first)
     for block in dmesh.blocks:
-        body = settings.bodies[block.body]
+        body = settings.sections[block.body]
         for chunk in element_chunks(block):
             of_elements = elements.mass(block.kind, block.points[chunk], body.density, body.integration).sum(axis=-1)
             rows = block.nodes[chunk] - first

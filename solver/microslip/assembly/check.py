@@ -6,24 +6,24 @@ import numpy as np
 
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock
-from ..mesh.settings import MeshSettings
 from ..messages.errors import MeshError
+from ..tables.structure_tables import StructureTables
 
 _CHUNK = 5000  # elements whose Jacobians are held at a time
 
 
-def check_elements(dmesh: DistributedMesh, settings: MeshSettings) -> None:
+def check_elements(dmesh: DistributedMesh, settings: StructureTables) -> None:
     """Raise MeshError on every rank if any element has a Jacobian determinant that is not positive.
 
     Collective on ``dmesh.comm``: one gather of the element numbers at fault.
     """
-    bad_owned = [bad for block in dmesh.blocks for bad in _not_positive(block, settings.bodies[block.body].integration)]
+    bad_owned = [bad for block in dmesh.blocks for bad in _not_positive(block, settings.sections[block.body].integration)]
     bad = sorted({found for rank in dmesh.comm.allgather(bad_owned) for found in rank})  # ranks share some elements
     if bad:
         lowest, number, kind, body = min((det, number, kind, body) for body, kind, number, det in bad)
         first = ", ".join(str(number) for _, _, number, _ in bad[:10]) + (", ..." if len(bad) > 10 else "")
         raise MeshError(
-            f"{settings.stated}: {len(bad)} elements are inverted or collapsed (elements {first}); the worst is "
+            f"{settings.model.mesh}: {len(bad)} elements are inverted or collapsed (elements {first}); the worst is "
             f"{kind} element {number} of body {body!r} with det J = {lowest:.3g} m3, it must be > 0; check the order of its "
             "nodes, and whether mid-side nodes lie far from the middle of their edges"
         )

@@ -12,9 +12,9 @@ from petsc4py import PETSc
 from ..mesh.attached import Attached
 from ..mesh.data import DistributedMesh, Mesh
 from ..mesh.links import DIRECTIONS, Links
-from ..mesh.settings import Point
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.structure import Point
 from .numbering import number_dofs
 
 if TYPE_CHECKING:
@@ -216,7 +216,7 @@ def added_by_points(constraints: Constraints, blocks: np.ndarray) -> sp.csr_matr
 
 def stiffness_blocks(points: tuple[Point, ...]) -> np.ndarray:
     """Return the springs to ground of the points, (n_points, 6, 6).  Local."""
-    return np.array([np.diag([*point.stiffness, *point.rotational_stiffness]) for point in points]).reshape(-1, 6, 6)
+    return np.array([np.diag(point.springs) for point in points]).reshape(-1, 6, 6)
 
 
 def mass_blocks(points: tuple[Point, ...]) -> np.ndarray:
@@ -224,7 +224,7 @@ def mass_blocks(points: tuple[Point, ...]) -> np.ndarray:
     blocks = np.zeros((len(points), 6, 6))
     for block, point in zip(blocks, points, strict=True):
         block[:3, :3] = point.mass * np.eye(3)
-        xx, yy, zz, xy, yz, zx = point.inertia
+        xx, yy, zz, xy, yz, zx = point.whole_inertia
         block[3:, 3:] = [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]
     return blocks
 

@@ -9,14 +9,15 @@ from petsc4py import PETSc
 
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock
-from ..mesh.settings import MeshSettings, Statics
+from ..tables.structure_tables import StructureTables
 from .node_blocks import BlockSum, element_chunks, node_pattern
 from .prestress import add_to_nodes, displacement_at_nodes, moved_at_nodes, on_rows, owned_nodes, with_change
+from .spin import spin_of
 from .system import System
 
 
 def tangent_about(
-    dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
+    dmesh: DistributedMesh, settings: StructureTables, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
 ) -> tuple[PETSc.Mat, np.ndarray]:
     """Return the stiffness K_T about a displacement, and the forces K_T u - f_int(u) beside the constant ones.
 
@@ -34,9 +35,7 @@ def tangent_about(
     K_T : (n_dof, n_dof) N/m, spin softening in it
     forces_owned : (n_dof_owned,) N, this rank's rows
     """
-    assert settings.statics is not None, "a scene with [statics]"
-    statics, moved = _share_of(settings.statics, share), moved_at_nodes(dmesh, system)
-    settings = replace(settings, statics=statics)
+    spin, moved = spin_of(settings, share), moved_at_nodes(dmesh, system)
     free = displacement_at_nodes(dmesh, system, u_owned)
     held = np.zeros_like(free) if moved is None else share * moved
     pattern, (first, last) = node_pattern(dmesh), owned_nodes(dmesh)
@@ -45,31 +44,30 @@ def tangent_about(
         block = replace(whole, warmer=share * whole.warmer)
         for chunk in element_chunks(block):
             nodes = block.nodes[chunk]
-            change, left = _about(block, chunk, settings, free[nodes], held[nodes], is_stressed)
+            change, left = _about(block, chunk, settings, spin, free[nodes], held[nodes], is_stressed)
             total.add(*pattern.positions(nodes), change)
             add_to_nodes(forces, nodes - first, left)
-    softened = statics if is_stressed else replace(statics, speed=0.0)
-    return with_change(dmesh, system, softened, pattern, total), on_rows(dmesh, system, forces)
-
-
-def _share_of(statics: Statics, share: float) -> Statics:
-    """Return the statics with a share of the centrifugal forces."""
-    return replace(statics, speed=np.sqrt(share) * statics.speed)
+    return with_change(dmesh, system, spin if is_stressed else np.zeros((3, 3)), pattern, total), on_rows(dmesh, system, forces)
 
 
 def _about(
-    block: LocalBlock, chunk: slice, settings: MeshSettings, free: np.ndarray, held: np.ndarray, is_stressed: bool
+    block: LocalBlock,
+    chunk: slice,
+    settings: StructureTables,
+    spin: np.ndarray,
+    free: np.ndarray,
+    held: np.ndarray,
+    is_stressed: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return K_T - K (n_elements, n, 3, n, 3) [N/m] and K_T u - f_int (n_elements, n, 3) [N] of some elements.  Local.
 
     ``free`` and ``held`` (n_elements, n, 3) [m] are the displacements of what is free and of supports that are moved.
     """
-    statics, body, points = settings.statics, settings.bodies[block.body], block.points[chunk]
-    assert statics is not None, "a scene with [statics]"
+    body, points = settings.sections[block.body], block.points[chunk]
     of, moved = body.solids(block.kind, points, block.warmth(chunk)), free + held
     resisted, K_T = elements.large_displacements(of, moved, is_stressed)
     K = elements.stiffness(of)
-    spin = np.einsum("eab,ij->eaibj", elements.mass(block.kind, points, body.density, body.integration), statics.spin)
+    softening = np.einsum("eab,ij->eaibj", elements.mass(block.kind, points, body.density, body.integration), spin)
     moving = held if is_stressed else held + free
-    left = (K_T @ free.reshape(len(K_T), -1, 1)).reshape(free.shape) - resisted + np.einsum("eaibj,ebj->eai", spin, moving)
-    return (K_T - K).reshape(spin.shape) - spin * is_stressed, left
+    left = (K_T @ free.reshape(len(K_T), -1, 1)).reshape(free.shape) - resisted + np.einsum("eaibj,ebj->eai", softening, moving)
+    return (K_T - K).reshape(softening.shape) - softening * is_stressed, left

@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..mesh.data import ContactPairs
-from ..mesh.settings import Load, Output
 from ..messages.errors import CaseError
+from ..tables.vibration import Load, Output
 from .nodal_forces import NodalForces
 from .output_rows import OutputRow
 

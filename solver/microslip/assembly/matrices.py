@@ -19,15 +19,16 @@ from ..contact.laws import columns_of_joint, joined
 from ..formats.matrices.read import read_matrix
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import join_pairs, pair_contacts
-from ..mesh.settings import Joint, Load, Output
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.ownership import split_evenly
+from ..tables.joint import Joint
+from ..tables.structure_tables import StructureTables
+from ..tables.vibration import Load, Output
 from .force_file import forces_on_dofs
 from .maps import orders_of
 from .matrix_checks import said_of
 from .matrix_places import Places, aligned, names_nodes, read_places
 from .pair_file import COLUMNS, GROUND, read_pairs
-from .settings import MatrixSettings, PairFile
 from .system import System
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class GivenStructure:
         return None if self.places is None else self.places.mesh
 
 
-def read_structure(settings: MatrixSettings) -> GivenStructure:
+def read_structure(settings: StructureTables) -> GivenStructure:
     """Read the files and check that they fit together, and to the loads and outputs.
 
     Local, on rank 0.
@@ -75,13 +76,10 @@ def read_structure(settings: MatrixSettings) -> GivenStructure:
     CaseError : a file, a matrix or a DOF number is at fault
     ResourceError : not enough memory
     """
-    files = settings.files
-    found = {
-        key: read_matrix(files[key], f"[model] {key}", symbol, settings.names.get(key))
-        for key, symbol in _SYMBOLS.items()
-        if key in files
-    }
-    matrices, dofs = aligned(found, dict(files))
+    given = settings.model.matrices
+    files = {key: path for key, (path, _) in given.items()}
+    found = {key: read_matrix(files[key], f"[model] {key}", _SYMBOLS[key], given[key][1]) for key in _SYMBOLS if key in given}
+    matrices, dofs = aligned(found, files)
     K, M, C = (matrices.get(key) for key in _SYMBOLS)
     n_dof = K.shape[0]
     for key, matrix in matrices.items():
@@ -104,7 +102,7 @@ def read_structure(settings: MatrixSettings) -> GivenStructure:
     return GivenStructure(K, M, C, pairs, R, loads, outputs, places, notes + pairs.notes)
 
 
-def _check_dofs(settings: MatrixSettings, n_dof: int, places: Places | None) -> None:
+def _check_dofs(settings: StructureTables, n_dof: int, places: Places | None) -> None:
     """Raise CaseError for loads and outputs on rows that are not there, and on nodes that nobody tells of."""
     named: dict[str, Sequence[Load | Output]] = {"loads": settings.loads, "outputs": settings.outputs}
     for table, entries in named.items():
@@ -113,13 +111,13 @@ def _check_dofs(settings: MatrixSettings, n_dof: int, places: Places | None) -> 
                 continue
             if entry.dof is None:
                 raise CaseError(
-                    f"{settings.where}: [[{table}]] {i}: the files of the matrices tell no nodes; state [model] dofs, or name "
+                    f"{settings.path}: [[{table}]] {i}: the files of the matrices tell no nodes; state [model] dofs, or name "
                     "a dof"
                 )
             if entry.dof >= n_dof:
-                raise CaseError(f"{settings.where}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
-    if places is None and any(isinstance(joint, Joint) for joint in settings.joints):
-        raise CaseError(f"{settings.where}: [[joints]] node_pairs: the files of the matrices tell no nodes; state [model] dofs")
+                raise CaseError(f"{settings.path}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
+    if places is None and any(joint.pairs is None for joint in settings.joints):
+        raise CaseError(f"{settings.path}: [[joints]] node_pairs: the files of the matrices tell no nodes; state [model] dofs")
 
 
 def _is_elsewhere(entry: Load | Output) -> bool:
@@ -144,10 +142,10 @@ def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
                 )
 
 
-def _read_joints(settings: MatrixSettings, n_dof: int, places: Places | None) -> tuple[ContactPairs, sp.csr_matrix]:
+def _read_joints(settings: StructureTables, n_dof: int, places: Places | None) -> tuple[ContactPairs, sp.csr_matrix]:
     """Return the pairs of all joints and their R, (3 n_pairs, n_dof): those by DOFs first."""
-    by_dof = [joint for joint in settings.joints if isinstance(joint, PairFile)]
-    by_node = [joint for joint in settings.joints if isinstance(joint, Joint)]
+    by_dof = [joint for joint in settings.joints if joint.pairs is not None]
+    by_node = [joint for joint in settings.joints if joint.pairs is None]
     pairs, dofs = _pairs_of_dofs(by_dof, n_dof)
     R = _pair_map(dofs, n_dof)
     if not by_node:
@@ -157,16 +155,19 @@ def _read_joints(settings: MatrixSettings, n_dof: int, places: Places | None) ->
     return join_pairs(pairs, of_nodes), sp.vstack([R, places.pair_map(of_nodes)]).tocsr()
 
 
-def _pairs_of_dofs(joints: Sequence[PairFile], n_dof: int) -> tuple[ContactPairs, np.ndarray]:
+def _pairs_of_dofs(joints: Sequence[Joint], n_dof: int) -> tuple[ContactPairs, np.ndarray]:
     """Return the pairs of joints by DOFs, and those, (n_pairs, 6): x, y, z of body 1, x, y, z of body 2; -1 is ground."""
     tables, names, separate, laws, own = [np.empty((0, len(COLUMNS)))], [], [], [], []
     for joint in joints:
-        table = read_pairs(joint.file, n_dof, joint.law)
+        path = joint.file_of("pairs")
+        if path is None:
+            raise ValueError(f"joint {joint.name!r} is no joint of DOFs")
+        table = read_pairs(path, n_dof, joint.law)
         tables.append(table)
         names += [joint.name] * len(table)
-        separate += [joint.separate] * len(table)
+        separate += [joint.is_separate] * len(table)
         laws += [joint.law] * len(table)
-        own.append((len(table), columns_of_joint(joint.law, joint.keys, len(table))))
+        own.append((len(table), columns_of_joint(joint.law, joint.values_of_law, len(table))))
     table = np.concatenate(tables)
     n, (mu, n0, g0, k_t, k_n) = len(table), table[:, 6:].T
     pairs = ContactPairs(
@@ -192,11 +193,12 @@ def _load_map(loads: Sequence[Load], n_dof: int, places: Places | None) -> sp.cs
     """Return one column per real shape of the loads: a scale at a DOF, a force on nodes, or the forces of a file."""
     columns = []
     for i, load in enumerate(loads, 1):
-        on_nodes = load.dof is None if load.forces is None else places is not None and names_nodes(load.forces)
+        path = load.file_of("forces")
+        on_nodes = load.dof is None if path is None else places is not None and names_nodes(path)
         if on_nodes and places is not None:
             columns.append(places.of_load(load, f"[[loads]] {i}").T.tocsc())
             continue
-        dofs, forces = ([load.dof], np.array([load.scale + 0j])) if load.forces is None else forces_on_dofs(load.forces, n_dof)
+        dofs, forces = ([load.dof], np.array([load.scale + 0j])) if path is None else forces_on_dofs(path, n_dof)
         at = dofs, np.zeros(len(dofs), dtype=int)
         columns += [sp.csc_matrix((part, at), (n_dof, 1)) for part in (forces.real, forces.imag)[: len(load.phases)]]
     return sp.hstack(columns, format="csc") if columns else sp.csc_matrix((n_dof, 0))
@@ -218,7 +220,7 @@ def _output_map(outputs: Sequence[Output], n_dof: int, places: Places | None) ->
 # -- on all ranks ----------------------------------------------------------------------------------------------
 
 
-def distribute_structure(given: GivenStructure | None, settings: MatrixSettings, comm: MPI.Comm) -> tuple[System, ContactPairs]:
+def distribute_structure(given: GivenStructure | None, settings: StructureTables, comm: MPI.Comm) -> tuple[System, ContactPairs]:
     """Return the system with the rows of its matrices split evenly over the ranks, and the pairs.
 
     Collective on ``comm``.  ``given`` on rank 0, None elsewhere; a rank may get no row.

@@ -18,11 +18,11 @@ from ..formats.model import index_of
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.locate import find_node
 from ..mesh.nodes_of_matrices import nodes_alone, read_nodes
-from ..mesh.settings import Load, Output
 from ..messages.errors import CaseError
+from ..tables.structure_tables import StructureTables
+from ..tables.vibration import Load, Output
 from .force_file import forces_on_nodes
 from .maps import pair_map
-from .settings import MatrixSettings
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,10 @@ class Places:
 
     def of_load(self, load: Load, where: str) -> sp.csr_matrix:
         """Return the real shapes of a load on nodes, (1 or 2, n_dof)."""
-        if load.forces is not None:
-            nodes, forces = forces_on_nodes(load.forces, self.mesh.numbers)
-            rows = [self._row(nodes, part, where, load.forces) for part in (forces.real, forces.imag)]
+        path = load.file_of("forces")
+        if path is not None:
+            nodes, forces = forces_on_nodes(path, self.mesh.numbers)
+            rows = [self._row(nodes, part, where, path) for part in (forces.real, forces.imag)]
             return sp.vstack(rows).tocsr()
         nodes = self._nodes(load, where)
         shares = np.tile(np.array(load.direction, dtype=float) / len(nodes), (len(nodes), 1))
@@ -100,7 +101,7 @@ class Places:
         return self.on_rows(sp.csr_matrix((value[kept], places), (1, self.expand.shape[0])))
 
 
-def read_places(settings: MatrixSettings, given: DofMap | None, n_dof: int) -> Places | None:
+def read_places(settings: StructureTables, given: DofMap | None, n_dof: int) -> Places | None:
     """Return the places of a structure; None where nobody tells nodes and directions.  Local, rank 0.
 
     ``given`` is what the stiffness's own file says of its rows.
@@ -109,12 +110,12 @@ def read_places(settings: MatrixSettings, given: DofMap | None, n_dof: int) -> P
     ------
     CaseError, MeshError : a file is at fault, or does not fit the matrices
     """
-    own = dofs_of_rows(settings.dofs, given, n_dof, "dofs")
+    own = dofs_of_rows(settings.model.file_of("dofs"), given, n_dof, "dofs")
     recovery, recovered = _recovery(settings, n_dof)
     if own is None and recovered is None:
-        if settings.nodes is not None:
+        if settings.model.nodes is not None:
             raise CaseError(
-                f"{settings.where}: [model] nodes: nobody tells which rows belong to which nodes; state [model] dofs, or give "
+                f"{settings.path}: [model] nodes: nobody tells which rows belong to which nodes; state [model] dofs, or give "
                 "the matrices in a format that says so"
             )
         return None
@@ -165,31 +166,32 @@ def _once(dofs: DofMap, where: str) -> DofMap:
     return dofs
 
 
-def _recovery(settings: MatrixSettings, n_dof: int) -> tuple[sp.csr_matrix | None, DofMap | None]:
+def _recovery(settings: StructureTables, n_dof: int) -> tuple[sp.csr_matrix | None, DofMap | None]:
     """Return the recovery matrix T (n_recovered, n_dof) with node and direction of its rows, where there is one."""
-    path = settings.files.get("recovery")
+    path, name = settings.model.matrices.get("recovery", (None, None))
     if path is None:
         return None, None
     where = f"{path}: [model] recovery"
-    found: FileMatrix = read_any(path, "[model] recovery", "T", settings.names.get("recovery"), is_square=False)
+    found: FileMatrix = read_any(path, "[model] recovery", "T", name, is_square=False)
     matrix = sp.csr_matrix(found.matrix).astype(float)
     if matrix.shape[1] != n_dof:
         raise CaseError(f"{where} is {matrix.shape[0]} x {matrix.shape[1]}: u = T q needs a column for each of {n_dof} rows")
     if not np.isfinite(matrix.data).all():
         raise CaseError(f"{where} has an entry that is not a finite number")
     own = None if found.is_triangle else found.dofs
-    dofs = dofs_of_rows(settings.recovery_dofs, own, matrix.shape[0], "recovery_dofs")
+    dofs = dofs_of_rows(settings.model.file_of("recovery_dofs"), own, matrix.shape[0], "recovery_dofs")
     if dofs is None:
         raise CaseError(f"{where}: which node and direction its rows are is not told; state [model] recovery_dofs")
     return matrix, dofs
 
 
-def _mesh(settings: MatrixSettings, nodes: np.ndarray) -> Mesh:
+def _mesh(settings: StructureTables, nodes: np.ndarray) -> Mesh:
     """Return the nodes that rows belong to, with what is known of their places."""
     named = np.unique(nodes[nodes > 0])
-    if settings.nodes is None:
-        return nodes_alone(settings.files["stiffness"], named)
-    mesh = read_nodes(settings.nodes)
+    path = settings.model.file_of("nodes")
+    if path is None:
+        return nodes_alone(settings.model.matrices["stiffness"][0], named)
+    mesh = read_nodes(path)
     _, unknown = index_of(mesh.numbers, named)
     if not len(unknown) or mesh.elements:
         return mesh

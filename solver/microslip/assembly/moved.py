@@ -7,14 +7,15 @@ import numpy as np
 from ..mesh.data import Mesh
 from ..mesh.links import find_links
 from ..mesh.locate import find_node
-from ..mesh.settings import MeshSettings
 from ..messages.errors import MeshError
 from ..messages.words import place
 from ..parallel.agree import on_root
+from ..tables.structure_tables import StructureTables
+from .spin import stated_statics
 from .system import System
 
 
-def moved_supports(mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray | None:
+def moved_supports(mesh: Mesh | None, settings: StructureTables, system: System) -> np.ndarray | None:
     """Return how far supports are moved, (n_nodes, 3) [m] of the nodes of the mesh, the same on every rank; None: they rest.
 
     Collective on ``system.comm``: one broadcast.  docs/theory.md, eq. (12.12): d.  ``mesh`` is that of rank 0.
@@ -23,36 +24,35 @@ def moved_supports(mesh: Mesh | None, settings: MeshSettings, system: System) ->
     ------
     MeshError : a direction that no support holds, or one that something else follows; on every rank
     """
-    statics = settings.statics
-    assert statics is not None, "a scene with [statics]"
-    if not statics.displacements:
+    if not stated_statics(settings).displacements:
         return None
     return on_root(system.comm, _of_mesh, mesh, settings, system)
 
 
-def _of_mesh(mesh: Mesh, settings: MeshSettings, system: System) -> np.ndarray:
+def _of_mesh(mesh: Mesh, settings: StructureTables, system: System) -> np.ndarray:
     """Return how far each node of ``Mesh.points`` is moved, (n_nodes, 3) [m].  Local, rank 0."""
-    assert settings.statics is not None and system.dof is not None, "a structure with a mesh and [statics]"
+    assert system.dof is not None, "a structure with a mesh"
     places = system.dof if system.constraints is None else system.constraints.dof
     is_held = places[: len(mesh.points)] < 0
     moved = np.zeros((len(mesh.points), 3))
-    for i, (group, displacement) in enumerate(settings.statics.displacements, 1):
+    for i, support in enumerate(stated_statics(settings).displacements, 1):
         where = f"[[statics.displacements]] {i}"
-        nodes = find_node(mesh, group=group, where=where)
-        axes = np.flatnonzero(displacement)
+        nodes = find_node(mesh, group=support.group, where=where)
+        axes = np.flatnonzero(support.displacement)
         free = ~is_held[np.ix_(nodes, axes)]
         if free.any():
             row, column = np.argwhere(free)[0]
+            node = nodes[row]
             raise MeshError(
-                f'{mesh.path}: {where} group = "{group}": node {mesh.numbers[nodes[row]]} at {place(mesh.points[nodes[row]])} m '
+                f'{mesh.path}: {where} group = "{support.group}": node {mesh.numbers[node]} at {place(mesh.points[node])} m '
                 f"is held along {'xyz'[axes[column]]} by none of [[supports]]; a support is moved, hold it there"
             )
-        moved[np.ix_(nodes, axes)] = np.array(displacement)[axes]
+        moved[np.ix_(nodes, axes)] = np.array(support.displacement)[axes]
     _refuse_followed(mesh, settings, system, moved)
     return moved
 
 
-def _refuse_followed(mesh: Mesh, settings: MeshSettings, system: System, moved: np.ndarray) -> None:
+def _refuse_followed(mesh: Mesh, settings: StructureTables, system: System, moved: np.ndarray) -> None:
     """Raise MeshError where ties, points or equations follow what is moved, which would move them, too."""
     if system.constraints is None:
         return

@@ -14,8 +14,9 @@ import numpy as np
 from .. import elements
 from ..mesh.data import Mesh
 from ..mesh.links import Links, places_of
-from ..mesh.settings import Load
 from ..mesh.surface import outward_faces
+from ..tables.structure import Model
+from ..tables.vibration import Load
 from .force_file import forces_on_nodes
 
 
@@ -27,10 +28,10 @@ class NodalForces:
     shapes: tuple[np.ndarray, ...]  # (n, 3) N each
 
 
-def nodal_forces(mesh: Mesh, load: Load, where: str, links: Links | None = None) -> NodalForces:
+def nodal_forces(mesh: Mesh, load: Load, model: Model, where: str, links: Links | None = None) -> NodalForces:
     """Return the forces of a load, docs/theory.md, eq. (13.1); none of a base that accelerates: base_motion.py.  Local, rank 0.
 
-    ``where`` names the load in messages.
+    ``model`` has the axis of an engine order; ``where`` names the load in messages.
 
     Raises
     ------
@@ -39,34 +40,36 @@ def nodal_forces(mesh: Mesh, load: Load, where: str, links: Links | None = None)
     if load.base_acceleration is not None:
         return NodalForces(np.zeros(0, dtype=int), (np.zeros((0, 3)),))
     if load.pressure is not None:
-        return _of_pressure(mesh, load)
-    if load.forces is not None:
-        nodes, forces = forces_on_nodes(load.forces, mesh.numbers)
+        return _of_pressure(mesh, load, model)
+    path = load.file_of("forces")
+    if path is not None:
+        nodes, forces = forces_on_nodes(path, mesh.numbers)
         return NodalForces(nodes, (forces.real, forces.imag))
     nodes = places_of(mesh, links, load, where)
     force = np.asarray(load.direction or load.moment, dtype=float)
     return NodalForces(nodes, (np.tile(force / len(nodes), (len(nodes), 1)),))
 
 
-def _of_pressure(mesh: Mesh, load: Load) -> NodalForces:
+def _of_pressure(mesh: Mesh, load: Load, model: Model) -> NodalForces:
     """Return the forces of a pressure, consistent with the shapes of its faces; its phase is that at their quadrature points."""
-    assert load.pressure is not None and load.group is not None, "a pressure on a group of faces"
+    if load.pressure is None or load.group is None:
+        raise ValueError("a pressure acts on a group of faces")
     nodes, forces = [], []
     for kind, faces in outward_faces(mesh, load.group).items():
         points = mesh.points[faces]
-        turned = load.pressure * np.exp(1j * phase_at(elements.face_points(kind, points), load))
+        turned = load.pressure * np.exp(1j * phase_at(elements.face_points(kind, points), load, model))
         parts = [elements.pressure_forces(kind, points, part).reshape(-1, 3) for part in (turned.real, turned.imag)]
         nodes.append(faces.ravel())
         forces.append(np.stack(parts))
     return NodalForces(np.concatenate(nodes), tuple(np.concatenate(forces, axis=1)[: len(load.phases)]))
 
 
-def phase_at(points: np.ndarray, load: Load) -> np.ndarray:
+def phase_at(points: np.ndarray, load: Load, model: Model) -> np.ndarray:
     """Return the phase of a pressure at points (..., 3), (...) [rad]: k . x, or engine order times angle; else 0.  Local."""
     if load.travelling is not None:
         return points @ np.asarray(load.travelling)
     if load.engine_order is not None:
-        return load.engine_order * angle_about(points, load.axis, load.axis_point)
+        return load.engine_order * angle_about(points, model.axis, model.axis_point)
     return np.zeros(points.shape[:-1])
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from .. import elements
 from ..mesh.data import Mesh
 from ..mesh.links import Links, places_of
-from ..mesh.settings import Body, MeshSettings, Output
 from ..messages.errors import CaseError
+from ..tables.structure_tables import StructureTables
+from ..tables.vibration import Output
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class OutputRow:
     values: np.ndarray  # (n, 3) what a displacement of each node adds
 
 
-def output_row(mesh: Mesh, output: Output, settings: MeshSettings, links: Links | None = None) -> OutputRow:
+def output_row(mesh: Mesh, output: Output, settings: StructureTables, links: Links | None = None) -> OutputRow:
     """Return the row of an output; an empty one of a contact force, which is known with the pairs.  Local, rank 0.
 
     Raises
@@ -39,9 +40,9 @@ def output_row(mesh: Mesh, output: Output, settings: MeshSettings, links: Links 
     return OutputRow(int(node), np.array([node]), np.array([output.direction or output.rotation], dtype=float))
 
 
-def _recovered(mesh: Mesh, node: int, output: Output, settings: MeshSettings, where: str) -> OutputRow:
+def _recovered(mesh: Mesh, node: int, output: Output, settings: StructureTables, where: str) -> OutputRow:
     """Return the mean of what the elements around a node say of a component there, docs/theory.md, eq. (13.6)."""
-    around = _elements_around(mesh, node, output, settings.bodies, settings.body_of, where)
+    around = _elements_around(mesh, node, output, settings.sections, settings.body_of, where)
     i, j = ("xyz".index(axis) for axis in output.component or "")
     nodes, values = [], []
     for kind, own, body in around:
@@ -53,8 +54,8 @@ def _recovered(mesh: Mesh, node: int, output: Output, settings: MeshSettings, wh
 
 
 def _elements_around(
-    mesh: Mesh, node: int, output: Output, bodies: Mapping[str, Body], body_of: Mapping[str, str], where: str
-) -> list[tuple[str, np.ndarray, Body]]:
+    mesh: Mesh, node: int, output: Output, bodies: Mapping[str, elements.SolidSection], body_of: Mapping[str, str], where: str
+) -> list[tuple[str, np.ndarray, elements.SolidSection]]:
     """Return kind, nodes and body of the elements that share a node, of the body that the output names where it does."""
     found = []
     for block in mesh.elements:

@@ -11,18 +11,20 @@ from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock, Mesh
 from ..mesh.locate import find_node
 from ..mesh.reference_points import forces_of_moment
-from ..mesh.settings import Body, MeshSettings, Statics
 from ..mesh.surface import outward_faces
 from ..parallel.agree import on_root
+from ..tables.constant_loads import Statics
+from ..tables.structure_tables import StructureTables
 from .assemble import petsc_matrix
 from .constraints import Constraints, reduced
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
+from .spin import outward, spin_of, stated_statics
 from .system import System
 
 Seen = Callable[[LocalBlock, int, slice], np.ndarray]
 
 
-def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray:
+def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: StructureTables, system: System) -> np.ndarray:
     """Return this rank's rows of the forces of ``settings.statics``, eq. (12.1) and eq. (12.2), (n_dof_owned,) [N].
 
     Collective on ``dmesh.comm``: one broadcast.  ``mesh`` is that of rank 0.  Moved supports act as well, eq. (12.12).  With
@@ -32,20 +34,19 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSet
     ------
     MeshError : a group that is no surface, or a place without a node; on every rank
     """
-    statics = settings.statics
-    assert statics is not None, "a scene with [statics]"
+    statics = stated_statics(settings)
     total = nodal_loads(dmesh, mesh, settings)
-    moved = None if statics.is_large else moved_at_nodes(dmesh, system)
+    moved = None if statics.large_displacements else moved_at_nodes(dmesh, system)
     if moved is not None:
         total += _of_moved(dmesh, settings, moved)
     if system.constraints is None:
         return on_rows(dmesh, system, total)
-    on_points, on_places = place_loads(system.constraints, statics)
+    on_points, on_places = place_loads(system.constraints, settings)
     found = on_rows(dmesh, system, total, on_points)
     return found if system.constraints.attached is None else found + system.constraints.of_places(dmesh.comm, on_places)
 
 
-def nodal_loads(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings) -> np.ndarray:
+def nodal_loads(dmesh: DistributedMesh, mesh: Mesh | None, settings: StructureTables) -> np.ndarray:
     """Return the constant loads on this rank's nodes, those that supports hold too, (n_owned_nodes, 3) [N].
 
     Collective on ``dmesh.comm``: one broadcast.  Those of points and of masses at nodes are in ``place_loads``.
@@ -54,27 +55,26 @@ def nodal_loads(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSetting
     ------
     MeshError : a group that is no surface, or a place without a node; on every rank
     """
-    statics = settings.statics
-    assert statics is not None, "a scene with [statics]"
+    statics = stated_statics(settings)
     first, last = owned_nodes(dmesh)
     nodes, values = on_root(dmesh.comm, _forces_on_nodes, mesh, statics)
     total = np.zeros((last - first, 3))
     add_to_nodes(total, dmesh.rank_order[nodes] - first, values)
     for block in dmesh.blocks:
         for chunk in element_chunks(block):
-            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, settings.bodies[block.body], statics))
+            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, settings))
     return total
 
 
-def place_loads(constraints: Constraints, statics: Statics) -> tuple[np.ndarray, np.ndarray]:
+def place_loads(constraints: Constraints, settings: StructureTables) -> tuple[np.ndarray, np.ndarray]:
     """Return constant forces and moments on the points, (n_points, 6) [N, N m], and those of masses on places, (n_places, 3) [N].
 
     Local; the same on every rank.
     """
-    on_points, attached = _on_points(constraints, statics), constraints.attached
+    on_points, attached = _on_points(constraints, settings), constraints.attached
     if attached is None:
         return on_points, np.zeros((len(constraints.dof), 3))
-    return on_points, attached.forces((attached.points - np.array(statics.axis_point)) @ statics.spin)
+    return on_points, attached.forces(outward(settings, attached.points))
 
 
 def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray, on_points: np.ndarray | None = None) -> np.ndarray:
@@ -91,15 +91,15 @@ def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray, on_points
     return found if on_points is None else found + constraints.of_points(dmesh.comm, on_points.ravel())
 
 
-def _on_points(constraints: Constraints, statics: Statics) -> np.ndarray:
+def _on_points(constraints: Constraints, settings: StructureTables) -> np.ndarray:
     """Return the constant forces and moments on the points, (n_points, 6) [N, N m].  Local."""
     names = [point.name for point in constraints.points]
     on_points = np.zeros((len(names), 6))
-    for force in statics.forces:
+    for force in () if settings.statics is None else settings.statics.forces:
         if force.point is not None:
             on_points[names.index(force.point)] += [*(force.force or (0.0,) * 3), *(force.moment or (0.0,) * 3)]
     for row, point in zip(on_points, constraints.points, strict=True):
-        row[:3] += point.mass * (np.array(point.position) - np.array(statics.axis_point)) @ statics.spin
+        row[:3] += point.mass * outward(settings, np.array(point.position))
     return on_points
 
 
@@ -113,36 +113,34 @@ def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarr
         own = find_node(mesh, position=one.position, node=one.node, group=one.group, where=where)
         nodes.append(own)
         if one.moment is not None:
-            assert one.group is not None, "a moment on a group"
-            values.append(forces_of_moment(mesh, one.group, one.moment, f"{mesh.path}: {where}"))
+            values.append(forces_of_moment(mesh, one.group or "", one.moment, f"{mesh.path}: {where}"))
         else:
             values.append(np.tile(np.array(one.force) / len(own), (len(own), 1)))
-    for group, pressure in statics.pressures:
-        for kind, faces in outward_faces(mesh, group).items():
+    for load in statics.pressures:
+        for kind, faces in outward_faces(mesh, load.group).items():
             nodes.append(faces.ravel())
-            values.append(pressure * elements.pressure_forces(kind, mesh.points[faces]).reshape(-1, 3))
+            values.append(load.pressure * elements.pressure_forces(kind, mesh.points[faces]).reshape(-1, 3))
     return np.concatenate(nodes), np.concatenate(values)
 
 
-def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, statics: Statics) -> np.ndarray:
+def element_forces(block: LocalBlock, chunk: slice | np.ndarray, settings: StructureTables) -> np.ndarray:
     """Return the centrifugal and thermal forces of some elements, (n_elements, n, 3) [N].  Local."""
-    points = block.points[chunk]
+    statics, body, points = stated_statics(settings), settings.sections[block.body], block.points[chunk]
     total = np.zeros(points.shape)
-    if statics.speed > 0.0:
-        outward = (points - np.array(statics.axis_point)) @ statics.spin
-        total += elements.mass(block.kind, points, body.density, body.integration) @ outward
+    if statics.rotation_speed > 0.0:
+        total += elements.mass(block.kind, points, body.density, body.integration) @ outward(settings, points)
     warmer = block.warmth(chunk)
-    if np.any(warmer) and body.material.expands and not statics.is_large:
+    if np.any(warmer) and body.material.expands and not statics.large_displacements:
         total += elements.thermal_forces(body.solids(block.kind, points, warmer))
     return total
 
 
-def _of_moved(dmesh: DistributedMesh, settings: MeshSettings, moved: np.ndarray) -> np.ndarray:
+def _of_moved(dmesh: DistributedMesh, settings: StructureTables, moved: np.ndarray) -> np.ndarray:
     """Return the forces -K d of supports moved by d (n_nodes, 3) [m], rank-ordered, on this rank's nodes, eq. (12.12).  Local."""
     first, last = owned_nodes(dmesh)
     total = np.zeros((last - first, 3))
     for block in dmesh.blocks:
-        body, at_moved = settings.bodies[block.body], np.flatnonzero(moved[block.nodes].any(axis=(1, 2)))
+        body, at_moved = settings.sections[block.body], np.flatnonzero(moved[block.nodes].any(axis=(1, 2)))
         for chunk in element_chunks(block):
             nodes = block.nodes[at_moved[chunk]]
             if not len(nodes):
@@ -153,7 +151,7 @@ def _of_moved(dmesh: DistributedMesh, settings: MeshSettings, moved: np.ndarray)
 
 
 def stiffness_at_rest(
-    dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray, seen: Seen | None = None
+    dmesh: DistributedMesh, settings: StructureTables, system: System, u_owned: np.ndarray, seen: Seen | None = None
 ) -> PETSc.Mat:
     """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m]; K_F in place
     of K where the deformed shape counts.
@@ -161,20 +159,17 @@ def stiffness_at_rest(
     Collective on ``dmesh.comm``: every rank gathers the displacement.  ``seen`` gives what some elements see beyond that of
     their nodes (above the cuts of bolts), of a block, its number and rows: (n_elements, n, 3) [m].
     """
-    statics = settings.statics
-    assert statics is not None, "a scene with [statics]"
     moved = moved_at_nodes(dmesh, system)
     u = displacement_at_nodes(dmesh, system, u_owned) + (0.0 if moved is None else moved)
     pattern = node_pattern(dmesh)
     total = BlockSum(pattern, 3)
     for i, block in enumerate(dmesh.blocks):
-        body = settings.bodies[block.body]
         for chunk in element_chunks(block):
             is_owned, positions = pattern.positions(block.nodes[chunk])
             seen_there = u[block.nodes[chunk]] if seen is None else u[block.nodes[chunk]] + seen(block, i, chunk)
-            change = _stiffening(block, chunk, body, statics, seen_there)
+            change = _stiffening(block, chunk, settings, seen_there)
             total.add(is_owned, positions, change)
-    return with_change(dmesh, system, statics, pattern, total)
+    return with_change(dmesh, system, spin_of(settings), pattern, total)
 
 
 def displacement_at_nodes(dmesh: DistributedMesh, system: System, u_owned: np.ndarray) -> np.ndarray:
@@ -187,8 +182,11 @@ def moved_at_nodes(dmesh: DistributedMesh, system: System) -> np.ndarray | None:
     return None if system.moved is None else system.moved[np.argsort(dmesh.rank_order)]
 
 
-def with_change(dmesh: DistributedMesh, system: System, statics: Statics, pattern: NodePattern, total: BlockSum) -> PETSc.Mat:
-    """Return K plus what changes of element matrices add up to, and the softening of what is attached to nodes.  Collective."""
+def with_change(dmesh: DistributedMesh, system: System, spin: np.ndarray, pattern: NodePattern, total: BlockSum) -> PETSc.Mat:
+    """Return K plus the sum of changes of element matrices, and the softening by ``spin`` (3, 3) of what is attached to nodes.
+
+    Collective.
+    """
     constraints = system.constraints
     dof = by_rank(dmesh, system) if constraints is None else constraints.dof[np.argsort(dmesh.rank_order)]
     first, last = system.K.getOwnershipRange()
@@ -197,8 +195,8 @@ def with_change(dmesh: DistributedMesh, system: System, statics: Statics, patter
     structure = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
     if constraints is not None:
         attached = constraints.attached
-        more = None if attached is None else attached.softening(statics.spin)
-        change = reduced(change, constraints, _softening(constraints, statics), more)
+        more = None if attached is None else attached.softening(spin)
+        change = reduced(change, constraints, _softening(constraints, spin), more)
         structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
     K = system.K.duplicate(copy=True)
     K.axpy(1.0, change, structure=structure)
@@ -206,22 +204,22 @@ def with_change(dmesh: DistributedMesh, system: System, statics: Statics, patter
     return K
 
 
-def _softening(constraints: Constraints, statics: Statics) -> np.ndarray:
+def _softening(constraints: Constraints, spin: np.ndarray) -> np.ndarray:
     """Return - Omega^2 K_spin of the masses of points, (n_points, 6, 6) [N/m]."""
     blocks = np.zeros((len(constraints.points), 6, 6))
     for block, point in zip(blocks, constraints.points, strict=True):
-        block[:3, :3] = -point.mass * statics.spin
+        block[:3, :3] = -point.mass * spin
     return blocks
 
 
-def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u: np.ndarray) -> np.ndarray:
+def _stiffening(block: LocalBlock, chunk: slice, settings: StructureTables, u: np.ndarray) -> np.ndarray:
     """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
-    points = block.points[chunk]
+    body, points = settings.sections[block.body], block.points[chunk]
     of = body.solids(block.kind, points, block.warmth(chunk))
     sigma = elements.stress_stiffness(of, elements.stress(of, u))
     mass = elements.mass(block.kind, points, body.density, body.integration)
-    change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
-    if statics.deforms:
+    change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, spin_of(settings))
+    if stated_statics(settings).deformed_shape:
         turned = elements.deformed_stiffness(of, u) - elements.stiffness(of)
         change += turned.reshape(change.shape)
     return change

@@ -9,12 +9,14 @@ import numpy as np
 from .. import elements
 from ..mesh.cut import Cut, cuts_through
 from ..mesh.data import DistributedMesh, LocalBlock, Mesh
-from ..mesh.settings import Bolt, MeshSettings
 from ..messages.errors import MeshError
 from ..messages.words import place
 from ..parallel.agree import on_root
+from ..tables.constant_loads import Bolt
+from ..tables.structure_tables import StructureTables
 from .assemble import element_chunks
 from .prestress import element_forces, on_rows, owned_nodes
+from .spin import stated_statics
 from .system import System
 
 _ALONG = 1e-6  # of the normal: a support along less of it does not hold the cut
@@ -51,7 +53,7 @@ class Bolts:
     loaded: np.ndarray  # (n_bolts,) N, what the loads on the elements above a cut add to the force in it
 
 
-def pretension(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System) -> Bolts | None:
+def pretension(dmesh: DistributedMesh, mesh: Mesh | None, settings: StructureTables, system: System) -> Bolts | None:
     """Return the bolts of ``settings.statics``, eq. (12.7); None where there are none.
 
     Collective on ``dmesh.comm``.  ``mesh`` is that of rank 0.
@@ -60,8 +62,7 @@ def pretension(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings
     ------
     MeshError : a group that is no cut through a shank, or a cut that is held or in contact; on every rank
     """
-    statics = settings.statics
-    assert statics is not None, "a scene with [statics]"
+    statics = stated_statics(settings)
     if not statics.bolts:
         return None
     comm = dmesh.comm
@@ -78,10 +79,10 @@ def pretension(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings
     return Bolts(statics.bolts, np.array([cut.area for cut in cuts]), overlap, F_owned, k, loaded)
 
 
-def _checked_cuts(mesh: Mesh, settings: MeshSettings, system: System) -> list[Cut]:
+def _checked_cuts(mesh: Mesh, settings: StructureTables, system: System) -> list[Cut]:
     """Return the cuts; MeshError where a support holds one along its normal, or contact pairs lie on it.  Local, rank 0."""
-    assert settings.statics is not None and system.dof is not None, "a structure with a mesh and [statics]"
-    bolts = settings.statics.bolts
+    assert system.dof is not None, "a structure with a mesh"
+    bolts = stated_statics(settings).bolts
     cuts = cuts_through(mesh, bolts)
     in_contact = np.zeros(system.n_dof, dtype=bool)
     in_contact[system.R.indices] = True
@@ -95,13 +96,13 @@ def _checked_cuts(mesh: Mesh, settings: MeshSettings, system: System) -> list[Cu
             if bad.any():
                 node = cut.nodes[np.argmax(bad)]
                 raise MeshError(
-                    f"{mesh.path}: bolt {bolt.name!r}: group {bolt.group!r}: node {mesh.numbers[node]} "
+                    f"{mesh.path}: bolt {bolt.label!r}: group {bolt.group!r}: node {mesh.numbers[node]} "
                     f"{place(mesh.points[node])} m of the cut cannot open, for {what}; cut the shank where it is free"
                 )
     return cuts
 
 
-def _overlap(dmesh: DistributedMesh, settings: MeshSettings, cuts: list[Cut]) -> Overlap:
+def _overlap(dmesh: DistributedMesh, settings: StructureTables, cuts: list[Cut]) -> Overlap:
     """Return which of this rank's elements and nodes are at the cuts.  Local."""
     of_nodes = np.full(len(dmesh.rank_order), -1)
     of_elements = tuple(np.full(len(block.nodes), -1) for block in dmesh.blocks)
@@ -114,14 +115,13 @@ def _overlap(dmesh: DistributedMesh, settings: MeshSettings, cuts: list[Cut]) ->
     return Overlap(np.array([cut.normal for cut in cuts]), of_nodes, of_elements)
 
 
-def _nodal(dmesh: DistributedMesh, settings: MeshSettings, overlap: Overlap, n_bolts: int) -> tuple[np.ndarray, np.ndarray]:
+def _nodal(dmesh: DistributedMesh, settings: StructureTables, overlap: Overlap, n_bolts: int) -> tuple[np.ndarray, np.ndarray]:
     """Return on this rank's nodes the load of each unit shortening, (n_bolts, n_owned, 3) [N/m], and what else acts on the
     elements above the cuts, (n_owned, 3) [N].  Local."""
-    assert settings.statics is not None
     first, last = owned_nodes(dmesh)
     F, load = np.zeros((n_bolts, last - first, 3)), np.zeros((last - first, 3))
     for i, block in enumerate(dmesh.blocks):
-        body = settings.bodies[block.body]
+        body = settings.sections[block.body]
         for chunk in element_chunks(block):
             rows = chunk.start + np.flatnonzero(overlap.of_elements[i][chunk] >= 0)
             points, nodes = block.points[rows], block.nodes[rows] - first
@@ -131,5 +131,5 @@ def _nodal(dmesh: DistributedMesh, settings: MeshSettings, overlap: Overlap, n_b
             mine = (nodes >= 0) & (nodes < last - first)
             bolt = np.broadcast_to(overlap.of_elements[i][rows][:, None], nodes.shape)
             np.add.at(F, (bolt[mine], nodes[mine]), forces[mine])
-            np.add.at(load, nodes[mine], element_forces(block, rows, body, settings.statics)[mine])
+            np.add.at(load, nodes[mine], element_forces(block, rows, settings)[mine])
     return F, load

@@ -8,10 +8,11 @@ import numpy as np
 
 from .. import elements
 from ..mesh.data import DistributedMesh, Mesh
-from ..mesh.settings import MeshSettings, Statics
+from ..tables.structure_tables import StructureTables
 from .constraints import Constraints
 from .node_blocks import element_chunks
 from .prestress import Seen, add_to_nodes, nodal_loads, owned_nodes, place_loads
+from .spin import spin_of, stated_statics
 from .system import System
 
 
@@ -30,7 +31,7 @@ class Acting:
 def acting_at_rest(
     dmesh: DistributedMesh,
     mesh: Mesh | None,
-    settings: MeshSettings,
+    settings: StructureTables,
     system: System,
     u_owned: np.ndarray,
     seen: Seen | None = None,
@@ -45,14 +46,14 @@ def acting_at_rest(
     mesh : the whole mesh on rank 0, None elsewhere
     seen : what elements above the cuts of bolts see beside the displacement of their nodes, as in ``stiffness_at_rest``
     """
-    statics, comm, constraints = settings.statics, dmesh.comm, system.constraints
-    assert statics is not None, "a scene with [statics]"
+    comm, constraints = dmesh.comm, system.constraints
+    is_large = stated_statics(settings).large_displacements
     whole = np.concatenate(comm.allgather(u_owned))
     u = system.at_nodes(whole) + (0.0 if system.moved is None else system.moved)
     to_mesh, is_held = np.argsort(dmesh.rank_order), held_places(system)
     loads = nodal_loads(dmesh, mesh, settings)
     resisted = _resisted(dmesh, settings, u[to_mesh], is_held[to_mesh].any(axis=1), seen)
-    if statics.is_large:
+    if is_large:
         loads += _farther_out(dmesh, settings, u[to_mesh])
     gathered = comm.gather((loads, resisted))
     if gathered is None:
@@ -62,9 +63,9 @@ def acting_at_rest(
     if constraints is None:
         found = loads, np.zeros((0, 6)), np.zeros((0, 3))
     else:
-        found = _with_places(loads, constraints, statics, whole)
+        found = _with_places(loads, constraints, settings, whole)
     loads, on_points, points = found
-    places = mesh.points + u if statics.is_large else mesh.points
+    places = mesh.points + u if is_large else mesh.points
     return Acting(loads, on_points, np.where(is_held, resisted, 0.0), is_held, places, points)
 
 
@@ -85,21 +86,20 @@ def held_places(system: System) -> np.ndarray:
 
 
 def _resisted(
-    dmesh: DistributedMesh, settings: MeshSettings, u: np.ndarray, is_held: np.ndarray, seen: Seen | None
+    dmesh: DistributedMesh, settings: StructureTables, u: np.ndarray, is_held: np.ndarray, seen: Seen | None
 ) -> np.ndarray:
     """Return K u, or f_int(u), of elements at held nodes on this rank's nodes, (n_owned_nodes, 3) [N]; all rank-ordered."""
-    assert settings.statics is not None
     first, last = owned_nodes(dmesh)
     total = np.zeros((last - first, 3))
     for i, block in enumerate(dmesh.blocks):
-        body, at_held = settings.bodies[block.body], np.flatnonzero(is_held[block.nodes].any(axis=1))
+        body, at_held = settings.sections[block.body], np.flatnonzero(is_held[block.nodes].any(axis=1))
         for chunk in element_chunks(block):
             rows = at_held[chunk]
             if not len(rows):
                 break
             by = u[block.nodes[rows]] if seen is None else u[block.nodes[rows]] + seen(block, i, rows)
             of = body.solids(block.kind, block.points[rows], block.warmth(rows))
-            if settings.statics.is_large:
+            if stated_statics(settings).large_displacements:
                 forces, _ = elements.large_displacements(of, by)
             else:
                 K = elements.stiffness(of)
@@ -108,31 +108,31 @@ def _resisted(
     return total
 
 
-def _farther_out(dmesh: DistributedMesh, settings: MeshSettings, u: np.ndarray) -> np.ndarray:
+def _farther_out(dmesh: DistributedMesh, settings: StructureTables, u: np.ndarray) -> np.ndarray:
     """Return the centrifugal forces of a displacement, M S u, on this rank's nodes, (n_owned_nodes, 3) [N]."""
-    assert settings.statics is not None
     first, last = owned_nodes(dmesh)
     total = np.zeros((last - first, 3))
     for block in dmesh.blocks:
-        body = settings.bodies[block.body]
+        body = settings.sections[block.body]
         for chunk in element_chunks(block):
             mass = elements.mass(block.kind, block.points[chunk], body.density, body.integration)
-            add_to_nodes(total, block.nodes[chunk] - first, mass @ u[block.nodes[chunk]] @ settings.statics.spin)
+            add_to_nodes(total, block.nodes[chunk] - first, mass @ u[block.nodes[chunk]] @ spin_of(settings))
     return total
 
 
 def _with_places(
-    loads: np.ndarray, constraints: Constraints, statics: Statics, whole: np.ndarray
+    loads: np.ndarray, constraints: Constraints, settings: StructureTables, whole: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return loads on nodes with those of masses there, forces and moments on points, where points are.  Local, rank 0."""
     n_nodes, positions = len(loads), np.array([one.position for one in constraints.points]).reshape(-1, 3)
-    of_points, of_places = place_loads(constraints, statics)
-    if statics.is_large:
+    of_points, of_places = place_loads(constraints, settings)
+    if stated_statics(settings).large_displacements:
+        spin = spin_of(settings)
         u_points = (constraints.T[constraints.n_nodal :] @ whole).reshape(-1, 6)[:, :3]
         mass = np.array([one.mass for one in constraints.points]).reshape(-1, 1)
-        of_points[:, :3] += mass * u_points @ statics.spin
+        of_points[:, :3] += mass * u_points @ spin
         positions = positions + u_points
         if constraints.attached is not None:
             moved = (constraints.attached.motion @ constraints.at_places @ whole).reshape(-1, 3)
-            of_places = of_places + constraints.attached.forces(moved @ statics.spin)
+            of_places = of_places + constraints.attached.forces(moved @ spin)
     return loads + of_places[:n_nodes], of_points + of_places[n_nodes:].reshape(-1, 6), positions

@@ -18,7 +18,7 @@ from .materials import COMPONENTS, Anisotropic, Cylindrical, Directions, Isotrop
 from .nearest import nearest_on_faces
 from .quadrature import INTEGRATIONS
 from .recovery import nodal_strain, nodal_stress
-from .solid import Solids, jacobian_minimum, mass, stiffness, volumes
+from .solid import Solids, SolidSection, jacobian_minimum, mass, stiffness, volumes
 from .stress import deformed_stiffness, stress, stress_stiffness, thermal_forces
 
 __all__ = [
@@ -35,6 +35,7 @@ __all__ = [
     "RINGS",
     "FINER_SAMPLES",
     "SAMPLES",
+    "SolidSection",
     "Solids",
     "point_functions",
     "Kind",

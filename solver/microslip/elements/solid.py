@@ -75,6 +75,20 @@ class Solids:
         return dN, volumes
 
 
+@dataclass(frozen=True, kw_only=True)
+class SolidSection:
+    """What the elements of a body are made of, and how they are integrated."""
+
+    material: Material
+    density: float  # kg/m3
+    integration: str = "full"  # a key of ``INTEGRATIONS``
+    incompatible_modes: bool = True  # hex8 only
+
+    def solids(self, kind: str, points: np.ndarray, warmer: float | np.ndarray = 0.0) -> Solids:
+        """Return elements whose nodes are at ``points`` (n_elements, n, 3) [m], so much warmer [K].  Local."""
+        return Solids(kind, points, self.material, self.integration, self.incompatible_modes, warmer)
+
+
 def stiffness(of: Solids) -> np.ndarray:
     """Return the stiffness matrices of elements.
 

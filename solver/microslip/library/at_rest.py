@@ -15,11 +15,11 @@ from ..assembly.moved import moved_supports
 from ..assembly.prestress import Seen, constant_forces, stiffness_at_rest
 from ..assembly.pretension import Bolts, pretension
 from ..assembly.reactions import acting_at_rest
+from ..assembly.spin import stated_statics
 from ..assembly.system import System
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.deformed import stretched
-from ..mesh.settings import MeshSettings
 from ..messages.errors import ConvergenceError
 from ..parallel.agree import on_root
 from ..statics.balance import Balance, balance_of
@@ -30,6 +30,7 @@ from ..statics.large_displacements import About, Sought, large_equilibrium
 from ..statics.loaded import Loaded
 from ..statics.pressed import check_pressed
 from ..statics.rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
+from ..tables.structure_tables import StructureTables
 
 SAME = 1e-10  # of the largest displacement: two rests that differ by less are one
 
@@ -42,14 +43,20 @@ class Unloaded:
     shares: DistributedMesh
     mesh: Mesh | None  # rank 0 only
     pairs: ContactPairs  # as the scene states them
-    settings: MeshSettings  # with statics
+    settings: StructureTables  # with statics
     forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows of the constant forces
     bolts: Bolts | None
     where: str  # the scene file, for messages
 
     @classmethod
     def of(
-        cls, system: System, shares: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings, where: str
+        cls,
+        system: System,
+        shares: DistributedMesh,
+        mesh: Mesh | None,
+        pairs: ContactPairs,
+        settings: StructureTables,
+        where: str,
     ) -> Unloaded:
         """Return a structure with its constant forces and bolts.  Collective.
 
@@ -114,12 +121,12 @@ def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | Non
     CaseError, ConvergenceError, MeshError, ResourceError : on every rank
     """
     system, settings, forces, where = unloaded.system, unloaded.settings, unloaded.forces_owned, unloaded.where
-    statics = settings.statics
+    statics = stated_statics(settings)
     assert statics is not None, "a scene with [statics]"
     loaded = Loaded(system, unloaded.mesh, pairs, forces, settings.body_of, where)
     flies = partial(which_flies, loaded)
     said: list[str] = []
-    if statics.is_large:
+    if statics.large_displacements:
         sought = Sought(system, partial(_about, unloaded, pairs), forces, statics.steps, flies, where)
         rest, about, n_steps = large_equilibrium(sought)
         K, pairs = about.K, about.pairs
@@ -137,8 +144,7 @@ def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | Non
 
 def _rest(unloaded: Unloaded, pairs: ContactPairs, flies: Callable[[], str]) -> Rest:
     """Return the rest with small displacements.  Collective; ConvergenceError names the scene."""
-    assert unloaded.settings.statics is not None, "a scene with [statics]"
-    steps = unloaded.settings.statics.steps
+    steps = stated_statics(unloaded.settings).steps
     try:
         return equilibrium(unloaded.flexibility, pairs, unloaded.forces_owned, steps, unloaded.cuts, flies)
     except ConvergenceError as problem:
@@ -175,10 +181,9 @@ def _said_of_large(unloaded: Unloaded, pairs: ContactPairs, rest: Rest, n_steps:
 def _stiffness(unloaded: Unloaded, rest: Rest, known: System | None) -> PETSc.Mat:
     """Return K about a rest with small displacements: that of a known one that is the same.  Collective."""
     system, settings = unloaded.system, unloaded.settings
-    assert settings.statics is not None, "a scene with [statics]"
     if known is not None and _is_same(known, rest.u_owned):
         return known.K
-    if not settings.statics.stiffens:
+    if not stated_statics(settings).stress_stiffening:
         return system.K
     return stiffness_at_rest(unloaded.shares, settings, system, rest.u_owned, _seen(unloaded, rest))
 

@@ -34,7 +34,7 @@ from .at_rest import AtRest, Unloaded, brought_to_rest
 from .complete import read_completed
 from .dropped import free_dropped, free_if_dropped
 from .memory_estimate import memory_of_modes, of_factor, refuse_modes
-from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
+from .settings import reduction_settings
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -121,7 +121,7 @@ def stuck_structure(
     CaseError, ResourceError : on every rank
     """
     settings, pairs = reduction_settings(scene), rest.pairs
-    system = with_contact_forces(rest.system, pairs, outputs(scene))
+    system = with_contact_forces(rest.system, pairs, scene.outputs)
     log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
     refuse_too_many(settings.modes, system.n_dof, scene.path)
     check_size(settings, system)
@@ -195,22 +195,21 @@ def from_mesh(scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog)
 
     With [statics] it is that at rest, and what was there before comes with it.
     """
-    settings = mesh_settings(scene)
     with log.stage("mesh and contact pairs"):
-        mesh = on_root(comm, read_mesh, settings, file, share=False)
-        pairs = on_root(comm, pair_contacts, mesh, settings.joints)
+        mesh = on_root(comm, read_mesh, scene, file, share=False)
+        pairs = on_root(comm, pair_contacts, mesh, scene.joints)
     for note in (*on_root(comm, lambda: mesh.notes), *pairs.notes):
         log.note(note)
     with log.stage("partition"):
-        shares = distribute(mesh, settings, comm)
+        shares = distribute(mesh, scene, comm)
     with log.stage("assembly"):
-        system = assemble(shares, mesh, pairs, settings)
+        system = assemble(shares, mesh, pairs, scene)
     for note in system.constraints.notes if system.constraints is not None else ():
         log.note(note)
-    if settings.statics is None:
+    if scene.statics is None:
         return mesh, AtRest(system, pairs), None
     with log.stage("statics"):
-        unloaded = Unloaded.of(system, shares, mesh, pairs, settings, str(scene.path))
+        unloaded = Unloaded.of(system, shares, mesh, pairs, scene, str(scene.path))
         rest = brought_to_rest(unloaded, unloaded.pairs)
         unloaded.close()
     for line in rest.said:
@@ -220,10 +219,9 @@ def from_mesh(scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog)
 
 def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, AtRest]:
     """Return nodes (on rank 0, where there are any) and structure of a scene given as matrices.  Collective."""
-    settings = matrix_settings(scene)
     with log.stage("matrices and contact pairs"):
-        given = on_root(comm, read_structure, settings, share=False)
-        system, pairs = distribute_structure(given, settings, comm)
+        given = on_root(comm, read_structure, scene, share=False)
+        system, pairs = distribute_structure(given, scene, comm)
     for note in on_root(comm, lambda: given.notes):
         log.note(note)
     return (None if given is None else given.mesh), AtRest(system, pairs)

@@ -22,7 +22,7 @@ from ..system.versions import commit, program_hash, versions
 from ..version import __version__
 from .origin_of_run import origin_of
 from .prepare import Prepared
-from .settings import asks_for_bars, asks_for_fields, outputs, reduction_settings, units_of
+from .settings import asks_for_bars, asks_for_fields, reduction_settings, units_of
 
 
 def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
@@ -141,7 +141,7 @@ def write_shapes(
 
 def _places(prepared: Prepared) -> tuple[tuple[int, ...], np.ndarray]:
     """Return node (number in the mesh file; -1: none) and direction of outputs that are displacements or derivatives of them."""
-    mesh, wanted = prepared.structure.mesh, outputs(prepared.scene)
+    mesh, wanted = prepared.structure.mesh, prepared.scene.outputs
     assert mesh is not None, "called on rank 0 of a scene with a mesh"
     nodes, directions = np.full(len(wanted), -1), np.zeros((len(wanted), 3))
     for i, output in enumerate(wanted):

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from ..assembly.system import System
 from ..mesh.data import ContactPairs
-from ..mesh.settings import Output
+from ..tables.vibration import Output
 from .joint_springs import joint_stiffness
 
 

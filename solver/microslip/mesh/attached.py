@@ -11,8 +11,9 @@ import scipy.sparse as sp
 from ..messages.errors import MeshError
 from ..messages.words import place
 from ..parallel.ownership import rows_of
+from ..tables.structure import Spring
+from ..tables.structure_tables import StructureTables
 from .data import Mesh
-from .settings import MeshSettings, Spring
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class Attached:
         return np.stack([np.repeat(first, counts[counts > 0]), stretch.indices])
 
 
-def attach(mesh: Mesh, settings: MeshSettings, n_places: int, outside: sp.csr_matrix, loose: np.ndarray) -> Attached:
+def attach(mesh: Mesh, settings: StructureTables, n_places: int, outside: sp.csr_matrix, loose: np.ndarray) -> Attached:
     """Return the masses, springs and dampers of a scene, docs/theory.md, eq. (2.10).  Local, rank 0.
 
     ``outside`` (3 n_outside, 3 n_places) is how nodes outside the elements follow; those ``loose`` (3 n_outside,) bool follow
@@ -125,7 +126,7 @@ def _nodes(mesh: Mesh, group: str | None, n_places: int) -> np.ndarray:
     return np.concatenate([mesh.node_groups.get(group, np.zeros(0, dtype=np.int64)), n_places + outside])
 
 
-def _positions(mesh: Mesh, settings: MeshSettings) -> np.ndarray:
+def _positions(mesh: Mesh, settings: StructureTables) -> np.ndarray:
     """Return where the places are, and behind them the nodes outside the elements, (n, 3) [m]; a point's two places are one."""
     points = np.array([one.position for one in settings.points], dtype=float).reshape(-1, 3)
     return np.concatenate([mesh.points, np.repeat(points, 2, axis=0), mesh.outside.points])

@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.structure import Support
 from .data import ContactPairs, Mesh
-from .settings import Support
 
 if TYPE_CHECKING:
     from .links import Links

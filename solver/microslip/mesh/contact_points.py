@@ -9,8 +9,8 @@ import scipy.sparse as sp
 
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.joint import Joint
 from .data import Mesh
-from .settings import Joint
 
 MOST_TILT = 20.0  # degrees between the normals of the two sides
 

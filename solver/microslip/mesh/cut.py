@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 from .. import elements
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.constant_loads import Bolt
 from .data import Mesh
-from .settings import Bolt
 
 MOST_TURN = 45.0  # degrees of a face of the cut from its mean normal
 
@@ -53,10 +53,10 @@ def cuts_through(mesh: Mesh, bolts: Sequence[Bolt]) -> list[Cut]:
     for bolt in bolts:
         cut = cut_through(mesh, bolt)
         for node in np.unique(np.concatenate([_nodes_of(mesh, cut), cut.nodes])):
-            other = taken.setdefault(int(node), bolt.name)
-            if other != bolt.name:
+            other = taken.setdefault(int(node), bolt.label)
+            if other != bolt.label:
                 raise MeshError(
-                    f"{mesh.path}: bolts {other!r} and {bolt.name!r}: their cuts lie side by side at node "
+                    f"{mesh.path}: bolts {other!r} and {bolt.label!r}: their cuts lie side by side at node "
                     f"{mesh.numbers[node]} {place(mesh.points[node])} m; leave two layers of elements between cuts"
                 )
         found.append(cut)
@@ -72,7 +72,7 @@ def cut_through(mesh: Mesh, bolt: Bolt) -> Cut:
     ------
     MeshError : faces that are no inner ones, that lie in several pieces or far from one plane, or that end inside the body
     """
-    where = f"{mesh.path}: bolt {bolt.name!r}: group {bolt.group!r}"
+    where = f"{mesh.path}: bolt {bolt.label!r}: group {bolt.group!r}"
     near = _elements_near(mesh, mesh.node_groups[bolt.group])
     in_cut = _faces_of_cut(mesh, bolt.group, near, where)
     _check_one_piece(near, in_cut, where)

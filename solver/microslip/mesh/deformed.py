@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..tables.joint import Joint
 from .data import ContactPairs, Mesh
-from .settings import Joint
 from .surface import surface_of
 
 
@@ -22,7 +22,7 @@ def stretched(mesh: Mesh, joints: Sequence[Joint], pairs: ContactPairs, u: np.nd
     names, ratio, turns = np.array(pairs.joint), np.ones(pairs.n_pairs), {}
     deformed = replace(mesh, points=mesh.points + u)
     for joint in joints:
-        before, now = (surface_of(one, joint.surfaces[0]) for one in (mesh, deformed))
+        before, now = (surface_of(one, joint.groups[0]) for one in (mesh, deformed))
         of_nodes = np.ones(len(mesh.points))
         of_nodes[before.nodes] = now.areas / before.areas
         own = np.flatnonzero(names == joint.name)

@@ -10,11 +10,11 @@ import scipy.sparse as sp
 from .. import elements
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.joint import Joint
 from .cells import cells_of
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes
 from .overlap import FAR
-from .settings import GroundPlane, Joint
 from .surface import Surface
 
 _MOST_TILT = 60.0  # degrees between a plane and the surface where they are nearest: an edge may be what touches
@@ -28,7 +28,7 @@ def grounded(mesh: Mesh, joint: Joint, first: Surface) -> ContactPoints:
     MeshError : a plane behind the surface, or far from it
     """
     points = _cells(mesh, first) if joint.pairing == "points" else _nodes(mesh, first)
-    return points if joint.plane is None else _on_plane(mesh, joint, first, points, joint.plane)
+    return _on_plane(mesh, joint, first, points) if joint.plane_normal is not None else points
 
 
 def _nodes(mesh: Mesh, first: Surface) -> ContactPoints:
@@ -64,10 +64,10 @@ def _resting(mesh: Mesh, side1: sp.csr_matrix, z: np.ndarray, area: np.ndarray, 
     return ContactPoints(side1, nothing, z, area, side1 @ mesh.points, np.zeros(len(area)), **shown)
 
 
-def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints, plane: GroundPlane) -> ContactPoints:
+def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints) -> ContactPoints:
     """Return the points with the normal of the plane and their distance from it."""
-    normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
-    distance = (points.position - np.array(plane.point)) @ normal
+    normal = np.array(joint.plane_normal) / np.linalg.norm(joint.plane_normal or ())
+    distance = (points.position - np.array(joint.plane_point)) @ normal
     nearest = int(np.argmin(distance))
     where, at = f"{mesh.path}: joint {joint.name!r}: the surface {first.group!r}", f"{place(points.position[nearest])} m"
     tilt = np.degrees(np.arccos(np.clip(points.z[nearest] @ normal, -1.0, 1.0)))

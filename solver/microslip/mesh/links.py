@@ -11,12 +11,13 @@ from scipy.sparse.csgraph import connected_components
 
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.structure import Point
+from ..tables.structure_tables import StructureTables
 from .attached import Attached, attach
 from .data import Mesh
 from .equations import solve_equations, translations
 from .locate import find_node
 from .reference_points import of_distributing, of_rigid
-from .settings import MeshSettings, Point
 from .ties import Follower, check_joints, of_tie
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -52,7 +53,7 @@ class Links:
     @property
     def grounded(self) -> np.ndarray:
         """Nodes that springs or equations hold, and one of the group of each point that springs hold, (n,)."""
-        of_points = [self.node_of(point.name) for point in self.points if point.is_sprung]
+        of_points = [self.node_of(point.name) for point in self.points if any(point.springs)]
         return np.concatenate([np.array(of_points, dtype=np.int64), self.more_grounded])
 
     @property
@@ -61,7 +62,7 @@ class Links:
         return not self.joined and self.attached is None
 
 
-def find_links(mesh: Mesh, settings: MeshSettings) -> Links:
+def find_links(mesh: Mesh, settings: StructureTables) -> Links:
     """Return what the ties, points and equations of a scene make follow, and its masses, springs and dampers.  Local, rank 0.
 
     Raises
@@ -100,7 +101,7 @@ def find_links(mesh: Mesh, settings: MeshSettings) -> Links:
     )
 
 
-def fixed_places(mesh: Mesh, settings: MeshSettings, links: Links) -> np.ndarray:
+def fixed_places(mesh: Mesh, settings: StructureTables, links: Links) -> np.ndarray:
     """Return which directions of the places supports hold, (n_places, 3) bool.  Local, rank 0."""
     is_fixed = np.zeros((links.n_places, 3), dtype=bool)
     for i, support in enumerate(settings.supports, 1):
@@ -113,7 +114,7 @@ def fixed_places(mesh: Mesh, settings: MeshSettings, links: Links) -> np.ndarray
     return is_fixed
 
 
-def _fixed_outside(mesh: Mesh, settings: MeshSettings) -> np.ndarray:
+def _fixed_outside(mesh: Mesh, settings: StructureTables) -> np.ndarray:
     """Return which directions of the nodes outside the elements supports hold, (n_outside, 3) bool."""
     is_fixed = np.zeros((len(mesh.outside.points), 3), dtype=bool)
     for support in settings.supports:
@@ -149,7 +150,7 @@ def _onward(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) 
     return (rows @ (sp.diags(stays) + sp.csr_matrix((np.ones(m), (dependent, np.arange(m))), (n_dof, m)) @ weights)).tocsr()
 
 
-def _ties_and_points(mesh: Mesh, settings: MeshSettings) -> Links:
+def _ties_and_points(mesh: Mesh, settings: StructureTables) -> Links:
     """Return what follows by ties and points alone."""
     n_places = len(mesh.points) + 2 * len(settings.points)
     if not settings.ties and not settings.points:
@@ -157,7 +158,9 @@ def _ties_and_points(mesh: Mesh, settings: MeshSettings) -> Links:
     check_joints(mesh, settings)
     followers = [of_tie(mesh, tie, n_places) for tie in settings.ties]
     for i, point in enumerate(settings.points):
-        followers.append((of_rigid if point.rigid else of_distributing)(mesh, point, len(mesh.points) + 2 * i, n_places))
+        followers.append(
+            (of_rigid if point.connection == "rigid" else of_distributing)(mesh, point, len(mesh.points) + 2 * i, n_places)
+        )
     _check_once(mesh, followers)
     dependent = np.concatenate([one.dependent for one in followers])
     weights = sp.vstack([one.weights for one in followers]).tocsr()

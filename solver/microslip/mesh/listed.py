@@ -9,9 +9,9 @@ import numpy as np
 from ..formats.csv_table import read_table
 from ..formats.model import index_of
 from ..messages.errors import CaseError
+from ..tables.joint import Joint
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes
-from .settings import Joint
 
 COLUMNS = ("node1", "node2", "nx", "ny", "nz", "area")
 GROUND = -1
@@ -26,8 +26,9 @@ def listed_nodes(mesh: Mesh, joint: Joint) -> ContactPoints:
     ------
     CaseError : names the line at fault
     """
-    assert joint.node_pairs is not None, "a joint of node pairs"
-    path = joint.node_pairs
+    path = joint.file_of("node_pairs")
+    if path is None:
+        raise ValueError(f"joint {joint.name!r} lists no pairs of nodes")
     columns, lines = read_table(path, COLUMNS, what="pair")
     table = np.column_stack([columns[name] for name in COLUMNS])
     _check(table, lines, path)

@@ -7,9 +7,9 @@ from scipy.spatial import cKDTree
 
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.joint import Joint
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh, on_nodes
-from .settings import Joint
 from .surface import Surface
 
 TOLERANCE = 1e-6  # of the mesh's diagonal, where the joint states none

@@ -15,16 +15,17 @@ import scipy.sparse as sp
 
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.joint import Joint
 from .cells import Cells, cells_of, face_of
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh
 from .penetration import check_sunk
 from .projection import project_on_surface
-from .settings import GEOMETRY, MORTAR, Joint
 from .shared_parts import Shared, joined, shared_parts
 from .surface import Surface, face_size, on_mesh
 
 NEAR = 0.1  # of the size of the larger faces: how far apart the surfaces of a joint may lie, where it states no tolerance
+MORTAR = "mortar"  # the pairing of moments over faces
 FAR = 0.1  # of the mesh's diagonal, the same where the gap is that of the mesh
 WHOLE = 0.9  # of each cell of a face that has moments
 COVERED = 0.98  # of the first surface must have a partner
@@ -89,7 +90,7 @@ def reach_of(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> float
     """Return how far apart the surfaces may lie [m].  Local."""
     if joint.tolerance is not None:
         return joint.tolerance
-    if joint.gap == GEOMETRY:
+    if joint.has_gap_of_mesh:
         return FAR * mesh.diagonal
     return NEAR * max(face_size(side) for side in (first, second))
 
@@ -140,7 +141,7 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, ce
     found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if covered > _LEAST else "no contact point found: all its faces"
     advice = "name the smaller surface first, restrict the first group to what touches, or state a larger tolerance"
     if covered <= _LEAST:
-        apart = "" if joint.gap == GEOMETRY else ' (gap = "geometry" where they are apart at rest)'
+        apart = "" if joint.has_gap_of_mesh else ' (gap = "geometry" where they are apart at rest)'
         advice = f"bring the surfaces together, or state a larger tolerance{apart}"
     raise MeshError(
         f"{where}: {found} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -13,15 +12,15 @@ from ..contact.laws import columns_on_area
 from ..contact.laws import joined as joined_columns
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.joint import Joint
 from .contact_points import ContactPoints, heaviest
 from .data import ContactPairs, Mesh
 from .ground import grounded
 from .listed import listed_nodes
 from .matching import NotMatching, matching_nodes
-from .overlap import overlapping_faces
+from .overlap import MORTAR, overlapping_faces
 from .penetration import check_penetration
 from .projected import projected_nodes
-from .settings import GEOMETRY, MORTAR, Joint
 from .surface import Surface, face_keys, outward_faces, surface_of
 from .values import Values, values_of
 
@@ -95,16 +94,16 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
     """
     if joint.node_pairs is not None:
         return listed_nodes(mesh, joint)
-    first = surface_of(mesh, joint.surfaces[0])
-    if len(joint.surfaces) == 1:
+    first = surface_of(mesh, joint.groups[0])
+    if len(joint.groups) == 1:
         return grounded(mesh, joint, first)
-    second = surface_of(mesh, joint.surfaces[1])
+    second = surface_of(mesh, joint.groups[1])
     _check_shared(mesh, joint, first, second)
     if joint.pairing == "auto":
         try:
             return matching_nodes(mesh, joint, first, second)
         except NotMatching:
-            return overlapping_faces(mesh, replace(joint, pairing=MORTAR), first, second)
+            return overlapping_faces(mesh, joint.with_keys(pairing=MORTAR), first, second)
     return PAIRINGS[joint.pairing](mesh, joint, first, second)
 
 
@@ -116,7 +115,7 @@ def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
     of_surfaces = [joint for joint in joints if joint.node_pairs is None]
     if len(of_surfaces) < 2:
         return
-    sides = [(joint, [face_keys(outward_faces(mesh, group)) for group in joint.surfaces]) for joint in of_surfaces]
+    sides = [(joint, [face_keys(outward_faces(mesh, group)) for group in joint.groups]) for joint in of_surfaces]
     for (one, of_one), (other, of_other) in combinations(sides, 2):
         both = of_one[0] & of_other[0]
         if not both and of_one[0] & of_other[-1]:
@@ -124,7 +123,7 @@ def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
         if both and one.law == other.law:
             raise MeshError(
                 f"{mesh.path}: {len(both)} faces belong to joint {one.name!r} and to joint {other.name!r}, of "
-                f"{one.surfaces[0]!r} and {other.surfaces[0]!r}: they would touch twice; take them out of one of the two, or "
+                f"{one.groups[0]!r} and {other.groups[0]!r}: they would touch twice; take them out of one of the two, or "
                 "state one joint"
             )
 
@@ -147,17 +146,17 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
         "N0": _preload(joint, points, values, k_n),
         "k_t": values.tangential_stiffness * points.area,
         "k_n": k_n,
-        "separate": np.full(points.n_points, joint.separate),
+        "separate": np.full(points.n_points, joint.is_separate),
         "cells": points.cells,
         "laws": np.full(points.n_points, joint.law),
     }
-    by_law = columns_on_area(joint.law, {**vars(joint), **joint.keys, **vars(values)}, points.area)
+    by_law = columns_on_area(joint.law, {**joint.values_of_law, **vars(values)}, points.area)
     return columns | {"own": by_law} | {name: by_law.pop(name) for name in columns.keys() & by_law.keys()}
 
 
 def _preload(joint: Joint, points: ContactPoints, values: Values, k_n: np.ndarray) -> np.ndarray:
     """Return N0 of each pair [N], below 0 of a gap."""
-    if joint.gap != GEOMETRY:
+    if not joint.has_gap_of_mesh:
         return np.where(values.gap > 0.0, -values.gap * k_n, values.preload * points.area)
     return -np.maximum(points.distance, 0.0) * k_n
 

@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from .. import elements
 from ..parallel import metis
 from ..parallel.agree import on_root
+from ..tables.structure_tables import StructureTables
 from .data import DistributedMesh, LocalBlock, Mesh
-from .settings import MeshSettings
 from .warm import temperatures_of
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _FACE_CORNERS = 3  # elements that share this many corners share a face
 
 
-def distribute(mesh: Mesh | None, settings: MeshSettings, comm: MPI.Comm) -> DistributedMesh:
+def distribute(mesh: Mesh | None, settings: StructureTables, comm: MPI.Comm) -> DistributedMesh:
     """Give every rank a contiguous range of nodes and all elements that touch one of them.
 
     Collective on ``comm``: one broadcast (the node order) and one scatter (the elements).
@@ -110,7 +110,7 @@ def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     return node, np.repeat(np.arange(len(n_nodes)), n_nodes)
 
 
-def _shares(mesh: Mesh, settings: MeshSettings, order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
+def _shares(mesh: Mesh, settings: StructureTables, order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
     """Return every rank's blocks: all elements that touch one of its nodes, along the element order."""
     n_ranks, body_of, warm = len(node_ranges) - 1, settings.body_of, temperatures_of(mesh, settings)
     position = _inverse(order)

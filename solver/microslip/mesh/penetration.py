@@ -6,10 +6,10 @@ import numpy as np
 
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.joint import Joint
 from .contact_points import ContactPoints
 from .data import Mesh
 from .projection import Projection
-from .settings import GEOMETRY, Joint
 from .surface import Surface, face_size, surface_of
 
 ROUNDING = 1e-6  # of the mesh's diagonal: what the mesh may penetrate at rest and count as touching
@@ -33,11 +33,11 @@ def check_penetration(mesh: Mesh, joint: Joint, points: ContactPoints) -> str:
     depth = -float(points.distance[deepest])
     how = f"by {depth:.3g} m at {place(points.position[deepest])} m"
     where = f"{mesh.path}: joint {joint.name!r}: the sides penetrate at rest, {how}"
-    if joint.gap == GEOMETRY:
+    if joint.has_gap_of_mesh:
         raise MeshError(f"{where}; move them apart, or state the gap as a number in place of the mesh's")
     allowed = np.inf if joint.node_pairs is not None else joint.tolerance  # pairs that a file lists have no faces
     if allowed is None:
-        allowed = DRAWN * max(face_size(surface_of(mesh, group)) for group in joint.surfaces)
+        allowed = DRAWN * max(face_size(surface_of(mesh, group)) for group in joint.groups)
     if depth > allowed:
         raise MeshError(f"{where}, {_too_deep(joint, allowed, depth)}")
     return (
@@ -53,7 +53,7 @@ def check_sunk(mesh: Mesh, joint: Joint, first: Surface, second: Surface, foot: 
     """
     points, depth = mesh.points[first.nodes], -foot.gap
     is_sunk = (depth > _STRAIGHT * foot.distance) & (np.einsum("pi,pi->p", first.normals, foot.normals) < 0.0)
-    if joint.gap == GEOMETRY or np.mean(is_sunk) < 0.5:
+    if joint.has_gap_of_mesh or np.mean(is_sunk) < 0.5:
         return
     deepest = int(np.argmax(np.where(is_sunk, depth, 0.0)))
     allowed = joint.tolerance if joint.tolerance is not None else DRAWN * max(face_size(first), face_size(second))

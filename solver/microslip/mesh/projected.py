@@ -7,12 +7,12 @@ import scipy.sparse as sp
 
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.joint import Joint
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh, on_nodes
 from .overlap import COVERED, reach_of
 from .penetration import check_sunk
 from .projection import project_on_surface
-from .settings import Joint
 from .surface import Surface, on_mesh
 
 

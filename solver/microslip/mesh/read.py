@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..elements import Isotropic
 from ..formats.model import KINDS, Equations, FileModel, Group
 from ..formats.read import read_model
 from ..messages.errors import MeshError
 from ..messages.words import hint
+from ..tables.structure import Body, Model
+from ..tables.structure_tables import StructureTables
 from .data import ElementBlock, FaceBlock, Mesh, Outside
-from .settings import Body, MeshSettings
 from .touching import with_found_surfaces
 
 SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13")
@@ -26,7 +26,7 @@ _ADVICE = {
 }
 
 
-def read_mesh(settings: MeshSettings, file: FileModel | None = None) -> Mesh:
+def read_mesh(settings: StructureTables, file: FileModel | None = None) -> Mesh:
     """Read, check and scale a mesh.  Local; call it on rank 0 only, through ``on_root``.
 
     ``file`` is what ``read_model`` made of the settings' file, where that is known already.
@@ -37,7 +37,7 @@ def read_mesh(settings: MeshSettings, file: FileModel | None = None) -> Mesh:
     ------
     MeshError, CaseError: one message that names the file and the cause.
     """
-    path = os.path.normpath(settings.file)
+    path = os.path.normpath(settings.model.file_of("mesh") or "")
     file = read_model(path) if file is None else file
     try:
         _check_groups(file, settings)
@@ -61,14 +61,14 @@ def read_whole(path: Path) -> Mesh:
     if not everything.cells:
         raise MeshError(f"{path}: the file has no solid elements")
     file = replace(file, groups={**file.groups, _EVERYTHING: everything}, equations=None)
-    body = Body(group=_EVERYTHING, material=Isotropic(1.0, 0.0), density=1.0)
+    tables = StructureTables.of_file(model=Model.of_file(mesh=str(path)), bodies={_EVERYTHING: Body.of_file(group=_EVERYTHING)})
     try:
-        return _compose(str(path), file, MeshSettings(file=path, bodies={_EVERYTHING: body}))
+        return _compose(str(path), file, tables)
     except MeshError as problem:
         raise type(problem)(f"{path}: {problem}") from None
 
 
-def _check_groups(file: FileModel, settings: MeshSettings) -> None:
+def _check_groups(file: FileModel, settings: StructureTables) -> None:
     """Raise MeshError unless every group that is named exists."""
     of_file = [(f"[bodies.{name}] group", body.group) for name, body in settings.bodies.items()] + settings.attached
     known = [*file.groups, *(one.name for one in settings.surfaces)]
@@ -85,7 +85,7 @@ def _existing(word: str, names: list[str]) -> str:
     return f"{hint(word, names, repr)}; it has: {shown}"
 
 
-def _compose(path: str, file: FileModel, settings: MeshSettings) -> Mesh:
+def _compose(path: str, file: FileModel, settings: StructureTables) -> Mesh:
     """Keep the elements of the bodies and the nodes they use."""
     notes = list(file.notes)
     elements = []
@@ -108,21 +108,21 @@ def _compose(path: str, file: FileModel, settings: MeshSettings) -> Mesh:
         notes.append(f"{n_left_out} nodes that no element of a body uses are left out")
     mesh = Mesh(
         path,
-        file.points[used] * float(settings.scale),
+        file.points[used] * float(settings.model.metres),
         file.numbers[used],
         tuple(elements),
         tuple(faces),
         node_groups,
         tuple(notes),
         {name: values[used] for name, values in file.fields.items()},
-        _outside_nodes(file, float(settings.scale), outside),
+        _outside_nodes(file, float(settings.model.metres), outside),
         _equations(file, settings, new, outside),
     )
     _check_groups_on_bodies(mesh, settings)
     return mesh
 
 
-def _outside(file: FileModel, settings: MeshSettings, used: np.ndarray) -> np.ndarray:
+def _outside(file: FileModel, settings: StructureTables, used: np.ndarray) -> np.ndarray:
     """Return the nodes that no element of a body uses and that masses, springs or equations name, rising."""
     named = np.zeros(len(used), dtype=bool)
     if file.equations is not None and settings.has_equations:
@@ -141,7 +141,7 @@ def _outside_nodes(file: FileModel, scale: float, outside: np.ndarray) -> Outsid
     return Outside(file.points[outside] * scale, file.numbers[outside], groups)
 
 
-def _equations(file: FileModel, settings: MeshSettings, new: np.ndarray, outside: np.ndarray) -> Equations | None:
+def _equations(file: FileModel, settings: StructureTables, new: np.ndarray, outside: np.ndarray) -> Equations | None:
     """Return the file's equations between the nodes that are kept."""
     if file.equations is None or not settings.has_equations:
         return None
@@ -168,7 +168,7 @@ def _check_kinds(body: str, group: str, file: FileModel) -> None:
             )
 
 
-def _elements_of_kind(kind: str, file: FileModel, settings: MeshSettings, notes: list[str]) -> list[ElementBlock]:
+def _elements_of_kind(kind: str, file: FileModel, settings: StructureTables, notes: list[str]) -> list[ElementBlock]:
     """Return the elements of one kind, a block per body; an element stored twice counts once."""
     blocks = [i for i, cells in enumerate(file.cells) if cells.kind == kind and len(cells.nodes)]
     if not blocks:
@@ -256,7 +256,7 @@ def _all_nodes(group: Group, file: FileModel) -> np.ndarray:
     return np.flatnonzero(named)
 
 
-def _check_groups_on_bodies(mesh: Mesh, settings: MeshSettings) -> None:
+def _check_groups_on_bodies(mesh: Mesh, settings: StructureTables) -> None:
     """Raise MeshError for a support, surface or load group without a node on a body."""
     found = {one.name for one in settings.surfaces}  # of faces on bodies
     for key, group in settings.groups_on_bodies:

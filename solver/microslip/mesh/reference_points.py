@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from .. import elements
 from ..messages.errors import MeshError
 from ..parallel.ownership import rows_of
+from ..tables.structure import Point
 from .data import Mesh
-from .settings import Point
 from .surface import outward_faces
 from .ties import Follower
 
@@ -38,7 +38,7 @@ def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
 def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
     """Return how a point follows the weighted mean of its nodes: docs/theory.md, eq. (2.8)."""
     nodes = mesh.node_groups[point.group]
-    share = _shares(mesh, point.group, nodes) if point.by_area else np.full(len(nodes), 1.0 / len(nodes))
+    share = _shares(mesh, point.group, nodes) if point.weights == "area" else np.full(len(nodes), 1.0 / len(nodes))
     J, centre = _second_moments(mesh, point.group, nodes, share, _what(mesh, point))
     arms = mesh.points[nodes] - centre
     turn = np.linalg.inv(J) @ (share[:, None, None] * _cross(arms))  # (n, 3, 3): theta = sum turn_i u_i

@@ -15,9 +15,10 @@ from .. import elements
 from ..messages.errors import MeshError
 from ..messages.words import place
 from ..parallel.ownership import rows_of
+from ..tables.structure import Tie
+from ..tables.structure_tables import StructureTables
 from .data import Mesh
 from .projection import Projection, project_on_surface
-from .settings import MeshSettings, Tie
 from .surface import face_keys, outward_faces
 
 TOLERANCE = 0.05  # of the size of the facets, where a tie states none
@@ -105,12 +106,12 @@ def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, found: Projection, tole
         )
 
 
-def check_joints(mesh: Mesh, settings: MeshSettings) -> None:
+def check_joints(mesh: Mesh, settings: StructureTables) -> None:
     """Raise MeshError where a face belongs to a tie and to a joint."""
     if not settings.ties:
         return
     for joint in settings.joints:
-        for group in joint.surfaces:
+        for group in joint.groups:
             own = face_keys(outward_faces(mesh, group))
             for tie in settings.ties:
                 for tied in tie.surfaces:

@@ -17,8 +17,9 @@ from .. import elements
 from ..elements import FACE_KINDS
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..tables.structure import Surface
+from ..tables.structure_tables import StructureTables
 from .data import FaceBlock, Mesh
-from .settings import MeshSettings, TouchingFaces
 from .skin import Skin, groups_of_bodies, skin_of_mesh
 
 NEAR = 0.1  # of the size of the larger of two faces: how far apart they may lie, where nothing else is stated
@@ -163,7 +164,7 @@ def _feet(skin: Skin, point: np.ndarray, other: np.ndarray, reach: np.ndarray):
     return distance, gap, (np.abs(gap) <= reach) & (beside <= _BESIDE * skin.size[other])
 
 
-def with_found_surfaces(mesh: Mesh, settings: MeshSettings) -> Mesh:
+def with_found_surfaces(mesh: Mesh, settings: StructureTables) -> Mesh:
     """Return the mesh with the groups of faces that are told by the bodies which touch.  Local, rank 0.
 
     Raises
@@ -189,7 +190,7 @@ def with_found_surfaces(mesh: Mesh, settings: MeshSettings) -> Mesh:
     return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), found=found)
 
 
-def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, one: TouchingFaces, settings: MeshSettings) -> np.ndarray:
+def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, one: Surface, settings: StructureTables) -> np.ndarray:
     """Return the faces of the first body that lie on the second, rising."""
     number = {group: i for i, group in enumerate(groups_of_bodies(mesh))}
     body, other = (number[settings.bodies[name].group] for name in one.bodies)
@@ -202,7 +203,7 @@ def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, one: TouchingFaces, se
     return face
 
 
-def _nothing(mesh: Mesh, skin: Skin, one: TouchingFaces, body: int, other: int) -> str:
+def _nothing(mesh: Mesh, skin: Skin, one: Surface, body: int, other: int) -> str:
     """Say that no faces touch, and how near the two bodies come."""
     within = f"within {one.tolerance:g} m" if one.tolerance is not None else f"within {NEAR:g} of the size of the faces"
     facing = "" if one.normal is None else f" with normals within {TURNED:g} degrees of {place(one.normal)}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,10 +13,10 @@ from ..contact.laws import LAWS
 from ..formats.csv_table import read_table
 from ..messages.errors import CaseError, MeshError
 from ..messages.words import place
+from ..tables.joint import Joint, OfPoints
 from .contact_points import ContactPoints
 from .data import Mesh
 from .nodal_fields import field_at_nodes
-from .settings import GEOMETRY, Joint
 
 FAR = 0.1  # of the extent of a joint's points: a row this far from all of them is a mistake
 PLACES = ("node", "x", "y", "z")
@@ -45,23 +46,22 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
     CaseError : the joint's file is at fault
     MeshError : it names nodes or places where the joint has no point
     """
-    stated = {name: float(getattr(joint, name)) for name in COLUMNS if name != "gap" or joint.gap != GEOMETRY}
-    stated.setdefault("gap", 0.0)
-    table, lines = ({}, []) if joint.parameters is None else _checked_table(joint)
-    of_nodes = {name: _of_field(mesh, joint, points, name) for name in joint.fields}
+    stated, path = joint.stated_values, joint.file_of("parameters")
+    table, lines = ({}, []) if path is None else _checked_table(joint, path)
+    of_nodes: dict[str, np.ndarray] = {name: _of_field(mesh, joint, points, name) for name in joint.fields}
     if "node" in table:
-        of_nodes |= _of_rows(mesh, table, _rows_of_nodes(mesh, joint, points, table, lines), {**stated, **of_nodes})
+        of_nodes |= _of_rows(mesh, table, _rows_of_nodes(mesh, joint, path, points, table, lines), {**stated, **of_nodes})
     if of_nodes:
-        where = joint.parameters or f"{mesh.path}: joint {joint.name!r} fields"
+        where = path or f"{mesh.path}: joint {joint.name!r} fields"
         gap, preload = (of_nodes.get(name, np.full(len(mesh.points), stated[name])) for name in ("gap", "preload"))
         _check_open(where, mesh.points, gap, preload, _taken(points))
     everywhere = {name: np.full(points.n_points, value) for name, value in stated.items()}
     found = _closed_or_open(Values(**everywhere | {name: _interpolated(points, own) for name, own in of_nodes.items()}))
     if not table or "node" in table:
         return found
-    rows = _nearest_rows(joint, points, table, lines)
+    rows = _nearest_rows(joint, path, points, table, lines)
     found = replace(found, **{name: table[name][rows] for name in COLUMNS if name in table})
-    _check_open(joint.parameters, points.position, found.gap, found.preload, np.arange(points.n_points))
+    _check_open(path, points.position, found.gap, found.preload, np.arange(points.n_points))
     return found
 
 
@@ -89,12 +89,12 @@ def _closed_or_open(values: Values) -> Values:
     return replace(values, preload=preload, gap=gap)
 
 
-def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: str) -> np.ndarray:
+def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: OfPoints) -> np.ndarray:
     """Return a field of the mesh that a value is taken from, (n_nodes,)."""
     field, where = joint.fields[name], f"{mesh.path}: joint {joint.name!r} fields: {name}"
     if name not in LAWS[joint.law].per_point:
         raise CaseError(f'{where} is no value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
-    if name == "gap" and joint.gap == GEOMETRY:
+    if name == "gap" and joint.has_gap_of_mesh:
         raise CaseError(f'{where}: the joint takes its gap from the mesh, gap = "geometry"; state one of them')
     taken = _taken(points)
     found = field_at_nodes(mesh, field, taken, where, "the joint")
@@ -115,21 +115,20 @@ def _interpolated(points: ContactPoints, of_nodes: np.ndarray) -> np.ndarray:
     return np.clip(found, np.minimum.reduceat(own, first), np.maximum.reduceat(own, first))
 
 
-def _checked_table(joint: Joint) -> tuple[dict[str, np.ndarray], list[int]]:
+def _checked_table(joint: Joint, path: Path) -> tuple[dict[str, np.ndarray], list[int]]:
     """Return the columns of the joint's file, and the line of each row."""
-    assert joint.parameters is not None, "a joint with a file of values"
-    table, lines = read_table(joint.parameters, (), (*PLACES, *COLUMNS), "contact point")
+    table, lines = read_table(path, (), (*PLACES, *COLUMNS), "contact point")
     given = [name for name in COLUMNS if name in table]
     if not given:
-        raise CaseError(f"{joint.parameters}: the header names no value: {', '.join(COLUMNS)}")
-    _check_law(joint, table, given, lines)
+        raise CaseError(f"{path}: the header names no value: {', '.join(COLUMNS)}")
+    _check_law(joint, path, table, given, lines)
     for name in given:
         if (table[name] < 0.0).any() or (name.endswith("stiffness") and (table[name] == 0.0).any()):
             bad = int(np.argmin(table[name]))
             least = "above 0" if name.endswith("stiffness") else "at least 0"
-            raise CaseError(f"{joint.parameters}, line {lines[bad]}: {name} = {table[name][bad]:g}; it must be {least}")
-    if "gap" in given and joint.gap == GEOMETRY:
-        raise CaseError(f'{joint.parameters}: the joint takes its gap from the mesh, gap = "geometry"; leave the column gap out')
+            raise CaseError(f"{path}, line {lines[bad]}: {name} = {table[name][bad]:g}; it must be {least}")
+    if "gap" in given and joint.has_gap_of_mesh:
+        raise CaseError(f'{path}: the joint takes its gap from the mesh, gap = "geometry"; leave the column gap out')
     return table, lines
 
 
@@ -144,50 +143,51 @@ def _check_open(where, places: np.ndarray, gap: np.ndarray, preload: np.ndarray,
         )
 
 
-def _check_law(joint: Joint, table: dict, given: list[str], lines: list[int]) -> None:
+def _check_law(joint: Joint, path: Path, table: dict, given: list[str], lines: list[int]) -> None:
     """Raise CaseError for a column that the joint's law has no use for, and for points without the pressure that it needs."""
     takes = LAWS[joint.law].per_point
     for name in given:
         if name not in takes:
-            raise CaseError(f'{joint.parameters}: {name} is no value of law = "{joint.law}", which takes {", ".join(takes)}')
+            raise CaseError(f'{path}: {name} is no value of law = "{joint.law}", which takes {", ".join(takes)}')
     if "preload" in given and "n0" in LAWS[joint.law].above_0 and (table["preload"] <= 0.0).any():
         bad = int(np.argmin(table["preload"]))
         raise CaseError(
-            f"{joint.parameters}, line {lines[bad]}: preload = {table['preload'][bad]:g}; "
-            f'with law = "{joint.law}" it must be above 0'
+            f'{path}, line {lines[bad]}: preload = {table["preload"][bad]:g}; with law = "{joint.law}" it must be above 0'
         )
 
 
-def _rows_of_nodes(mesh: Mesh, joint: Joint, points: ContactPoints, table: dict, lines: list[int]) -> np.ndarray:
+def _rows_of_nodes(
+    mesh: Mesh, joint: Joint, path: Path | None, points: ContactPoints, table: dict, lines: list[int]
+) -> np.ndarray:
     """Return the nodes that the rows of the table name, (n_rows,), nodes of the first surface."""
     if {"x", "y", "z"} & table.keys():
-        raise CaseError(f"{joint.parameters}: the header names node and x, y, z; a point is found by one of them")
+        raise CaseError(f"{path}: the header names node and x, y, z; a point is found by one of them")
     taken = _taken(points)
     unknown = np.flatnonzero(~np.isin(table["node"], mesh.numbers[taken]))
     if len(unknown):
         raise MeshError(
-            f"{joint.parameters}, line {lines[unknown[0]]}: node {table['node'][unknown[0]]:g} is no node of "
-            f"{joint.surfaces[0]!r}, the first surface of joint {joint.name!r} ({len(unknown)} such rows)"
+            f"{path}, line {lines[unknown[0]]}: node {table['node'][unknown[0]]:g} is no node of "
+            f"{joint.groups[0]!r}, the first surface of joint {joint.name!r} ({len(unknown)} such rows)"
         )
     named, count = np.unique(table["node"], return_counts=True)
     if (count > 1).any():
-        raise CaseError(f"{joint.parameters}: node {named[np.argmax(count)]:g} has {count.max()} rows; each needs one")
+        raise CaseError(f"{path}: node {named[np.argmax(count)]:g} has {count.max()} rows; each needs one")
     order = np.argsort(mesh.numbers[taken])
     return taken[order][np.searchsorted(mesh.numbers[taken][order], table["node"])]
 
 
-def _nearest_rows(joint: Joint, points: ContactPoints, table: dict, lines: list[int]) -> np.ndarray:
+def _nearest_rows(joint: Joint, path: Path | None, points: ContactPoints, table: dict, lines: list[int]) -> np.ndarray:
     """Return the row of the table that is nearest to each point, (n_points,)."""
     missing = [name for name in "xyz" if name not in table]
     if missing:
-        raise CaseError(f"{joint.parameters}: the header must name node, or x, y and z in m; {', '.join(missing)} is missing")
+        raise CaseError(f"{path}: the header must name node, or x, y and z in m; {', '.join(missing)} is missing")
     places = np.column_stack([table[name] for name in "xyz"])
     distance, _ = cKDTree(points.position).query(places)
     farthest = int(np.argmax(distance))
     extent = float(np.linalg.norm(np.ptp(points.position, axis=0)))
     if distance[farthest] > FAR * extent:
         raise MeshError(
-            f"{joint.parameters}, line {lines[farthest]}: {place(places[farthest])} m is {distance[farthest]:.3g} m from the "
+            f"{path}, line {lines[farthest]}: {place(places[farthest])} m is {distance[farthest]:.3g} m from the "
             f"nearest contact point of joint {joint.name!r}, more than {FAR:.0%} of the joint's extent; places are in metres"
         )
     return cKDTree(places).query(points.position)[1]

@@ -6,13 +6,14 @@ import numpy as np
 
 from ..formats.csv_table import read_table
 from ..messages.errors import CaseError, MeshError
+from ..tables.constant_loads import Temperature
+from ..tables.structure_tables import StructureTables
 from .data import Mesh
 from .locate import nodes_numbered
 from .nodal_fields import field_at_nodes
-from .settings import MeshSettings, Warm
 
 
-def temperatures_of(mesh: Mesh, settings: MeshSettings) -> dict[str, float | np.ndarray]:
+def temperatures_of(mesh: Mesh, settings: StructureTables) -> dict[str, float | np.ndarray]:
     """Return the temperature of each body [K above that without stress], one or those of all nodes, (n_nodes,).
 
     Raises
@@ -22,27 +23,30 @@ def temperatures_of(mesh: Mesh, settings: MeshSettings) -> dict[str, float | np.
     """
     if settings.statics is None:
         return {}
-    given = settings.statics.temperatures.items()
-    return {name: _at_nodes(mesh, settings, name, warm) if isinstance(warm, Warm) else warm for name, warm in given}
+    return {settings.body_of[one.group]: _of_body(mesh, one) for one in settings.statics.temperatures}
 
 
-def _at_nodes(mesh: Mesh, settings: MeshSettings, body: str, warm: Warm) -> np.ndarray:
-    group = settings.bodies[body].group
+def _of_body(mesh: Mesh, warm: Temperature) -> float | np.ndarray:
+    """Return the temperature of a body, or those of all nodes where they are at the nodes of a field or a file."""
+    if warm.temperature is not None:
+        return warm.temperature
+    group, path = warm.group, warm.file_of("file")
     nodes = np.unique(np.concatenate([block.nodes.ravel() for block in mesh.elements if block.group == group]))
     where = f'[[statics.temperatures]] group = "{group}"'
     if warm.field is not None:
         return field_at_nodes(mesh, warm.field, nodes, f"{mesh.path}: {where} field", "the body")
-    assert warm.file is not None, "a field or a file"
-    table, lines = read_table(warm.file, ("node", "temperature"), (), "node")
+    if path is None:
+        raise ValueError(f"{where} states no temperature")
+    table, lines = read_table(path, ("node", "temperature"), (), "node")
     found = np.full(len(mesh.points), np.nan)
-    found[nodes_numbered(mesh.numbers, table["node"], lines, warm.file)] = table["temperature"]
+    found[nodes_numbered(mesh.numbers, table["node"], lines, path)] = table["temperature"]
     named, count = np.unique(table["node"], return_counts=True)
     if (count > 1).any():
-        raise CaseError(f"{warm.file}: node {named[np.argmax(count)]:g} has {count.max()} rows; each needs one")
+        raise CaseError(f"{path}: node {named[np.argmax(count)]:g} has {count.max()} rows; each needs one")
     missing = nodes[np.isnan(found[nodes])]
     if len(missing):
         raise MeshError(
-            f"{warm.file}: {where}: {len(missing)} of {len(nodes)} nodes of the body have no row, the first is node "
+            f"{path}: {where}: {len(missing)} of {len(nodes)} nodes of the body have no row, the first is node "
             f"{mesh.numbers[missing[0]]}"
         )
     return found

@@ -12,7 +12,7 @@ from ..continuation.checkpoint import over, under
 from ..library.build import Structure
 from ..library.complete import read_completed
 from ..library.prepare import Prepared, response_of
-from ..library.settings import has_error_bars, mesh_settings, reduction_settings
+from ..library.settings import has_error_bars, reduction_settings
 from ..mesh.data import ContactPairs
 from ..mesh.pairing import pair_contacts
 from ..mesh.read import read_mesh
@@ -174,8 +174,7 @@ def pairs_for(scene: Scene, kept: ContactPairs, joints: list[dict[str, Any]], co
 
 def _paired(scene: Scene, file, kept: ContactPairs) -> ContactPairs | None:
     """Return the pairs of a scene as they are found, if they have the springs and places of those kept.  Rank 0."""
-    settings = mesh_settings(scene)
-    pairs = pair_contacts(read_mesh(settings, file), settings.joints)
+    pairs = pair_contacts(read_mesh(scene, file), scene.joints)
     one, other = ({k: v for k, v in numbers_of(which).items() if k not in _LIMITS} for which in (pairs, kept))
     same = one.keys() == other.keys() and all(np.array_equal(one[key], other[key], equal_nan=True) for key in one)
     same = same and pairs.joint == kept.joint and np.array_equal(pairs.laws, kept.laws)

@@ -9,8 +9,7 @@ from typing import Any
 
 from ..messages.words import hint
 from ..system.files import NO_FILE
-from ..tables.matrix_names import may_know_nodes
-from .inputs import named_files
+from .inputs import may_know_nodes, named_files
 from .schema import Scene, Statics
 
 

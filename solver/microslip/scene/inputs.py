@@ -1,9 +1,13 @@
-"""The files that a scene names."""
+"""The files that a scene names, and which of its matrices may tell the nodes of their rows."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from ..tables.matrix_names import KEYS, split_name
-from .schema import Scene
+from .schema import Model, Scene
+
+_WITH_NODES = (".sti", ".mas", ".pch", ".dmig", ".bdf", ".full", ".sub")
 
 
 def named_files(scene: Scene) -> list[tuple[str, str]]:
@@ -22,3 +26,26 @@ def named_files(scene: Scene) -> list[tuple[str, str]]:
         warm = enumerate(scene.statics.temperatures, 1)
         named += [(f"[[statics.temperatures]] {i} file", one.file) for i, one in warm]
     return [(where, file) for where, file in named if file is not None]
+
+
+def may_know_nodes(model: Model, folder: Path) -> bool:
+    """Tell whether nodes and directions may be known of the rows: stated, or by the format of a matrix.  Local."""
+    if model.dofs is not None or model.recovery is not None:
+        return True
+    for key in ("stiffness", "mass"):
+        stated = getattr(model, key)
+        path = folder / split_name(stated, folder)[0] if stated is not None else Path()
+        if path.suffix.lower() in _WITH_NODES or (path.suffix.lower() == ".mtx" and not _is_matrix_market(path)):
+            return True
+    return False
+
+
+def _is_matrix_market(path: Path) -> bool:
+    """Return whether a file begins as Matrix Market's do, or cannot be read; otherwise it may be one of Abaqus."""
+    try:
+        if not path.is_file():
+            return True
+        with open(path, "rb") as file:
+            return file.read(2) in (b"%%", b"")
+    except (OSError, ValueError):
+        return True

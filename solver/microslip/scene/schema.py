@@ -13,6 +13,7 @@ from pydantic import Field, PrivateAttr
 from ..tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics, Temperature
 from ..tables.joint import Joint
 from ..tables.structure import Body, Mass, Material, Model, Orientation, Point, Spring, Support, Surface, Tie
+from ..tables.structure_tables import StructureTables
 from ..tables.table import Table
 from ..tables.vibration import Damping, Load, Output
 from .solution import DEFAULT_ACCURACY, Continuation, Method, Response, Solver
@@ -51,24 +52,9 @@ __all__ = [
 WHOLE_MODELS = (".inp", ".cdb", ".rst", ".bdf", ".nas", ".fem", ".op2", ".dat", ".e", ".exo", ".ex2", ".unv")
 
 
-class Scene(Table):
+class Scene(StructureTables):
     """A scene file, checked; attributes are its keys."""
 
-    title: str = Field("", description="a text in quotes")
-    model: Model = Field(description="a table [model] with mesh, or with stiffness and mass")
-    materials: dict[str, Material] = Field({}, description="tables [materials.NAME] with young, poisson and density")
-    bodies: dict[str, Body] = Field({}, description="tables [bodies.NAME] with group and material")
-    supports: tuple[Support, ...] = Field((), description="tables, each headed [[supports]], with group and fix")
-    joints: tuple[Joint, ...] = Field((), description="tables, each headed [[joints]], with name, surfaces, friction, ...")
-    ties: tuple[Tie, ...] = Field((), description="tables, each headed [[ties]], with surfaces")
-    surfaces: tuple[Surface, ...] = Field((), description="tables, each headed [[surfaces]], with name and bodies")
-    points: tuple[Point, ...] = Field((), description="tables, each headed [[points]], with name, position and group")
-    masses: tuple[Mass, ...] = Field((), description="tables, each headed [[masses]], with group and mass")
-    springs: tuple[Spring, ...] = Field(
-        (), description="tables, each headed [[springs]], with groups, direction, and stiffness or damping"
-    )
-    orientations: dict[str, Orientation] = Field({}, description="tables [orientations.NAME] with directions, or axis")
-    statics: Statics | None = Field(None, description="a table [statics]")
     loads: tuple[Load, ...] = Field(min_length=1, description="at least one table headed [[loads]], with position and direction")
     outputs: tuple[Output, ...] = Field(
         min_length=1, description="at least one table headed [[outputs]], with name, position and direction"
@@ -78,13 +64,13 @@ class Scene(Table):
     solver: Solver = Field(Solver(), description="a table [solver]")
     continuation: Continuation | None = Field(None, description="a table [continuation]")
 
-    _path: Path = PrivateAttr(default=Path("scene.toml"))
     _text: str = PrivateAttr(default="")
     _is_complete: bool = PrivateAttr(default=False)
     _settings: tuple[str, ...] = PrivateAttr(default=())
 
     def model_post_init(self, context: Any, /) -> None:
         """Take path and text, whether the model file has been read, and what was set, from the validation's context."""
+        super().model_post_init(context)
         if context:
             self._path, self._text, self._is_complete = context["path"], context["text"], context["is_complete"]
             self._settings = context["settings"]
@@ -114,11 +100,6 @@ class Scene(Table):
     def is_static(self) -> bool:
         """Whether harmonic 0 alone is solved for: nothing vibrates."""
         return self.harmonics == 0
-
-    @property
-    def path(self) -> Path:
-        """The scene file, absolute."""
-        return self._path
 
     @property
     def folder(self) -> Path:

@@ -76,7 +76,7 @@ def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
     for bolt, k, s in zip(bolts.given, bolts.k, np.diag(S)):
         if bolt.force is not None and s < _NOTHING * k:
             raise CaseError(
-                f"{where}{': ' if where else ''}[[statics.bolts]] {bolt.name!r}: there is nothing to clamp: beside the shank "
+                f"{where}{': ' if where else ''}[[statics.bolts]] {bolt.label!r}: there is nothing to clamp: beside the shank "
                 "nothing connects its two sides, no joint under the head and no support; add the joint that it presses on, or "
                 "pull with a force"
             )

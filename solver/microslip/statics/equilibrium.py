@@ -119,7 +119,7 @@ def equilibrium(
     if cuts is not None:
         at_rest = cuts.force(delta, now.p, of_loads(cuts, linearised, forces_owned))
         bolts = cuts.bolts
-        found = BoltsAtRest(tuple(bolt.name for bolt in bolts.given), bolts.area, delta, tightened, at_rest)
+        found = BoltsAtRest(tuple(bolt.label for bolt in bolts.given), bolts.area, delta, tightened, at_rest)
     u_owned = u_held + u_load - linearised.factor.solve((R_owned.T @ now.p.ravel())[:, None])[:, 0]
     force = now.p + pairs.law.stiffness * now.du
     force[:, 2] -= np.maximum(np.nan_to_num(pairs.N0), 0.0)

@@ -147,7 +147,7 @@ def _points(system: System, rigid: _Rigid) -> list[tuple[np.ndarray, np.ndarray,
         motions = np.zeros((6, 6))
         motions[:3] = np.hstack([np.eye(3), np.cross(np.eye(3), arm).T])
         motions[3:, 3:] = np.eye(3) / rigid.reach[part]
-        is_held = (constraints.dof[places].ravel() < 0) | (np.array([*point.stiffness, *point.rotational_stiffness]) > 0.0)
+        is_held = (constraints.dof[places].ravel() < 0) | (np.array(point.springs) > 0.0)
         found.append((constraints.free[places].ravel(), is_held, int(part), motions))
     return found
 

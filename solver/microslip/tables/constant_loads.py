@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from .table import Direction, Name, NotNegative, Number, Positive, Table, Vector
 
@@ -76,6 +76,12 @@ class Bolt(Table):
     force: Positive | None = Field(None, description="the clamping force in N to which the bolt is tightened, a number above 0")
     shortening: Positive | None = Field(None, description="the length in m that is taken out of the shank, a number above 0")
     name: Name | None = Field(None, description="a name for tables and messages, without comma, quote or slash")
+    _number: int = PrivateAttr(default=1)  # of the bolts of a scene
+
+    @property
+    def label(self) -> str:
+        """Its name, or its number among the bolts."""
+        return self.name or f"bolt {self._number}"
 
     @model_validator(mode="after")
     def _one(self):
@@ -108,6 +114,12 @@ class Statics(Table):
     displacements: tuple[MovedSupport, ...] = Field(
         (), description="tables, each headed [[statics.displacements]], with group and displacement"
     )
+
+    @model_validator(mode="after")
+    def _named(self):
+        for i, bolt in enumerate(self.bolts, 1):
+            bolt._number = i
+        return self
 
     @model_validator(mode="after")
     def _large(self):

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from ..contact.keys import ELASTIC_COULOMB, KEYS
 from ..messages.words import listed
-from .joint_laws import LAWS_OF_KEY, OF_FILE, check_law
+from .joint_laws import LAWS_OF_KEY, OF_FILE, OWN, check_law
 from .table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector
 
 OfPoints = Literal["friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"]
@@ -101,6 +101,35 @@ class Joint(Table):
     sliders: int | None = Field(None, ge=2, le=1000, description="the number of elements a pair, a whole number from 2 to 1000")
 
     @property
+    def groups(self) -> tuple[str, ...]:
+        """The groups of its surfaces, none where a file lists the pairs."""
+        return self.surfaces or ()
+
+    @property
+    def has_gap_of_mesh(self) -> bool:
+        """Whether the distance at rest is that of the mesh."""
+        return self.gap == "geometry" or self.against == "plane"
+
+    @property
+    def is_separate(self) -> bool:
+        """Whether each tangential direction has a friction limit of its own."""
+        return self.friction_limit == "separate"
+
+    @property
+    def stated_values(self) -> dict[str, float]:
+        """The values of all its points, of two numbers that along x: 0 where the mesh, the statics or nothing has them."""
+        values = {"preload": self.preload, "gap": 0.0 if self.has_gap_of_mesh else self.gap}
+        values |= {key: getattr(self, key) for key in ("friction", "tangential_stiffness", "normal_stiffness")}
+        return {key: _along_x(value) for key, value in values.items()}
+
+    @property
+    def values_of_law(self) -> dict[str, float | None]:
+        """What its law takes beside the values that every joint has."""
+        pairs = {key: getattr(self, key) for key in ("friction", "tangential_stiffness")}
+        along_y = {f"{key}_y": value[1] for key, value in pairs.items() if isinstance(value, tuple)}
+        return {**{key: getattr(self, key) for key in OWN}, **along_y}
+
+    @property
     def lacking(self) -> list[str]:
         """What a model file does not state of two surfaces in contact, and a joint needs."""
         return [key for key in ("friction", "tangential_stiffness", "normal_stiffness", "gap") if getattr(self, key) is None]
@@ -165,3 +194,10 @@ class Joint(Table):
             raise ValueError(f"gap = {self.gap:g}: the distance from a plane is that of the mesh; leave it out")
         if self.against == "ground" and self.gap == "geometry":
             raise ValueError('gap = "geometry": ground has the shape of the surface; state a number, or against = "plane"')
+
+
+def _along_x(value: float | str | tuple[float, float] | None) -> float:
+    """Return a number, of two the first; 0 of a word or nothing."""
+    if isinstance(value, tuple):
+        return value[0]
+    return 0.0 if value is None or isinstance(value, str) else value

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
+from .matrix_names import KEYS as MATRICES
+from .matrix_names import split_name
 from .table import Direction, Name, NotNegative, Positive, Six, Table, ThreePositive, Vector, any_of, no_duplicates
+from .units import UNITS as UNIT_SETS
 
 _PARALLEL = 1e-6  # sine of the angle between directions that span no plane
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
@@ -43,6 +47,18 @@ class Model(Table):
     )
     axis: Direction | None = Field(None, description="the direction of the axis of rotation, three numbers [x, y, z], not all 0")
     axis_point: Vector = Field((0.0, 0.0, 0.0), description="a point of the axis of rotation, three coordinates [x, y, z] in m")
+
+    @property
+    def metres(self) -> float:
+        """How long a unit of the mesh is [m]."""
+        return self.scale if self.units is None else UNIT_SETS[self.units].length
+
+    @property
+    def matrices(self) -> dict[str, tuple[Path, str | None]]:
+        """The file of each matrix that is stated, and its name there where it has one."""
+        stated = {key: file for key in MATRICES if (file := getattr(self, key)) is not None}
+        split = {key: split_name(file, self._folder) for key, file in stated.items()}
+        return {key: (self._folder / file, name) for key, (file, name) in split.items()}
 
     @model_validator(mode="after")
     def _mesh_or_matrices(self):
@@ -100,6 +116,13 @@ class Material(Table):
             )
         if isinstance(self.expansion, tuple) and not self.has_axes:
             raise ValueError("expansion holds three numbers, and the material is isotropic: expected one number in 1/K")
+        if self.has_axes:
+            from .elasticity import elasticity_of  # NumPy, which other scenes are read without
+
+            try:
+                elasticity_of(self.elasticity, self.young, self.poisson, self.shear)
+            except ValueError as problem:
+                raise ValueError(f"there is no such material; {problem}") from None
         return self
 
     @property
@@ -223,6 +246,11 @@ class Tie(Table):
         None, description="the farthest distance in m of a node of the first surface from the second, a number above 0"
     )
 
+    @property
+    def label(self) -> str:
+        """Its name, or what it ties."""
+        return self.name or " to ".join(self.surfaces)
+
     @field_validator("surfaces")
     @classmethod
     def _two_surfaces(cls, surfaces):
@@ -262,6 +290,16 @@ class Point(Table):
     rotational_stiffness: tuple[NotNegative, NotNegative, NotNegative] | None = Field(
         None, description="the springs to ground about x, y and z in N m/rad, three numbers of at least 0"
     )
+
+    @property
+    def springs(self) -> tuple[float, ...]:
+        """Stiffnesses to ground along x, y, z [N/m] and about them [N m/rad]."""
+        return (*(self.stiffness or (0.0,) * 3), *(self.rotational_stiffness or (0.0,) * 3))
+
+    @property
+    def whole_inertia(self) -> tuple[float, ...]:
+        """Moments of inertia xx, yy, zz, xy, yz, zx [kg m2]."""
+        return (*(self.inertia or ()), *(0.0,) * 6)[:6]
 
     @field_validator("inertia")
     @classmethod

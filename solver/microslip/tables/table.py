@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, cast
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr
 
 from ..messages.words import listed
 from .units import Units, times
@@ -63,6 +64,17 @@ class Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
     QUANTITIES: ClassVar[Mapping[str, str]] = {}  # of keys with a unit: which of ``Units`` it is in a model file
+    _folder: Path = PrivateAttr(default=Path())
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Take the folder that paths are relative to from the context of the validation."""
+        if context:
+            self._folder = context["path"].parent
+
+    def file_of(self, key: str) -> Path | None:
+        """Return the file that a key names, relative to the folder of the scene; None where it names none.  Local."""
+        stated = getattr(self, key)
+        return None if stated is None else self._folder / stated
 
     @classmethod
     def of_file(cls, **keys: Any) -> Self:
@@ -78,8 +90,11 @@ class Table(BaseModel):
         return cast(Self, cls.model_construct(stated, **{**needed, **keys}))
 
     def with_keys(self, **keys: Any) -> Self:
-        """Return the table of a model file with some keys changed.  Local."""
-        return self.model_copy(update=keys)
+        """Return the table with some keys changed, unchecked as those of a model file.  Local."""
+        made = self.model_copy(update=keys)
+        for name in made.__dict__.keys() - type(self).model_fields.keys():
+            del made.__dict__[name]  # what was derived from the keys before
+        return made
 
     def in_si(self, units: Units) -> dict[str, Any]:
         """Return the stated keys of a table of a model file in ``units``, as a scene states them.  Local."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -10,6 +11,7 @@ from .table import Direction, ModeNumber, Name, NotNegative, NotZero, Number, Ra
 
 Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
 Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2", "stress": "Pa", "strain": "1", "contact_force": "N"}
 _PLACES = ("position", "node", "group", "point", "dof")
 _PLACES_OF_OUTPUTS = ("position", "node", "point", "dof")
 _PHASES = ("travelling", "engine_order")
@@ -44,6 +46,22 @@ class Load(Table):
     )
     harmonic: int = Field(1, ge=0, le=10_000, description="the harmonic of the load, a whole number of at least 0")
     phase: float = Field(0.0, description="the phase in rad, a number")
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        """The phase of each of its real shapes [rad]: of the real part and, where there may be one, of the imaginary part.
+
+        A load whose phase varies over the structure is two real shapes, a quarter of a cycle apart: docs/theory.md, section 13.
+        """
+        varies = self.travelling is not None or self.engine_order is not None or self.forces is not None
+        return (self.phase, self.phase + 0.5 * math.pi) if varies else (self.phase,)
+
+    @property
+    def unit(self) -> str:
+        """What a level of this load counts; "1" where the load itself has a unit."""
+        if self.base_acceleration is not None:
+            return "m/s2"
+        return "1" if self.pressure is not None or self.forces is not None else "N"
 
     @model_validator(mode="after")
     def _place(self):
@@ -94,6 +112,16 @@ class Output(Table):
     body: str | None = Field(None, min_length=1, description="the NAME of a table [bodies.NAME], whose stress or strain is meant")
     joint: str | None = Field(None, min_length=1, description="the name of one of [[joints]], whose contact force is meant")
     absolute: bool = Field(False, description="true or false: with the motion of the base, under base_acceleration")
+
+    @property
+    def unit(self) -> str:
+        """What the output is measured in."""
+        return UNITS[self.quantity] if self.rotation is None else UNITS[self.quantity].replace("m", "rad")
+
+    @property
+    def order(self) -> int:
+        """How often it is the derivative of a displacement by time."""
+        return ("velocity", "acceleration").index(self.quantity) + 1 if self.quantity in ("velocity", "acceleration") else 0
 
     @model_validator(mode="after")
     def _place(self):

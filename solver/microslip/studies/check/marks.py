@@ -8,21 +8,22 @@ from ...formats.model import FileModel
 from ...mesh.cut import cuts_through
 from ...mesh.data import Mesh
 from ...mesh.locate import find_node
-from ...mesh.settings import Load, MeshSettings, Output
 from ...mesh.skin import faces_of_group, skin_of_mesh
 from ...mesh.surface import outward_faces
+from ...tables.structure_tables import StructureTables
+from ...tables.vibration import Load, Output
 from .picture import Mark
 
 
-def marks_of_scene(mesh: Mesh, settings: MeshSettings) -> list[Mark]:
+def marks_of_scene(mesh: Mesh, settings: StructureTables) -> list[Mark]:
     """Return joints, ties, bolts, supports, points, loads and outputs of a scene.  Local, rank 0."""
-    marks = [Mark(label=f"joint {one.name}", faces=_faces(mesh, one.surfaces)) for one in settings.joints]
+    marks = [Mark(label=f"joint {one.name}", faces=_faces(mesh, one.groups)) for one in settings.joints]
     if settings.ties:
-        named = settings.ties[0].name if len(settings.ties) == 1 else f"{len(settings.ties)} of them"
+        named = settings.ties[0].label if len(settings.ties) == 1 else f"{len(settings.ties)} of them"
         marks.append(Mark(label=f"ties: {named}", faces=[own for one in settings.ties for own in _faces(mesh, one.surfaces[:1])]))
     bolts = () if settings.statics is None else settings.statics.bolts
     for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
-        marks.append(Mark(label=f"cut of {bolt.name}", points=mesh.points[cut.nodes], marker="s"))
+        marks.append(Mark(label=f"cut of {bolt.label}", points=mesh.points[cut.nodes], marker="s"))
     held = [mesh.node_groups[one.group] for one in settings.supports if one.group in mesh.node_groups]
     if held:
         names = ", ".join(dict.fromkeys(str(one.group) for one in settings.supports if one.group is not None))
@@ -51,7 +52,7 @@ def _mark_at(mesh: Mesh, label: str, one: Load | Output, places: dict) -> Mark |
     return Mark(label=label, points=points, marker="*" if is_load else "o", direction=one.direction if is_load else None)
 
 
-def marks_of_file(mesh: Mesh, file: FileModel, settings: MeshSettings) -> list[Mark]:
+def marks_of_file(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Mark]:
     """Return the groups of faces, what is held, and the points of a model file.  Local, rank 0."""
     skin, of_bodies, held = skin_of_mesh(mesh), set(settings.body_of), {one.group for one in file.supports}
     marks = []
@@ -61,6 +62,7 @@ def marks_of_file(mesh: Mesh, file: FileModel, settings: MeshSettings) -> list[M
             marks.append(Mark(label=f"held: {name}", points=mesh.points[nodes], marker="^"))
         elif len(own) and skin.area[own].sum() < 0.5 * skin.area.sum():
             marks.append(Mark(label=name, faces=list(skin.by_kind(own).values())))
+    metres = settings.model.metres
     return marks + [
-        Mark(label=f"point {one.name}", points=np.array([one.position]) * settings.scale, marker="D") for one in file.connected
+        Mark(label=f"point {one.name}", points=np.array([one.position]) * metres, marker="D") for one in file.connected
     ]

@@ -13,7 +13,6 @@ from ...assembly.matrices import GivenStructure
 from ...guards.memory import Shortage, memory_left, shortage
 from ...library.memory_estimate import MemoryEstimate, estimate_memory
 from ...mesh.data import ContactPairs, DistributedMesh, Mesh
-from ...mesh.settings import MeshSettings
 from ...parallel.agree import on_root
 from ...scene.schema import Scene
 from ...system.memory import gigabytes, peak_memory
@@ -25,13 +24,11 @@ if TYPE_CHECKING:
 _MIB = 1024.0**2
 
 
-def memory_of_mesh(
-    scene: Scene, dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings, so_far: float
-) -> list[str]:
+def memory_of_mesh(scene: Scene, dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, so_far: float) -> list[str]:
     """Return lines on the memory of a run of a scene with a mesh, which took ``so_far`` bytes on this rank.  Collective."""
     constraints = None
-    if settings.ties or settings.points or settings.has_equations or settings.attached:
-        is_fixed, _, _, _, _, links, clusters = on_root(dmesh.comm, read_off, mesh, pairs, settings)
+    if scene.ties or scene.points or scene.has_equations or scene.attached:
+        is_fixed, _, _, _, _, links, clusters = on_root(dmesh.comm, read_off, mesh, pairs, scene)
         constraints = None if links.is_empty else constrain(dmesh, links, is_fixed, *clusters)
     return _lines(scene, coupling_of_nodes(dmesh, pairs, constraints), pairs.n_pairs, so_far, dmesh.comm)
 

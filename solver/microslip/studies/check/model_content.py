@@ -9,7 +9,6 @@ import numpy as np
 
 from ... import elements
 from ...formats.model import FileModel, Finding
-from ...mesh import settings as mesh_settings
 from ...mesh.data import Mesh
 from ...mesh.skin import faces_of_group, skin_of_mesh
 from ...messages.words import place
@@ -34,7 +33,7 @@ def elements_of(mesh: Mesh) -> str:
     return ", ".join(f"{n} {kind}" for kind, n in counts.items())
 
 
-def volumes(mesh: Mesh, of_scene: Mapping[str, mesh_settings.Body]) -> dict[str, float]:
+def volumes(mesh: Mesh, of_scene: Mapping[str, Body]) -> dict[str, float]:
     """Return the volume of each body [m3].  Local, rank 0."""
     of_group = dict.fromkeys((body.group for body in of_scene.values()), 0.0)
     for block in mesh.elements:
@@ -42,19 +41,22 @@ def volumes(mesh: Mesh, of_scene: Mapping[str, mesh_settings.Body]) -> dict[str,
     return {name: of_group[body.group] for name, body in of_scene.items()}
 
 
-def mass(volume: Mapping[str, float], of_scene: Mapping[str, mesh_settings.Body]) -> float:
+def mass(volume: Mapping[str, float], density: Mapping[str, float]) -> float:
     """Return the mass of all bodies [kg].  Local."""
-    return sum(volume[name] * body.density for name, body in of_scene.items())
+    return sum(volume[name] * density[name] for name in volume)
 
 
-def bodies(mesh: Mesh, of_scene: Mapping[str, mesh_settings.Body], volume: Mapping[str, float]) -> list[str]:
-    """Return a line for each body with its volume and mass, and one for all of them.  Local, rank 0."""
+def bodies(mesh: Mesh, of_scene: Mapping[str, Body], volume: Mapping[str, float], density: Mapping[str, float]) -> list[str]:
+    """Return a line for each body with its volume and mass, and one for all of them; a density that is NaN is not known.
+
+    Local, rank 0.
+    """
     found = []
     for name, body in of_scene.items():
         held = ", ".join(f"{len(block.nodes)} {block.kind}" for block in mesh.elements if block.group == body.group)
         group = "" if name == body.group else f" (group {body.group})"
-        found.append(f"{name}{group}: {held}, {volume[name]:.6g} m3{_kilograms(volume[name] * body.density)}")
-    in_all = f"{sum(volume.values()):.6g} m3{_kilograms(mass(volume, of_scene))} in all"
+        found.append(f"{name}{group}: {held}, {volume[name]:.6g} m3{_kilograms(volume[name] * density[name])}")
+    in_all = f"{sum(volume.values()):.6g} m3{_kilograms(mass(volume, density))} in all"
     return table("bodies", found) + (table("", [in_all]) if len(found) > 1 else [])
 
 
@@ -62,7 +64,7 @@ def _kilograms(mass: float) -> str:
     return "" if np.isnan(mass) else f", {mass:.6g} kg"
 
 
-def groups(mesh: Mesh, of_scene: Mapping[str, mesh_settings.Body]) -> list[str]:
+def groups(mesh: Mesh, of_scene: Mapping[str, Body]) -> list[str]:
     """Return a line for each named group that is no body: its nodes, and the outer faces that it names or holds.  Local."""
     skin, of_bodies = skin_of_mesh(mesh), {body.group for body in of_scene.values()}
     found = []

@@ -10,13 +10,13 @@ from ...formats.model import FileModel
 from ...formats.read import read_model
 from ...mesh.connected import connected_parts
 from ...mesh.data import Mesh
-from ...mesh.settings import MeshSettings
 from ...messages.words import place
 from ...parallel.agree import on_root
+from ...tables.structure_tables import StructureTables
 from ...tables.units import UNITS
 from . import model_content as content
 from .marks import marks_of_file
-from .model_mesh import likely_units, whole_mesh
+from .model_mesh import densities_of, likely_units, whole_mesh
 from .picture import draw
 from .plausible import SI, suspicion
 
@@ -46,19 +46,19 @@ def _lines(path: str, out: Path | None) -> list[str]:
     return lines + ([] if out is None else draw(out, mesh, marks_of_file(mesh, file, settings), Path(path).name))
 
 
-def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: MeshSettings, units: str) -> list[str]:
+def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTables, units: str) -> list[str]:
     """Return lines on all that a file holds, in SI units if the file is in ``units``.  Local, rank 0."""
     _, parts = connected_parts(mesh, settings.body_of)
     volume = content.volumes(mesh, settings.bodies)
     metres, taken = UNITS[units].length, "metres" if units == SI else f'"{units}"' if file.materials else "millimetres"
-    suspected = suspicion(mesh.diagonal / metres, file.materials, UNITS[SI], _mass_in_si(volume, file, settings, metres))
+    suspected = suspicion(mesh.diagonal / metres, file.materials, UNITS[SI], _mass_in_si(volume, file, metres))
     return [
         f"model      {path}: {len(file.points)} nodes, {content.elements_of(mesh)}; {len(parts)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m, if it is in {taken}",
         *([f"           {suspected}"] if suspected else []),
         *(f"           {note}" for note in mesh.notes),
         *content.facts(file),
-        *content.bodies(mesh, settings.bodies, volume),
+        *content.bodies(mesh, settings.bodies, volume, densities_of(file, UNITS[units])),
         *content.materials(file, UNITS[units]),
         *content.axes(file.orientations, file.bodies, UNITS[units].length),
         *content.groups(mesh, settings.bodies),
@@ -68,10 +68,6 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: MeshSettings
     ]
 
 
-def _mass_in_si(volume: Mapping[str, float], file: FileModel, settings: MeshSettings, metres: float) -> float:
+def _mass_in_si(volume: Mapping[str, float], file: FileModel, metres: float) -> float:
     """Return the mass that the file would have if its numbers were SI [kg]; NaN where a density is not known."""
-    material = {name: file.materials.get(body.material) for name, body in file.bodies.items()}
-    densities = {name: getattr(material.get(name), "density", None) for name in settings.bodies}
-    if None in densities.values():
-        return float("nan")
-    return sum(float(density) * volume[name] / metres**3 for name, density in densities.items() if density is not None)
+    return content.mass({name: own / metres**3 for name, own in volume.items()}, densities_of(file, UNITS[SI]))

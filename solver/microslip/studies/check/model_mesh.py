@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from ...elements import Isotropic
 from ...formats.model import KINDS, FileModel, Group
 from ...mesh.data import Mesh
 from ...mesh.read import read_mesh
-from ...mesh.settings import Body, MeshSettings
 from ...messages.errors import MeshError
+from ...tables.structure import Body, Model
+from ...tables.structure_tables import StructureTables
 from ...tables.units import UNITS, Units
 from .plausible import SI, better_units, suspicion
 
 
-def whole_mesh(path: str, file: FileModel, units: Units) -> tuple[Mesh, MeshSettings]:
-    """Return the mesh of all bodies of a model file in metres, and the settings that it was read by.  Local, rank 0.
-
-    The density of a body is NaN where the file does not state it, and its elastic constants are.
+def whole_mesh(path: str, file: FileModel, units: Units) -> tuple[Mesh, StructureTables]:
+    """Return the mesh of all bodies of a model file in metres, and the tables that it was read by.  Local, rank 0.
 
     Raises
     ------
     MeshError : no volume elements, some in no named group, or of kinds that this program does not have
     """
-    bodies = {name: _body(file, name, group, units) for name, group in bodies_of(file).items()}
+    bodies = {name: Body.of_file(group=group) for name, group in bodies_of(file).items()}
     if not bodies:
         raise MeshError(f"{path}: {_no_bodies(file)}")
-    settings = MeshSettings(file=Path(path), stated=str(path), scale=units.length, bodies=bodies)
-    return read_mesh(settings, file), settings
+    model = Model.of_file(mesh=str(path), scale=units.length, take=())
+    tables = StructureTables.of_file(model=model, bodies=bodies)
+    return read_mesh(tables, file), tables
+
+
+def densities_of(file: FileModel, units: Units) -> dict[str, float]:
+    """Return the density of each body in kg/m3, NaN where the file does not state it.  Local."""
+    known = {name: file.materials.get(body.material) for name, body in file.bodies.items()}
+    stated = {name: None if one is None else one.density for name, one in known.items()}
+    return {name: np.nan if (rho := stated.get(name)) is None else rho * units.density for name in bodies_of(file)}
 
 
 def likely_units(path: str, file: FileModel) -> str:
@@ -75,13 +79,6 @@ def solids_of(file: FileModel, group: Group) -> np.ndarray:
 
 def _is_solid(kind: str) -> bool:
     return KINDS.get(kind, (0, 0))[0] == 3
-
-
-def _body(file: FileModel, name: str, group: str, units: Units) -> Body:
-    own = file.bodies.get(name)
-    material = file.materials.get(own.material) if own is not None else None
-    density = np.nan if material is None or material.density is None else material.density
-    return Body(group=group, material=Isotropic(np.nan, np.nan), density=density * units.density)
 
 
 def _no_bodies(file: FileModel) -> str:

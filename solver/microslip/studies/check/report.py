@@ -11,15 +11,15 @@ from ...assembly.matrices import GivenStructure
 from ...contact.laws import ELASTIC_COULOMB
 from ...continuation.accuracy import MOST_HARMONICS
 from ...formats.model import FileModel
-from ...library.settings import mesh_settings, reduction_settings, response_settings
+from ...library.settings import reduction_settings, response_settings
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
-from ...mesh.settings import Mass, MeshSettings, Spring
 from ...messages.words import place
 from ...modes.limits import FEW, refuse_too_many
 from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
 from ...scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
+from ...tables.structure import Mass, Spring
 from ...tables.units import UNITS
 from . import model_content as content
 from .plausible import SI, suspicion
@@ -36,9 +36,9 @@ def description(
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    settings = mesh_settings(scene)
-    is_fixed, _, part_names, loads, outputs, links, _ = read_off(mesh, pairs, settings)
-    volume = content.volumes(mesh, settings.bodies)
+    is_fixed, _, part_names, loads, outputs, links, _ = read_off(mesh, pairs, scene)
+    volume = content.volumes(mesh, scene.bodies)
+    density = {name: scene.materials[body.material].density for name, body in scene.bodies.items()}
     n_dependent = int((~is_fixed.ravel()[links.dependent]).sum())
     n_dof = int((~is_fixed).sum()) - n_dependent
     following = f", {n_dependent} that follow ties or points" if n_dependent else ""
@@ -47,22 +47,22 @@ def description(
         f"scene      {scene.source}: no fault found",
         f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(part_names)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
-        *_suspected(scene, file, mesh, stated, content.mass(volume, settings.bodies)),
+        *_suspected(scene, file, mesh, stated, content.mass(volume, density)),
         *(f"           {note}" for note in (*of_file, *mesh.notes)),
         *content.facts(file),
-        *content.bodies(mesh, settings.bodies, volume),
+        *content.bodies(mesh, scene.bodies, volume, density),
         *_materials(scene),
         *content.axes(scene.orientations, scene.bodies),
-        *content.groups(mesh, settings.bodies),
-        *_supports(mesh, settings),
-        *content.table("masses", [_mass(one) for one in settings.masses]),
-        *content.table("springs", [content.spring(_ends(one), one.stiffness, one.damping) for one in settings.springs]),
+        *content.groups(mesh, scene.bodies),
+        *_supports(mesh, scene),
+        *content.table("masses", [_mass(one) for one in scene.masses]),
+        *content.table("springs", [content.spring(_ends(one), one.stiffness, one.damping) for one in scene.springs]),
         *content.table("equations", [] if mesh.equations is None else [f"{len(mesh.equations.where)} of the file"]),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
         *_joints(pairs),
         *(f"           {note}" for note in pairs.notes),
-        *_bolts(mesh, settings),
+        *_bolts(mesh, scene),
         *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, loads), 1)),
         *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, outputs)),
         *_solution(scene, n_dof, pairs.n_pairs),
@@ -99,23 +99,23 @@ def _materials(scene: Scene) -> list[str]:
     return content.table("materials", lines)
 
 
-def _supports(mesh: Mesh, settings: MeshSettings) -> list[str]:
+def _supports(mesh: Mesh, scene: Scene) -> list[str]:
     """Return a line for each support."""
     held = [
         f"{one.point or one.group}: {', '.join(one.fix)}"
         + (f", {len(mesh.node_groups[one.group])} nodes" if one.group in mesh.node_groups else "")
-        for one in settings.supports
+        for one in scene.supports
     ]
     return content.table("supports", held)
 
 
-def _bolts(mesh: Mesh, settings: MeshSettings) -> list[str]:
+def _bolts(mesh: Mesh, scene: Scene) -> list[str]:
     """Return a line for each bolt.  Local, rank 0."""
-    bolts = () if settings.statics is None else settings.statics.bolts
+    bolts = () if scene.statics is None else scene.statics.bolts
     lines = []
     for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
         across = place(np.round(cut.normal, 4) + 0.0)
-        lines.append(f"bolt       {bolt.name}: a cut of {cut.area:.4g} m2 with {len(cut.nodes)} nodes, across {across}")
+        lines.append(f"bolt       {bolt.label}: a cut of {cut.area:.4g} m2 with {len(cut.nodes)} nodes, across {across}")
     return lines
 
 

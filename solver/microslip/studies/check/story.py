@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from ...assembly.check import check_elements
 from ...assembly.matrices import read_structure
 from ...library.complete import read_completed
-from ...library.settings import matrix_settings, mesh_settings
 from ...mesh.pairing import pair_contacts
 from ...mesh.partition import distribute
 from ...mesh.read import read_mesh
@@ -34,20 +33,19 @@ def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
     CaseError, MeshError : on every rank
     """
     if scene.model.mesh is None:
-        given = on_root(comm, lambda: read_structure(matrix_settings(scene)), share=False)
+        given = on_root(comm, read_structure, scene, share=False)
         lines = on_root(comm, description_of_matrices, scene, given)
         lines += memory_of_matrices(scene, given, comm)
     else:
         stated = tuple(scene.materials)
         file, scene, notes = read_completed(scene, comm)
-        settings = mesh_settings(scene)
-        mesh = on_root(comm, read_mesh, settings, file, share=False)
-        pairs = on_root(comm, pair_contacts, mesh, settings.joints)
-        dmesh, so_far = distribute(mesh, settings, comm), peak_memory()
-        check_elements(dmesh, settings)
+        mesh = on_root(comm, read_mesh, scene, file, share=False)
+        pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+        dmesh, so_far = distribute(mesh, scene, comm), peak_memory()
+        check_elements(dmesh, scene)
         lines = on_root(comm, description, scene, file, mesh, pairs, notes, stated)
-        lines += memory_of_mesh(scene, dmesh, mesh, pairs, settings, so_far)
+        lines += memory_of_mesh(scene, dmesh, mesh, pairs, so_far)
         if out is not None:
-            lines += on_root(comm, lambda: draw(out, mesh, marks_of_scene(mesh, settings), scene.title or scene.name))
+            lines += on_root(comm, lambda: draw(out, mesh, marks_of_scene(mesh, scene), scene.title or scene.name))
     if comm.rank == 0:
         print("\n".join(lines))

@@ -13,11 +13,12 @@ from scipy.spatial import cKDTree
 from ...formats.model import FileModel
 from ...mesh.data import FaceBlock, Mesh
 from ...mesh.matching import TOLERANCE
-from ...mesh.settings import MeshSettings, TouchingFaces
 from ...mesh.skin import Skin, faces_of_group, groups_of_bodies, skin_of_mesh
 from ...mesh.surface import surface_of
 from ...mesh.touching import TURNED, Touching, find_touching
 from ...messages.errors import MeshError
+from ...tables.structure import Surface
+from ...tables.structure_tables import StructureTables
 
 _MOST = 0.9  # of the area of one of two named surfaces must lie on the other
 _APART = 0.01  # of the size of the faces: surfaces farther apart than that do not touch yet
@@ -29,7 +30,7 @@ class Candidate:
 
     name: str
     surfaces: tuple[str, str]
-    made: tuple[TouchingFaces, ...] = ()  # that make groups of these names; none: the file has them
+    made: tuple[Surface, ...] = ()  # that make groups of these names; none: the file has them
     n_faces: tuple[int, int]
     area: float  # m2, of the first that lies on the second
     gap: float  # m, its mean
@@ -50,7 +51,7 @@ class Candidate:
         return f"{' on '.join(self.surfaces)}: {self.n_faces[0]} faces on {self.n_faces[1]}, {self.area:.4g} m2, {apart}, {nodes}"
 
 
-def find_candidates(mesh: Mesh, file: FileModel, settings: MeshSettings) -> list[Candidate]:
+def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Candidate]:
     """Return the candidates, those with names of the file first, and those whose bodies are joined already or apart last.
 
     Local, rank 0.  Surfaces that the file ties are none.
@@ -197,8 +198,8 @@ def _unnamed(mesh: Mesh, skin: Skin, touching: Touching, names: list[str], taken
             surfaces = _new_names(stems if a != b else (f"{names[a]}_one_side", f"{names[a]}_other_side"), taken)
             back = None if normal is None else (-normal[0] + 0.0, -normal[1] + 0.0, -normal[2] + 0.0)
             made = (
-                TouchingFaces(name=surfaces[0], bodies=(names[a], names[b]), normal=normal),
-                TouchingFaces(name=surfaces[1], bodies=(names[b], names[a]), normal=back),
+                Surface.of_file(name=surfaces[0], bodies=(names[a], names[b]), normal=normal),
+                Surface.of_file(name=surfaces[1], bodies=(names[b], names[a]), normal=back),
             )
             found.append(_candidate(skin, touching, surfaces, side, other, made))
     return found

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from ...formats.model import FileModel
 from ...mesh.data import Mesh
-from ...mesh.settings import MeshSettings
+from ...tables.structure_tables import StructureTables
 
 # how names begin, or parts of them do, that say a group is held
 _HELD = ("clamp", "fix", "support", "held", "encastre", "encast", "ground", "wall", "spc", "base", "built", "mount", "root")
@@ -26,7 +26,7 @@ class Place:
     direction: tuple[float, float, float]
 
 
-def held_groups(mesh: Mesh, file: FileModel, settings: MeshSettings, used: Iterable[str]) -> tuple[list[str], list[str]]:
+def held_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: Iterable[str]) -> tuple[list[str], list[str]]:
     """Return the groups whose names say that they are held, and the others that may be.  Local.
 
     Both are empty where the file itself holds something.  ``used`` are groups that do something else.

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 from ...formats.model import FileModel, Finding, LoadsAtRest
 from ...mesh.data import Mesh
-from ...mesh.settings import MeshSettings, TouchingFaces
 from ...scene.toml_text import key_text, value_text
 from ...tables.joint import Joint
-from ...tables.structure import Material
+from ...tables.structure import Material, Surface
+from ...tables.structure_tables import StructureTables
 from ...tables.units import UNITS
 from .candidates import Candidate
 from .places import Place
@@ -27,7 +27,7 @@ class First:
     scale: float | None  # m per unit of a file without units; None: metres
     mesh: Mesh
     file: FileModel
-    settings: MeshSettings
+    settings: StructureTables
     candidates: list[Candidate]
     held: list[str]  # groups
     may_be_held: list[str]
@@ -230,7 +230,7 @@ def _tie(one: Candidate, finding: Finding) -> str:
     return "\n".join(lines)
 
 
-def _surface(one: TouchingFaces) -> str:
+def _surface(one: Surface) -> str:
     lines = [
         "[[surfaces]]",
         _line("name", _quoted(one.name)),
