@@ -96,7 +96,7 @@ def main() -> None:
     options.ranks = dict(options.ranks)
     options.out.mkdir(parents=True, exist_ok=True)
     file = options.out / "scaling.json"
-    found = json.loads(file.read_text()) if options.again else {"sizes": measured(options), "machine": machine.facts()}
+    found: dict = json.loads(file.read_text()) if options.again else {"sizes": measured(options), "machine": machine.facts()}
     file.write_text(json.dumps(found, indent=1))
     page = {**tables(found["sizes"]), "machine": [f"- {line}" for line in machine.lines(found["machine"])]}
     put(Path("docs/scaling.md"), page)
