@@ -21,7 +21,7 @@ import time
 from functools import partial
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parent))
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "bench")]
 
 from microslip.parallel.petsc import initialise
 
