@@ -5,9 +5,11 @@
 # make ranks  all of tests/**/test_mpi_*.py on three ranks, or on as many as one says (make ranks RANKS=5)
 # make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than a
 #             second) and those of the program, the oracles, the benchmarks and the verification studies
+# make sanitize   the compiled kernels under the address and undefined-behaviour sanitizers of gcc: their rooms' tests
+# make coverage   lines that the tests of one rank run, or those of some folders: make coverage TESTS=tests/contact
 # make setup  the set-up alone        make docs  the documentation        make clean  back to the sources
 
-.PHONY: demo test ranks quick setup docs clean
+.PHONY: demo test ranks quick sanitize coverage setup docs clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -50,12 +52,15 @@ RANKS = 3
 # whole runs and responses, which show on three ranks what they show on two
 STORIES = cli continuation library reduction statics studies verification
 ON_RANKS = $(PYTEST) -p no:cacheprovider -p no:xdist
+ON_ONE = $(IN_VENV) $(ON_RANKS)
 ONE_RANK = $(IN_VENV) $(PYTEST) --numprocesses $(WORKERS) --dist worksteal
 
-test: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
+test: $(VENV)/installed $(VENV)/test-tools $(VENV)/docs-tools meshes/fan_small.msh
 	$(IN_VENV) -m ruff check .
 	$(IN_VENV) -m ruff format --check .
 	$(IN_VENV) -m mypy
+	@echo "documentation"
+	@$(SPHINX) -q
 	@echo "tests on 3 ranks"
 	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) \
 		$$(find tests -name 'test_mpi_*.py' $(STORIES:%=-not -path 'tests/%/*') | sort)
@@ -71,8 +76,27 @@ quick: $(VENV)/installed $(VENV)/test-tools
 	$(IN_VENV) -m ruff format --check .
 	$(ONE_RANK) -m "not slow" $(addprefix --ignore=tests/,bench cli oracles/test_oracles.py verification)
 
+SPHINX = $(IN_VENV) -m sphinx -W --keep-going -b html docs docs/_build/html
+
+# A copy of the package is built with the sanitizers; Python itself is not, so that their libraries are loaded before it.  Python
+# frees little at its end: leaks are not looked for.
+SANITIZED = $(CURDIR)/build/sanitize
+SANITIZERS = -fsanitize=address,undefined -fno-sanitize-recover=undefined
+sanitize: $(VENV)/installed $(VENV)/test-tools
+	rm -rf $(SANITIZED) && mkdir -p $(SANITIZED) && cp -r solver setup.py pyproject.toml README.md $(SANITIZED)
+	find $(SANITIZED) -name '*.so' -delete
+	cd $(SANITIZED) && CFLAGS="$(SANITIZERS) -g" LDFLAGS="$(SANITIZERS)" $(CURDIR)/$(IN_VENV) setup.py -q build_ext --inplace
+	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" ASAN_OPTIONS=detect_leaks=0 \
+		PYTHONPATH=$(SANITIZED)/solver $(ON_ONE) tests/contact tests/receptance
+
+TESTS = tests
+coverage: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
+	$(PIP) coverage
+	$(IN_VENV) -m coverage run --source=solver/microslip -m pytest -q --color=no -p no:cacheprovider -p no:xdist $(TESTS)
+	$(IN_VENV) -m coverage report --skip-covered --sort=cover
+
 docs: $(VENV)/installed $(VENV)/docs-tools
-	$(IN_VENV) -m sphinx -W --keep-going -b html docs docs/_build/html
+	$(SPHINX)
 	@echo "The documentation is here: docs/_build/html/index.html"
 
 setup: $(VENV)/installed
