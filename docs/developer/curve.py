@@ -35,7 +35,7 @@ SCENE = Path(__file__).parents[2] / "jobs" / "fan_small.toml"
 
 
 def curve(level=5.0, n_modes=20, points=24, comm=None, show=print):
-    """Return the branch of a level [N]: its points, each with omega, the motion U of the pairs and the response of the outputs."""
+    """Return the branch of a level [N]: its points, each with omega, the motion U of the pairs and the outputs' response."""
     comm = comm or everyone()
 
     # what the scene asks for becomes the settings of each stage; from here on no stage knows the scene
@@ -59,7 +59,7 @@ def curve(level=5.0, n_modes=20, points=24, comm=None, show=print):
     show(f"omega_n {modes.omega_n.shape}, rows of phi on this rank {modes.phi_owned.shape}")
 
     # by the scene's method, receptance: G_n of the pairs; under its loads and with its harmonics the reduced model
-    stuck = StuckStructure(linearised, pairs, statics, modes)
+    stuck = StuckStructure.of(linearised, pairs, statics, modes)
     reduction = reduce_by_method(stuck, reduction_settings(scene))
     model = ReducedModel.of(reduction.structure, excitation(scene))
     show(f"reduced: {model.n_pairs} pairs, {model.n_modes} modes, U ({3 * model.n_pairs}, {model.N_H})")
