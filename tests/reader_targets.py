@@ -8,7 +8,6 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,6 +37,7 @@ from microslip.restart.setup import left_out_of, modes_of, observed_of, outline_
 from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results, refuse_deadly
 from microslip.scene.read import read_scene
+from microslip.tables.joint import Joint
 
 MOST_SECONDS = 5.0  # of the processor, for any file of 64 kB
 _NUMBERS = (
@@ -108,7 +108,7 @@ def _forces(path: Path) -> Any:
 
 def _node_pairs(path: Path) -> Any:
     mesh = Mesh("model.msh", np.eye(3), np.array([1, 2, 5]), (), (), {})
-    return listed_nodes(mesh, SimpleNamespace(name="joint", node_pairs=path))
+    return listed_nodes(mesh, Joint.of_file(name="joint", node_pairs=str(path)))
 
 
 def _parameters(path: Path) -> Any:

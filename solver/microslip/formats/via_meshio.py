@@ -88,11 +88,24 @@ def _fields(mesh) -> dict[str, np.ndarray]:
 
 
 def load_meshio():
-    """Return meshio, completed: version 5.3 knows the nodes of quadratic wedges and pyramids, but not that they are solids."""
+    """Return meshio, completed where its cells of quadratic wedges and pyramids cannot be made.  Local.
+
+    Version 5.3 reads their nodes, but its table of dimensions lacks them, and it has no public way to add a kind.
+
+    Raises
+    ------
+    MeshError : a version that neither knows these cells nor has that table
+    """
     import meshio
 
-    for kind in ("wedge15", "pyramid13"):
-        meshio._mesh.topological_dimension.setdefault(kind, 3)
+    for kind, n_nodes in (("wedge15", 15), ("pyramid13", 13)):
+        try:
+            meshio.CellBlock(kind, np.zeros((0, n_nodes), dtype=np.int64))
+        except KeyError:
+            dimensions = getattr(getattr(meshio, "_mesh", None), "topological_dimension", None)
+            if not isinstance(dimensions, dict):
+                raise MeshError(f"meshio {meshio.__version__} has no cells {kind}; install meshio 5.3") from None
+            dimensions[kind] = 3
     return meshio
 
 
@@ -102,7 +115,7 @@ def _read_quietly(path: str, file_format: str):
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), np.errstate(all="ignore"):
             mesh = load_meshio().read(path, file_format=file_format)
-    except (KeyboardInterrupt, MemoryError):
+    except (KeyboardInterrupt, MemoryError, MeshError):
         raise
     except ImportError:
         raise MeshError("this format needs meshio; install it: pip install meshio") from None

@@ -1,0 +1,48 @@
+"""Cells that meshio 5.3 reads and cannot hold: completed where that is needed, refused in words where it cannot be done."""
+
+import numpy as np
+import pytest
+
+meshio = pytest.importorskip("meshio")
+
+from microslip.formats.read import read_model
+from microslip.formats.via_meshio import load_meshio
+from microslip.messages.errors import MeshError
+
+KINDS = {"wedge15": 15, "pyramid13": 13}
+TABLE = meshio._mesh.topological_dimension
+
+
+def without_them(monkeypatch):
+    for kind in KINDS:
+        monkeypatch.delitem(TABLE, kind, raising=False)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_quadratic_wedges_and_pyramids_are_read(tmp_path, monkeypatch, kind):
+    without_them(monkeypatch)
+    with pytest.raises(KeyError):
+        meshio.CellBlock(kind, np.zeros((0, KINDS[kind]), dtype=np.int64))
+    points = np.arange(3.0 * KINDS[kind]).reshape(-1, 3)
+    load_meshio().Mesh(points, [(kind, [np.arange(KINDS[kind])])]).write(tmp_path / "one.vtu")
+    without_them(monkeypatch)
+    (cells,) = read_model(tmp_path / "one.vtu").cells
+    assert (cells.kind, cells.nodes.shape) == (kind, (1, KINDS[kind]))
+
+
+def test_a_version_that_knows_the_cells_is_left_alone(monkeypatch):
+    without_them(monkeypatch)
+    monkeypatch.setattr(meshio, "CellBlock", lambda kind, nodes: None)
+    load_meshio()
+    assert not TABLE.keys() & KINDS.keys()
+
+
+def test_a_version_without_its_table_is_refused_in_words(tmp_path, monkeypatch):
+    path = tmp_path / "one.vtu"
+    load_meshio().Mesh(np.eye(4)[:, :3], [("tetra", [[0, 1, 2, 3]])]).write(path)
+    without_them(monkeypatch)
+    table = dict(TABLE)
+    monkeypatch.setattr(meshio, "CellBlock", lambda kind, nodes: table[kind])
+    monkeypatch.delattr(meshio._mesh, "topological_dimension")
+    with pytest.raises(MeshError, match=r"meshio [\d.]+ has no cells wedge15; install meshio 5.3"):
+        read_model(path)
