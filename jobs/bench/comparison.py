@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import machine
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from page_tables import put, table
 
 ARC, REFERENCE, CONDENSED = "receptance, by arc length", "receptance", "condensed full set, dense"
 RUBIN, RUBIN_BOUND = "plain Rubin, dense", "one LU of plain Rubin's size"
@@ -153,22 +153,19 @@ class Comparison:
 
     # -- files --------------------------------------------------------------------------------------------------------
 
-    def write(self, head: list[str], folder: Path) -> str:
-        """Write table, numbers and plot; return the page with the table."""
+    def write(self, head: list[str], folder: Path) -> list[str]:
+        """Write the tables of bench_methods.md, the numbers and the plot; return the table of all methods and levels."""
         folder.mkdir(parents=True, exist_ok=True)
         found = list(self.records())
-        lines = ["| " + " | ".join(TITLES) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(TITLES) - 2)) + " |"]
-        lines += ["| " + " | ".join(cells(record)) + " |" for record in found]
-        picture = "![Time a point by method and level, and differences along the highest level](img/bench_methods.png)"
-        text = machine.page("Methods side by side", [meaning(found), "", picture], head)
-        text += "\n".join(["", "## Method by method", "", *lines, ""])
-        (folder / "bench_methods.md").write_text(text)
+        methods = table(TITLES, map(cells, found), words=2)
+        page = {"summary": summary(found), "machine": [f"- {line}" for line in head], "methods": methods}
+        put(folder / "bench_methods.md", page)
         with open(folder / "bench_methods.csv", "w", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS)
             writer.writeheader()
             writer.writerows(found)
         self.draw(folder / "img" / "bench_methods.png")
-        return text
+        return methods
 
     def draw(self, path: Path) -> None:
         """Draw time a point by level and method, and the differences along the strongest level."""
@@ -196,20 +193,15 @@ class Comparison:
         plt.close(figure)
 
 
-def meaning(records: list[dict]) -> str:
-    """Say in sentences what the records of all levels together show."""
-    last = {record["method"]: record for record in records}
-    fast, adaptive, energy = (last[method] for method in (REFERENCE, "adaptive", "adaptive-energy"))
-    rubin = RUBIN if RUBIN in last else RUBIN_BOUND
-    return (
-        f"A point of these curves takes {number(fast['cpu_ms_a_point'])} ms of processor time with `receptance`, which solves for the pairs "
-        f"that do not stick and leaves none out. Newton over the relative motion of all pairs ({CONDENSED}) takes "
-        f"{number(fast['condensed_over_this'])} times as long and differs by {fast['difference_from_condensed']:.1e} of the peak; with every "
-        f"interface degree of freedom an unknown ({rubin}) it takes {number(fast['rubin_over_this'])} times as long. The methods that decide "
-        f"at one point which pairs may slip at the next differ more: `adaptive` ({number(adaptive['cpu_ms_a_point'])} ms) by "
-        f"{adaptive['difference_from_receptance']:.1e} of the peak, `adaptive-energy` ({number(energy['cpu_ms_a_point'])} ms) by "
-        f"{energy['difference_from_receptance']:.1e}."
-    )
+def summary(records: list[dict]) -> list[str]:
+    """Return the cost and the difference of each method over all levels."""
+    rows = []
+    for record in {record["method"]: record for record in records}.values():
+        costs = [number(record[key]) for key in ("cpu_ms_a_point", "condensed_over_this", "rubin_over_this")]
+        difference = record["difference_from_receptance"]
+        rows.append([record["method"], *costs, "–" if difference != difference else f"{difference:.1e}"])
+    titles = ("method, all levels", "CPU ms a point", "condensed / this", "plain Rubin / this", "difference from `receptance`")
+    return table(titles, rows)
 
 
 def cells(record: dict) -> list[str]:

@@ -3,7 +3,7 @@
     python jobs/bench/methods.py [SCENE.toml] [--levels 1 15] [--points 98] [--dense-points 8] [--rubin-points 2] [--out DIR]
 
 SCENE is jobs/fan_paper.toml unless given; `python jobs/bench/methods.py --out docs` makes the table and the plot of docs/.
-Writes bench_methods.csv, bench_methods.md and img/bench_methods.png in DIR (results/bench).
+Writes bench_methods.csv, the tables of bench_methods.md and img/bench_methods.png in DIR (results/bench).
 
 At each level a run of `receptance` by arc length gives the frequencies.  At those, every method is solved from its own
 last two points: `receptance`, `adaptive`, `adaptive-energy`; the condensed full set by dense Newton (all pairs, relative
@@ -212,7 +212,7 @@ def main() -> None:
         found = at_level(prepared, rubin, level, options.dense_points, options.rubin_points)
         print(f"level {level:g} N: " + ", ".join(f"{row.method} {1e3 * row.mean('cpu'):.3g} ms" for row in found), flush=True)
         rows += found
-    print(Comparison(rows).write(head, options.out))
+    print(*Comparison(rows).write(head, options.out), sep="\n")
 
 
 if __name__ == "__main__":

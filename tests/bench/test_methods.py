@@ -248,5 +248,5 @@ def test_one_command_writes_table_numbers_and_plot(tmp_path, monkeypatch, capsys
     for record in records:
         if record["method"] in (REFERENCE, comparison.ARC):
             assert float(record["difference_from_condensed"]) < 1e-7
-    assert (tmp_path / "out" / "bench_methods.md").read_text().count("| condensed full set, dense |") == 3
+    assert (tmp_path / "out" / "bench_methods.md").read_text().count("| condensed full set, dense |") == 4
     assert (tmp_path / "out" / "img" / "bench_methods.png").stat().st_size > 10_000

@@ -2,6 +2,8 @@
 
 import numpy as np
 import trade_docs
+from page_tables import MARKED
+from sources import ROOT
 
 from microslip.studies.trade.study import BASE, Check, Curve, Reference, Run, Setting, Study
 
@@ -27,21 +29,9 @@ def test_a_section_has_reference_table_sentences_and_choices():
     assert "for 1 %: error 0.4 % measured" in text and "for 0.1 %: not reached" in text
 
 
-def test_the_page_names_its_command_and_has_all_scenes_that_were_run(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for name in ("lap_joint", "spatial"):
-        folder = tmp_path / "results" / f"{name}_trade"
-        folder.mkdir(parents=True)
-        (folder / "trade.png").write_bytes(name.encode())
-        (folder / "section.md").write_text("\n".join(trade_docs.section(f"jobs/{name}.toml", study(), 9.0)))
-    trade_docs.write(1, tmp_path / "docs")
-    page = (tmp_path / "docs" / "trade.md").read_text()
-    assert page.startswith("# Speed against accuracy\n\nMore accuracy costs time")
-    assert "- **A scene**: For 1 %: error 0.4 % measured" in page[: page.index("## How to read the tables")]
-    assert "- `python jobs/bench/trade_docs.py`\n" in page[page.index("## How it was measured") :]
-    assert (
-        page.index("`microslip trade jobs/lap_joint.toml`, 9 s")
-        < page.index("`microslip trade jobs/spatial.toml`")
-        < page.index("## Limits")
-    )
-    assert (tmp_path / "docs" / "img" / "trade_spatial.png").read_bytes() == b"spatial"
+def test_parts_of_a_scene_are_those_of_the_page():
+    page = (ROOT / "docs" / "trade.md").read_text(encoding="utf-8")
+    parts = {name: text for scene in trade_docs.SCENES for name, text in trade_docs.of_scene(scene, study(), 9.0).items()}
+    assert {*parts, "machine"} == {name for _, name, _ in MARKED.findall(page)}
+    assert parts["spatial-short"][0].startswith("- **A scene**: For 1 %: error 0.4 % measured")
+    assert parts["spatial"][0].startswith("`microslip trade jobs/spatial.toml`, 9 s")

@@ -1,4 +1,4 @@
-"""docs/extremes.md and its pictures from the outcomes of the battery."""
+"""The tables of docs/extremes.md and its pictures, from the outcomes of the battery."""
 
 from __future__ import annotations
 
@@ -19,82 +19,27 @@ from verification.extreme_run import DEFECT, FAILED, REFUSED, SOLVED, WRONG
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "jobs" / "bench"))
 import machine
+from page_tables import put, table
 
 COMMAND = "PYTHONPATH=solver:tests python tests/verification/extremes.py --docs docs"
 COLOURS = {SOLVED: "tab:green", REFUSED: "tab:blue", FAILED: "tab:orange", WRONG: "tab:red", DEFECT: "k"}
-ABOUT = """
-Each case is a small scene of matrices run by the stages of `microslip run`, one of its dimensions, or a random combination, at the end of its range. Every point that
-comes back is judged by an evaluation of its own (`tests/oracles/point_check.py`): from M, C, K, R, loads and pair parameters alone, with dense algebra refined in extended
-precision and its own march of the contact law, none of it the program's. A case is **solved** if every level reached the end of its range and every point passed, and so did what the case
-expects besides (the linear, frictionless or open structure, the exact Jenkins mass, or itself in other units to 1e-9); **refused** if the program said
-before any point why it would not; **failed** if a branch ended early with a reason, the points it kept being judged like all others; **wrong** if a returned point, or the expectation, is off
-without a word; **defect** if the program broke down or did not end.
-"""
-ERRORS = """
-Errors of a point, each relative, and its bound: {bounds}. `motion` compares the motion of the pairs with that of the full matrices under the returned forces at every harmonic; `force` is what the law at the returned
-motion leaves unbalanced, over the forces; `law` the returned forces against the march; `energy` the closure of work, viscous and friction loss, and `reported` the three against the program's; then `|T| - mu N`
-at every sample, tension, and negative loss of a pair over the most its friction could do and over (2 / N_t)^2, the error of the law's samples.
-"""
-LIMITS = """
-## Limits
-
-The structures are small; modes are not left out except in the methods' own bases, so that truncation is no part of this page ([validation](validation.md) measures it). The judge marches
-the same law along the same straight lines between samples, by formulas of its own: the error of that against continuous time is measured there as well. A point passes if it is *a* solution: where several exist, which one a branch reaches is that of its
-continuation. A level whose branch from the start of its range ended early is followed from the other end as well, and counts as solved where that covers the range; {segments} cases have such a level. Points with the mean slip held by springs (theory, section 5) say so and are judged but for the mean friction force that the springs change; there were {held} of {points}.
-
-**What has no answer.** Damping that feeds energy in, stiffness or mass below zero: no vibration is steady. Resonance without damping: the motion is infinite. A body that neither its springs nor its joint hold: K_L is singular, and any place of the body balances the loads.
-Two of the random cases that fail, 7 and 13, have none either, in the end: a body with gaps in all of its contacts, which nothing else holds. Once it has lifted off for all of the cycle its force is zero wherever it is; its mean runs away (to $10^6$ m and more, beside vibrations of 1 m and of 49 m; in case 13 no point that was kept
-has a normal force of more than $10^{{-4}}$ N under loads of 45 and 93 N) until the program refuses the point or Newton fails.
-
-**Resonances that nothing holds.** Two frames whose joint lifts off, without damping or damped by $10^{{-6}}$, have a resonance at which motion is infinite, or too high for the digits there are. Their branches are followed up to it, in places to motions $10^5$ times as large as anywhere else, and begin anew beyond it, with a note (theory, section 7). The peak itself is no point.
-
-**What fails.** Friction without bound (mu = 1e6) on pairs that lift off, where a touch of pressure holds everything: forces change by all there is over a millionth of the motion, and the branch turns back at a corner each time. Such a corner can be met by bisection along the tangent, and the piece beyond it followed within that millionth; that
-was tried and passes every one of them, but solves none of these cases: without preload the branches then lead out of the range at both ends (begun further off they do the same), and the chain that lifts off far goes through closed loops of corners, 3000 points long. A joint some 10,000 times stiffer than its structure, far beyond its limit of slip
-(random 28): Newton stands still at one corner after the other, and small steps, which lead the 3-D pair with k_t = 1e6 past its own, do not there. Levels, bands and numbers of points were chosen, family by family, so that a curve begins below the resonance without the joint and has some tens of points: begun between the
-folds of a resonance, or with steps of half a curve, more of them end with the message that a fold leads back.
-"""
 
 
 def write_page(docs: str, outcomes: list, seconds: float, processes: int) -> None:
-    """Write extremes.md, img/extremes.png and img/fold.png into a folder."""
+    """Write the tables of extremes.md, and img/extremes.png and img/fold.png, into a folder."""
     folder = Path(docs)
     (folder / "img").mkdir(parents=True, exist_ok=True)
     folds = fold.draw(folder / "img")
     draw(outcomes, folder / "img" / "extremes.png")
-    counts = Counter(outcome.status for outcome in outcomes)
-    expected = sum(outcome.expected for outcome in outcomes)
-    points, held = (sum(getattr(outcome, name) for outcome in outcomes) for name in ("n_points", "held"))
-    answered = sum(outcome.has_answer for outcome in outcomes)
-    by_rule = sum(outcome.expected and outcome.has_answer for outcome in outcomes)
-    first = (
-        f"How far can a scene be driven to the ends of every range before the program fails, and can what it returns there be trusted? "
-        f"Of {len(outcomes)} such cases {len(outcomes) - answered} have no answer, and a rule on what may be asked for refuses {by_rule} "
-        f"(a range far above all modes, a load in a harmonic that is left out); of the other {answered - by_rule} it solved {counts[SOLVED]} "
-        f"({100 * counts[SOLVED] / (answered - by_rule):.1f} %; {100 * counts[SOLVED] / answered:.1f} % of all that have an answer). It refused "
-        f"{counts[REFUSED]} ({expected} as expected) and failed with a reason on {counts[FAILED]}. Of {points} returned points each was judged "
-        f"from the matrices alone: **{counts[WRONG]} cases wrong without a word, {counts[DEFECT]} defects.** In the picture every case is a dot, "
-        "and right of the dotted line it would be wrong."
-    )
-    lines = [
-        first,
-        "",
-        "![Largest unbalanced force of every case, family by family](img/extremes.png)",
-        *ABOUT.splitlines(),
-        *table(outcomes),
-        *ERRORS.format(bounds=", ".join(f"{name} {bound:g}" for name, bound in BOUNDS.items())).splitlines(),
-        *not_solved(outcomes),
-        "",
-        "## Folds, forward and backward",
-        "",
-        "One mass on a spring with a contact in its way, 7 harmonics and 512 samples, swept over the same range both ways (`fold.py`, test_mpi_fold.py on one and two ranks).",
-        "",
-        "![Both folds, swept up and down](img/fold.png)",
-        "",
-        *[f"- {line}" for line in folds],
-        *LIMITS.format(held=held, segments=sum(outcome.in_segments for outcome in outcomes), points=points).splitlines(),
-    ]
     facts = {**machine.facts(), "date": f"{datetime.date.today():%Y-%m-%d}", **load(outcomes, seconds, processes)}
-    (folder / "extremes.md").write_text(machine.page("Extremes", lines, [f"`{COMMAND}`", *machine.lines(facts)]))
+    tables = {
+        "summary": summary(outcomes),
+        "families": families(outcomes),
+        "not-solved": not_solved(outcomes),
+        "folds": [f"- {line}" for line in folds],
+        "machine": [f"- {line}" for line in machine.lines(facts)],
+    }
+    put(folder / "extremes.md", tables)
 
 
 def load(outcomes: list, seconds: float, processes: int) -> dict[str, str]:
@@ -105,42 +50,55 @@ def load(outcomes: list, seconds: float, processes: int) -> dict[str, str]:
     }
 
 
-def table(outcomes: list) -> list[str]:
-    """Return the families, a row each."""
+def summary(outcomes: list) -> list[str]:
+    """Return what became of the cases and of the points."""
+    counts = Counter(outcome.status for outcome in outcomes)
+    answered = sum(outcome.has_answer for outcome in outcomes)
+    by_rule = sum(outcome.expected and outcome.has_answer for outcome in outcomes)
+    expected = sum(outcome.expected for outcome in outcomes)
+    asked = answered - by_rule
     rows = [
-        "| family | cases | solved | refused | failed | wrong | points | largest motion | force | law | energy | processor s |",
-        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+        ("cases", "", len(outcomes)),
+        ("without an answer", "", len(outcomes) - answered),
+        ("refused by a rule on what may be asked for", "", by_rule),
+        ("solved of the others", asked, f"{counts[SOLVED]}, {100 * counts[SOLVED] / asked:.1f} %"),
+        ("refused, of these as expected", expected, f"{counts[REFUSED]}, {expected}"),
+        ("failed with a reason", 0, counts[FAILED]),
+        ("wrong without a word", 0, counts[WRONG]),
+        ("defects", 0, counts[DEFECT]),
+        ("points judged from the matrices alone", "", sum(outcome.n_points for outcome in outcomes)),
+        ("points with the mean slip held by springs", "", sum(outcome.held for outcome in outcomes)),
+        ("cases with a level that was followed from both ends", "", sum(outcome.in_segments for outcome in outcomes)),
     ]
+    return table(("what", "target", "result"), [tuple(map(str, row)) for row in rows])
+
+
+def families(outcomes: list) -> list[str]:
+    """Return the families, a row each."""
+    rows = []
     for family in dict.fromkeys(outcome.family for outcome in outcomes):
         mine = [outcome for outcome in outcomes if outcome.family == family]
         counts = Counter(outcome.status for outcome in mine)
         worst = [
             max((outcome.errors.get(name, 0.0) for outcome in mine), default=0.0) for name in ("motion", "force", "law", "energy")
         ]
-        rows.append(
-            f"| {family} | {len(mine)} | {counts[SOLVED]} | {counts[REFUSED]} | {counts[FAILED]} | {counts[WRONG] + counts[DEFECT]} | "
-            f"{sum(outcome.n_points for outcome in mine)} | "
-            + " | ".join(f"{error:.0e}" for error in worst)
-            + f" | {sum(outcome.cpu for outcome in mine):.0f} |"
-        )
-    return ["", *rows]
+        numbers = [len(mine), counts[SOLVED], counts[REFUSED], counts[FAILED], counts[WRONG] + counts[DEFECT]]
+        numbers.append(sum(outcome.n_points for outcome in mine))
+        seconds = sum(outcome.cpu for outcome in mine)
+        rows.append([family, *map(str, numbers), *(f"{error:.0e}" for error in worst), f"{seconds:.0f}"])
+    counted = ("family", "cases", "solved", "refused", "failed", "wrong", "points")
+    return table((*counted, "largest motion", "force", "law", "energy", "processor s"), rows)
 
 
 def not_solved(outcomes: list) -> list[str]:
-    """Return the list of every case that was not solved, with the program's own words."""
-    lines = [
-        "",
-        "## Every case that was not solved",
-        "",
-        "| case | outcome | points kept | in the program's words |",
-        "| --- | --- | ---: | --- |",
-    ]
+    """Return every case that was not solved, with the program's own words."""
+    rows = []
     for outcome in outcomes:
         if outcome.status != SOLVED:
             words = outcome.words.split("/scene.toml: ")[-1].splitlines()[0].replace("|", "\\|") if outcome.words else ""
             what = outcome.status + ("" if not outcome.expected else ", by a rule" if outcome.has_answer else ", has no answer")
-            lines.append(f"| {outcome.name} | {what} | {outcome.n_points} | {words} |")
-    return lines
+            rows.append([outcome.name, what, str(outcome.n_points), words])
+    return table(("case", "outcome", "points kept", "in the program's words"), rows, words=4)
 
 
 def draw(outcomes: list, path: Path) -> None:
