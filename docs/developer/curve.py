@@ -18,7 +18,7 @@ from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import amplitude
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.library.complete import read_completed
-from microslip.library.settings import excitation, mesh_settings, outputs, reduction_settings, response_settings
+from microslip.library.settings import excitation, reduction_settings, response_settings
 from microslip.linear.contact_outputs import with_contact_forces
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
@@ -38,18 +38,17 @@ def curve(level=5.0, n_modes=20, points=24, comm=None, show=print):
     """Return the branch of a level [N]: its points, each with omega, the motion U of the pairs and the outputs' response."""
     comm = comm or everyone()
 
-    # what the scene asks for becomes the settings of each stage; from here on no stage knows the scene
+    # the scene, completed by what its model file states; mesh and assembly take its tables, later stages settings made of it
     file, scene, _ = read_completed(on_root(comm, read_scene, SCENE), comm)
-    settings = mesh_settings(scene)
 
     # mesh and pairs exist on rank 0 and everywhere; elements are distributed
-    mesh = on_root(comm, read_mesh, settings, file, share=False)
-    pairs = on_root(comm, pair_contacts, mesh, settings.joints)
-    shares = distribute(mesh, settings, comm)
+    mesh = on_root(comm, read_mesh, scene, file, share=False)
+    pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+    shares = distribute(mesh, scene, comm)
     show(f"pairs: frames {pairs.frame.shape}, area {pairs.area.shape}, k_t {pairs.k_t.shape}")
 
     # K, M and the sparse maps: du = R u, responses = outputs u
-    system = with_contact_forces(assemble(shares, mesh, pairs, settings), pairs, outputs(scene))
+    system = with_contact_forces(assemble(shares, mesh, pairs, scene), pairs, scene.outputs)
     show(f"K, M {system.K.getSize()}, R {system.R.shape}, loads {system.loads.shape}, outputs {system.outputs.shape}")
 
     # K_L = K + R^T K_J R, all pairs stuck, and its one factor
