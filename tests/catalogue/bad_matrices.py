@@ -70,7 +70,7 @@ MATRICES = [
     chain("matrix is a folder", made_a_folder("K.mtx"), '[model] stiffness = "K.mtx": that is a folder'),
     chain("matrix empty", written("K.mtx", ""), "K.mtx"),
     chain("matrix of noise", written("K.mtx", NOISE), "K.mtx"),
-    chain("matrix cut", cut("K.mtx"), "K.mtx", "its header says 45 entries, and it has 22"),
+    chain("matrix cut", cut("K.mtx"), "K.mtx", "its header asks for 45 numbers, and it has 22"),
     chain("matrix of an unknown format", stated('"K.mtx"', '"K.csv"'), "K.csv"),
     chain("matrix not symmetric", changed("K.mtx", entry(0, 1, 1e9)), "K.mtx", "not symmetric"),
     chain("mass not symmetric", changed("M.mtx", entry(0, 1, 1.0)), "M.mtx", "not symmetric"),

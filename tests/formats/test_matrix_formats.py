@@ -2,12 +2,16 @@
 file of any format gives one message."""
 
 import re
+import resource
+import struct
 import zipfile
+from contextlib import contextmanager
 from pathlib import Path
 
 import matrix_files
 import numpy as np
 import pytest
+import scipy.io
 import scipy.sparse as sp
 from matrix_files import WITH_DOFS, WRITERS
 
@@ -28,6 +32,18 @@ def matrix():
 
 def read(path, symbol="K", name=None):
     return read_matrix(path, "[model] stiffness", symbol, name)
+
+
+@contextmanager
+def bounded(n_bytes):
+    """Limit the memory of this process to what it has and ``n_bytes``."""
+    limits = resource.getrlimit(resource.RLIMIT_AS)
+    mapped = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (mapped + n_bytes, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, limits)
 
 
 @pytest.mark.parametrize("ending", WRITERS)
@@ -224,7 +240,7 @@ HUGE = "999999999999"
             "truncated: its header asks for 900 entries",
         ),
         ("K.mtx", f"%%MatrixMarket matrix coordinate real general\n2 2 {HUGE}000\n1 1 1.0\n", "not enough memory"),
-        ("K.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n2 2 1.0 3.0\n", "is not 3 numbers"),
+        ("K.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n2 2 1.0 3.0\n", "asks for 6 numbers, and it has 7"),
         ("K.mtx", "1,1,1,1\n", "is not a Matrix Market file"),
         ("K.mtx", "1,9,1,9,4.0\n", "degree of freedom 9"),
         ("K.mtx", "1,1,1,1,nan\n", "not a finite number"),
@@ -306,3 +322,69 @@ def header(text: bytes) -> bytes:
 def test_objects_of_matlab_are_not_made():
     with pytest.raises(CaseError, match="a matrix of numbers is needed"):
         read(DATA / "testobject_7.4_GLNX86.mat")
+
+
+# -- why some formats have a reader of this program: what the libraries make of their files --------------------------
+
+
+def test_entries_of_both_triangles_of_a_symmetric_list_count_once(tmp_path):
+    """SciPy adds the mirrored entries to them: twice the stiffness outside of the diagonal."""
+    path = tmp_path / "K.mtx"
+    path.write_text("%%MatrixMarket matrix coordinate real symmetric\n2 2 4\n1 1 3D0\n1 2 -1.0\n2 1 -1.0\n2 2 3.0\n")
+    np.testing.assert_array_equal(read(path).matrix.toarray(), [[3.0, -1.0], [-1.0, 3.0]])
+    path.write_text(path.read_text().replace("3D0", "3.0"))
+    np.testing.assert_array_equal(scipy.io.mmread(path).toarray(), [[3.0, -2.0], [-2.0, 3.0]])
+
+
+def test_scipy_reads_no_symmetric_harwell_boeing_file(tmp_path):
+    path = tmp_path / "K.rsa"
+    path.write_text(
+        f"{'springs':72s}{'K':8s}\n{3:14d}{1:14d}{1:14d}{1:14d}\n{'RSA':14s}{2:14d}{2:14d}{3:14d}{0:14d}\n"
+        f"{'(3I3)':16s}{'(3I3)':16s}{'(1P,3E10.2)':20s}\n  1  3  4\n  1  2  2\n  3.00E+00 -1.00E+00  3.00E+00\n"
+    )
+    np.testing.assert_array_equal(read(path).matrix.toarray(), [[3.0, -1.0], [-1.0, 3.0]])
+    with pytest.raises(ValueError, match="Only unsymmetric matrices supported"):
+        scipy.io.hb_read(path)
+
+
+def test_pynastran_reads_no_matrix_of_output2_whose_name_it_does_not_know(tmp_path):
+    op2 = pytest.importorskip("pyNastran.op2.op2")
+    path = tmp_path / "K.op2"
+    matrix_files.write_op2(path, matrix(), name="SPRINGS")
+    np.testing.assert_array_equal(read(path).matrix.toarray(), matrix())
+    for file, problem in ((path, "Invalid Table"), (DATA / "mymatrix.op2", "Nastran FATAL Error")):
+        with pytest.raises(Exception, match=problem):
+            op2.OP2(log=None, debug=None, mode="msc").read_op2(str(file))
+
+
+def test_pynastran_fills_all_of_a_matrix_whose_columns_output4_writes_from_first_to_last_entry(tmp_path):
+    """A band of 20,000 rows: 1.4 MB, of which it makes 3.2 GB."""
+    op4 = pytest.importorskip("pyNastran.op4.op4")
+    n, path = 20_000, tmp_path / "K.op4"
+    number = struct.Struct("<3i3d")
+    columns = [number.pack(j + 1, j, 6, -1.0, 2.0, -1.0) for j in range(1, n - 1)]
+    head = [struct.pack("<4i8s", n, n, 6, 2, b"K       ")]
+    first, last = struct.pack("<3i2d", 1, 1, 4, 2.0, -1.0), struct.pack("<3i2d", n, n - 1, 4, -1.0, 2.0)
+    records = [*head, first, *columns, last, struct.pack("<3id", n + 1, 1, 2, 1.0)]
+    path.write_bytes(b"".join(matrix_files.framed(record) for record in records))
+    expected = sp.diags([-np.ones(n - 1), 2.0 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
+    assert abs(read(path).matrix - expected).max() == 0.0
+    with bounded(2**30), pytest.raises(MemoryError):
+        op4.OP4(log=None, debug=None).read_op4(str(path))
+
+
+def test_petsc_of_32_bits_reads_no_file_of_64_bit_indices(tmp_path):
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
+    if np.dtype(PETSc.IntType).itemsize != 4:
+        pytest.skip("this PETSc has indices of 64 bits")
+    path, A = tmp_path / "K.petsc", sp.csr_matrix(matrix())
+    head = np.array([1211216, N, N, A.nnz, *np.diff(A.indptr), *A.indices], dtype=">i8")
+    path.write_bytes(head.tobytes() + A.data.astype(">f8").tobytes())
+    np.testing.assert_array_equal(read(path).matrix.toarray(), A.toarray())
+    viewer = PETSc.Viewer().createBinary(str(path), "r", comm=MPI.COMM_SELF)
+    target = PETSc.Mat().create(comm=MPI.COMM_SELF)
+    with pytest.raises(PETSc.Error):
+        target.load(viewer)
+    viewer.destroy(), target.destroy()

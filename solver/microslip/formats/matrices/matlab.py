@@ -1,10 +1,19 @@
-"""MATLAB's .mat: versions 4 to 7 in matlab_binary.py, version 7.3 in matlab_hdf5.py.  Objects are never made."""
+"""MATLAB's .mat in a sandbox: SciPy reads versions 4 to 7, ``matlab_hdf5.py`` version 7.3.  Objects are never made.
+
+SciPy 1.10 crashes on files that are damaged in the right place, and allocates what a shape says.
+"""
 
 from __future__ import annotations
 
-from .file_matrix import FileMatrix, Wanted
-from .matlab_binary import read_4, read_5
+import scipy.io
+import scipy.sparse as sp
+
+from ...system.sandbox import SandboxError, read_file
+from ..hdf5 import MOST_GAIN
+from .file_matrix import FileMatrix, Wanted, from_coordinates
 from .matlab_hdf5 import is_hdf5, read_hdf5
+
+_NUMBERS = ("sparse", "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "logical")
 
 
 def read_mat(wanted: Wanted) -> FileMatrix:
@@ -15,13 +24,26 @@ def read_mat(wanted: Wanted) -> FileMatrix:
     CaseError, ResourceError : the file is at fault, or larger than memory
     """
     with open(wanted.path, "rb") as file:
-        head = file.read(1024)
-    if is_hdf5(head):
-        return read_hdf5(wanted)
-    if len(head) < 4:
-        raise wanted.error("it is empty or truncated")
-    if 0 in head[:4]:  # version 4 begins with a number, later ones with a text
-        return read_4(wanted)
-    if len(head) < 128:
-        raise wanted.error("it is truncated in its head")
-    return read_5(wanted)
+        read = read_hdf5 if is_hdf5(file.read(1024)) else _read
+    try:
+        return read_file(wanted.path, read, wanted, gain=MOST_GAIN, returns=(FileMatrix,))
+    except SandboxError as problem:
+        raise wanted.error(str(problem)) from None
+
+
+def _read(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of a file of versions 4 to 7.  Local, in a sandbox."""
+    kinds = {name: kind for name, _, kind in scipy.io.whosmat(wanted.path, appendmat=False)}
+    name = wanted.choose(list(kinds))
+    if kinds[name] not in _NUMBERS:
+        raise wanted.error(f"its variable {name} is of the class {kinds[name]}; a matrix of numbers is needed")
+    matrix = scipy.io.loadmat(wanted.path, appendmat=False, variable_names=[name])[name]
+    if sp.issparse(matrix):
+        wanted.check_rows(max(matrix.shape))
+        matrix = matrix if matrix.format in ("csc", "csr") else _checked(matrix.tocoo(), wanted)
+        matrix.check_format(full_check=True)
+    return FileMatrix(matrix)
+
+
+def _checked(matrix: sp.coo_matrix, wanted: Wanted) -> sp.csr_matrix:
+    return from_coordinates(matrix.row, matrix.col, matrix.data, matrix.shape, wanted)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...system.sandbox import SandboxError, read_file
-from ..hdf5 import MOST_GAIN, Storage
+from ..hdf5 import Storage
 from .file_matrix import FileMatrix, Wanted
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -20,26 +19,16 @@ def is_hdf5(head: bytes) -> bool:
 
 
 def read_hdf5(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, or of several variables the one that is wanted.  Local.
+    """Return the matrix of a file, or of several variables the one that is wanted.  Local, in a sandbox.
 
     Raises
     ------
     CaseError : the file is at fault, or needs h5py
     """
     try:
-        import h5py  # noqa: F401
+        import h5py
     except ImportError:
         raise wanted.error("a .mat of version 7.3 needs h5py; save it with -v7, or install h5py") from None
-    try:
-        return read_file(wanted.path, _matrix, wanted, gain=MOST_GAIN, returns=(FileMatrix,))
-    except SandboxError as problem:
-        raise wanted.error(str(problem)) from None
-
-
-def _matrix(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file that does no harm."""
-    import h5py
-
     with h5py.File(wanted.path, "r", locking=False) as file:
         name = wanted.choose([name for name in file if name not in _OWN])
         item = _inside(file, name, wanted)
