@@ -240,7 +240,12 @@ HUGE = "999999999999"
             "truncated: its header asks for 900 entries",
         ),
         ("K.mtx", f"%%MatrixMarket matrix coordinate real general\n2 2 {HUGE}000\n1 1 1.0\n", "not enough memory"),
-        ("K.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n2 2 1.0 3.0\n", "asks for 6 numbers, and it has 7"),
+        (
+            "K.mtx",
+            "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n2 2 1.0 3.0\n",
+            "asks for 6 numbers, and it has 7",
+        ),
+        ("K.mtx", "%%MatrixMarket matrix array real general\n% nothing\n\n", "ends before the line of its size"),
         ("K.mtx", "1,1,1,1\n", "is not a Matrix Market file"),
         ("K.mtx", "1,9,1,9,4.0\n", "degree of freedom 9"),
         ("K.mtx", "1,1,1,1,nan\n", "not a finite number"),
