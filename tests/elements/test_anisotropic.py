@@ -101,9 +101,9 @@ def test_a_body_free_to_expand_has_no_stress(kind):
     a = AXES.at(np.zeros(3))
     u = WARMER * points @ (a.T * ALPHA @ a)
     forces = np.zeros_like(points)
-    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], PLY, warmer=WARMER)))
+    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], PLY, temperature_rise=WARMER)))
     assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
-    stress = elements.stress(Solids(kind, points[nodes], PLY, warmer=WARMER), u[nodes])
+    stress = elements.stress(Solids(kind, points[nodes], PLY, temperature_rise=WARMER), u[nodes])
     assert np.abs(stress).max() < 1e-9 * YOUNG[0] * ALPHA[1] * WARMER
 
 
@@ -118,9 +118,9 @@ def test_an_isotropic_material_has_no_axes(kind):
     for of in (
         lambda material: elements.stiffness(Solids(kind, points[nodes], material)),
         lambda material: elements.deformed_stiffness(Solids(kind, points[nodes], material), u),
-        lambda material: elements.large_displacements(Solids(kind, points[nodes], material, warmer=WARMER), u)[0],
-        lambda material: elements.large_displacements(Solids(kind, points[nodes], material, warmer=WARMER), u)[1],
-        lambda material: elements.thermal_forces(Solids(kind, points[nodes], material, warmer=WARMER)),
+        lambda material: elements.large_displacements(Solids(kind, points[nodes], material, temperature_rise=WARMER), u)[0],
+        lambda material: elements.large_displacements(Solids(kind, points[nodes], material, temperature_rise=WARMER), u)[1],
+        lambda material: elements.thermal_forces(Solids(kind, points[nodes], material, temperature_rise=WARMER)),
     ):
         expected = of(steel)
         assert np.abs(of(same) - expected).max() < 1e-9 * np.abs(expected).max()
@@ -131,10 +131,10 @@ def test_the_tangent_is_the_derivative_of_the_forces(kind):
     points, nodes = skewed_box(kind)
     around = elements.Anisotropic(PLY.elasticity, ALPHA, elements.Cylindrical((0.0, 0.1, 1.0), (-2.0, 0.3, 0.0)))
     u, v = 0.02 * np.random.default_rng(6).standard_normal((2, *points[nodes].shape))
-    _, K = elements.large_displacements(Solids(kind, points[nodes], around, warmer=WARMER), u)
+    _, K = elements.large_displacements(Solids(kind, points[nodes], around, temperature_rise=WARMER), u)
     h = 1e-5
     ahead, behind = (
-        elements.large_displacements(Solids(kind, points[nodes], around, warmer=WARMER), u + sign * h * v)[0]
+        elements.large_displacements(Solids(kind, points[nodes], around, temperature_rise=WARMER), u + sign * h * v)[0]
         for sign in (1.0, -1.0)
     )
     slope = (K @ v.reshape(len(v), -1, 1)).reshape(v.shape)

@@ -34,7 +34,7 @@ def test_stress_of_a_linear_motion_is_hookes(kind):
     points, nodes = bent_box(kind)
     H = 1e-3 * np.random.default_rng(1).standard_normal((3, 3))
     u = points[nodes] @ H.T
-    found = elements.stress(Solids(kind, points[nodes], STEEL, warmer=WARMER), u)
+    found = elements.stress(Solids(kind, points[nodes], STEEL, temperature_rise=WARMER), u)
     assert found == pytest.approx(
         np.broadcast_to(hooke(H, STEEL.expansion * WARMER), found.shape), abs=1e-9 * np.abs(found).max()
     )
@@ -46,10 +46,10 @@ def test_a_body_free_to_expand_has_no_stress_and_its_forces_are_in_balance(kind)
     strain = STEEL.expansion * WARMER
     K, _ = small_fe.assemble(kind, points, nodes, YOUNG, POISSON, 1.0)
     forces = np.zeros_like(points)
-    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], STEEL, warmer=WARMER)))
+    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], STEEL, temperature_rise=WARMER)))
     u = strain * points
     assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
-    stress = elements.stress(Solids(kind, points[nodes], STEEL, warmer=WARMER), u[nodes])
+    stress = elements.stress(Solids(kind, points[nodes], STEEL, temperature_rise=WARMER), u[nodes])
     assert np.abs(stress).max() < 1e-9 * YOUNG * strain
     assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
 
@@ -65,7 +65,7 @@ def test_a_linear_temperature_stresses_nothing(kind, is_large):
     g = np.array([3.0, -2.0, 5.0])
     theta = points @ g
     u = STEEL.expansion * (theta[:, None] * points - 0.5 * g * (points**2).sum(axis=1)[:, None])
-    warm, forces = Solids(kind, points[nodes], STEEL, warmer=theta[nodes]), np.zeros_like(points)
+    warm, forces = Solids(kind, points[nodes], STEEL, temperature_rise=theta[nodes]), np.zeros_like(points)
     np.add.at(forces, nodes, elements.thermal_forces(warm))
     assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
     stress = elements.stress(warm, u[nodes])
@@ -84,7 +84,10 @@ def test_one_temperature_at_all_nodes_is_that_of_the_body(kind):
     points, nodes = bent_box(kind)
     u, warm = 1e-3 * np.random.default_rng(7).standard_normal(points[nodes].shape), np.full(nodes.shape, WARMER)
     for function, of in ((elements.stress, (u,)), (elements.thermal_forces, ())):
-        one, each = (function(Solids(kind, points[nodes], STEEL, warmer=warmer), *of) for warmer in (WARMER, warm))
+        one, each = (
+            function(Solids(kind, points[nodes], STEEL, temperature_rise=temperature_rise), *of)
+            for temperature_rise in (WARMER, warm)
+        )
         assert each == pytest.approx(one, abs=1e-9 * np.abs(one).max())
 
 
@@ -171,7 +174,7 @@ def test_the_tangent_is_the_derivative_of_the_forces(kind):
     points, nodes = bent_box(kind)
     rng = np.random.default_rng(6)
     u, v = 0.05 * rng.standard_normal((2, *points[nodes].shape))
-    of = Solids(kind, points[nodes], STEEL, warmer=100.0)
+    of = Solids(kind, points[nodes], STEEL, temperature_rise=100.0)
     _, K = elements.large_displacements(of, u)
     h = 1e-5
     ahead, behind = (elements.large_displacements(of, u + sign * h * v)[0] for sign in (1.0, -1.0))

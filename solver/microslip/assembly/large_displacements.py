@@ -41,7 +41,7 @@ def tangent_about(
     pattern, (first, last) = node_pattern(dmesh), owned_nodes(dmesh)
     total, forces = BlockSum(pattern, 3), np.zeros((last - first, 3))
     for whole in dmesh.blocks:
-        block = replace(whole, warmer=share * whole.warmer)
+        block = replace(whole, temperature_rise=share * whole.temperature_rise)
         for chunk in element_chunks(block):
             nodes = block.nodes[chunk]
             change, left = _about(block, chunk, settings, spin, free[nodes], held[nodes], is_stressed)
@@ -64,7 +64,7 @@ def _about(
     ``free`` and ``held`` (n_elements, n, 3) [m] are the displacements of what is free and of supports that are moved.
     """
     body, points = settings.sections[block.body], block.points[chunk]
-    of, moved = body.solids(block.kind, points, block.warmth(chunk)), free + held
+    of, moved = body.solids(block.kind, points, block.rise_of(chunk)), free + held
     resisted, K_T = elements.large_displacements(of, moved, is_stressed)
     K = elements.stiffness(of)
     softening = np.einsum("eab,ij->eaibj", elements.mass(block.kind, points, body.density, body.integration), spin)

@@ -129,9 +129,9 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, settings: Struc
     total = np.zeros(points.shape)
     if statics.rotation_speed > 0.0:
         total += elements.mass(block.kind, points, body.density, body.integration) @ outward(settings, points)
-    warmer = block.warmth(chunk)
-    if np.any(warmer) and body.material.expands and not statics.large_displacements:
-        total += elements.thermal_forces(body.solids(block.kind, points, warmer))
+    temperature_rise = block.rise_of(chunk)
+    if np.any(temperature_rise) and body.material.expands and not statics.large_displacements:
+        total += elements.thermal_forces(body.solids(block.kind, points, temperature_rise))
     return total
 
 
@@ -215,7 +215,7 @@ def _softening(constraints: Constraints, spin: np.ndarray) -> np.ndarray:
 def _stiffening(block: LocalBlock, chunk: slice, settings: StructureTables, u: np.ndarray) -> np.ndarray:
     """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
     body, points = settings.sections[block.body], block.points[chunk]
-    of = body.solids(block.kind, points, block.warmth(chunk))
+    of = body.solids(block.kind, points, block.rise_of(chunk))
     sigma = elements.stress_stiffness(of, elements.stress(of, u))
     mass = elements.mass(block.kind, points, body.density, body.integration)
     change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, spin_of(settings))

@@ -98,7 +98,7 @@ def _resisted(
             if not len(rows):
                 break
             by = u[block.nodes[rows]] if seen is None else u[block.nodes[rows]] + seen(block, i, rows)
-            of = body.solids(block.kind, block.points[rows], block.warmth(rows))
+            of = body.solids(block.kind, block.points[rows], block.rise_of(rows))
             if stated_statics(settings).large_displacements:
                 forces, _ = elements.large_displacements(of, by)
             else:

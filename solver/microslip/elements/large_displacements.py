@@ -31,7 +31,7 @@ def large_displacements(of: Solids, u: np.ndarray, with_stress: bool = True) -> 
     f, K = np.empty(of.points.shape), np.empty((len(of.points), 3 * n, 3 * n))
     for chunk, part in of.parts(9 * (n + 3) ** 2):
         dN, volumes = part.functions()
-        state = (part.elastic(), part.warmth(), with_stress)
+        state = (part.elastic(), part.rise_of(), with_stress)
         bubbles = np.zeros((len(volumes), dN.shape[-1] - n, 3))
         forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *state)
         for _ in range(_BUBBLE_STEPS if bubbles.size else 0):
@@ -46,12 +46,17 @@ def large_displacements(of: Solids, u: np.ndarray, with_stress: bool = True) -> 
 
 
 def _forces_and_tangent(
-    dN: np.ndarray, volumes: np.ndarray, moved: np.ndarray, local: Elastic, warmer: float | np.ndarray, with_stress: bool
+    dN: np.ndarray,
+    volumes: np.ndarray,
+    moved: np.ndarray,
+    local: Elastic,
+    temperature_rise: float | np.ndarray,
+    with_stress: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return forces (n_elements, m, 3) and tangent (n_elements, 3 m, 3 m) of m functions with amplitudes ``moved`` [m]."""
     F = np.eye(3) + (dN @ moved[:, None]).swapaxes(-1, -2)
     E = 0.5 * (F.swapaxes(-1, -2) @ F - np.eye(3))
-    weighted = volumes[..., None, None] * (local.stress(E, warmer) @ dN)
+    weighted = volumes[..., None, None] * (local.stress(E, temperature_rise) @ dN)
     f = (weighted.swapaxes(-1, -2) @ F.swapaxes(-1, -2)).sum(axis=1)
     K = local.stiffness_about(dN, F, volumes)
     sigma = (dN.swapaxes(-1, -2) @ weighted).sum(axis=1) * with_stress

@@ -16,8 +16,8 @@ _ON_AXIS = 1e-12  # of a distance: nearer to the axis of a cylinder any directio
 class Elastic(Protocol):
     """What a material is at some points, in model axes."""
 
-    def stress(self, strain: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
-        """Return the stress (..., 3, 3) [Pa] of a strain (..., 3, 3) where it is ``warmer``, (...) [K], than without stress."""
+    def stress(self, strain: np.ndarray, temperature_rise: float | np.ndarray = 0.0) -> np.ndarray:
+        """Return the stress (..., 3, 3) [Pa] of a strain (..., 3, 3) at a ``temperature_rise`` (...) [K]."""
         ...
 
     def stiffness(self, dN: np.ndarray, volumes: np.ndarray) -> np.ndarray:
@@ -60,10 +60,10 @@ class Isotropic:
         """Return the material at some places: it is the same everywhere, and in all axes."""
         return self
 
-    def stress(self, strain: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
+    def stress(self, strain: np.ndarray, temperature_rise: float | np.ndarray = 0.0) -> np.ndarray:
         """sigma = lam tr(eps) 1 + 2 mu eps - (3 lam + 2 mu) alpha dT 1; see :class:`Elastic`."""
         lam, mu = self.lam, self.mu
-        mean = lam * np.trace(strain, axis1=-2, axis2=-1) - (3.0 * lam + 2.0 * mu) * self.expansion * warmer
+        mean = lam * np.trace(strain, axis1=-2, axis2=-1) - (3.0 * lam + 2.0 * mu) * self.expansion * temperature_rise
         return 2.0 * mu * strain + mean[..., None, None] * np.eye(3)
 
     def stiffness(self, dN: np.ndarray, volumes: np.ndarray) -> np.ndarray:
@@ -161,9 +161,9 @@ class Turned:
     elasticity: np.ndarray  # (6, 6) or (n_elements, n_q, 6, 6) Pa
     expansion: np.ndarray  # (3, 3) or (n_elements, n_q, 3, 3) 1/K
 
-    def stress(self, strain: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
+    def stress(self, strain: np.ndarray, temperature_rise: float | np.ndarray = 0.0) -> np.ndarray:
         """The elasticity times eps - alpha dT; see :class:`Elastic`."""
-        elastic = strain - np.asarray(warmer)[..., None, None] * self.expansion
+        elastic = strain - np.asarray(temperature_rise)[..., None, None] * self.expansion
         six = np.stack([elastic[..., i, j] * (1.0 if i == j else 2.0) for i, j in COMPONENTS], axis=-1)
         values = (self.elasticity @ six[..., None])[..., 0]
         found = np.empty((*values.shape[:-1], 3, 3))

@@ -28,7 +28,7 @@ class Solids:
     material: Material
     integration: str = "full"  # a key of ``INTEGRATIONS``
     incompatible_modes: bool = True  # hex8 only: three condensed bubble modes a direction, without which it locks in bending
-    warmer: float | np.ndarray = 0.0  # K above the temperature without stress, one or of the nodes, (n_elements, n)
+    temperature_rise: float | np.ndarray = 0.0  # K above the temperature without stress, one or of the nodes, (n_elements, n)
 
     @property
     def n(self) -> int:
@@ -52,16 +52,22 @@ class Solids:
     def parts(self, n_entries: int) -> Iterator[tuple[slice, Solids]]:
         """Yield the elements some at a time, at ``n_entries`` in memory for each."""
         for chunk in _chunks(len(self.points), n_entries):
-            warmer = self.warmer[chunk] if isinstance(self.warmer, np.ndarray) else self.warmer
-            yield chunk, replace(self, points=self.points[chunk], warmer=warmer)
+            temperature_rise = (
+                self.temperature_rise[chunk] if isinstance(self.temperature_rise, np.ndarray) else self.temperature_rise
+            )
+            yield chunk, replace(self, points=self.points[chunk], temperature_rise=temperature_rise)
 
     def elastic(self) -> Elastic:
         """Return what the material is at the quadrature points, in model axes."""
         return self.material.at(KINDS[self.kind].values(self.rule.points) @ self.points)
 
-    def warmth(self) -> float | np.ndarray:
+    def rise_of(self) -> float | np.ndarray:
         """Return the temperature at the quadrature points, (n_elements, n_q) [K], interpolated like motion; or the one."""
-        return self.warmer @ KINDS[self.kind].values(self.rule.points).T if isinstance(self.warmer, np.ndarray) else self.warmer
+        return (
+            self.temperature_rise @ KINDS[self.kind].values(self.rule.points).T
+            if isinstance(self.temperature_rise, np.ndarray)
+            else self.temperature_rise
+        )
 
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """Return dN_a / dx_i at the quadrature points, (n_elements, n_q, 3, n), and w det J, (n_elements, n_q)."""
@@ -84,9 +90,9 @@ class SolidSection:
     integration: str = "full"  # a key of ``INTEGRATIONS``
     incompatible_modes: bool = True  # hex8 only
 
-    def solids(self, kind: str, points: np.ndarray, warmer: float | np.ndarray = 0.0) -> Solids:
-        """Return elements whose nodes are at ``points`` (n_elements, n, 3) [m], so much warmer [K].  Local."""
-        return Solids(kind, points, self.material, self.integration, self.incompatible_modes, warmer)
+    def solids(self, kind: str, points: np.ndarray, temperature_rise: float | np.ndarray = 0.0) -> Solids:
+        """Return elements whose nodes are at ``points`` (n_elements, n, 3) [m], with a temperature rise [K].  Local."""
+        return Solids(kind, points, self.material, self.integration, self.incompatible_modes, temperature_rise)
 
 
 def stiffness(of: Solids) -> np.ndarray:

@@ -16,7 +16,7 @@ def stress(of: Solids, u: np.ndarray) -> np.ndarray:
     """
     found = strain(of, u)
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
-        found[chunk] = part.elastic().stress(found[chunk], part.warmth())
+        found[chunk] = part.elastic().stress(found[chunk], part.rise_of())
     return found
 
 
@@ -25,7 +25,7 @@ def strain(of: Solids, u: np.ndarray) -> np.ndarray:
     found = np.empty((len(of.points), len(of.rule.weights), 3, 3))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         dN, volumes = part.functions()
-        amplitudes = _amplitudes(dN, volumes, u[chunk], part.elastic(), part.warmth())
+        amplitudes = _amplitudes(dN, volumes, u[chunk], part.elastic(), part.rise_of())
         slopes = dN @ amplitudes[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
         found[chunk] = 0.5 * (slopes + slopes.swapaxes(-1, -2))
     return found
@@ -52,7 +52,7 @@ def deformed_stiffness(of: Solids, u: np.ndarray) -> np.ndarray:
     K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         (dN, volumes), local = part.functions(), part.elastic()
-        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, part.warmth())[:, None]
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, part.rise_of())[:, None]
         K[chunk] = _without_bubbles(local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes), 3 * of.n)
     return K
 
@@ -77,7 +77,7 @@ def thermal_forces(of: Solids) -> np.ndarray:
     """
     n, found = of.n, np.empty(of.points.shape)
     for chunk, part in of.parts(9 * (n + 3) ** 2):
-        local, warm = part.elastic(), part.warmth()
+        local, warm = part.elastic(), part.rise_of()
         dN, volumes = part.functions() if isinstance(warm, np.ndarray) else part.gradients()
         forces = _held(dN, volumes, local, warm)
         if dN.shape[-1] > n:

@@ -76,11 +76,13 @@ class LocalBlock:
     nodes: np.ndarray  # (n_elements, n_nodes_of_kind) rank-ordered node numbers
     points: np.ndarray  # (n_elements, n_nodes_of_kind, 3) m
     numbers: np.ndarray  # (n_elements,) the user's element numbers
-    warmer: float | np.ndarray = 0.0  # K above the temperature without stress; of the nodes, (n_elements, n_nodes_of_kind)
+    temperature_rise: float | np.ndarray = (
+        0.0  # K above the temperature without stress; of the nodes, (n_elements, n_nodes_of_kind)
+    )
 
-    def warmth(self, rows: slice | np.ndarray) -> float | np.ndarray:
+    def rise_of(self, rows: slice | np.ndarray) -> float | np.ndarray:
         """Return the temperature of some elements, of all nodes or one [K].  Local."""
-        return self.warmer[rows] if isinstance(self.warmer, np.ndarray) else self.warmer
+        return self.temperature_rise[rows] if isinstance(self.temperature_rise, np.ndarray) else self.temperature_rise
 
 
 @dataclass(frozen=True)

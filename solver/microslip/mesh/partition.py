@@ -13,7 +13,7 @@ from ..parallel import metis
 from ..parallel.agree import on_root
 from ..tables.structure_tables import StructureTables
 from .data import DistributedMesh, LocalBlock, Mesh
-from .warm import temperatures_of
+from .temperature_rise import temperature_rises
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -112,7 +112,7 @@ def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
 
 def _shares(mesh: Mesh, settings: StructureTables, order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
     """Return every rank's blocks: all elements that touch one of its nodes, along the element order."""
-    n_ranks, body_of, warm = len(node_ranges) - 1, settings.body_of, temperatures_of(mesh, settings)
+    n_ranks, body_of, rises = len(node_ranges) - 1, settings.body_of, temperature_rises(mesh, settings)
     position = _inverse(order)
     shares: list[list[LocalBlock]] = [[] for _ in range(n_ranks)]
     start = 0
@@ -125,8 +125,8 @@ def _shares(mesh: Mesh, settings: StructureTables, order, rank_order, node_range
         for rank in range(n_ranks):
             mine = along[(owner[along] == rank).any(axis=1)]
             if len(mine):
-                of_mesh, warmer = block.nodes[mine], warm.get(body_of[block.group], 0.0)
-                warmer = warmer[of_mesh] if isinstance(warmer, np.ndarray) else warmer
+                of_mesh, rise = block.nodes[mine], rises.get(body_of[block.group], 0.0)
+                rise = rise[of_mesh] if isinstance(rise, np.ndarray) else rise
                 body = body_of[block.group]
-                shares[rank].append(LocalBlock(block.kind, body, nodes[mine], mesh.points[of_mesh], block.numbers[mine], warmer))
+                shares[rank].append(LocalBlock(block.kind, body, nodes[mine], mesh.points[of_mesh], block.numbers[mine], rise))
     return [tuple(share) for share in shares]

@@ -1,4 +1,4 @@
-"""Temperatures at the nodes of bodies, from a field of the mesh or a CSV file.  Local, rank 0."""
+"""Temperature rises at the nodes of bodies, from a field of the mesh or a CSV file.  Local, rank 0."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .locate import nodes_numbered
 from .nodal_fields import field_at_nodes
 
 
-def temperatures_of(mesh: Mesh, settings: StructureTables) -> dict[str, float | np.ndarray]:
+def temperature_rises(mesh: Mesh, settings: StructureTables) -> dict[str, float | np.ndarray]:
     """Return the temperature of each body [K above that without stress], one or those of all nodes, (n_nodes,).
 
     Raises
@@ -26,15 +26,15 @@ def temperatures_of(mesh: Mesh, settings: StructureTables) -> dict[str, float | 
     return {settings.body_of[one.group]: _of_body(mesh, one) for one in settings.statics.temperatures}
 
 
-def _of_body(mesh: Mesh, warm: Temperature) -> float | np.ndarray:
+def _of_body(mesh: Mesh, stated: Temperature) -> float | np.ndarray:
     """Return the temperature of a body, or those of all nodes where they are at the nodes of a field or a file."""
-    if warm.temperature is not None:
-        return warm.temperature
-    group, path = warm.group, warm.file_of("file")
+    if stated.temperature is not None:
+        return stated.temperature
+    group, path = stated.group, stated.file_of("file")
     nodes = np.unique(np.concatenate([block.nodes.ravel() for block in mesh.elements if block.group == group]))
     where = f'[[statics.temperatures]] group = "{group}"'
-    if warm.field is not None:
-        return field_at_nodes(mesh, warm.field, nodes, f"{mesh.path}: {where} field", "the body")
+    if stated.field is not None:
+        return field_at_nodes(mesh, stated.field, nodes, f"{mesh.path}: {where} field", "the body")
     if path is None:
         raise ValueError(f"{where} states no temperature")
     table, lines = read_table(path, ("node", "temperature"), (), "node")
