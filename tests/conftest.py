@@ -55,7 +55,7 @@ def program(comm, capfd, monkeypatch, request):
     from microslip.__main__ import main
 
     handlers = {number: signal.getsignal(number) for number in (*STOPPING, signal.SIGUSR1)}
-    monkeypatch.setattr("microslip.run.draw_share", lambda *share: None)
+    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
     for name in PICTURES if request.node.get_closest_marker("pictures") is None else ():
         monkeypatch.setattr(f"microslip.studies.{name}", lambda *drawn: None)
 

@@ -48,7 +48,7 @@ def place(comm, sound, tmp_path, monkeypatch):
 
     A run that gets as far draws no pictures.
     """
-    monkeypatch.setattr("microslip.run.draw_share", lambda *share: None)
+    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
     folder = comm.bcast(tmp_path) / "here"
     handler = signal.getsignal(signal.SIGTERM)
 

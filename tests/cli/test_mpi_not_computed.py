@@ -10,7 +10,7 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
 from microslip.parallel.agree import on_root
-from microslip.run import draw_share
+from microslip.results.draw import draw_share
 
 pytestmark = pytest.mark.ranks(1)
 SCALED = "no pair leaves sticking anywhere on its linear curve: scaled, not solved"
@@ -71,7 +71,7 @@ def test_a_scene_without_joint_has_no_contact_at_all(tmp_path, program):
 
 @pytest.mark.parametrize("direction, begins", [("up", 5.0), ("down", 15.0)])
 def test_statics_without_a_joint_are_one_point_a_level(tmp_path, program, monkeypatch, direction, begins):
-    monkeypatch.setattr("microslip.run.draw_share", draw_share)
+    monkeypatch.setattr("microslip.results.draw.draw_share", draw_share)
     for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
     (tmp_path / "static.toml").write_text(

@@ -81,7 +81,7 @@ def test_the_time_limit_stops_all_ranks_before_its_end(program, scene, comm, sha
         assert log.count("s are left by --walltime, 3600 s") == 1 and "ended by Interrupted: stopped" in log
         assert not (shared_path / "out" / NAME).exists()
     monkeypatch.undo()
-    monkeypatch.setattr("microslip.run.draw_share", lambda *share: None)
+    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
     status, _, err = program("run", scene, "--out", shared_path / "out")
     assert (status, err) == (0, "")
     if comm.rank == 0:

@@ -28,7 +28,7 @@ ROUNDING = 1e-8 if COMM.size > 1 else 1e-9  # of curves, over the peak: points a
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr("microslip.run.draw_share", lambda *share: None)
+    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
 
 
 @pytest.fixture

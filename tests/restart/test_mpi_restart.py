@@ -29,7 +29,7 @@ ON_RANKS = ("craig-bampton",)  # those of them that are tried on several ranks, 
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr("microslip.run.draw_share", lambda *share: None)
+    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
 
 
 @pytest.fixture

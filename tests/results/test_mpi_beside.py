@@ -11,8 +11,8 @@ from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.results import beside
 from microslip.results.beside import Drawers
+from microslip.results.draw import draw
 from microslip.results.plots import PICTURES
-from microslip.run import draw
 
 COMM = MPI.COMM_WORLD
 DRAWN = ("response", "states", "slip_map", "rom_size", "energy", "energy_map")  # of results without error bars and statics
@@ -39,7 +39,7 @@ def pictures_in(folder):
 @pytest.mark.slow
 def test_every_picture_is_drawn_once(results, two_beside, monkeypatch):
     own = []
-    monkeypatch.setattr("microslip.run.draw_share", lambda _, share: own.append(share))
+    monkeypatch.setattr("microslip.results.draw.draw_share", lambda _, share: own.append(share))
     with Drawers(COMM) as drawers:
         drawers.begin(results, results.parent)
         draw(COMM, results.parent, drawers)
@@ -50,7 +50,7 @@ def test_every_picture_is_drawn_once(results, two_beside, monkeypatch):
 
 def test_what_a_process_does_not_draw_the_run_draws(results, two_beside, monkeypatch):
     own = []
-    monkeypatch.setattr("microslip.run.draw_share", lambda _, share: own.append(share.start))
+    monkeypatch.setattr("microslip.results.draw.draw_share", lambda _, share: own.append(share.start))
     with Drawers(COMM) as drawers:
         for one in drawers._processes:
             one.process.kill()
@@ -68,7 +68,7 @@ def test_without_cores_to_spare_ranks_draw_all_of_it(monkeypatch):
 
 @pytest.mark.slow
 def test_what_a_process_meets_is_raised_on_every_rank(results, two_beside, monkeypatch):
-    monkeypatch.setattr("microslip.run.draw_share", lambda *share: None)
+    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
     with Drawers(COMM) as drawers, pytest.raises(CaseError, match=r"nowhere\.h5"):
         drawers.begin(results.with_name("nowhere.h5"), results.parent)
         draw(COMM, results.parent, drawers)

@@ -58,8 +58,8 @@ def test_another_friction_finds_the_rest_of_bolts_as_a_scene_built_anew(comm, sh
     scene = microslip.read(on_root(comm, put, shared_path))
     other = changed(scene, {}, {"lap": {"friction": 0.1}})
     with microslip.build(scene, comm) as structure, microslip.build(other, comm) as fresh:
-        assert structure.unloaded is not None
-        pairs = pairs_with(structure.unloaded.pairs, {"friction": {"lap": 0.1}})
+        assert structure.reference is not None
+        pairs = pairs_with(structure.reference.pairs, {"friction": {"lap": 0.1}})
         found, said = at_another_rest(structure, other, pairs)
         for name in ("N0", "T0"):
             a, b, was = (getattr(one.pairs, name) for one in (found, fresh, structure))

@@ -9,11 +9,11 @@ from msh import write_msh
 from rest_scene import HEIGHT, LENGTH, WIDTH, eccentric, force, scene_of
 
 import microslip
-from microslip.library import at_rest
 from microslip.library import build as library_build
 from microslip.linear import factor as factors
 from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
+from microslip.statics import reference_state
 
 STATICS = "steps = 4\n" + force(150.0, 50.0, -1000.0)  # N; some pairs slide
 COMMON = (("samples = 64", "samples = 64\ntolerance = 1e-11"), ("points = 10", "points = 3\nat = [4665.0]"))
@@ -101,7 +101,7 @@ def made(monkeypatch):
         monkeypatch.setattr(factors, "factorise", lambda *of, **how: made.append(of) or factorise(*of, **how))
         for name in ("read_completed", "read_mesh", "pair_contacts", "distribute", "assemble"):
             monkeypatch.setattr(library_build, name, None)
-        monkeypatch.setattr("microslip.library.at_rest.constant_forces", None)
+        monkeypatch.setattr("microslip.statics.reference_state.constant_forces", None)
         return made
 
     return begin
@@ -111,12 +111,12 @@ def test_what_did_not_change_is_not_made_again(comm, folder, made):
     structure = microslip.build(scene_of(comm, folder, STATICS, *COMMON, RANGE, name="kept"), comm)
     made = made()
     first = microslip.respond(structure, error_bars=False, friction=0.24)
-    assert len(made) == 2  # of the unloaded structure, and of that at rest
+    assert len(made) == 2  # of the reference structure, and of that at rest
     microslip.respond(structure, error_bars=False, friction=0.24, levels=[2.0, 7.0])
     assert len(made) == 2
     _, u = first.fields(5.0, 4665.0)
     microslip.respond(structure, error_bars=False, friction=0.22)
-    assert len(made) == 3  # that of the unloaded structure serves on
+    assert len(made) == 3  # that of the reference structure serves on
     again = first.fields(5.0, 4665.0)[1]
     assert again == pytest.approx(u, abs=1e-9 * np.abs(u).max()) and len(made) == 4
     again_at_rest = first.prepared.structure
@@ -125,7 +125,7 @@ def test_what_did_not_change_is_not_made_again(comm, folder, made):
     assert own.prepared.structure is structure and len(made) == 4
     structure.close()
     assert all(one.linearised.factor._solver is None for one in (structure, again_at_rest)) and "flexibility" not in vars(
-        structure.unloaded
+        structure.reference
     )
 
 
@@ -133,8 +133,8 @@ def test_what_did_not_change_is_not_made_again(comm, folder, made):
 def stiffnesses(monkeypatch):
     """Return the list of all stiffness matrices at rest that are assembled from now on."""
     assembled = []
-    assemble = at_rest.stiffness_at_rest
-    monkeypatch.setattr(at_rest, "stiffness_at_rest", lambda *of: assembled.append(assemble(*of)) or assembled[-1])
+    assemble = reference_state.stiffness_at_rest
+    monkeypatch.setattr(reference_state, "stiffness_at_rest", lambda *of: assembled.append(assemble(*of)) or assembled[-1])
     return assembled
 
 
@@ -143,19 +143,19 @@ def test_the_matrices_of_a_rest_are_freed_with_it(comm, folder, stiffnesses):
     for friction in (0.24, 0.26, 0.22):
         microslip.respond(structure, error_bars=False, friction=friction)
     assert [bool(K) for K in stiffnesses] == [True, False, False, True]  # of the structure and of its last rest
-    system, unloaded = structure.linearised.system, structure.unloaded.system
+    system, reference = structure.linearised.system, structure.reference.system
     structure.close()
-    assert not any(stiffnesses) and not any([system.K, system.M, unloaded.K])
+    assert not any(stiffnesses) and not any([system.K, system.M, reference.K])
     with pytest.raises(CaseError, match="the structure is closed"):
         microslip.respond(structure, friction=0.24)
 
 
 def test_a_run_keeps_no_stiffness_of_before_the_loads(comm, folder, monkeypatch):
-    unloaded, bring = [], library_build.brought_to_rest
-    monkeypatch.setattr(library_build, "brought_to_rest", lambda of, *more: unloaded.append(of) or bring(of, *more))
+    reference, bring = [], library_build.find_rest
+    monkeypatch.setattr(library_build, "find_rest", lambda of, *more: reference.append(of) or bring(of, *more))
     scene = scene_of(comm, folder, STATICS, *COMMON, RANGE, name="run")
-    with library_build.build(scene, comm, keeps_unloaded=False) as structure:
-        assert not unloaded[0].system.K and structure.linearised.system.K and structure.linearised.system.M
+    with library_build.build(scene, comm, keeps_reference=False) as structure:
+        assert not reference[0].system.K and structure.linearised.system.K and structure.linearised.system.M
 
 
 SERVES = {
@@ -185,7 +185,7 @@ def test_what_no_rest_takes_is_said_and_the_structure_stays(comm, folder, struct
     ):
         microslip.respond(structure, friction=[0.1, 0.2])
     with pytest.raises(CaseError, match="ask the structure that was built"):
-        microslip.respond(replace(structure, unloaded=None), friction=0.5)
+        microslip.respond(replace(structure, reference=None), friction=0.5)
     gap = ('preload = "static"', 'preload = "static"\ngap = 1e-6')
     with microslip.build(scene_of(comm, folder, eccentric(1000.0), gap, name="gap"), comm) as with_gap:
         with pytest.raises(CaseError, match="an open pair carries no preload|an open joint carries no preload"):

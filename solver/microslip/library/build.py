@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -25,15 +25,16 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.petsc import everyone
 from ..reduction.choose_modes import choose_modes
+from ..reduction.memory_of_modes import memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
 from ..reduction.stuck import Factored, StuckStructure, static_response
 from ..scene.schema import Scene
 from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
-from .at_rest import AtRest, Unloaded, brought_to_rest
+from ..statics.reference_state import AtRest, ReferenceState, find_rest
+from ..system.memory import gigabytes
 from .complete import read_completed
 from .dropped import free_dropped, free_if_dropped
-from .memory_estimate import memory_of_modes, of_factor, refuse_modes
 from .settings import reduction_settings
 
 if TYPE_CHECKING:
@@ -58,15 +59,15 @@ class Structure(StuckStructure):
     mesh: Mesh | None  # rank 0 only; None of a scene given as matrices whose rows belong to no nodes
     bolts: BoltsAtRest | None = None
     balance: Balance | None = None  # of forces at rest, with [statics]
-    unloaded: Unloaded | None = None  # with [statics]: before its loads act
+    reference: ReferenceState | None = None  # with [statics]: before its loads act
 
     def close(self) -> None:
         """Free the factors and the matrices.  Collective."""
         free_other_rest(self)
         system = self.linearised.system
-        if self.unloaded is not None:
-            self.unloaded.close()
-            self.unloaded.system.destroy(system)
+        if self.reference is not None:
+            self.reference.close()
+            self.reference.system.destroy(system)
         self.linearised.destroy()
         system.destroy()
 
@@ -82,12 +83,16 @@ class Structure(StuckStructure):
 
 
 def build(
-    scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None, known: Known | None = None, keeps_unloaded: bool = True
+    scene: Scene,
+    comm: MPI.Comm | None = None,
+    log: RunLog | None = None,
+    known: Known | None = None,
+    keeps_reference: bool = True,
 ) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.
 
     Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  What an earlier run has found may be
-    ``known``.  With [statics], what finds another rest is kept, unless ``keeps_unloaded`` is False: K before the loads act, and
+    ``known``.  With [statics], what finds another rest is kept, unless ``keeps_reference`` is False: K before the loads act, and
     the mesh.  The memory of structures that were dropped without being closed is freed first.
 
     Raises
@@ -98,21 +103,26 @@ def build(
     log = log or RunLog(comm, screen=False)
     free_dropped(comm)
     if scene.model.mesh is None:
-        mesh, rest, unloaded = *from_matrices(scene, comm, log), None
+        mesh, rest, reference = *from_matrices(scene, comm, log), None
     else:
         with log.stage("model file"):
             file, scene, notes = read_completed(scene, comm)
         for note in notes:
             log.note(note)
-        mesh, rest, unloaded = from_mesh(scene, file, comm, log)
-    if unloaded is not None and not keeps_unloaded:
-        unloaded.system.destroy(rest.system)  # its memory before the factor's
-        unloaded = None
-    return stuck_structure(scene, mesh, rest, log, known, unloaded)
+        mesh, rest, reference = from_mesh(scene, file, comm, log)
+    if reference is not None and not keeps_reference:
+        reference.system.destroy(rest.system)  # its memory before the factor's
+        reference = None
+    return stuck_structure(scene, mesh, rest, log, known, reference)
 
 
 def stuck_structure(
-    scene: Scene, mesh: Mesh | None, rest: AtRest, log: RunLog, known: Known | None = None, unloaded: Unloaded | None = None
+    scene: Scene,
+    mesh: Mesh | None,
+    rest: AtRest,
+    log: RunLog,
+    known: Known | None = None,
+    reference: ReferenceState | None = None,
 ) -> Structure:
     """Return the structure as it vibrates about its rest: factored, with its static response and its modes.  Collective.
 
@@ -129,9 +139,9 @@ def stuck_structure(
         later = None if known else partial(memory_of_modes, system.K, settings)
         linearised = linearise(system, pairs, str(scene.path), later, known.factor if known else None)
     free_if_dropped(linearised.system.comm, linearised.factor)
-    for note in (*linearised.factor.info["said"], of_factor(linearised.factor.info)):
+    for note in (*linearised.factor.info["said"], factor_in_words(linearised.factor.info)):
         log.note(note)
-    if linearised.factor.info.get("out_of_core") and unloaded is None and keeps_to_K_L(settings):
+    if linearised.factor.info.get("out_of_core") and reference is None and keeps_to_K_L(settings):
         linearised.let_K_go()  # memory is short
     if not known:
         refuse_modes(linearised, settings)
@@ -140,23 +150,38 @@ def stuck_structure(
         modes, why = (known.modes(linearised), "") if known else choose_modes(linearised, pairs, statics, settings)
     for note in filter(None, (*modes.info.get("said", ()), why)):
         log.note(note)
-    of_scene = {"scene": scene, "mesh": mesh, "bolts": rest.bolts, "balance": rest.balance, "unloaded": unloaded}
+    of_scene = {"scene": scene, "mesh": mesh, "bolts": rest.bolts, "balance": rest.balance, "reference": reference}
     return Structure.of(linearised, pairs, statics, modes, **of_scene)
+
+
+def factor_in_words(info: dict[str, Any]) -> str:
+    """Return what a factor took beside what was foreseen, in words.  Local."""
+    memory = info.get("memory")
+    if memory is None:
+        return f"factor by {info['package']}"
+    if "kept_in" in info:
+        size = gigabytes(1e6 * info["memory_MB"])
+        return f"factor: that of an earlier run, {info['entries']} entries, {size} in {info['kept_in']}"
+    foreseen = memory.out_of_core if info["out_of_core"] else memory.in_core
+    return (
+        f"factor: {info['entries']} entries, ordered by {info['ordering']}; memory {info['memory_MB']} MB on all ranks, "
+        f"{info['memory_max_MB']} MB on the largest (foreseen on rank 0: {foreseen / 1e6:.0f} MB)"
+    )
 
 
 def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> tuple[Structure, tuple[str, ...]]:
     """Return a structure at the rest that it comes to with other ``pairs``, as ``scene`` states them, and what a log says of it.
 
     Collective.  The last one is kept: the factor of the one before is freed.  Mesh, matrices and constant forces are those there
-    are; factor and static columns of the unloaded structure are made for the first other rest, and kept.  Where the rest leaves
+    are; factor and static columns of the reference structure are made for the first other rest, and kept.  Where the rest leaves
     stiffness and springs what they are for ``structure``, its factor, modes and all that was made of them serve on.
 
     Raises
     ------
     CaseError, ConvergenceError, ResourceError : on every rank
     """
-    assert structure.unloaded is not None, "a structure that keeps it"
-    key, own = ((one.mu.tobytes(), one.N0.tobytes()) for one in (pairs, structure.unloaded.pairs))
+    assert structure.reference is not None, "a structure that keeps it"
+    key, own = ((one.mu.tobytes(), one.N0.tobytes()) for one in (pairs, structure.reference.pairs))
     if key == own:
         return structure, ()
     if structure.kept.get(_OTHER_REST, (None,))[0] != key:
@@ -164,7 +189,7 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
         free_other_rest(structure)
         free_dropped(structure.comm)
         known, log = structure.linearised, RunLog(structure.comm, screen=False)
-        rest = brought_to_rest(structure.unloaded, pairs, known.system)
+        rest = find_rest(structure.reference, pairs, known.system)
         if rest.system.K is known.system.K and np.array_equal(joint_stiffness(rest.pairs), joint_stiffness(structure.pairs)):
             linearised = replace(known, system=replace(known.system, rest_owned=rest.system.rest_owned))
             factored = Factored(linearised, structure.modes)
@@ -183,14 +208,16 @@ def free_other_rest(structure: Structure) -> None:
     known = structure.kept.pop(_OTHER_REST, None)
     if known is None or known[1].linearised.factor is structure.linearised.factor:
         return
-    assert structure.unloaded is not None, "a structure that keeps it"
-    at_rest, unloaded = known[1].linearised, structure.unloaded.system
+    assert structure.reference is not None, "a structure that keeps it"
+    at_rest, reference = known[1].linearised, structure.reference.system
     at_rest.destroy()
-    if at_rest.system.K is not unloaded.K:
+    if at_rest.system.K is not reference.K:
         at_rest.system.destroy(structure.linearised.system)
 
 
-def from_mesh(scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, AtRest, Unloaded | None]:
+def from_mesh(
+    scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog
+) -> tuple[Mesh | None, AtRest, ReferenceState | None]:
     """Return mesh (on rank 0) and structure of a scene with a mesh, whose file rank 0 has read.  Collective.
 
     With [statics] it is that at rest, and what was there before comes with it.
@@ -209,12 +236,12 @@ def from_mesh(scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog)
     if scene.statics is None:
         return mesh, AtRest(system, pairs), None
     with log.stage("statics"):
-        unloaded = Unloaded.of(system, shares, mesh, pairs, scene, str(scene.path))
-        rest = brought_to_rest(unloaded, unloaded.pairs)
-        unloaded.close()
+        reference = ReferenceState.of(system, shares, mesh, pairs, scene, str(scene.path))
+        rest = find_rest(reference, reference.pairs)
+        reference.close()
     for line in rest.said:
         log.note(line)
-    return mesh, rest, unloaded
+    return mesh, rest, reference
 
 
 def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, AtRest]:

@@ -96,7 +96,7 @@ def respond(
     for the scene's own levels, friction, preload and damping.
 
     With [statics] another friction or preload, before the loads act, is another state of rest.  It is found anew from the mesh,
-    the matrices and the forces there are, with a factor of the unloaded structure, which the first such call makes and the
+    the matrices and the forces there are, with a factor of the reference structure, which the first such call makes and the
     structure keeps.  Where the stiffness at rest changes, as it does with the stress in the structure and with the pairs that
     are closed, its factor, static columns and modes are made anew; else they serve on.  The rest of the last such call is kept:
     fields of an earlier one find theirs again.
@@ -139,10 +139,10 @@ def resting(structure: Structure, scene: Scene, of_joints: Mapping[str, OfJoints
     ------
     CaseError, ConvergenceError, ResourceError : on every rank
     """
-    if structure.unloaded is None:
+    if structure.reference is None:
         raise CaseError("respond: friction and preload take part in the statics; ask the structure that was built of the scene")
     own = scene_with(structure.scene, {}, of_joints)
-    at_rest, notes = at_another_rest(structure, own, pairs_with(structure.unloaded.pairs, of_joints))
+    at_rest, notes = at_another_rest(structure, own, pairs_with(structure.reference.pairs, of_joints))
     at_rest, why = with_modes_for(at_rest, reduction_settings(scene), at_rest.pairs)
     return at_rest, [*notes, why]
 

@@ -65,7 +65,7 @@ class Rebuilt:
     @cached_property
     def structure(self) -> Structure:
         self.log.note("the structure is assembled again, its modes are known")
-        return build(self.scene, self.comm, self.log, Known(self._modes, self._known_factor), keeps_unloaded=False)
+        return build(self.scene, self.comm, self.log, Known(self._modes, self._known_factor), keeps_reference=False)
 
     def _modes(self, linearised: Linearised) -> Modes:
         """Return the modes that were kept, the first of those in their file; found anew where that is damaged."""

@@ -11,11 +11,11 @@ from ...assembly.constraints import constrain
 from ...assembly.coupling import Coupling, coupling_of_dofs, coupling_of_nodes
 from ...assembly.matrices import GivenStructure
 from ...guards.memory import Shortage, memory_left, shortage
-from ...library.memory_estimate import MemoryEstimate, estimate_memory
 from ...mesh.data import ContactPairs, DistributedMesh, Mesh
 from ...parallel.agree import on_root
 from ...scene.schema import Scene
 from ...system.memory import gigabytes, peak_memory
+from .memory_estimate import MemoryEstimate, estimate_memory
 from .report import highest_harmonic
 
 if TYPE_CHECKING:

@@ -7,39 +7,25 @@ of the nodes.  Both are sums over arrays that the stages hold at once; what the 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from petsc4py import PETSc
 
-from ..assembly.assemble import ASSEMBLED
-from ..assembly.coupling import Coupling
-from ..guards.memory import refuse_beyond
-from ..linear.analysis import FactorMemory
-from ..linear.direct import foreseen
-from ..linear.joint_springs import KEPT, analysis_of
-from ..modes.block_lanczos import basis_size
-from ..reduction.facts import Counts
-from ..reduction.galerkin import memory_of_basis
-from ..reduction.methods import METHODS
-from ..reduction.settings import ReductionSettings
-from ..scene.schema import Scene
-from ..system.memory import gigabytes
-from .settings import reduction_settings
+from ...assembly.assemble import ASSEMBLED
+from ...assembly.coupling import Coupling
+from ...library.settings import reduction_settings
+from ...linear.analysis import FactorMemory
+from ...linear.direct import foreseen
+from ...linear.joint_springs import KEPT, analysis_of
+from ...modes.block_lanczos import basis_size
+from ...reduction.facts import Counts
+from ...reduction.galerkin import memory_of_basis
+from ...reduction.memory_of_modes import HELD, PICKED, SHARPENED, VECTORS, of_proof
+from ...reduction.methods import METHODS
+from ...scene.schema import Scene
 
-if TYPE_CHECKING:
-    from ..linear.joint_springs import Linearised
-
-# bytes an entry of K, of the arrays held at once; M has a third of the entries
-HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M as PETSc keeps them
-FACTORED = KEPT + 10.5  # K_L, and the half of it that is handed to MUMPS, with places and its analysis
-ENTERED = 8.0  # the half of K_L - sigma M that MUMPS is handed, with places
-MERGED = HELD + ENTERED  # the same while it is put together from rows of K_L and M
-SHARPENED = 1e8  # bytes of some rows of K_L twice and in extended precision, for the eigenvalues
+FACTORED = KEPT + 10.5  # bytes an entry of K: K_L, and the half of it that is handed to MUMPS, with places and its analysis
 LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at first use
 PICTURES = 30e6  # bytes of Matplotlib and its fonts, likewise
-PICKED = 24  # modes assumed where the program picks their number
-VECTORS = 3  # blocks of the modes' size beside the basis that they are found in
 _FRONTS = 0.25  # of a factor: what a factorisation takes that drops it as it comes
 COLUMNS = 2.5e8  # bytes of a batch of static solutions, all ranks
 
@@ -83,51 +69,6 @@ def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: floa
     return MemoryEstimate(stages, None if factor is None else tuple(comm.allgather(factor)), _n_modes(scene, coupling.n_dof))
 
 
-def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMemory | None) -> float:
-    """Return what the modes, and the proof that none is missing, take on this rank beside the kept factor [bytes].  Local.
-
-    The proof comes last, and takes the fronts of another factorisation.  ``factor`` is None where its package does not tell.
-    """
-    n_owned, n_dof = K.getLocalSize()[0], K.getSize()[0]
-    n_modes = min(settings.modes or PICKED, n_dof)
-    vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
-    entries = K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
-    proof = 0.0 if factor is None or not settings.verify_modes else of_proof(entries, factor.out_of_core)
-    return vectors + max(proof, SHARPENED)
-
-
-def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
-    """Raise ResourceError if the modes and their proof would not fit beside the kept factor, before the first is sought.
-
-    Collective.
-
-    Raises
-    ------
-    ResourceError : on every rank
-    """
-    K_L, comm = linearised.K_L, linearised.system.comm
-    needed = memory_of_modes(K_L, settings, linearised.factor.info.get("memory"))
-    advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
-    if settings.verify_modes:
-        advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factorisation"
-    refuse_beyond(comm, needed, f"{settings.where}: {min(settings.modes or PICKED, K_L.getSize()[0])} modes", advice)
-
-
-def of_factor(info: dict[str, Any]) -> str:
-    """Return what a factor took beside what was foreseen, in words.  Local."""
-    memory = info.get("memory")
-    if memory is None:
-        return f"factor by {info['package']}"
-    if "kept_in" in info:
-        size = gigabytes(1e6 * info["memory_MB"])
-        return f"factor: that of an earlier run, {info['entries']} entries, {size} in {info['kept_in']}"
-    foreseen = memory.out_of_core if info["out_of_core"] else memory.in_core
-    return (
-        f"factor: {info['entries']} entries, ordered by {info['ordering']}; memory {info['memory_MB']} MB on all ranks, "
-        f"{info['memory_max_MB']} MB on the largest (foreseen on rank 0: {foreseen / 1e6:.0f} MB)"
-    )
-
-
 def _peaks(
     scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int, factor: FactorMemory | None
 ) -> dict[str, float]:
@@ -161,11 +102,6 @@ def _peaks(
     stages["response"] = held + 2.5 * static + points
     stages["pictures"] = held + static + points + PICTURES
     return _rising(stages)
-
-
-def of_proof(entries: float, fronts: float) -> float:
-    """Return what the proof takes that no mode is missing: K_L - sigma M as it is handed over, then with its fronts.  Local."""
-    return max(MERGED * entries, ENTERED * entries + fronts)
 
 
 def _rising(stages: dict[str, float]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""A structure before its constant loads act, and the rest that it comes to with one friction and preload or another."""
+"""The reference state, before the constant loads act, and the rest that a structure comes to from there."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.deformed import stretched
 from ..messages.errors import ConvergenceError
 from ..parallel.agree import on_root
-from ..statics.balance import Balance, balance_of
-from ..statics.bolts import BoltsAtRest, Cuts, cuts_of
-from ..statics.equilibrium import Flexibility, Rest, equilibrium, stuck_forces
-from ..statics.flight import which_flies
-from ..statics.large_displacements import About, Sought, large_equilibrium
-from ..statics.loaded import Loaded
-from ..statics.pressed import check_pressed
-from ..statics.rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
 from ..tables.structure_tables import StructureTables
+from .balance import Balance, balance_of
+from .bolts import BoltsAtRest, Cuts, cuts_of
+from .equilibrium import Flexibility, Rest, equilibrium, stuck_forces
+from .flight import which_flies
+from .large_displacements import About, Sought, large_equilibrium
+from .loaded import Loaded
+from .pressed import check_pressed
+from .rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
 
 SAME = 1e-10  # of the largest displacement: two rests that differ by less are one
 
 
 @dataclass(frozen=True, eq=False)
-class Unloaded:
+class ReferenceState:
     """A structure before its constant loads act, with all that the search for its rest needs."""
 
     system: System
@@ -57,7 +57,7 @@ class Unloaded:
         pairs: ContactPairs,
         settings: StructureTables,
         where: str,
-    ) -> Unloaded:
+    ) -> ReferenceState:
         """Return a structure with its constant forces and bolts.  Collective.
 
         Rough surfaces that nothing presses at first get the springs of about the pressure that the loads will make, which takes
@@ -110,7 +110,7 @@ class AtRest:
     said: tuple[str, ...] = ()  # of the rest, for the log
 
 
-def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | None = None) -> AtRest:
+def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | None = None) -> AtRest:
     """Return the structure as it vibrates about its rest under the constant loads.
 
     Collective.  ``pairs`` are those before the loads act; they may differ from the structure's own in friction and preload.
@@ -120,79 +120,81 @@ def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | Non
     ------
     CaseError, ConvergenceError, MeshError, ResourceError : on every rank
     """
-    system, settings, forces, where = unloaded.system, unloaded.settings, unloaded.forces_owned, unloaded.where
+    system, settings, forces, where = reference.system, reference.settings, reference.forces_owned, reference.where
     statics = stated_statics(settings)
     assert statics is not None, "a scene with [statics]"
-    loaded = Loaded(system, unloaded.mesh, pairs, forces, settings.body_of, where)
+    loaded = Loaded(system, reference.mesh, pairs, forces, settings.body_of, where)
     flies = partial(which_flies, loaded)
     said: list[str] = []
     if statics.large_displacements:
-        sought = Sought(system, partial(_about, unloaded, pairs), forces, statics.steps, flies, where)
+        sought = Sought(system, partial(_about, reference, pairs), forces, statics.steps, flies, where)
         rest, about, n_steps = large_equilibrium(sought)
         K, pairs = about.K, about.pairs
         loaded = replace(loaded, pairs=pairs)
-        said = _said_of_large(unloaded, pairs, rest, n_steps)
+        said = _said_of_large(reference, pairs, rest, n_steps)
     else:
-        rest = _rest(unloaded, pairs, flies)
-        K = _stiffness(unloaded, rest, known)
+        rest = _rest(reference, pairs, flies)
+        K = _stiffness(reference, rest, known)
     check_pressed(loaded, rest)
-    acting = acting_at_rest(unloaded.shares, unloaded.mesh, settings, system, rest.u_owned, _seen(unloaded, rest))
+    acting = acting_at_rest(reference.shares, reference.mesh, settings, system, rest.u_owned, _seen(reference, rest))
     balance = balance_of(loaded, rest, acting)
     said += in_words(pairs, rest, balance)
     return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, balance, tuple(said))
 
 
-def _rest(unloaded: Unloaded, pairs: ContactPairs, flies: Callable[[], str]) -> Rest:
+def _rest(reference: ReferenceState, pairs: ContactPairs, flies: Callable[[], str]) -> Rest:
     """Return the rest with small displacements.  Collective; ConvergenceError names the scene."""
-    steps = stated_statics(unloaded.settings).steps
+    steps = stated_statics(reference.settings).steps
     try:
-        return equilibrium(unloaded.flexibility, pairs, unloaded.forces_owned, steps, unloaded.cuts, flies)
+        return equilibrium(reference.flexibility, pairs, reference.forces_owned, steps, reference.cuts, flies)
     except ConvergenceError as problem:
-        raise ConvergenceError(f"{unloaded.where}: {problem}") from problem
+        raise ConvergenceError(f"{reference.where}: {problem}") from problem
 
 
-def _about(unloaded: Unloaded, pairs: ContactPairs, u_owned: np.ndarray, share: float, is_stressed: bool) -> About:
+def _about(reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, share: float, is_stressed: bool) -> About:
     """Return the structure about a displacement, this rank's rows, under a share of the load.  Collective."""
-    K, forces = tangent_about(unloaded.shares, unloaded.settings, unloaded.system, u_owned, share, is_stressed)
+    K, forces = tangent_about(reference.shares, reference.settings, reference.system, u_owned, share, is_stressed)
     if not pairs.n_pairs:
         return About(K, forces, pairs)
-    ratio, _ = _stretched(unloaded, pairs, u_owned, share)
+    ratio, _ = _stretched(reference, pairs, u_owned, share)
     return About(K, forces, of_larger_area(pairs, ratio))
 
 
-def _stretched(unloaded: Unloaded, pairs: ContactPairs, u_owned: np.ndarray, share: float) -> tuple[np.ndarray, dict[str, float]]:
+def _stretched(
+    reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, share: float
+) -> tuple[np.ndarray, dict[str, float]]:
     """Return the areas of the pairs over those without load, (n_pairs,), and how far joints turn [rad].  Collective."""
-    system = unloaded.system
+    system = reference.system
     u = system.at_nodes(np.concatenate(system.comm.allgather(u_owned)))
     u = u if system.moved is None else u + share * system.moved
-    return on_root(system.comm, stretched, unloaded.mesh, unloaded.settings.joints, pairs, u)
+    return on_root(system.comm, stretched, reference.mesh, reference.settings.joints, pairs, u)
 
 
-def _said_of_large(unloaded: Unloaded, pairs: ContactPairs, rest: Rest, n_steps: int) -> list[str]:
+def _said_of_large(reference: ReferenceState, pairs: ContactPairs, rest: Rest, n_steps: int) -> list[str]:
     """Return lines on a rest with large displacements: steps, and how far the surfaces of joints turn.  Collective."""
     lines = [f"rest with large displacements found in {n_steps} steps of Newton's method"]
-    turns = _stretched(unloaded, pairs, rest.u_owned, 1.0)[1] if pairs.n_pairs else {}
+    turns = _stretched(reference, pairs, rest.u_owned, 1.0)[1] if pairs.n_pairs else {}
     return lines + [
-        f"  {name}: its faces turn by up to {turn:.1e} rad under the loads; its pairs keep the frames of the unloaded mesh"
+        f"  {name}: its faces turn by up to {turn:.1e} rad under the loads; its pairs keep the frames of the reference mesh"
         for name, turn in turns.items()
     ]
 
 
-def _stiffness(unloaded: Unloaded, rest: Rest, known: System | None) -> PETSc.Mat:
+def _stiffness(reference: ReferenceState, rest: Rest, known: System | None) -> PETSc.Mat:
     """Return K about a rest with small displacements: that of a known one that is the same.  Collective."""
-    system, settings = unloaded.system, unloaded.settings
+    system, settings = reference.system, reference.settings
     if known is not None and _is_same(known, rest.u_owned):
         return known.K
     if not stated_statics(settings).stress_stiffening:
         return system.K
-    return stiffness_at_rest(unloaded.shares, settings, system, rest.u_owned, _seen(unloaded, rest))
+    return stiffness_at_rest(reference.shares, settings, system, rest.u_owned, _seen(reference, rest))
 
 
-def _seen(unloaded: Unloaded, rest: Rest) -> Seen | None:
+def _seen(reference: ReferenceState, rest: Rest) -> Seen | None:
     """Return what elements above the cuts of bolts see beside the displacement of their nodes; None without bolts.  Local."""
-    if unloaded.bolts is None or rest.bolts is None:
+    if reference.bolts is None or rest.bolts is None:
         return None
-    return partial(unloaded.bolts.overlap.seen, shortening=rest.bolts.shortening)
+    return partial(reference.bolts.overlap.seen, shortening=rest.bolts.shortening)
 
 
 def _is_same(known: System, u_owned: np.ndarray) -> bool:

@@ -1,0 +1,63 @@
+"""The levels of a run, followed with its log, its files and its limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..continuation.keeper import Keepers
+from ..observe.level_log import LevelLog
+from ..observe.log import RunLog
+from ..observe.not_computed import not_computed
+from ..observe.stops import Stops
+from ..points.branch import Branch
+from ..results.audit import audit_text
+from ..results.fields import RunRecord, StageRecord
+from ..results.measures import shown_with
+from ..results.origin import Origin
+from ..system.walltime import TimeLimit
+from .follow_response import follow, in_turn, known_columns
+from .prepare import Prepared
+from .result_files import extent_of, writer_of
+from .settings import units_of
+from .side_by_side import groups_that_pay
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a scene is run, beside what it says."""
+
+    petsc: tuple[str, ...] = ()  # options of PETSc
+    n_groups: int | None = None  # of ranks, for the levels; None: as many as pay
+    screen: bool = True  # or files alone
+    fresh: bool = False  # anew, with the results that are there kept in a folder of their own
+    limit: TimeLimit | None = None  # at which it stops, with what it has
+
+
+def record_of(log: RunLog) -> RunRecord:
+    """Return what a log has noted so far.  Local."""
+    return RunRecord(tuple(StageRecord(stage.name, stage.seconds, stage.memory) for stage in log.stages), tuple(log.notes))
+
+
+def follow_logged(
+    prepared: Prepared, folder: Path, options: RunOptions, origin: Origin, log: RunLog, keepers: Keepers
+) -> list[Branch]:
+    """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
+    response, units = prepared.response, units_of(prepared.scene)
+    shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
+    n_groups = options.n_groups or groups_that_pay(response, prepared.outline.n_dof)
+    writer = writer_of(prepared, folder, options.petsc, replace(origin, n_groups=n_groups))
+    levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, options.limit)
+    try:
+        with stops.kept():
+            branches = follow(response, [levels, writer, stops], n_groups, log, keepers, keeps_motion=False)
+        if not in_turn(response, n_groups) or writer.table_is_gone():
+            writer.put_in_order(branches)
+    finally:
+        writer.close()
+    log.note(audit_text(branches, units.works))
+    known = known_columns(response) if in_turn(response, n_groups) else None
+    log.note(
+        "\n  ".join(["not computed, and why, or what it would change:", *not_computed(extent_of(prepared), branches, known)])
+    )
+    return branches

@@ -1,0 +1,54 @@
+"""The memory of the modes and of the proof that none is missing, in addition to the factor: foreseen, and refused where short."""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+from ..guards.memory import refuse_beyond
+from ..linear.analysis import FactorMemory
+from ..linear.joint_springs import Linearised
+from ..modes.block_lanczos import basis_size
+from .settings import ReductionSettings
+
+# bytes an entry of K, of the arrays held at once; M has a third of the entries
+HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M as PETSc keeps them
+ENTERED = 8.0  # the half of K_L - sigma M that MUMPS is handed, with places
+MERGED = HELD + ENTERED  # the same while it is put together from rows of K_L and M
+SHARPENED = 1e8  # bytes of some rows of K_L twice and in extended precision, for the eigenvalues
+PICKED = 24  # modes assumed where the program picks their number
+VECTORS = 3  # blocks of the modes' size in addition to the basis that they are found in
+
+
+def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMemory | None) -> float:
+    """Return what the modes, and the proof that none is missing, take on this rank beside the kept factor [bytes].  Local.
+
+    The proof comes last, and takes the fronts of another factorisation.  ``factor`` is None where its package does not tell.
+    """
+    n_owned, n_dof = K.getLocalSize()[0], K.getSize()[0]
+    n_modes = min(settings.modes or PICKED, n_dof)
+    vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
+    entries = K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
+    proof = 0.0 if factor is None or not settings.verify_modes else of_proof(entries, factor.out_of_core)
+    return vectors + max(proof, SHARPENED)
+
+
+def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
+    """Raise ResourceError if the modes and their proof would not fit beside the kept factor, before the first is sought.
+
+    Collective.
+
+    Raises
+    ------
+    ResourceError : on every rank
+    """
+    K_L, comm = linearised.K_L, linearised.system.comm
+    needed = memory_of_modes(K_L, settings, linearised.factor.info.get("memory"))
+    advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
+    if settings.verify_modes:
+        advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factorisation"
+    refuse_beyond(comm, needed, f"{settings.where}: {min(settings.modes or PICKED, K_L.getSize()[0])} modes", advice)
+
+
+def of_proof(entries: float, fronts: float) -> float:
+    """Return what the proof takes that no mode is missing: K_L - sigma M as it is handed over, then with its fronts.  Local."""
+    return max(MERGED * entries, ENTERED * entries + fronts)
