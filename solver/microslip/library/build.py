@@ -138,7 +138,6 @@ def stuck_structure(
     with log.stage("factor of the stuck structure"):
         later = None if known else partial(memory_of_modes, system.K, settings)
         linearised = linearise(system, pairs, str(scene.path), later, known.factor if known else None)
-    free_if_dropped(linearised.system.comm, linearised.factor)
     for note in (*linearised.factor.info["said"], factor_in_words(linearised.factor.info)):
         log.note(note)
     if linearised.factor.info.get("out_of_core") and reference is None and keeps_to_K_L(settings):
@@ -150,6 +149,7 @@ def stuck_structure(
         modes, why = (known.modes(linearised), "") if known else choose_modes(linearised, pairs, statics, settings)
     for note in filter(None, (*modes.info.get("said", ()), why)):
         log.note(note)
+    free_if_dropped(linearised.system.comm, linearised.factor)
     of_scene = {"scene": scene, "mesh": mesh, "bolts": rest.bolts, "balance": rest.balance, "reference": reference}
     return Structure.of(linearised, pairs, statics, modes, **of_scene)
 

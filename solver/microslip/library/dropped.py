@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import gc
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from weakref import ref
 
 from petsc4py import PETSc
@@ -22,11 +22,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class _Open:
-    """A factor that nobody has freed yet, with the ranks that have it."""
+    """A factor, with the ranks that have it; its attributes outlive it, and hold its solver until it is freed."""
 
     comm: MPI.Comm
     factor: ref[Factor]
-    solver: DirectSolver
+    attributes: dict[str, Any]
+
+    @property
+    def solver(self) -> DirectSolver | None:
+        return self.attributes["_solver"]
 
     @property
     def is_dropped(self) -> bool:
@@ -38,7 +42,7 @@ _open: list[_Open] = []
 
 def free_if_dropped(comm: MPI.Comm, factor: Factor) -> None:
     """Let the next :func:`free_dropped` free a factor if nothing refers to it by then.  Local; on every rank of ``comm``."""
-    _open.append(_Open(comm, ref(factor), factor.solver))
+    _open.append(_Open(comm, ref(factor), vars(factor)))
 
 
 def free_dropped(comm: MPI.Comm) -> None:
@@ -50,7 +54,9 @@ def free_dropped(comm: MPI.Comm) -> None:
     everywhere = zip(*comm.allgather([one.is_dropped for one in of_comm]))
     for one, is_dropped in zip(of_comm, everywhere):
         if all(is_dropped):
-            one.solver.destroy()
+            if one.solver is not None:
+                one.solver.destroy()
+            one.attributes.clear()  # its matrix, too
             _open.remove(one)
     if hasattr(PETSc, "garbage_cleanup"):  # before petsc4py 3.18 an object is freed with its Python name
         PETSc.garbage_cleanup(comm)  # after MUMPS, which works on a communicator that PETSc frees with its last matrix
