@@ -146,7 +146,8 @@ def stuck_structure(
         refuse_modes(linearised, settings)
     with log.stage("modes"):
         statics = static_response(linearised)
-        modes, why = (known.modes(linearised), "") if known else choose_modes(linearised, pairs, statics, settings)
+        stuck = StuckStructure.of(linearised, pairs, statics)
+        modes, why = (known.modes(linearised), "") if known else choose_modes(stuck, settings)
     for note in filter(None, (*modes.info.get("said", ()), why)):
         log.note(note)
     free_if_dropped(linearised.system.comm, linearised.factor)

@@ -237,7 +237,7 @@ def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: Con
     if settings.modes is None:
         limits = pairs.mu.tobytes(), pairs.N0.tobytes()
         key = (*key, settings.method, settings.excitation, settings.damping, settings.level, *limits)
-    modes, why = structure.once(key, lambda: choose_modes(structure.linearised, pairs, structure.statics, settings))
+    modes, why = structure.once(key, lambda: choose_modes(replace(structure, pairs=pairs), settings))
     return structure.once(("with", *key), lambda: structure.with_modes(modes)), why
 
 

@@ -38,9 +38,8 @@ class GroupColumns:
 
     def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
         """Return this rank's part of G^H x, (3 n_active, N_H), for x (3 n_owned, N_H)."""
-        return self.G_static.apply_adjoint(x) + matrix_times(
-            self.R_active, self.c.adjoint().apply(adjoint_times(self.R_owned, x))
-        )
+        eta = self.c.adjoint().apply(adjoint_times(self.R_owned, x))
+        return self.G_static.apply_adjoint(x) + matrix_times(self.R_active, eta)
 
     def adjoint(self) -> GroupColumns:
         """Return the columns of G^H, which has the same static part."""

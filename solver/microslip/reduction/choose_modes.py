@@ -6,13 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..linear.joint_springs import Linearised
-from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
-from ..modes.eigen import Modes, first_of, is_complete, lowest_modes, search_of
+from ..modes.eigen import Modes, first_of
 from ..modes.limits import FEW, SHARE, most_modes
 from ..points.band import Band, frequency_band
-from ..receptance.static_response import StaticResponse
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 from .truncation import LeftOut, left_out
@@ -22,26 +19,24 @@ _START, _MOST = 12, 600  # modes of the first batch, each further one has twice 
 _EQUAL = 1e-6  # relative difference of equal frequencies, which are kept or left out together
 
 
-def choose_modes(
-    linearised: Linearised, pairs: ContactPairs, statics: StaticResponse, settings: ReductionSettings
-) -> tuple[Modes, str]:
-    """Return the modes of the stuck structure that are needed, and a line that says why so many.
+def choose_modes(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Modes, str]:
+    """Return the modes of a stuck structure that are needed, whichever it has, and a line that says why so many.
 
-    Collective on the system's communicator.
+    Collective on the structure's communicator.
 
     Raises
     ------
     CaseError : the accuracy asked for needs more modes than are computed
     ConvergenceError : the modes did not converge
     """
-    n_dof = linearised.system.n_dof
+    n_dof = stuck.n_dof
     if settings.modes is not None:
-        modes = lowest_modes(linearised, settings.modes, settings.verify_modes)
+        modes = stuck.lowest_modes(settings.modes, settings.verify_modes)
         return modes, as_stated(modes.omega_n, settings, n_dof)
     if n_dof <= FEW:
-        modes = lowest_modes(linearised, n_dof, settings.verify_modes, fewer_will_do=True)
+        modes = stuck.lowest_modes(n_dof, settings.verify_modes, fewer_will_do=True)
         return modes, f"modes: all {len(modes.omega_n)} there are"
-    return _fewest(linearised, pairs, statics, settings)
+    return _fewest(stuck, settings)
 
 
 def as_stated(omega_n: np.ndarray, settings: ReductionSettings, n_dof: int) -> str:
@@ -62,24 +57,22 @@ def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:
     )
 
 
-def _fewest(
-    linearised: Linearised, pairs: ContactPairs, statics: StaticResponse, settings: ReductionSettings
-) -> tuple[Modes, str]:
+def _fewest(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Modes, str]:
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
-    n_dof, verify, mode = linearised.system.n_dof, settings.verify_modes, settings.band.mode or 0
-    n_found, search = 0, search_of(linearised)
+    n_dof, verify, mode = stuck.n_dof, settings.verify_modes, settings.band.mode or 0
+    n_found, search = 0, stuck.search()
     for n_batch, is_last in batches(n_dof, mode):
-        modes = lowest_modes(linearised, n_batch, verify=False, fewer_will_do=True, search=search)
+        modes = stuck.lowest_modes(n_batch, verify=False, fewer_will_do=True, search=search)
         n_found = len(modes.omega_n)
         is_all = n_found < n_batch or n_found == n_dof
         if mode < n_found or is_all or is_last:
-            bound = left_out(StuckStructure.of(linearised, pairs, statics, modes), settings)
-            n_modes, why = linearised.system.comm.bcast(picked(bound, modes.omega_n, is_all, is_last, settings))
+            bound = left_out(stuck.with_modes(modes), settings)
+            n_modes, why = stuck.comm.bcast(picked(bound, modes.omega_n, is_all, is_last, settings))
             if n_modes == n_found:
                 return modes, why
-            if n_modes and (not verify or is_complete(linearised, modes, n_modes)):
+            if n_modes and (not verify or stuck.is_complete(modes, n_modes)):
                 return first_of(modes, n_modes), why
-    return lowest_modes(linearised, n_found, search=search), f"modes: {n_found}, the most the program picks by itself"
+    return stuck.lowest_modes(n_found, search=search), f"modes: {n_found}, the most the program picks by itself"
 
 
 def batches(n_dof: int, mode: int) -> Iterator[tuple[int, bool]]:

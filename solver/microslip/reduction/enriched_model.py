@@ -8,9 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..linear.dense import diagonal_owned, gram, multiply
-from ..linear.joint_springs import Linearised
 from ..linear.random_signs import random_signs
-from ..modes.eigen import Modes
 from ..parallel.ownership import summed
 from ..receptance.modes import DampedModes
 from ..receptance.per_group import PerGroup
@@ -50,19 +48,18 @@ def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: Moda
     """
     if stuck.n_modes in (0, stuck.n_dof):
         return None
-    linearised, modes, system, comm = stuck.linearised, stuck.modes, stuck.system, stuck.comm
-    n_rows, n_out, mass = system.R.shape[0], system.outputs.shape[0], np.maximum(diagonal_owned(linearised.M), 0.0)
-    first, last = linearised.K_L.getOwnershipRange()
+    modes, system, comm, (first, last) = stuck.modes, stuck.system, stuck.comm, stuck.K_L.getOwnershipRange()
+    n_rows, n_out, mass = system.R.shape[0], system.outputs.shape[0], np.maximum(diagonal_owned(stuck.M), 0.0)
     # the diagonal of M, scaled to have the kinetic energy of the highest modes used
     energies = summed(comm, mass @ modes.phi_owned[:, -LAST:] ** 2)
     random = np.sqrt(mass / energies.mean())[:, None] * random_signs(first, last - first, SAMPLES, KEY)
     given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
-    Z_random, Z_given = np.split(beyond_modes(linearised, modes, np.hstack([random, given])), [SAMPLES], axis=1)
+    Z_random, Z_given = np.split(beyond_modes(stuck, np.hstack([random, given])), [SAMPLES], axis=1)
     rows = owned_product(seen_rows(system), Z_random, system) / np.sqrt(SAMPLES)
-    W = gram(comm, Z_given, multiply(linearised.M, Z_given))
+    W = gram(comm, Z_given, multiply(stuck.M, Z_given))
     beyond = damping_beyond(damping, receptance.modes)
     if system.C is not None:  # what it is of the motions that the samples are
-        C, M = (summed(comm, np.vdot(Z_random, multiply(A, Z_random))) for A in (system.C, linearised.M))
+        C, M = (summed(comm, np.vdot(Z_random, multiply(A, Z_random))) for A in (system.C, stuck.M))
         beyond = replace(beyond, alpha=max(beyond.alpha, float(C / M)))
     coupling = structural_coupling(stuck, receptance.modes, beyond.loss_factor) if beyond.loss_factor > 0.0 and n_rows else None
     return of_samples(receptance, rows, W[-n_out:, :-n_out], np.diag(W)[:-n_out], beyond, coupling)
@@ -70,10 +67,10 @@ def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: Moda
 
 def structural_coupling(stuck: StuckStructure, modes: DampedModes, eta: float) -> StructuralCoupling:
     """Return how a loss factor couples the modes to the truncated ones.  Collective: as many static solves as modes."""
-    system, (first, last) = stuck.system, stuck.linearised.K_L.getOwnershipRange()
+    system = stuck.system
     forces = eta * stuck.pairs.law.stiffness.reshape(-1, 1) * modes.R_phi
-    d_owned = system.R.T.tocsr()[first:last] @ forces  # eta R^T K_J R phi
-    Z_owned = beyond_modes(stuck.linearised, stuck.modes, d_owned)
+    d_owned = system.R.T.tocsr()[stuck.rows] @ forces  # eta R^T K_J R phi
+    Z_owned = beyond_modes(stuck, d_owned)
     n_rows, n_out = system.R.shape[0], system.outputs.shape[0]
     seen = owned_product(seen_rows(system), Z_owned, system)
     return StructuralCoupling(
@@ -81,8 +78,8 @@ def structural_coupling(stuck: StuckStructure, modes: DampedModes, eta: float) -
     )
 
 
-def beyond_modes(linearised: Linearised, modes: Modes, right_owned: np.ndarray) -> np.ndarray:
+def beyond_modes(stuck: StuckStructure, right_owned: np.ndarray) -> np.ndarray:
     """Return Z B = K_L^-1 B - phi Omega^-2 phi^T B, this rank's rows.  Collective: as many static solves as columns."""
-    comm = linearised.system.comm
-    of_modes = gram(comm, modes.phi_owned, right_owned) / modes.omega_n[:, None] ** 2
-    return linearised.factor.solve(right_owned) - modes.phi_owned @ of_modes
+    modes = stuck.modes
+    of_modes = gram(stuck.comm, modes.phi_owned, right_owned) / modes.omega_n[:, None] ** 2
+    return stuck.solve(right_owned) - modes.phi_owned @ of_modes

@@ -25,14 +25,13 @@ def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[A
     (f - R^H p); docs/theory.md, section 4.  The harmonics of the points may be others than the model's.
     """
     system, forces, dynamic = stuck.system, [], []
-    first, last = system.M.getOwnershipRange()
-    loads, R_T = system.loads.tocsr()[first:last], system.R.T.tocsr()[first:last]
+    loads, R_T = system.loads.tocsr()[stuck.rows], system.R.T.tocsr()[stuck.rows]
     for level, omega, p in points:
         full = model.with_harmonics(Harmonics.full(p.shape[-1]))
         forces.append(loads @ (level * full.f) - R_T @ p)
         (c,), (group,) = full.flexibilities(omega), full.groups
         dynamic.append(stuck.modes.phi_owned @ c.apply(group.receptance.modal_forces(level * full.f, p)))
-    static = stuck.linearised.factor.solve(np.hstack(forces)) if forces else np.empty((last - first, 0))
+    static = stuck.solve(np.hstack(forces)) if forces else np.empty((loads.shape[0], 0))
     ends = np.cumsum([force.shape[1] for force in forces])[:-1]
     return [own + more for own, more in zip(np.split(static, ends, axis=1), dynamic)]
 

@@ -51,7 +51,7 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
     ------
     CaseError : fewer modes asked for than rigid-body modes; on every rank
     """
-    system, modes, n_modes = stuck.linearised.system, stuck.modes, len(stuck.modes.omega_n)
+    system, modes, n_modes = stuck.system, stuck.modes, len(stuck.modes.omega_n)
     alpha = SHIFT * modes.omega_n[0] ** 2
     A = system.K.duplicate(copy=True)
     A.axpy(alpha, system.M, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
@@ -81,7 +81,7 @@ def check_rigid(stuck: StuckStructure, settings: ReductionSettings) -> None:
     ------
     CaseError : as :func:`free_bodies`; on every rank
     """
-    n_parts = max(len(stuck.linearised.system.part_names), _MOST_PARTS_UNNAMED)
+    n_parts = max(len(stuck.system.part_names), _MOST_PARTS_UNNAMED)
     if len(stuck.modes.omega_n) < 6 * n_parts:
         free_bodies(stuck, settings).destroy()
 

@@ -20,8 +20,6 @@ import scipy.linalg
 from ..fourier.amplitudes import to_real
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import gram, multiply
-from ..linear.joint_springs import Linearised
-from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import rows_of, split_evenly
 from ..points.selection import AllPairs
@@ -59,7 +57,7 @@ def reduce_on_basis(
 
     Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
     """
-    omega_n, phi_owned = galerkin_modes(stuck.linearised, V_owned)
+    omega_n, phi_owned = galerkin_modes(stuck, V_owned)
     modes = damped_modes(seen_modes(stuck.system, omega_n, phi_owned), stuck.pairs.law.stiffness.ravel(), settings.damping)
     structure = structure_of_modes(stuck.comm, modes, stuck.observed)
 
@@ -74,22 +72,22 @@ def reduce_on_basis(
     return Reduction(structure, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacements, leaves_out, phi_owned)
 
 
-def galerkin_modes(linearised: Linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def galerkin_modes(stuck: StuckStructure, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, rising, phi^T M phi = I.
 
     Collective: sums of the reduced matrices, twice where columns nearly depend on each other.  The second pass starts from the
     modes of the first, in which a low mode is no longer the small difference of stiff columns.  docs/theory.md, eq. (8.1).
     """
-    comm = linearised.system.comm
+    comm = stuck.comm
     phi_owned, least = V_owned, 0.0
     for _ in range(2):
         if least < NEARLY_DEPENDENT:
-            K_r, M_r = (gram(comm, phi_owned, multiply(A, phi_owned)) for A in (linearised.K_L, linearised.M))
+            K_r, M_r = (gram(comm, phi_owned, multiply(A, phi_owned)) for A in (stuck.K_L, stuck.M))
             theta, q, least = on_root(comm, reduced_modes, K_r, M_r)
             phi_owned = phi_owned @ q
     theta = np.maximum(theta, MASSLESS * theta[0])
     phi_owned = phi_owned / np.sqrt(theta)  # from phi^T K_L phi = I
-    eigenvalues = sharpened(linearised, 1.0 / theta, phi_owned)
+    eigenvalues = stuck.sharpened(1.0 / theta, phi_owned)
     order = np.argsort(eigenvalues)
     return np.sqrt(eigenvalues[order]), phi_owned[:, order]
 

@@ -21,8 +21,8 @@ from .modal_structure import damping_beyond
 from .settings import ModalDamping
 
 if TYPE_CHECKING:
-    from ..linear.joint_springs import Linearised
     from ..modes.eigen import Modes
+    from .stuck import StuckStructure
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class OnRandom:
         return 1.0 / np.sqrt(self.energies[:n_modes][-LAST:].mean() * SAMPLES)
 
 
-def on_random(linearised: Linearised, modes: Modes) -> OnRandom:
+def on_random(stuck: StuckStructure, modes: Modes) -> OnRandom:
     """Return what modes have of the random vectors.  Collective: two sums."""
-    comm, mass = linearised.system.comm, np.maximum(diagonal_owned(linearised.M), 0.0)
-    first, last = linearised.K_L.getOwnershipRange()
+    comm, mass = stuck.comm, np.maximum(diagonal_owned(stuck.M), 0.0)
+    first, last = stuck.K_L.getOwnershipRange()
     random = np.sqrt(mass)[:, None] * random_signs(first, last - first, SAMPLES, KEY)
     return OnRandom(summed(comm, mass @ modes.phi_owned**2), gram(comm, modes.phi_owned, random))
 

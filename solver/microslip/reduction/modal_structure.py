@@ -1,4 +1,4 @@
-"""Reduce a linearised structure to the receptance of its pairs, loads and outputs (docs/theory.md, section 4)."""
+"""Reduce a stuck structure to the receptance of its pairs, loads and outputs (docs/theory.md, section 4)."""
 
 from __future__ import annotations
 

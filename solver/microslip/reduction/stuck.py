@@ -12,10 +12,13 @@ import scipy.sparse as sp
 from ..assembly.system import System
 from ..guards.memory import refuse_beyond
 from ..linear.dense import gram, multiply
+from ..linear.factor import Factor
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.constraint import RowSums, static_columns
-from ..modes.eigen import Modes
+from ..modes.eigen import Modes, Search, is_complete, lowest_modes, search_of
+from ..modes.rayleigh import sharpened
+from ..modes.user_order import in_user_order
 from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.modes import SeenModes
 from ..receptance.observed import Observed
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from mpi4py import MPI
+    from petsc4py import PETSc
 
 _ASKED_FROM = 1e8  # bytes of columns from which memory is asked for before they are solved for
 _FEWER = "fewer pairs slip at lower [response] levels; more ranks on more machines hold more of them"
@@ -61,9 +65,14 @@ class StuckStructure:
     kept: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what was made of it
 
     @classmethod
-    def of(cls, linearised: Linearised, pairs: ContactPairs, statics: StaticResponse, modes: Modes, **more: Any) -> Self:
-        """Return the stuck structure of a factor and its modes.  Collective: one sum, with a damping matrix another."""
-        system, computed, factored = linearised.system, modes.found or modes, Factored(linearised, modes)
+    def of(
+        cls, linearised: Linearised, pairs: ContactPairs, statics: StaticResponse, modes: Modes | None = None, **more: Any
+    ) -> Self:
+        """Return the stuck structure of a factor and its modes, if there are any.  Collective: one sum, with a damping matrix two."""
+        system = linearised.system
+        if modes is None:
+            modes = Modes(np.empty(0), np.empty((linearised.K_L.getLocalSize()[0], 0)))
+        computed, factored = modes.found or modes, Factored(linearised, modes)
         return cls(
             comm=system.comm,
             n_dof=system.n_dof,
@@ -100,6 +109,58 @@ class StuckStructure:
     def modes(self) -> Modes:
         """The modes used, over all DOFs; collective where they must be made first."""
         return self.factored().modes
+
+    # -- what takes the factor; collective -------------------------------------------------------------------------
+
+    @property
+    def K_L(self) -> PETSc.Mat:
+        return self.linearised.K_L
+
+    @property
+    def M(self) -> PETSc.Mat:
+        return self.linearised.M
+
+    @property
+    def rows(self) -> slice:
+        """This rank's rows of K_L."""
+        return slice(*self.K_L.getOwnershipRange())
+
+    @property
+    def factor(self) -> Factor:
+        """That of K_L."""
+        return self.linearised.factor
+
+    def in_user_order(self, owned: np.ndarray) -> np.ndarray | None:
+        """Return fields (n_owned, m) in the order of the user's nodes, on rank 0: see modes/user_order.py."""
+        return in_user_order(self.linearised, owned)
+
+    def solve(self, forces_owned: np.ndarray) -> np.ndarray:
+        """Return K_L^-1 times columns, (n_owned, m) both, this rank's rows."""
+        return self.factor.solve(forces_owned)
+
+    def solve_sparse(self, forces: sp.csc_matrix) -> np.ndarray:
+        """Return K_L^-1 times sparse columns (n_dof, m), the same on every rank: this rank's rows (n_owned, m)."""
+        return self.factor.solve_sparse(forces)
+
+    def search(self) -> Search:
+        """Return a search for modes that goes on where it ended."""
+        return search_of(self.linearised)
+
+    def lowest_modes(self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: Search | None = None) -> Modes:
+        """Return the lowest modes, see :func:`~microslip.modes.eigen.lowest_modes`; it raises what that does."""
+        return lowest_modes(self.linearised, n_modes, verify, fewer_will_do, search)
+
+    def is_complete(self, modes: Modes, n_modes: int) -> bool:
+        """Return whether the first ``n_modes`` of some modes are proved to be the lowest."""
+        return is_complete(self.linearised, modes, n_modes)
+
+    def sharpened(self, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
+        """Return the eigenvalues of modes again, as exact as their vectors allow: :func:`~microslip.modes.rayleigh.sharpened`."""
+        return sharpened(self.linearised, eigenvalues, phi_owned)
+
+    def bring_K_back(self) -> None:
+        """Make ``system.K`` again, where it was freed."""
+        self.linearised.bring_K_back()
 
     def with_modes(self, modes: Modes) -> Self:
         """Return the same structure with other modes.  Collective: one sum, with a damping matrix another."""
@@ -144,7 +205,7 @@ def seen_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray) -> Se
     participation = owned_product(seen_rows(system), phi_owned, system)
     R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
     C = None
-    if system.C is not None:
+    if system.C is not None and len(omega_n) > 0:
         C = gram(system.comm, phi_owned, multiply(system.C, phi_owned))
         C = 0.5 * (C + C.T)
     return SeenModes(omega_n, R_phi, b_T.T.copy(), o, C)

@@ -167,7 +167,7 @@ def residual_norms(stuck: StuckStructure, X_owned: np.ndarray) -> np.ndarray:
     static = np.zeros(2 * q)
     for start in range(0, 2 * q, _COLUMNS):
         columns = slice(start, start + _COLUMNS)
-        u_owned = stuck.linearised.factor.solve(parts[:, columns])
+        u_owned = stuck.solve(parts[:, columns])
         static[columns] = summed(comm, np.einsum("ij,ij->j", parts[:, columns], u_owned))
     return norms_beyond(static, gram(comm, modes.phi_owned, parts), modes.omega_n)
 
@@ -282,7 +282,7 @@ class Solved(KnownNorms):
         Cu_owned = n_omega * multiply(system.C, u_owned) if system.C is not None else np.zeros_like(u_owned)
         if eta > 0.0:  # of K, without the springs of the joints
             springs = self.stuck.pairs.law.stiffness.reshape(-1, 1) * (self.receptance.modes.R_phi @ parts)
-            Ku_owned = multiply(self.stuck.linearised.K_L, u_owned) - _owned(system, system.R.T) @ springs
+            Ku_owned = multiply(self.stuck.K_L, u_owned) - _owned(system, system.R.T) @ springs
             Cu_owned = Cu_owned + eta * Ku_owned
         q = z.shape[1]
         return residual_norms(self.stuck, Cu_owned[:, :q] + 1j * Cu_owned[:, q:])

@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING
 
 from ..library.prepare import Prepared
 from ..messages.errors import CaseError, ResourceError
-from ..modes.user_order import in_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..system.files import make_folder
@@ -104,7 +103,7 @@ class Cache:
         except CaseError:
             return ""  # of modes that this run does without
         structure = prepared.structure
-        phi = in_user_order(structure.linearised, all_found(structure).phi_owned)
+        phi = structure.in_user_order(all_found(structure).phi_owned)
         said = [note for note in notes if not note.startswith(WHY)]
         return self._tried(lambda: self._write(arrays, {**texts, "notes": said}, phi))
 

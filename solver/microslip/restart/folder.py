@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..library.prepare import Prepared
-from ..modes.user_order import in_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
 from ..points.sweep import Sweep
@@ -140,7 +139,7 @@ class Restart:
     def _keep(self, prepared: Prepared, notes: list[str]) -> None:
         """Keep the modes in the order of the user's nodes, then the model."""
         structure = prepared.structure
-        phi = in_user_order(structure.linearised, structure.modes.phi_owned)
+        phi = structure.in_user_order(structure.modes.phi_owned)
         modes = {} if phi is None else {"phi": phi}
         on_root(self.comm, self._write, prepared, lambda path: write_record(path, modes), notes, share=False)
 
@@ -164,10 +163,10 @@ class Restart:
     def share_factor(self, prepared: Prepared, log: RunLog) -> None:
         """Let later runs use the factor, if there is one that they lack: it is made for the fields on the mesh alone."""
         structure = prepared.built()
-        if self.cache is None or structure is None or not self.cache.factor.is_wanted(structure.linearised.factor):
+        if self.cache is None or structure is None or not self.cache.factor.is_wanted(structure.factor):
             return
         with log.stage("factor for other runs"):
-            problem = self.cache.keep_factor(structure.linearised.factor)
+            problem = self.cache.keep_factor(structure.factor)
         if problem:
             log.note(problem)
 

@@ -67,7 +67,7 @@ def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     reduced = replace(prepared.reduction.structure, receptances=PerGroup.single(receptance))
     arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_reduced(reduced))
     arrays |= over("outline", numbers_of(replace(prepared.outline, omega_n=modes.omega_n)))
-    arrays |= over("random", numbers_of(on_random(structure.linearised, modes)))
+    arrays |= over("random", numbers_of(on_random(structure, modes)))
     n_kept, better = structure.n_modes, prepared.response.better
     texts: dict[str, Any] = texts_of_pairs(prepared.pairs, prepared.outline) | {
         "joints": joints_of(prepared.scene),

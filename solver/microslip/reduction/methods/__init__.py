@@ -78,7 +78,7 @@ def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Redu
     Collective; in that form static solves of a pair when it first leaves sticking.
     """
     if not keeps_to_K_L(settings):
-        stuck.linearised.bring_K_back()
+        stuck.bring_K_back()
     if settings.method in REDUCTIONS:
         return REDUCTIONS[settings.method](stuck, settings)
     expand = partial(displacements, stuck)

@@ -36,7 +36,7 @@ FACTS = Facts(lambda _, n: n.modes + 6 * n.pairs, makes_basis=True)
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: a factorisation, modes, and a solve an interface DOF."""
-    system = stuck.linearised.system
+    system = stuck.system
     b = interface_dofs(system.R)
     fixed, k = fix_interface(system, b)
     psi_owned = constraint_modes(system, fixed, b, k)

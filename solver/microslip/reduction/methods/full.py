@@ -25,9 +25,8 @@ import scipy.sparse as sp
 
 from ...guards.memory import memory_left
 from ...linear.dense import gram, multiply
-from ...linear.joint_springs import Linearised
 from ...messages.errors import CaseError
-from ...modes.eigen import Modes, lowest_modes
+from ...modes.eigen import Modes
 from ...points.band import frequency_band
 from ..facts import Facts
 from ..galerkin import memory_of_basis, reduce_on_basis
@@ -73,24 +72,24 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     ------
     CaseError : too large for the memory; on every rank
     """
-    linearised, system = stuck.linearised, stuck.linearised.system
+    system = stuck.system
     Y = sp.hstack([system.R.T, system.loads, system.outputs.T], format="csc")
     all_modes = system.n_dof if system.n_dof <= ALL_MODES or system.C is not None else None
     if all_modes:
-        modes, n_blocks = lowest_modes(linearised, all_modes, fewer_will_do=True), 1
+        modes, n_blocks = stuck.lowest_modes(all_modes, fewer_will_do=True), 1
     else:
-        modes, n_blocks = modes_beyond(linearised, stuck.modes, settings)
+        modes, n_blocks = modes_beyond(stuck, settings)
     _refuse_too_large(settings.where, system.n_dof, len(modes.omega_n) + n_blocks * Y.shape[1], system.comm)
-    blocks = krylov_blocks(linearised, modes, Y, n_blocks)
+    blocks = krylov_blocks(stuck, modes, Y, n_blocks)
     return reduce_on_basis(stuck, np.hstack([modes.phi_owned, *blocks]), settings, unknowns=system.n_dof, leaves_out="nothing")
 
 
-def modes_beyond(linearised: Linearised, modes: Modes, settings: ReductionSettings) -> tuple[Modes, int]:
+def modes_beyond(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Modes, int]:
     """Return modes that reach far enough beyond the range, and how many blocks of the Krylov space it then takes.  Collective."""
-    n_dof = linearised.system.n_dof
+    n_dof, modes = stuck.n_dof, stuck.modes
     highest = max(settings.excitation.harmonics.highest, 1) * 2 * np.pi * frequency_band(settings.band, modes.omega_n)[1]
     while (ratio := (highest / modes.omega_n[-1]) ** 2) > MOST_RATIO and len(modes.omega_n) < n_dof:
-        modes = lowest_modes(linearised, min(2 * len(modes.omega_n), n_dof), settings.verify_modes, fewer_will_do=True)
+        modes = stuck.lowest_modes(min(2 * len(modes.omega_n), n_dof), settings.verify_modes, fewer_will_do=True)
     return modes, n_blocks_for(ratio)
 
 
@@ -99,16 +98,16 @@ def n_blocks_for(ratio: float) -> int:
     return max(_LEAST_BLOCKS, int(np.ceil(np.log(ACCURACY) / (2.0 * np.log(ratio)))))
 
 
-def krylov_blocks(linearised: Linearised, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> list[np.ndarray]:
+def krylov_blocks(stuck: StuckStructure, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> list[np.ndarray]:
     """Return Z_0 .. Z_(n_blocks - 1) of eq. (8.7), this rank's rows (n_owned, m) each.  Collective: m solves a block."""
-    comm, factor, phi_owned = linearised.system.comm, linearised.factor, modes.phi_owned
+    comm, phi_owned = stuck.comm, modes.phi_owned
 
     def on_complement(Z_owned: np.ndarray) -> np.ndarray:
-        return Z_owned - phi_owned @ gram(comm, phi_owned, multiply(linearised.M, Z_owned))
+        return Z_owned - phi_owned @ gram(comm, phi_owned, multiply(stuck.M, Z_owned))
 
-    blocks = [on_complement(factor.solve_sparse(Y))]
+    blocks = [on_complement(stuck.solve_sparse(Y))]
     while len(blocks) < n_blocks:
-        blocks.append(on_complement(factor.solve(multiply(linearised.M, blocks[-1]))))
+        blocks.append(on_complement(stuck.solve(multiply(stuck.M, blocks[-1]))))
     return blocks
 
 

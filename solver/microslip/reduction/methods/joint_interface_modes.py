@@ -17,7 +17,6 @@ from __future__ import annotations
 import numpy as np
 
 from ...linear.dense import gram, multiply
-from ...linear.joint_springs import Linearised
 from ...parallel.agree import on_root
 from ..facts import Facts
 from ..galerkin import reduce_on_basis, reduced_modes
@@ -30,17 +29,16 @@ FACTS = Facts(lambda settings, n: n.modes + min(settings.interface_modes, 3 * n.
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: 3 solves a pair."""
-    linearised, phi_owned = stuck.linearised, stuck.modes.phi_owned
-    system, factor = linearised.system, linearised.factor
-    Z_owned = factor.solve_sparse(system.R.T.tocsc())
-    Z_owned -= phi_owned @ gram(system.comm, phi_owned, multiply(linearised.M, Z_owned))
-    shapes_owned = lowest_shapes(linearised, Z_owned, settings.interface_modes)
-    return reduce_on_basis(stuck, np.hstack([phi_owned, factor.solve_sparse(system.loads), shapes_owned]), settings)
+    system, phi_owned = stuck.system, stuck.modes.phi_owned
+    Z_owned = stuck.solve_sparse(system.R.T.tocsc())
+    Z_owned -= phi_owned @ gram(system.comm, phi_owned, multiply(stuck.M, Z_owned))
+    shapes_owned = lowest_shapes(stuck, Z_owned, settings.interface_modes)
+    return reduce_on_basis(stuck, np.hstack([phi_owned, stuck.solve_sparse(system.loads), shapes_owned]), settings)
 
 
-def lowest_shapes(linearised: Linearised, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:
+def lowest_shapes(stuck: StuckStructure, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:
     """Return the ``n_wanted`` lowest modes in the span of Z, eq. (8.5), or all there are; this rank's rows.  Collective."""
-    comm = linearised.system.comm
-    K_r, M_r = (gram(comm, Z_owned, multiply(A, Z_owned)) for A in (linearised.K_L, linearised.M))
+    comm = stuck.comm
+    K_r, M_r = (gram(comm, Z_owned, multiply(A, Z_owned)) for A in (stuck.K_L, stuck.M))
     _, v, _ = on_root(comm, reduced_modes, K_r, M_r)
     return Z_owned @ v[:, :n_wanted]

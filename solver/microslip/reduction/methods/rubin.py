@@ -35,7 +35,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     ------
     CaseError : fewer modes asked for than rigid-body modes; on every rank
     """
-    system = stuck.linearised.system
+    system = stuck.system
     free = free_bodies(stuck, settings)
     contact = system.R.T if settings.condensed else unit_columns(interface_dofs(system.R), system.n_dof)
     Z_owned = residual_attachment_modes(free, sp.hstack([contact, system.loads], format="csc"))

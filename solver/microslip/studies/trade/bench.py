@@ -21,7 +21,7 @@ from ...library.build import Structure
 from ...library.prepare import Prepared, prepare
 from ...library.settings import reduction_settings, response_settings
 from ...messages.errors import MicroslipError
-from ...modes.eigen import Modes, first_of, lowest_modes
+from ...modes.eigen import Modes, first_of
 from ...points.branch import Branch, Point
 from ...points.error_parts import total
 from ...receptance.truncated_modes import EnrichedModel
@@ -84,7 +84,7 @@ class Bench:
     def _timed_modes(self, n_modes: int) -> tuple[Modes, float]:
         start = time.perf_counter()
         proves = reduction_settings(self.scene).verify_modes
-        modes = lowest_modes(self.structure.linearised, n_modes, proves, fewer_will_do=True)
+        modes = self.structure.lowest_modes(n_modes, proves, fewer_will_do=True)
         return modes, self.comm.bcast(time.perf_counter() - start)
 
     def setup_of_modes(self, n_modes: int) -> float:

@@ -277,8 +277,7 @@ def with_modes_for(bench: Bench, setting: Setting) -> Setting:
         return setting
     try:
         settings = replace(reduction_settings(bench.scene_of(setting)), modes=None, verify_modes=False)
-        of = bench.structure
-        modes, _ = choose_modes(of.linearised, of.pairs, of.statics, settings)
+        modes, _ = choose_modes(bench.structure, settings)
     except MicroslipError:
         return replace(setting, modes=len(bench.modes.omega_n))
     return replace(setting, modes=min(len(modes.omega_n), len(bench.modes.omega_n)))
