@@ -12,7 +12,7 @@ from microslip.harmonic.gmres import Gmres
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.preconditioner import HarmonicPreconditioner
 from microslip.points.selection import AllPairs
-from microslip.receptance.subdomains import felt, halved
+from microslip.receptance.subdomains import bisected, coupling
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM, N_PAIRS, H = MPI.COMM_WORLD, 150, 2
@@ -74,9 +74,9 @@ def test_clusters_leave_gmres_little_to_do(problem, monkeypatch):
 
 def test_clusters_are_of_neighbours(problem):
     at = linearised(problem)
-    found = halved(at.G, [np.arange(N_PAIRS)], 16)
+    found = bisected(at.G, [np.arange(N_PAIRS)], 16)
     assert np.array_equal(np.sort(np.concatenate(found)), np.arange(N_PAIRS)) and 9 <= min(map(len, found))
-    assert felt(at.G, 5)[5] == 1.0 == felt(at.G, 5).max()
+    assert coupling(at.G, 5)[5] == 1.0 == coupling(at.G, 5).max()
     every, shape = np.arange(N_PAIRS), synthetic.grid(N_PAIRS)
     steps = np.array(divmod(synthetic.apart(every, every, shape), shape[1])).T
     distance = np.linalg.norm(np.minimum(steps, shape - steps) / shape, axis=2)

@@ -16,7 +16,7 @@ import scipy.linalg
 from scipy.linalg.lapack import zgetrs
 
 from ..parallel.ownership import rows_of
-from ..receptance.subdomains import halved
+from ..receptance.subdomains import bisected
 from .linearisation import Linearisation
 from .preconditioner import REGULAR, HarmonicPreconditioner, PairsPreconditioner, complex_linear
 
@@ -36,8 +36,8 @@ class ClusteredPreconditioner(PairsPreconditioner):
     def __init__(self, at: Linearisation):
         super().__init__(at)
         P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
-        regions = halved(at.G, [np.arange(len(P))], max(LOCAL, -(-len(P) // REGIONS)))
-        self.clusters = [rows_of(cluster) for cluster in halved(at.G, regions, LOCAL)]
+        regions = bisected(at.G, [np.arange(len(P))], max(LOCAL, -(-len(P) // REGIONS)))
+        self.clusters = [rows_of(cluster) for cluster in bisected(at.G, regions, LOCAL)]
         self.regions = _Regions(at, P, regions)
         self.local = [_factors(at, P, rows) for rows in self.clusters]  # by cluster and harmonic
 

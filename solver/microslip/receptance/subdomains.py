@@ -1,4 +1,4 @@
-"""Clusters of pairs that feel each other, found from the receptance itself: no positions, whatever the pairs follow."""
+"""Subdomains of pairs that are coupled strongly, from the receptance itself: no positions are needed, whatever the pairs follow."""
 
 from __future__ import annotations
 
@@ -6,42 +6,42 @@ import numpy as np
 
 from .columns import ReceptanceColumns
 
-_LEAST = 1e-30  # share of a pair's own compliance below which another one feels nothing of it
+_LEAST = 1e-30  # of a pair's own compliance: a coupling is taken to be no weaker
 
 
-def halved(G: ReceptanceColumns, clusters: list[np.ndarray], most: int) -> list[np.ndarray]:
-    """Return ``clusters`` of active pairs halved until none has more than ``most``.  Collective: three gathers a halving.
+def bisected(G: ReceptanceColumns, subdomains: list[np.ndarray], most: int) -> list[np.ndarray]:
+    """Return ``subdomains`` of active pairs halved until none has more than ``most``.  Collective: three gathers a halving.
 
-    Clusters are numbers (k,) among the active pairs, rising; the same on every rank.
+    Subdomains are numbers (k,) among the active pairs, rising; the same on every rank.
     """
-    found, waiting = [], clusters[::-1]
+    small, waiting = [], subdomains[::-1]
     while waiting:
-        cluster = waiting.pop()
-        if len(cluster) <= most:
-            found.append(cluster)
+        subdomain = waiting.pop()
+        if len(subdomain) <= most:
+            small.append(subdomain)
         else:
-            waiting += _halves(G, cluster)[::-1]
-    return found
+            waiting += _halves(G, subdomain)[::-1]
+    return small
 
 
-def _halves(G: ReceptanceColumns, cluster: np.ndarray) -> list[np.ndarray]:
-    """Return the half of a cluster nearer to one end of it, and the half nearer to the other.  Collective.
+def _halves(G: ReceptanceColumns, subdomain: np.ndarray) -> list[np.ndarray]:
+    """Return the half of a subdomain nearer to one end of it, and the half nearer to the other.  Collective.
 
-    The ends are a pair that feels least of some pair, and one that feels least of that; near is who feels more.
+    The ends are a pair that is coupled least to some pair, and one that is coupled least to that; near means coupled more.
     """
-    one = cluster[np.argmin(felt(G, int(cluster[0]))[cluster])]
-    of_one = felt(G, int(one))[cluster]
-    other = cluster[np.argmin(of_one)]
-    order = np.argsort(of_one / felt(G, int(other))[cluster], kind="stable")
-    middle = len(cluster) // 2
-    return [np.sort(cluster[order[middle:]]), np.sort(cluster[order[:middle]])]
+    first = subdomain[np.argmin(coupling(G, int(subdomain[0]))[subdomain])]
+    to_first = coupling(G, int(first))[subdomain]
+    last = subdomain[np.argmin(to_first)]
+    order = np.argsort(to_first / coupling(G, int(last))[subdomain], kind="stable")
+    middle = len(subdomain) // 2
+    return [np.sort(subdomain[order[middle:]]), np.sort(subdomain[order[:middle]])]
 
 
-def felt(G: ReceptanceColumns, pair: int) -> np.ndarray:
-    """Return how much each active pair feels statically of one of them, (n_active,), over what that feels itself.
+def coupling(G: ReceptanceColumns, pair: int) -> np.ndarray:
+    """Return the static motion of each active pair under forces on one of them, (n_active,), over that pair's own motion.
 
     Collective: one gather.
     """
-    own = G.static_coupling(pair)
-    size = own if G.model.comm.size == 1 else np.concatenate(G.model.comm.allgather(own))  # rank order is row order
+    owned = G.static_coupling(pair)
+    size = owned if G.model.comm.size == 1 else np.concatenate(G.model.comm.allgather(owned))  # rank order is row order
     return np.maximum(size / (size[pair] or 1.0), _LEAST)

@@ -68,7 +68,7 @@ class StuckStructure:
     def of(
         cls, linearised: Linearised, pairs: ContactPairs, statics: StaticResponse, modes: Modes | None = None, **more: Any
     ) -> Self:
-        """Return the stuck structure of a factor and its modes, if there are any.  Collective: one sum, with a damping matrix two."""
+        """Return the stuck structure of a factor and its modes, if there are any.  Collective: one sum or two."""
         system = linearised.system
         if modes is None:
             modes = Modes(np.empty(0), np.empty((linearised.K_L.getLocalSize()[0], 0)))
