@@ -8,7 +8,7 @@ from dense_model import branch, forced, reduced
 from mpi4py import MPI
 from oracles import scenes
 
-from microslip.continuation.grid import solved_at, task_at
+from microslip.continuation.grid import at_frequencies, solved_at, task_at
 from microslip.error_estimate.correction import corrected
 from microslip.error_estimate.estimate import Changes, ErrorEstimator
 from microslip.harmonic import adjoint_solver
@@ -93,6 +93,22 @@ def test_the_solver_s_part_is_the_distance_to_the_solution():
     parts = ErrorEstimator(EnrichedModel.of_all_modes(model)).at(equation, U, OperatingPoint(560.0, 100.0), everything).parts[0]
     # tau . r is the distance to the solution: that of the response at U, plus that of U by its own Newton step
     assert parts[PARTS.index("solver")] == pytest.approx(np.hypot(off[1], off[2]), rel=0.05)
+
+
+def test_a_bar_knows_the_further_damping_of_its_point():
+    model, parameters = reduced(scene("chain"), COMM, 3)
+    sigma, omega, level = 4.0, 560.0, 100.0
+    damped = model.with_damping(sigma)
+    U = at_frequencies(forced(damped, parameters, 128, level), AllPairs(), [omega], tolerance=1e-10).points[0].U
+    U = COMM.bcast(U)[model.owned]
+    of_point, of_model, undamped = (
+        ErrorEstimator(EnrichedModel.of_all_modes(each)).at(equation, U, OperatingPoint(omega, level, extra), equation.every_pair)
+        for each, extra in ((model, sigma), (damped, 0.0), (model, 0.0))
+        for equation in [forced(each, parameters, 128, level).equation]
+    )
+    assert of_point.parts == pytest.approx(of_model.parts, rel=1e-5, abs=1e-6 * of_model.parts.max())
+    assert of_point.correction == pytest.approx(of_model.correction, rel=1e-4)
+    assert undamped.parts.sum() > 10.0 * of_model.parts.sum()  # it is no solution without
 
 
 def test_the_pairs_part_holds_what_a_dropped_pair_changes():

@@ -1,4 +1,4 @@
-"""The amplitude with what a better problem says of it, and the bar of what remains (docs/theory.md, section 11).  NumPy only."""
+"""The amplitude corrected by an enriched problem, and the bar of what remains (docs/theory.md, section 11).  NumPy only."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ OF_SAMPLES = 0.25  # the same of the samples, whose limit is extrapolated
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What better problems say of the complex amplitudes of harmonic 1, cos - i sin, at a point."""
+    """What enriched problems say of the complex amplitudes of harmonic 1, cos - i sin, at a point."""
 
     parts: np.ndarray  # (n_outputs, n_parts) sizes of what they change, as in ``PARTS`` [m]
     correction: np.ndarray  # (n_outputs,) complex: what they change, signed; 0 where that is not known well enough [m]
     remaining: np.ndarray  # (n_outputs,) error bar of the amplitudes with it [m]
 
 
-def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, left_out: np.ndarray, unsettled: float) -> Estimate:
+def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, truncated: np.ndarray, unsettled: float) -> Estimate:
     """Return the estimate of what changes do to cos 1 and then sin 1 of the outputs, n = 2 n_outputs rows each.  Local.
 
     docs/theory.md, eq. (11.4).  An amplitude whose bar would be no shorter is not corrected: slip so wide that the changes are
@@ -32,11 +32,11 @@ def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, left_ou
     parts : (n_parts, n) of the bar, as in ``PARTS``, of either sign
     linear : (5, n) signed changes to first order: of the basis, harmonics, samples, pairs, solver
     second : (n,) what they change beyond first order; infinite where it is not known
-    left_out : (n,) what modes left out change at most, of unknown sign
+    truncated : (n,) what truncated modes change at most, of unknown sign
     unsettled : by how much more than they should the higher harmonics miss, at least 1
     """
     sizes = _sizes(parts).T
-    rest = _sizes(np.stack([left_out, OF_HARMONICS * unsettled * linear[1], OF_SAMPLES * linear[2], second]))
+    rest = _sizes(np.stack([truncated, OF_HARMONICS * unsettled * linear[1], OF_SAMPLES * linear[2], second]))
     bar, remaining = total(sizes), SAFETY * rest.sum(axis=0)
     is_shorter = remaining < bar
     cos, sin = np.split(np.where(np.isfinite(second), linear.sum(axis=0) + second, 0.0), 2)
@@ -54,10 +54,10 @@ def parts_of_corrected(parts: np.ndarray, remaining: np.ndarray) -> np.ndarray:
     parts : (n_outputs, n_parts) of the bar, as in ``PARTS`` [m]
     remaining : (n_outputs,) the bar of the corrected amplitudes [m]
     """
-    found, (modes, harmonics, samples) = parts.copy(), parts.T[:3]
+    corrected_parts, (modes, harmonics, samples) = parts.copy(), parts.T[:3]
     of_harmonics = np.maximum(remaining / SAFETY - modes - OF_SAMPLES * samples, OF_HARMONICS * harmonics)
-    found[:, PARTS.index("harmonics")], found[:, PARTS.index("samples")] = of_harmonics, OF_SAMPLES * samples
-    return np.where((remaining < total(parts))[:, None], found, parts)
+    corrected_parts[:, PARTS.index("harmonics")], corrected_parts[:, PARTS.index("samples")] = of_harmonics, OF_SAMPLES * samples
+    return np.where((remaining < total(parts))[:, None], corrected_parts, parts)
 
 
 def _sizes(values: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The error bar of a converged point: five parts, each through the adjoint of the requested output.
 
-docs/theory.md, section 11.  The solution U of (5.1) is put into a better problem: all pairs, more harmonics, more samples, the
-modes left out.  To first order, what that changes in the output is the change of the contact forces times the adjoint chi of the
+docs/theory.md, section 11.  The solution U of (5.1) is put into an enriched problem: all pairs, more harmonics, more samples, the
+truncated modes.  To first order, what that changes in the output is the change of the contact forces times the adjoint chi of the
 output, which one linear solve gives:
 
     (1 + G^T P^T) chi = B^T,      d output = - chi . d p,
@@ -28,7 +28,7 @@ from ..receptance.truncated_modes import SAMPLES as SAMPLES_OF_MODES
 from ..receptance.truncated_modes import EnrichedModel, Truncation
 from .correction import Estimate, corrected
 
-FINER = 2  # times the samples of the better problem
+FINER = 2  # times the samples of the enriched problem
 SAMPLES = 4  # of the more harmonics, each, at least
 MOST_SWEEPS = 20  # steps of the iteration for the higher harmonics
 SETTLED = 0.1  # relative miss at which it ends
@@ -37,7 +37,7 @@ CLOSER = 0.02  # the same once the pairs follow the changes
 
 @dataclass(frozen=True)
 class Changes:
-    """What better problems change in the contact forces, in the harmonics solved for, (3 n_pairs, N_H) [N]."""
+    """What enriched problems change in the contact forces, in the harmonics solved for, (3 n_pairs, N_H) [N]."""
 
     harmonics: np.ndarray
     samples: np.ndarray
@@ -66,41 +66,41 @@ class Higher:
 
 
 @dataclass(frozen=True)
-class Felt:
-    """What the outputs' cos 1, then sin 1, feel of the changes by way of the pairs; n = 2 n_outputs."""
+class JointChanges:
+    """What changes do to the outputs' cos 1, then sin 1, by way of the pairs; n = 2 n_outputs."""
 
     linear: np.ndarray  # (5, n) of harmonics, samples, pairs, solver and basis, to first order [m]
     second: np.ndarray  # (n,) beyond first order; infinite where it is not known [m]
-    modes: np.ndarray  # (n, n_samples, N_H) samples of the modes left out, R^T tau
+    modes: np.ndarray  # (n, n_samples, N_H) samples of the truncated modes, R^T tau
     is_adjoint_found: bool
 
     @classmethod
-    def nothing(cls, n: int, n_samples: int, N_H: int) -> Felt:
+    def nothing(cls, n: int, n_samples: int, N_H: int) -> JointChanges:
         return cls(np.zeros((5, n)), np.zeros(n), np.zeros((n, n_samples, N_H)), True)
 
 
 class ErrorEstimator:
     """Error bars of the points of a branch.  Collective on the communicator of the model."""
 
-    def __init__(self, better: EnrichedModel):
-        self.better = better
-        self.adjoint_solver, self.forward_solver = AdjointSolver(better.structure.comm), AdjointSolver(better.structure.comm)
-        self._models: dict[Harmonics, ReducedModel] = {}  # better ones, by harmonics
+    def __init__(self, enriched: EnrichedModel):
+        self.enriched = enriched
+        self.adjoint_solver, self.forward_solver = AdjointSolver(enriched.structure.comm), AdjointSolver(enriched.structure.comm)
+        self._models: dict[Harmonics, ReducedModel] = {}  # enriched ones, by harmonics
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
         self.adjoint_solver.destroy()
         self.forward_solver.destroy()
 
-    def better_than(self, model: ReducedModel, harmonics: Harmonics) -> ReducedModel:
-        """Return the better model under the loads of another, in a set of harmonics; made once.  Local."""
+    def enriched_model(self, model: ReducedModel, harmonics: Harmonics) -> ReducedModel:
+        """Return the enriched model under the loads of another, in a set of harmonics; made once.  Local."""
         if harmonics not in self._models:
-            self._models[harmonics] = model.on(self.better.structure).with_harmonics(harmonics)
+            self._models[harmonics] = model.on(self.enriched.structure).with_harmonics(harmonics)
         return self._models[harmonics]
 
     def exact(self, equation: HarmonicBalance) -> HarmonicBalance:
-        """Return the same equation of the better model.  Local."""
-        return equation if self.better.is_solved else equation.of(self.better_than(equation.model, equation.harmonics))
+        """Return the same equation of the enriched model.  Local."""
+        return equation if self.enriched.is_solved else equation.of(self.enriched_model(equation.model, equation.harmonics))
 
     def at(
         self,
@@ -110,7 +110,7 @@ class ErrorEstimator:
         selected: np.ndarray,
         of_all: ContactForces | None = None,
     ) -> Estimate | None:
-        """Return what better problems say of the complex amplitude of harmonic 1 of the outputs.
+        """Return what enriched problems say of the complex amplitude of harmonic 1 of the outputs.
 
         Collective.  None without harmonic 1.  Where an adjoint is not found the solver's part is the amplitude itself.
         ``U`` (n_owned, 3, N_H) solves ``equation`` with the ``selected`` pairs at a point; ``of_all`` are the contact forces
@@ -120,25 +120,26 @@ class ErrorEstimator:
         if 1 not in model.harmonics:
             return None
         exact = self.exact(equation)
+        here, there = equation.model_at(at), exact.model_at(at)  # with the damping of the point
         forces = of_all or exact.contact_forces(U, equation.every_pair, tangents=True)
         used = forces if selected.all() else equation.contact_forces(U, selected, tangents=False)
         p = equation.full_force(used)
         changes = self.changes(exact, U, at, equation.full_force(forces), p)
-        truncation = self.better.truncation(exact.model)
+        truncation = self.enriched.truncation(there, at.sigma)
         n_samples = 0 if truncation.is_exact else SAMPLES_OF_MODES
-        found = Felt.nothing(2 * n_out, n_samples, exact.model.N_H)  # all pairs stick, in the better problems too
+        found = JointChanges.nothing(2 * n_out, n_samples, exact.model.N_H)  # all pairs stick, in the enriched problems too
         if len(forces.active) > 0 or changes.are_any:
             found = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes, truncation)
         by_harmonics, by_samples, by_pairs, by_solver, by_basis = found.linear
-        if not self.better.is_solved:
-            by_basis = by_basis + (output_amplitude(exact.model, at, p) - output_amplitude(model, at, p))
-        left_out = np.zeros(2 * n_out)
+        if not self.enriched.is_solved:
+            by_basis = by_basis + (output_amplitude(there, at, p) - output_amplitude(here, at, p))
+        truncated = np.zeros(2 * n_out)
         if not truncation.is_exact:
-            left_out = truncation.changes(at.level, at.omega, p, found.modes)
-        lost = 0.0 if found.is_adjoint_found else np.abs(output_amplitude(model, at, p))
-        parts = [np.abs(by_basis) + left_out, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
+            truncated = truncation.changes(at.level, at.omega, p, found.modes)
+        lost = 0.0 if found.is_adjoint_found else np.abs(output_amplitude(here, at, p))
+        parts = [np.abs(by_basis) + truncated, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
         linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver])
-        return corrected(np.stack(parts), linear, found.second, left_out, changes.unsettled)
+        return corrected(np.stack(parts), linear, found.second, truncated, changes.unsettled)
 
     def through_the_joint(
         self,
@@ -148,18 +149,18 @@ class ErrorEstimator:
         used: ContactForces,
         changes: Changes,
         truncation: Truncation,
-    ) -> Felt:
-        """Return what the outputs feel of all changes, by way of the pairs; ``linear`` is the better model's linearisation.
+    ) -> JointChanges:
+        """Return what all changes do to the outputs by way of the pairs; ``linear`` is the enriched model's linearisation.
 
         Collective: sums over the ranks, and a broadcast.  docs/theory.md, eq. (11.2).
         """
         exact, at = linear.equation, linear.at
         own, N_H = exact.model.owned_rows, exact.model.N_H
-        chi, tau, is_adjoint_found = linear.solve_transposed(sensitivity(exact.model, at.omega), self.adjoint_solver)
+        chi, tau, is_adjoint_found = linear.solve_transposed(sensitivity(exact.model_at(at), at.omega), self.adjoint_solver)
         residual = equation.residual(U, at, used, linear.G if used is linear.forces and exact is equation else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
-        if not self.better.is_solved:
+        if not self.enriched.is_solved:
             sums[-1] = tau @ (exact.residual(U, at, used) - residual).ravel()
         beyond, is_step_found = self.beyond_linear(linear, U, equation.full_force(used), changes)
         sums.append(-chi @ beyond.ravel())
@@ -170,7 +171,7 @@ class ErrorEstimator:
         of_changes, of_modes = np.split(totals, [6 * len(tau)])
         *first, second = of_changes.reshape(6, -1)
         second = second if is_adjoint_found and is_step_found else np.full_like(second, np.inf)
-        return Felt(np.stack(first), second, of_modes.reshape(modes.shape), is_adjoint_found)
+        return JointChanges(np.stack(first), second, of_modes.reshape(modes.shape), is_adjoint_found)
 
     def beyond_linear(self, linear: Linearisation, U: np.ndarray, p: np.ndarray, changes: Changes) -> tuple[np.ndarray, bool]:
         """Return what contact forces change beyond the linearisation where the pairs follow all changes, (n_owned, 3, N_H) [N].
@@ -179,9 +180,9 @@ class ErrorEstimator:
         docs/theory.md, eq. (11.4).
         """
         exact, more, wider = linear.equation, changes.wider.harmonics, changes.wider
-        better = p + changes.of_all
-        loaded = np.flatnonzero(better.reshape(exact.model.n_pairs, -1).any(axis=1))
-        residual = exact.residual_under(U, linear.at, loaded, better[rows_of(loaded)])
+        changed = p + changes.of_all
+        loaded = np.flatnonzero(changed.reshape(exact.model.n_pairs, -1).any(axis=1))
+        residual = exact.residual_under(U, linear.at, loaded, changed[rows_of(loaded)])
         B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
         d_U, P_d_U, is_found = linear.solve_several(B, self.forward_solver)
         there = exact.harmonics.carry(U + d_U.reshape(U.shape), more)
@@ -191,7 +192,7 @@ class ErrorEstimator:
         return now[exact.model.owned_rows].reshape(U.shape) - P_d_U.reshape(U.shape), is_found
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray) -> Changes:
-        """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
+        """Return what enriched problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
 
         The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of that fixed-point
         iteration, mixed so that it also converges where a harmonic lies near a resonance.
@@ -200,7 +201,9 @@ class ErrorEstimator:
         finer = exact.resolved(harmonics, FINER * exact.n_samples)
         by_samples = finer.full_force(finer.contact_forces(U, everything, tangents=False)) - p_all
         by_samples *= FINER**exact.law.order / (FINER**exact.law.order - 1.0)  # the limit of many samples, from N_t and FINER N_t
-        wider = exact.of(self.better_than(exact.model, more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
+        wider = exact.of(self.enriched_model(exact.model, more)).resolved(
+            more, max(exact.n_samples, SAMPLES * (more.highest + 1))
+        )
         U_more = harmonics.carry(U, more)
         at_wider = wider.contact_forces(U_more, everything, tangents=False)
         found = with_higher(wider, at, harmonics, U_more, Higher(np.zeros_like(U_more), at_wider), SETTLED)
@@ -250,6 +253,6 @@ def output_amplitude(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> 
 
 
 def extended(harmonics: Harmonics) -> Harmonics:
-    """Return the set of the better problem: the same, with about twice as many; odd ones alone where it has no others.  Local."""
+    """Return the enriched problem's set: the same, with about twice as many; odd ones alone where it has no others.  Local."""
     highest = 2 * harmonics.highest + 3
     return Harmonics.odd_up_to(highest) if all(n % 2 for n in harmonics.chosen) else Harmonics.up_to(highest)

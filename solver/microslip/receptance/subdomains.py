@@ -1,4 +1,4 @@
-"""Subdomains of pairs that are coupled strongly, from the receptance itself: no positions are needed, whatever the pairs follow."""
+"""Subdomains of pairs that are coupled strongly, from the receptance itself: no positions are needed."""
 
 from __future__ import annotations
 

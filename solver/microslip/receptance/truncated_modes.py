@@ -59,6 +59,10 @@ class TruncatedModes:
     residual: np.ndarray  # (n_outputs, n_loads) their static flexibility without the modes used, exactly [m/N]
     coupling: StructuralCoupling | None  # of structural damping with a joint
 
+    def with_damping(self, sigma: float) -> TruncatedModes:
+        """Return the same modes with sigma M [1/s] added to the damping matrix.  Local."""
+        return self if sigma == 0.0 else replace(self, damping=replace(self.damping, alpha=self.damping.alpha + sigma))
+
     def gains(self, n_omega: np.ndarray) -> np.ndarray:
         """Return the factor of W in E_n at the frequencies n omega, (n_harmonics,) [1/s2].  Local."""
         s = np.minimum(n_omega / self.omega, _NEAR)
@@ -212,9 +216,10 @@ class EnrichedModel:
         """Return a structure from which no mode is truncated, as the enriched model of itself.  Local."""
         return cls(structure, structure.receptances.mapped(lambda _: None), True)
 
-    def truncation(self, model: ReducedModel) -> Truncation:
-        """Return the truncated modes of a model's harmonics.  Collective where a group is new."""
-        return Truncation(model, tuple(self.truncated.of(group.harmonics.chosen[0]) for group in model.groups))
+    def truncation(self, model: ReducedModel, sigma: float = 0.0) -> Truncation:
+        """Return the truncated modes of a model's harmonics, with a damping sigma M [1/s].  Collective where a group is new."""
+        of_groups = (self.truncated.of(group.harmonics.chosen[0]) for group in model.groups)
+        return Truncation(model, tuple(each and each.with_damping(sigma) for each in of_groups))
 
     def on_ranks(self, own: ReducedStructure, comm: MPI.Comm) -> EnrichedModel:
         """Return the same for some of the ranks, which solve the model ``own``.  Collective on ``structure.comm``."""
