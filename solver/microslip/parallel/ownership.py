@@ -26,3 +26,20 @@ def summed(comm: MPI.Comm, partial: np.ndarray) -> np.ndarray:
     total = np.empty_like(own)
     comm.Allreduce(own, total)
     return total
+
+
+def gathered_rows(comm: MPI.Comm, owned: np.ndarray, limits: np.ndarray, root: int | None = None) -> np.ndarray | None:
+    """Return rows (limits[-1], n) of which each rank has its own, limits[rank] to limits[rank + 1].
+
+    Collective on ``comm``: one gather.  On every rank, or on ``root`` alone, None elsewhere.  One rank's rows are not copied.
+    """
+    if comm.size == 1:
+        return owned
+    own, n = np.ascontiguousarray(owned, dtype=float), owned.shape[1]
+    whole = np.empty((limits[-1], n)) if root in (None, comm.rank) else None
+    parts = [whole, n * np.diff(limits)]
+    if root is None:
+        comm.Allgatherv(own, parts)
+    else:
+        comm.Gatherv(own, parts if comm.rank == root else None, root)
+    return whole

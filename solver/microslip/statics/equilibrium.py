@@ -11,15 +11,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from mpi4py import MPI
+from scipy.linalg import lapack
 
 from ..contact.law import Law
 from ..contact.laws import are_springs, pressed_to
+from ..guards.memory import refuse_beyond
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..messages.errors import ConvergenceError, ResourceError
 from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
-from ..parallel.ownership import rows_of, summed
+from ..parallel.ownership import gathered_rows, rows_of, split_evenly, summed
+from ..receptance.static_columns import StaticColumns
 from .bolts import BoltsAtRest, Cuts, of_loads
 
 TOLERANCE = 1e-12  # of the relative displacement, over the largest there is
@@ -28,6 +31,9 @@ HALVINGS = 6  # of a Newton step that makes the residual grow
 FARTHEST = 1e6  # over the displacement with all pairs stuck: beyond it nothing holds a body
 SHORTEST = 2.0**-12  # of a load step
 LARGEST = 12_000  # rows of pairs that open or slip, solved for densely
+_ASKED_FROM = 1e8  # bytes from which memory is asked for before it is taken
+_BLOCK = 64  # pairs whose rows of the flexibility are copied at a time
+_FEWER = "a coarser mesh of the contact surfaces, stiffer contact, or more ranks on more machines need less"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,29 +55,72 @@ class Rest:
 
 
 class Flexibility:
-    """R K_L^-1 R^T by columns, solved for when pairs first need them; kept on rank 0, where the pairs are solved for."""
+    """R K_L^-1 R^T by columns, solved for when pairs first need them; each rank has the rows of its share of the pairs."""
 
     def __init__(self, linearised: Linearised):
-        R = linearised.system.R
+        R, self.comm = linearised.system.R, linearised.system.comm
         self.linearised, self._R_T, self.n_pairs = linearised, R.T.tocsc(), R.shape[0] // 3
-        self.known = np.zeros(self.n_pairs, dtype=bool)
-        n_kept = R.shape[0] if linearised.system.comm.rank == 0 else 0
-        self._columns = np.empty((n_kept, n_kept), order="F")  # pages that no pair needs are never touched
+        self._limits = split_evenly(self.n_pairs, self.comm.size)
+        self.owned = slice(*self._limits[self.comm.rank :][:2])  # pairs
+        self._columns = StaticColumns(self.n_pairs, self.owned.stop - self.owned.start, self._solve)
+
+    def _solve(self, pairs: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Collective."""
+        return static_columns(self.linearised, self.linearised.system.R, self._R_T[:, rows_of(pairs)], 3 * self._limits)
+
+    @property
+    def known(self) -> np.ndarray:
+        """The pairs whose columns are solved for, (n_pairs,) bool."""
+        return self._columns.known
 
     def require(self, pairs: np.ndarray) -> None:
-        """Solve for the columns of ``pairs`` that are not known.  Collective; the same on every rank."""
-        missing = np.flatnonzero(pairs & ~self.known)
-        if len(missing) == 0:
-            return
-        rows = rows_of(missing)
-        columns = static_columns(self.linearised, self.linearised.system.R, self._R_T[:, rows])
-        if len(self._columns):
-            self._columns[:, rows] = columns
-        self.known[missing] = True
+        """Solve for the columns of ``pairs`` that are not known.  Collective; the same on every rank.
 
-    def of(self, pairs: np.ndarray) -> np.ndarray:
-        """Return the columns of some pairs, (3 n_pairs, 3 m) [m/N].  Rank 0."""
-        return self._columns if pairs.all() else self._columns[:, rows_of(np.flatnonzero(pairs))]
+        Raises
+        ------
+        ResourceError : not enough memory; on every rank
+        """
+        missing = np.flatnonzero(pairs & ~self.known)
+        if 72.0 * len(missing) * self.n_pairs > _ASKED_FROM:
+            needed = 72.0 * len(missing) * (self.owned.stop - self.owned.start)
+            refuse_beyond(self.comm, needed, f"[statics]: {len(missing)} pairs that open or slip", _FEWER)
+        self._columns.require(missing)
+
+    def apply(self, pairs: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return du of forces p (m, 3) [N] on ``pairs`` (m,), by number, (n_pairs, 3) [m].  Collective: one gather."""
+        own = self._columns.chosen(pairs).combined(p.reshape(-1, 1))
+        du = gathered_rows(self.comm, own.reshape(-1, 3), self._limits)
+        assert du is not None, "gathered on every rank"
+        return du
+
+    def newton_matrix(self, pairs: np.ndarray, L: np.ndarray, release: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray | None:
+        """Return 1 + G L of ``pairs`` (m,), L being (m, 3, 3) [N/m], (3 m, 3 m) on rank 0, None elsewhere.  Collective.
+
+        ``release`` is that of a :class:`Loading`, whose bolts add to G.
+
+        Raises
+        ------
+        ResourceError : not enough memory; on every rank
+        """
+        counts = np.diff(np.searchsorted(pairs, self._limits))
+        first, n_rows = int(counts[: self.comm.rank].sum()), 3 * len(pairs)
+        own = slice(first, first + int(counts[self.comm.rank]))
+        if 8.0 * n_rows**2 > _ASKED_FROM:
+            needed = 8.0 * n_rows * (3 * (own.stop - own.start) + (n_rows if self.comm.rank == 0 < self.comm.size - 1 else 0))
+            refuse_beyond(self.comm, needed, f"[statics]: the equilibrium of {len(pairs)} pairs that open or slip", _FEWER)
+        columns, J_owned = self._columns.chosen(pairs), np.empty((3 * (own.stop - own.start), n_rows))
+        for start in range(own.start, own.stop, _BLOCK):
+            block = slice(start, min(start + _BLOCK, own.stop))
+            G = columns.columns(rows_of(pairs[block] - self.owned.start)).T
+            if release is not None:
+                RU, compliance = release
+                G = G + RU[rows_of(pairs[block])] @ (compliance @ RU[rows_of(pairs)].T)
+            part = np.matmul(G.reshape(len(G), len(pairs), 3).swapaxes(0, 1), L)  # (m, 3 k, 3)
+            J_owned[3 * (start - own.start) :][: len(G)] = part.swapaxes(0, 1).reshape(len(G), n_rows)
+        J = gathered_rows(self.comm, J_owned, 3 * np.append(0, np.cumsum(counts)), root=0)
+        if J is not None:
+            J.ravel()[:: n_rows + 1] += 1.0  # the diagonal
+        return J
 
 
 def equilibrium(
@@ -196,7 +245,7 @@ class _Trial:
 
 
 class Contact:
-    """du = held + share rising - G p, p by the law from what it was: Newton's method on rank 0, columns of G from all."""
+    """du = held + share rising - G p, p by the law from what it was: Newton's method, whose linear systems rank 0 solves."""
 
     def __init__(self, comm: MPI.Comm, pairs: ContactPairs, G: Flexibility):
         self.comm, self.pairs, self.law, self.G = comm, pairs, pairs.law, G
@@ -263,7 +312,7 @@ class Contact:
                 )
             self.G.require(trial.active)
             size = max(largest, float(np.abs(du).max(initial=0.0)))
-            better, error = on_root(self.comm, self._iterate, sought, trial, halvings)
+            better, error = self._iterate(sought, trial, halvings)
             self.iterations += 1
             if size > FARTHEST * largest:
                 return None
@@ -275,7 +324,7 @@ class Contact:
         return None
 
     def _iterate(self, sought: _Sought, trial: _Trial, halvings: int) -> tuple[np.ndarray | None, float]:
-        """Return du after a Newton step, None where there is none, and the residual before it [m].  Rank 0."""
+        """Return du after a Newton step, None where there is none, and the residual before it [m].  Collective."""
         residual = self._residual(sought, trial.state.du, trial.state.p, trial.active)
         error = float(np.abs(residual).max(initial=0.0))
         step = self._newton(sought.loading, residual, trial)
@@ -296,30 +345,31 @@ class Contact:
                 return du, error  # pairs of which nothing is known yet
         return best, error
 
-    def _columns(self, loading: Loading, active: np.ndarray) -> np.ndarray:
-        """Return columns of the flexibility, with that of bolts that give way, (3 n_pairs, 3 m) [m/N].  Rank 0."""
-        columns = self.G.of(active)
-        if loading.release is None:
-            return columns
-        RU, compliance = loading.release
-        return columns + RU @ (compliance @ RU[rows_of(np.flatnonzero(active))].T)
+    def _flexibility(self, loading: Loading, p: np.ndarray, active: np.ndarray) -> np.ndarray:
+        """Return the motion by forces p (n_pairs, 3) of ``active`` pairs, bolts giving way, (n_pairs, 3) [m].  Collective."""
+        pairs = np.flatnonzero(active)
+        du = self.G.apply(pairs, p[active])
+        if loading.release is not None:
+            RU, compliance = loading.release
+            du = du + (RU @ (compliance @ (RU[rows_of(pairs)].T @ p[active].ravel()))).reshape(du.shape)
+        return du
 
     def _residual(self, sought: _Sought, du: np.ndarray, p: np.ndarray, active: np.ndarray) -> np.ndarray:
-        return du - sought.load + (self._columns(sought.loading, active) @ p[active].ravel()).reshape(du.shape)
+        return du - sought.load + self._flexibility(sought.loading, p, active)
 
     def _newton(self, loading: Loading, residual: np.ndarray, trial: _Trial) -> np.ndarray | None:
-        """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular."""
-        L, active = trial.L, trial.active
-        rows, columns = rows_of(np.flatnonzero(active)), self._columns(loading, active)
-        of_active = columns[rows].T.reshape(len(rows) // 3, 3, len(rows))
-        J = np.matmul(L[active].transpose(0, 2, 1), of_active).reshape(len(rows), len(rows)).T
-        J[np.diag_indices_from(J)] += 1.0
-        try:
-            d_du = np.linalg.solve(J, -residual[active].ravel())
-        except np.linalg.LinAlgError:
+        """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular.  Collective."""
+        active = np.flatnonzero(trial.active)
+        if len(active) == 0:
+            return -residual
+        L = trial.L[active]
+        J = self.G.newton_matrix(active, L, loading.release)
+        d_du = on_root(self.comm, _solved, J, -residual[active].ravel())
+        if d_du is None:
             return None
-        dp = np.einsum("mij,mj->mi", L[active], d_du.reshape(-1, 3))
-        step = -residual - (columns @ dp.ravel()).reshape(residual.shape)
+        dp = np.zeros_like(residual)
+        dp[active] = np.einsum("mij,mj->mi", L, d_du.reshape(-1, 3))
+        step = -residual - self._flexibility(loading, dp, trial.active)
         return step if np.isfinite(step).all() else None
 
     def _why_not(self, loading: Loading, now: State, share: float, n_steps: int) -> str:
@@ -336,6 +386,12 @@ class Contact:
         joints = [f"{np.count_nonzero(is_open[own])} of {len(own)} pairs of {name!r}" for name, own in _by_joint(pairs)]
         found_to = "the very beginning" if share < 5e-4 else f"{share:.1%}"
         return f"[statics]: no equilibrium beyond {found_to} of {loading.name}, where {', '.join(joints)} are open: {flies}"
+
+
+def _solved(J: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+    """Return x with J x = right, None where J is singular; J is overwritten.  Local."""
+    factors, order, info = lapack.dgetrf(J.T, overwrite_a=True)  # the transposed is in the order of LAPACK: no copy
+    return lapack.dgetrs(factors, order, right, trans=1)[0] if info == 0 else None
 
 
 def _by_joint(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:
