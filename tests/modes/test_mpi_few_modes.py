@@ -7,9 +7,9 @@ from petsc4py import PETSc
 
 from microslip.linear.joint_springs import linearise
 from microslip.messages.errors import ConvergenceError
-from microslip.modes import krylov_schur
+from microslip.modes import shift_invert
 from microslip.modes.eigen import lowest_modes
-from microslip.modes.krylov_schur import slepc_modes
+from microslip.modes.shift_invert import ModeSearch
 
 pytestmark = pytest.mark.ranks(1, 2)
 SHAPE = (12, 7, 6)
@@ -49,12 +49,12 @@ def test_a_space_too_small_is_doubled(comm, linearised, options):
 
 
 def test_too_few_in_the_largest_space_too_is_a_failure(comm, linearised, options, monkeypatch):
-    monkeypatch.setattr(krylov_schur, "_TRIES", 2)
+    monkeypatch.setattr(shift_invert, "_TRIES", 2)
     options(modes_eps_ncv=41, modes_eps_max_it=1, modes_eps_tol=1e-30)
     with pytest.raises(
         ConvergenceError, match="in a space of 41; modes: .* in a space of 82.*fewer .solver. modes.*eps_max_it 2"
     ) as caught:
-        slepc_modes(linearised, 40)
+        ModeSearch(linearised).lowest(40)
     assert caught.value.exit_status == 3 and len(set(comm.allgather(str(caught.value)))) == 1
 
 

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..linear.dense import column_norms, gram, multiply
 from ..messages.errors import CaseError, ConvergenceError
-from .block_lanczos import BlockLanczos
 from .inertia import count_below, find_gap
-from .krylov_schur import SlepcSearch, is_asked_for
 from .lapack import dense_modes
 from .limits import SHARE
 from .rayleigh import iterated_once, orthonormalised, sharpened
+from .shift_invert import ModeSearch
 from .user_order import user_order
 
 if TYPE_CHECKING:
@@ -52,23 +51,8 @@ class Modes:
         return self.info.get("proved", 0)
 
 
-class Search(Protocol):
-    """Finds modes, more of them each time it is asked for more.  Collective."""
-
-    def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
-        """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta falling, and what is worth knowing of them."""
-
-    def renew(self) -> None:
-        """Look in other directions, too, from now on: a mode was missed."""
-
-
-def search_of(linearised: Linearised) -> Search:
-    """Return the search that the user's options name, or that by blocks.  Local."""
-    return SlepcSearch(linearised) if is_asked_for() else BlockLanczos(linearised)
-
-
 def lowest_modes(
-    linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: Search | None = None
+    linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
 ) -> Modes:
     """Return the ``n_modes`` lowest modes of (K_L, M).
 
@@ -142,7 +126,7 @@ def _proof(n_below: int, sigma: float) -> dict[str, Any]:
 
 
 def _solve(
-    linearised: Linearised, n_modes: int, n_least: int, verify: bool, search: Search | None
+    linearised: Linearised, n_modes: int, n_least: int, verify: bool, search: ModeSearch | None
 ) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return at least ``n_modes`` (theta, phi) and how they were found, complete if ``verify``.  Collective.
 
@@ -151,7 +135,7 @@ def _solve(
     n_dof = linearised.M.getSize()[0]
     if n_dof <= _DENSE or SHARE * n_modes > n_dof:
         return dense_modes(linearised, n_modes, n_least)  # all of the spectrum: nothing can be missing
-    n_wanted, search = n_modes + _GUARD * verify, search or search_of(linearised)
+    n_wanted, search = n_modes + _GUARD * verify, search or ModeSearch(linearised)
     for _ in range(_MAX_TRIES):
         theta, phi_owned, info = search.lowest(n_wanted)
         if len(theta) < n_least:
@@ -166,7 +150,7 @@ def _solve(
         if missing == 0:
             return theta, phi_owned, info | _proof(n_below, sigma)
         n_wanted += max(missing, _GUARD)
-        search.renew()
+        search.renew(max(missing, _GUARD))
     raise ConvergenceError(
         f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
         "found; ask for more [solver] modes"

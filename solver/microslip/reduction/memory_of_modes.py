@@ -7,7 +7,7 @@ from petsc4py import PETSc
 from ..guards.memory import refuse_beyond
 from ..linear.analysis import FactorMemory
 from ..linear.joint_springs import Linearised
-from ..modes.block_lanczos import basis_size
+from ..modes.shift_invert import basis_size
 from .settings import ReductionSettings
 
 # bytes an entry of K, of the arrays held at once; M has a third of the entries

@@ -16,8 +16,9 @@ from ..linear.factor import Factor
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.constraint import RowSums, static_columns
-from ..modes.eigen import Modes, Search, is_complete, lowest_modes, search_of
+from ..modes.eigen import Modes, is_complete, lowest_modes
 from ..modes.rayleigh import sharpened
+from ..modes.shift_invert import ModeSearch
 from ..modes.user_order import in_user_order
 from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.modes import SeenModes
@@ -142,11 +143,13 @@ class StuckStructure:
         """Return K_L^-1 times sparse columns (n_dof, m), the same on every rank: this rank's rows (n_owned, m)."""
         return self.factor.solve_sparse(forces)
 
-    def search(self) -> Search:
+    def search(self) -> ModeSearch:
         """Return a search for modes that goes on where it ended."""
-        return search_of(self.linearised)
+        return ModeSearch(self.linearised)
 
-    def lowest_modes(self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: Search | None = None) -> Modes:
+    def lowest_modes(
+        self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
+    ) -> Modes:
         """Return the lowest modes, see :func:`~microslip.modes.eigen.lowest_modes`; it raises what that does."""
         return lowest_modes(self.linearised, n_modes, verify, fewer_will_do, search)
 

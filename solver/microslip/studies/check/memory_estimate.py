@@ -16,7 +16,7 @@ from ...library.settings import reduction_settings
 from ...linear.analysis import FactorMemory
 from ...linear.direct import foreseen
 from ...linear.joint_springs import KEPT, analysis_of
-from ...modes.block_lanczos import basis_size
+from ...modes.shift_invert import basis_size
 from ...reduction.facts import Counts
 from ...reduction.galerkin import memory_of_basis
 from ...reduction.memory_of_modes import HELD, PICKED, SHARPENED, VECTORS, of_proof

@@ -1,0 +1,229 @@
+"""The lowest modes by SLEPc: an eigensolver of K_L^-1 M, shift-invert at 0, that solves with the factor of K_L.
+
+docs/theory.md, section 4.  Krylov-Schur takes the fewest solves.  Where the factor lies on disk a pass over it costs more than
+the vectors, and subspace iteration solves for all its vectors in one pass.  It also takes over where the proof by inertia misses
+modes: it converges to all copies of a multiple eigenvalue together, of which a Krylov space holds one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from petsc4py import PETSc
+from slepc4py import SLEPc
+
+from ..linear.dense import diagonal_owned, gram, multiply
+from ..linear.random_signs import random_signs
+from ..messages.errors import ConvergenceError
+from ..system.watchdog import moved
+
+if TYPE_CHECKING:
+    from ..linear.factor import Factor
+    from ..linear.joint_springs import Linearised
+
+PREFIX = "modes_"  # of the PETSc options
+_TRIES = 3  # each in a space twice as large as the last
+_TOLERANCE = {"krylovschur": 1e-8, "subspace": 1e-5}  # |K_L^-1 M phi - theta phi| / theta; the error of theta is the square of it
+_MOST_ITERATIONS = 200
+_MORE = (12, 0.75)  # vectors of a Krylov space beyond the modes wanted: at least, and a mode
+_MORE_IN_BLOCKS = (24, 96)  # the same of subspace iteration, as many as modes: at least, at most
+_BLOCKS = 3  # of the size of the subspace that SLEPc keeps
+_KEEP = 0.85  # part of the Krylov space that a restart keeps: the test of convergence comes often, and little is lost
+_KEY = 40  # of the random start vectors
+
+
+def basis_size(n_wanted: int, n_dof: int) -> int:
+    """Return how many vectors the search for so many modes takes at most.  Local."""
+    return _BLOCKS * _subspace_size("subspace", n_wanted, n_dof)
+
+
+def _subspace_size(kind: str, n_wanted: int, n_dof: int) -> int:
+    """Return the dimension of the space in which an eigensolver looks for so many modes.  Local."""
+    if kind == "subspace":
+        return min(n_dof, n_wanted + int(np.clip(n_wanted, *_MORE_IN_BLOCKS)))
+    return min(n_dof, n_wanted + max(_MORE[0], int(_MORE[1] * n_wanted)))
+
+
+class ModeSearch:
+    """The lowest modes, more of them at each call.
+
+    To Krylov-Schur the modes computed before are a deflation space, to subspace iteration a part of its first space.
+    All methods are collective on the matrices' communicator.
+    """
+
+    def __init__(self, linearised: Linearised):
+        self.linearised = linearised
+        self._theta = np.zeros(0)  # falling
+        self._phi_owned = np.zeros((linearised.M.getLocalSize()[0], 0), order="F")
+        self._least = 0  # modes to compute, whatever is wanted
+        self._kind = "subspace" if linearised.factor.info.get("out_of_core") else "krylovschur"
+        self._info: dict = {"basis": 0, "restarts": 0, "complete": False, "said": ()}
+        self._n_solves = 0  # of SLEPc, each with its start vector
+
+    def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
+        """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I nearly.
+
+        All there are, where fewer motions have mass: "complete" in the dictionary of what is worth knowing.
+
+        Raises
+        ------
+        ConvergenceError : fewer modes converged, in larger spaces too; on every rank
+        """
+        n_wanted = max(n_wanted, self._least)
+        if n_wanted > len(self._theta) and not self._info["complete"]:
+            theta, phi_owned, info = self._more(n_wanted)
+            order = np.argsort(-theta, kind="stable")
+            self._theta, self._phi_owned = theta[order], np.asfortranarray(phi_owned[:, order])
+            self._info = info | {"said": (*self._info["said"], *info["said"])}
+        return self._theta, self._phi_owned, self._info
+
+    def renew(self, n_missing: int) -> None:
+        """Compute ``n_missing`` modes more at the next call, copies of a multiple one together: a proof missed them."""
+        self._least = len(self._theta) + n_missing
+        self._kind = "subspace"
+
+    def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
+        """Return at least ``n_wanted`` (theta, phi), more than there are, and what is worth knowing of the search."""
+        linearised, n_dof, n_before = self.linearised, self.linearised.M.getSize()[0], len(self._theta)
+        kind = PETSc.Options(PREFIX).getString("eps_type", self._kind)
+        is_deflated = kind != "subspace" and n_before > 0
+        n_sought = n_wanted - n_before * is_deflated
+        eps, solves = SLEPc.EPS().create(linearised.K_L.comm), _SolvesByFactor(linearised.factor)
+        ksp = _solver(linearised.K_L.comm, solves)
+        start, *before = [_vector(linearised.M, column) for column in (self._start(), *self._phi_owned.T)]
+        eps.setOptionsPrefix(PREFIX)
+        eps.setOperators(linearised.K_L, linearised.M)
+        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        eps.setType(kind)
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        eps.setTarget(0.0)
+        eps.setPurify(False)  # a solve a mode
+        eps.setDimensions(n_sought, _subspace_size(kind, n_sought, n_dof))
+        eps.setTolerances(_TOLERANCE.get(kind, min(_TOLERANCE.values())), _MOST_ITERATIONS)
+        if kind == "krylovschur":
+            eps.setKrylovSchurRestart(_KEEP)
+        eps.setInitialSpace([start] if is_deflated else [*before, start])
+        if is_deflated:
+            eps.setDeflationSpace(before)
+        st = eps.getST()
+        st.setType(SLEPc.ST.Type.SINVERT)
+        st.setShift(0.0)
+        st.setKSP(ksp)
+        eps.setFromOptions()
+        try:
+            said = _solve_with_room(eps, n_sought, n_dof - n_before * is_deflated)
+            theta, phi_owned, info = _converged(eps, linearised)
+        finally:
+            for each in (start, *before, ksp, eps):
+                each.destroy()
+            solves.factor = None  # petsc4py may not free what holds this
+        if is_deflated:
+            theta, phi_owned = np.append(self._theta, theta), np.hstack([self._phi_owned, phi_owned])
+        return theta, phi_owned, info | {"said": said}
+
+    def _start(self) -> np.ndarray:
+        """Return a start vector, (n_owned,): random signs, and loads over masses, of which K_L^-1 M makes static motions.
+
+        Both have the same size by M.  Collective; the same on any number of ranks.
+        """
+        M, system = self.linearised.M, self.linearised.system
+        mass, (first, end) = diagonal_owned(M)[:, None], M.getOwnershipRange()
+        parts = random_signs(first, end - first, 1, _KEY + self._n_solves)
+        self._n_solves += 1
+        loads = getattr(system, "loads", None)
+        if loads is not None and loads.shape[1]:
+            forces = np.asarray(loads.tocsr()[first:end].sum(axis=1)).reshape(-1, 1)
+            parts = np.hstack([parts, np.divide(forces, mass, out=np.zeros_like(forces), where=mass > 0.0)])
+        size = np.sqrt(np.maximum(gram(system.comm, parts, multiply(M, parts)).diagonal(), 0.0))
+        return parts @ np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
+
+
+def _vector(A: PETSc.Mat, owned: np.ndarray) -> PETSc.Vec:
+    """Return a vector with these owned rows.  Collective."""
+    vector = A.createVecRight()
+    vector.setArray(owned)
+    return vector
+
+
+class _SolvesByFactor:
+    """Preconditioner that is the factor of K_L, which SLEPc would free if it were given the factor's own KSP."""
+
+    def __init__(self, factor: Factor):
+        self.factor: Factor | None = factor
+
+    def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Solve for one right-hand side.  Collective."""
+        x.setArray(self._solve(b.getArray()[:, None])[:, 0])
+
+    def matApply(self, pc: PETSc.PC, B: PETSc.Mat, X: PETSc.Mat) -> None:
+        """Solve for a block of them in one pass over the factor.  Collective."""
+        X.getDenseArray()[:] = self._solve(B.getDenseArray())
+        X.assemble()
+
+    def _solve(self, B_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of K_L^-1 B.  Collective."""
+        assert self.factor is not None, "until the search ends"
+        moved()
+        return self.factor.solver.solve(B_owned)
+
+
+def _solver(comm: PETSc.Comm, solves: _SolvesByFactor) -> PETSc.KSP:
+    """Return a KSP that solves with the factor there is and does not own it.  Collective."""
+    ksp = PETSc.KSP().create(comm)
+    ksp.setOptionsPrefix(f"{PREFIX}st_")
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.PYTHON)
+    pc.setPythonContext(solves)
+    pc.destroy()
+    return ksp
+
+
+def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, ...]:
+    """Solve, again in a space twice as large where too few modes converged; return lines on that.  Collective.
+
+    Raises
+    ------
+    ConvergenceError : fewer modes converged in the largest space, too; on every rank
+    """
+    said: list[str] = []
+    for _ in range(_TRIES):
+        eps.solve()  # what a signal ends in here cannot be freed any more
+        basis = eps.getDimensions()[1]
+        if _has_modes(eps, n_wanted):
+            return tuple(said)
+        said.append(f"modes: {eps.getConverged()} of {n_wanted} converged in a space of {basis}")
+        eps.setDimensions(n_wanted, min(2 * basis, n_most))
+    raise ConvergenceError(
+        f"{'; '.join(said)}: the last after {eps.getIterationNumber()} iterations (reason {eps.getConvergedReason()}); ask for "
+        f"fewer [solver] modes, or try -{PREFIX}eps_max_it {2 * eps.getTolerances()[1]}"
+    )
+
+
+def _has_modes(eps: SLEPc.EPS, n_wanted: int) -> bool:
+    """Return whether ``n_wanted`` modes converged, or all there are: the Krylov space broke down.
+
+    Local; counts agree on all ranks.
+    """
+    return eps.getConverged() >= n_wanted or eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN
+
+
+def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, np.ndarray, dict]:
+    """Return (theta, phi) of what converged, theta falling, and what is worth knowing of the search.  Collective."""
+    n_modes = eps.getConverged()
+    phi_owned = np.zeros((linearised.M.getLocalSize()[0], n_modes), order="F")
+    vector = linearised.M.createVecRight()
+    eigenvalues = np.zeros(n_modes)
+    for k in range(n_modes):
+        eigenvalues[k] = complex(eps.getEigenpair(k, vector)).real
+        phi_owned[:, k] = vector.getArray()
+    vector.destroy()
+    info = {
+        "method": f"SLEPc {'.'.join(map(str, SLEPc.Sys.getVersion()))} {eps.getType()}",
+        "basis": eps.getDimensions()[1],
+        "restarts": eps.getIterationNumber(),
+        "complete": eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN,
+    }
+    order = np.argsort(eigenvalues)
+    return 1.0 / eigenvalues[order], np.asfortranarray(phi_owned[:, order]), info
