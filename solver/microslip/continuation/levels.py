@@ -30,6 +30,7 @@ from .grid import going_on
 from .iterate import Iterate
 from .keeper import Keeper, Keepers, keep_nothing
 from .linear_levels import is_linear, sticks_up_to
+from .peaks import peaks_of
 from .point_record import point_record
 from .problems import ForcedResponse
 from .resonances import unresolved_peaks
@@ -236,11 +237,19 @@ def follow_levels(of: ResponseProblem, tell: Callable[..., None] = nobody, keepe
 def follow_level(
     of: ResponseProblem, level: float, on_point: Callable[[Point], None] = lambda point: None, keepers: Keepers = keep_nothing
 ) -> Branch:
-    """Return the branch of one level [N], with error bars where there is a better model.  Collective.
+    """Return the branch of one level [N], with error bars where there is a better model, and its peaks if asked for.  Collective.
 
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
     Newton does not pass in one direction, often lie on one side only.
     """
+    branch = _whole_branch(of, level, on_point, keepers)
+    if of.settings.peaks and not of.model.harmonics.is_constant:
+        branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance)
+    return branch
+
+
+def _whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point], None], keepers: Keepers) -> Branch:
+    """Return the branch of a level, of two segments where the first ends early.  Collective."""
     branch = _kept_or_followed(of, level, on_point, keepers)
     if branch.failure is None or of.model.harmonics.is_constant or len(branch.points) >= most_points(of.settings.points):
         return branch

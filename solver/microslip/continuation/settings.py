@@ -26,4 +26,5 @@ class ResponseSettings:
     is_corrected: bool = False  # whether the accuracy counts for the corrected amplitude
     keeps: frozenset[str] = frozenset()  # of harmonics, samples, solver: what is stated beside the accuracy
     chooses_steps: bool = True  # whether steps follow from the accuracy
+    peaks: bool = False  # whether maxima of the outputs are solved for
     loaded: int = 1  # highest harmonic of the loads, at least 1

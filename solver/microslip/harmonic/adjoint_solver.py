@@ -26,8 +26,8 @@ RTOL = 1e-3  # of GMRES: bars are far from that exact
 class AdjointSolver:
     """Solves for the adjoints, eq. (11.1), of points of a branch; keeps what makes the next quicker.  Collective on ``comm``."""
 
-    def __init__(self, comm: MPI.Comm):
-        self.comm = comm
+    def __init__(self, comm: MPI.Comm, rtol: float = RTOL, precision: type = np.float32):
+        self.comm, self.rtol, self.precision = comm, rtol, precision
         self.preconditioner: PairsPreconditioner | None = None
         self._gmres: Gmres | None = None
 
@@ -99,10 +99,10 @@ class AdjointSolver:
     def _set_up(self, n: int) -> Gmres:
         """Copy what the products need in single precision; make PETSc's objects where their size is another.  Collective."""
         at = self._at
-        self._gmres = kept(self._gmres, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, RTOL))
+        self._gmres = kept(self._gmres, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, self.rtol))
         if self.preconditioner is not None and not self.preconditioner.fits(at):
             self.preconditioner = None
-        self._columns = ActiveColumns(at.G, np.float32)
+        self._columns = ActiveColumns(at.G, self.precision)
         self._P = self._columns.in_units(at.P)
         return self._gmres
 

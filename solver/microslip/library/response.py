@@ -15,6 +15,7 @@ from ..observe.observer import Observers
 from ..parallel.agree import on_each, on_root
 from ..points.branch import QUANTITIES, Branch
 from ..points.error_parts import total
+from ..points.peak import Peak
 from ..points.quantities import LABELS, TEXT, Quantity
 from ..receptance.motions import ActingForces
 from ..reduction.expand import node_fields
@@ -113,6 +114,11 @@ class Response:
     def failures(self) -> dict[float, str]:
         """Why levels ended early, by level; empty if all are complete."""
         return {level.level: level.failure for level in self.results.levels if level.failure}
+
+    @property
+    def peaks(self) -> dict[float, tuple[Peak, ...]]:
+        """The maxima of the outputs at each level [N], with [response] ``peaks = true``; empty without."""
+        return {level.level: level.peaks for level in self.results.levels if level.peaks is not None}
 
     def level(self, level: float) -> LevelResult:
         """Return the points of one level [N], each quantity an attribute: ``frequency``, ``response``, ``state``, ``du``, ...

@@ -56,6 +56,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
         is_corrected=solver.accuracy_of == "corrected",
         keeps=frozenset(part for part, key in KEYS.items() if not scene.chooses(key)),
         chooses_steps="points" not in response.model_fields_set,
+        peaks=response.peaks,
         loaded=max((load.harmonic for load in scene.loads), default=1) or 1,
     )
 

@@ -50,7 +50,7 @@ class LevelLog:
     def level_finished(self, number: int, branch: Branch) -> None:
         """Sum up a level: its peak, or why it ended early."""
         self.log.screen.end_bar(self._name(number))
-        for line in (f"{self._name(number)}: {summary(branch, self.shown)}", *remarks(branch)):
+        for line in (f"{self._name(number)}: {summary(branch, self.shown)}", *peak_lines(branch), *remarks(branch)):
             self.log.note(line)
 
     def _line(self, text: str) -> None:
@@ -79,6 +79,17 @@ def summary(branch: Branch, shown: Shown) -> str:
         f"{number} in {sum(point.seconds for point in points):.3g} s; {shown.largest} {largest:.4e} {shown.unit}{per_newton} "
         f"{where}, {n_slip} of {len(top.state)} pairs slip, {n_open} open"
     )
+
+
+def peak_lines(branch: Branch) -> list[str]:
+    """Return a line for each peak that was solved for: output, frequency, amplitude, width and damping."""
+    lines = []
+    for peak in branch.peaks or []:
+        width = (
+            "" if np.isnan(peak.width) else f", half-power width {peak.width / 2.0 / np.pi:.4g} Hz, damping {peak.damping:.4g}"
+        )
+        lines.append(f"  peak of output {peak.output + 1}: {peak.omega / 2.0 / np.pi:.9g} Hz, {abs(peak.amplitude):.8e}{width}")
+    return lines
 
 
 def remarks(branch: Branch) -> list[str]:

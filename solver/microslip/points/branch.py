@@ -12,6 +12,7 @@ import numpy as np
 from ..contact.law import OPEN, SLIP, STICK
 from ..fourier.coefficients import amplitude, phase
 from .error_parts import PARTS, SAFETY, total
+from .peak import Peak
 from .quantities import TEXT, Column, Quantity, declared, number
 
 
@@ -106,6 +107,7 @@ class Branch:
     closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None  # why its first segment ends early, where a second one completes it
+    peaks: list[Peak] | None = None  # maxima of the outputs, each solved for; None where they are not
 
     @property
     def peak(self) -> int:

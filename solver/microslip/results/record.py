@@ -14,6 +14,7 @@ import numpy as np
 
 from ..contact.laws import ELASTIC_COULOMB
 from ..points.branch import CLOSES_TO, QUANTITIES, Branch
+from ..points.peak import Peak
 from ..points.quantities import Quantity, axis_lengths, declared
 from .measures import Shown, shown_with
 from .origin import Origin
@@ -46,6 +47,7 @@ class LevelResult:
     arrays: dict[str, np.ndarray | None]
     unit: str = "N"  # of the level
     closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
+    peaks: tuple[Peak, ...] | None = None  # maxima of the outputs, each solved for; None where they are not
 
     def __getattr__(self, name: str) -> Any:
         try:
@@ -212,4 +214,5 @@ def level_result(branch: Branch, sizes: tuple[int, int, int], status: str, unit:
     N_H = max([N_H, *(point.response.shape[-1] for point in branch.points)])  # points may have more harmonics than others
     lengths = axis_lengths(n_outputs, n_pairs, N_H)
     arrays = {kept.name: kept.array(branch.points, lengths) for kept in QUANTITIES}
-    return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to)
+    peaks = None if branch.peaks is None else tuple(branch.peaks)
+    return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to, peaks)

@@ -29,6 +29,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_volumes_as_faces(scene),
         *_points(scene),
         *_bars(scene),
+        *_peaks(scene),
         *_mode(scene),
         *sort(scene),
         *_damping(scene),
@@ -347,6 +348,20 @@ def _bars(scene: Scene) -> list[str]:
     if scene.solver.error_bars or not (scene.chooses("harmonics") or scene.chooses("samples")):
         return []
     return ["[solver] error_bars = false: accuracy chooses harmonics and samples by them; leave error_bars out, or state both"]
+
+
+def _peaks(scene: Scene) -> list[str]:
+    """Peaks of what has none, or of a method whose pairs follow from the point before."""
+    if not scene.response.peaks:
+        return []
+    if scene.is_static:
+        return ["[response] peaks = true: with harmonics = 0 nothing vibrates, and there is no peak; leave peaks out"]
+    if scene.solver.method in ("adaptive", "adaptive-energy"):
+        return [
+            f'[response] peaks = true: the pairs of method = "{scene.solver.method}" follow from the point before, of which a peak '
+            'has none; take "receptance"'
+        ]
+    return []
 
 
 def _mode(scene: Scene) -> list[str]:

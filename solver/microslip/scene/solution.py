@@ -35,6 +35,7 @@ class Response(Table):
         (), description="a list of frequencies in Hz, above 0, each once"
     )
     direction: Literal["up", "down"] = Field("up", description='the direction of the sweep, "up" or "down"')
+    peaks: bool = Field(False, description="true or false: solve for every maximum of every output as a point of its own")
     fields: bool = Field(True, description="true or false: write modes and the motion at the peaks on the mesh")
 
     @model_validator(mode="after")
