@@ -85,9 +85,8 @@ def peak_lines(branch: Branch) -> list[str]:
     """Return a line for each peak that was solved for: output, frequency, amplitude, width and damping."""
     lines = []
     for peak in branch.peaks or []:
-        width = (
-            "" if np.isnan(peak.width) else f", half-power width {peak.width / 2.0 / np.pi:.4g} Hz, damping {peak.damping:.4g}"
-        )
+        width = f", half-power width {peak.width / 2.0 / np.pi:.4g} Hz, damping {peak.damping:.4g}"
+        width = "" if np.isnan(peak.width) else width
         lines.append(f"  peak of output {peak.output + 1}: {peak.omega / 2.0 / np.pi:.9g} Hz, {abs(peak.amplitude):.8e}{width}")
     return lines
 

@@ -12,6 +12,7 @@ from ..contact.laws import ELASTIC_COULOMB
 from ..formats.hdf5 import MOST_GAIN
 from ..messages.errors import CaseError
 from ..points.branch import CLOSES_TO, QUANTITIES
+from ..points.peak import Peak
 from ..points.quantities import TEXT, Quantity, axis_lengths
 from ..system.sandbox import SandboxError, read_file
 from .checked_datasets import Reader, attribute, opened
@@ -198,7 +199,22 @@ def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: boo
         fault = "its attributes"
     if fault is not None:
         raise CaseError(f"{reader.path}: {fault} of '{group}' cannot be; the file is damaged or was edited")
-    return LevelResult(level, status, failure, arrays, unit, closes_to)
+    return LevelResult(level, status, failure, arrays, unit, closes_to, _peaks(reader, group))
+
+
+def _peaks(reader: Reader, group: str) -> tuple[Peak, ...] | None:
+    """Return the peaks of a level; None where they were not solved for."""
+    if f"{group}/peaks" not in reader:
+        return None
+    names = ("frequency_Hz", "amplitude", "phase", "half_power_width_Hz")
+    of_float = [reader.array(f"{group}/peaks/{name}", "f8", (None,)) for name in names]
+    of_count = [reader.array(f"{group}/peaks/{name}", "i8", (None,)) for name in ("output", "slipping", "newton", "segment")]
+    return tuple(
+        Peak(
+            int(output), 2.0 * np.pi * f, complex(size * np.exp(1j * phase)), 2.0 * np.pi * width, int(slip), int(n), int(segment)
+        )
+        for f, size, phase, width, output, slip, n, segment in zip(*of_float, *of_count)
+    )
 
 
 def _out_of_range(arrays: Mapping[str, np.ndarray | None], N_H: int) -> str | None:
