@@ -209,11 +209,12 @@ def _peaks(reader: Reader, group: str) -> tuple[Peak, ...] | None:
     names = ("frequency_Hz", "amplitude", "phase", "half_power_width_Hz")
     of_float = [reader.array(f"{group}/peaks/{name}", "f8", (None,)) for name in names]
     of_count = [reader.array(f"{group}/peaks/{name}", "i8", (None,)) for name in ("output", "slipping", "newton", "segment")]
+    frequency, size, phase, width = of_float
+    amplitudes = size * np.exp(1j * phase)
+    of_peaks = zip(of_count[0], 2.0 * np.pi * frequency, amplitudes, 2.0 * np.pi * width, *of_count[1:])
     return tuple(
-        Peak(
-            int(output), 2.0 * np.pi * f, complex(size * np.exp(1j * phase)), 2.0 * np.pi * width, int(slip), int(n), int(segment)
-        )
-        for f, size, phase, width, output, slip, n, segment in zip(*of_float, *of_count)
+        Peak(int(output), float(omega), complex(a), float(w), int(slip), int(n), int(segment))
+        for output, omega, a, w, slip, n, segment in of_peaks
     )
 
 

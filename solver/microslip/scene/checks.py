@@ -358,8 +358,7 @@ def _peaks(scene: Scene) -> list[str]:
         return ["[response] peaks = true: with harmonics = 0 nothing vibrates, and there is no peak; leave peaks out"]
     if scene.solver.method in ("adaptive", "adaptive-energy"):
         return [
-            f'[response] peaks = true: method = "{scene.solver.method}" takes its pairs from the point before, and a peak has none; '
-            'take "receptance"'
+            f'[response] peaks = true: method = "{scene.solver.method}" takes its pairs from the point before; take "receptance"'
         ]
     return []
 
