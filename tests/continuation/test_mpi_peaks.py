@@ -1,5 +1,7 @@
 """Peaks as points of their own, against exact ones and a fine sweep; every test runs on any number of ranks."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from dense_model import amplitude, branch, forced, reduced
@@ -10,6 +12,7 @@ from microslip.continuation.constraint_rows import Place, Scaling
 from microslip.continuation.peaks import EXACT, Stationary, peaks_of
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.linearisation import Linearisation
+from microslip.observe.level_log import peak_lines
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -54,7 +57,7 @@ def test_peaks_are_those_of_a_fine_sweep():
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
     found, solved = peaks(system, 100.0, 3, 128)
-    assert solved
+    assert solved and all(peak.within < 1e-5 * peak.omega for peak in solved)
     for peak in solved:
         near = np.linspace(-1e-4, 1e-4, 9) * peak.omega + peak.omega
         fine = branch(system, COMM, 100.0, H=3, n_samples=128, points=40, at=tuple(near))
@@ -94,3 +97,12 @@ def test_the_gradient_of_the_constraint_is_its_derivative():
         solver.destroy()
     assert len(place(0.0).linear.forces.active) == 1 and abs(slope) > 0.0
     assert differences == pytest.approx([slope] * 3, rel=2e-3)
+
+
+def test_a_peak_that_no_solve_reaches_says_so():
+    """A tolerance below rounding: the highest point of the curve comes back, and is marked."""
+    found = branch(damper(), COMM, 123.024, H=1, n_samples=128, points=40)
+    (peak,) = peaks_of(forced(*reduced(damper(), COMM, 1), 128, 123.024), found, 1e-30)
+    assert peak.within > 1e-4 * peak.omega
+    assert abs(peak.amplitude) == pytest.approx(max(amplitude(point) for point in found.points), rel=1e-6)
+    assert "(within " in peak_lines(SimpleNamespace(peaks=[peak]))[0]

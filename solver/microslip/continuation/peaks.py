@@ -24,7 +24,7 @@ from ..points.selection import AllPairs
 from ..points.sweep import Sweep
 from .constraint_rows import Place, Scaling
 from .corrector import BorderedSystem, Corrector
-from .iterate import Iterate
+from .iterate import Iterate, interpolate
 from .point_record import HELD
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
@@ -177,10 +177,8 @@ class PeakSolver:
         equation = problem.equation.resolved(harmonics, self.point.samples)
         equation = equation.holding(np.zeros((equation.n_owned, 2)) if HELD in self.point.notes else None)
         self.problem, self.equation, self.tolerance = problem.with_equation(equation), equation, tolerance
-        self.around = [branch.points[k].omega for k in (i - 1, i, i + 1)]
-        U = comm.bcast(self.point.U if comm.rank == 0 else None)
-        U = Harmonics.full(U.shape[-1]).carry(U, harmonics) if U.size else np.zeros((0, 3, harmonics.n_coefficients))
-        self.start = Iterate(U[equation.model.owned], (self.point.omega,), harmonics)
+        self.curve = [self._iterate(branch.points[k], harmonics) for k in (i - 1, i, i + 1)]
+        self.start, self.around = self.curve[1], [iterate.parameter for iterate in self.curve]
         unit = max(self.around) - min(self.around)
         size = float(np.sum(self.point.response[output, 1:3] ** 2)) / unit
         solvers = AdjointSolver(comm, EXACT, np.float64), AdjointSolver(comm, EXACT, np.float64)
@@ -188,6 +186,13 @@ class PeakSolver:
         workspace = Workspace(equation)
         sweep = Sweep(self.around[1], self.around[1] + unit)
         self.solver = PointSolver(self.problem, AllPairs(), sweep, tolerance, workspace)
+
+    def _iterate(self, point: Point, harmonics: Harmonics) -> Iterate:
+        """Return a point of the curve in the harmonics of the peak.  Collective: one broadcast."""
+        model = self.equation.model
+        U = model.comm.bcast(point.U if model.comm.rank == 0 else None)
+        U = Harmonics.full(U.shape[-1]).carry(U, harmonics) if U.size else np.zeros((0, 3, harmonics.n_coefficients))
+        return Iterate(U[model.owned], (point.omega,), harmonics)
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
@@ -197,18 +202,21 @@ class PeakSolver:
 
     def solve(self) -> Peak:
         """Return the maximum: by Newton's method on motion and frequency, or else on a bracket of the frequency.  Collective."""
-        found = self.by_newton()
-        there, newton = found if found is not None else self.on_bracket()
+        width_of_curve = max(self.around) - min(self.around)
+        there, newton, within = self.by_newton() or self.on_bracket() or (self.start, 0, width_of_curve)
         forces = self.equation.contact_forces(there.U, self.equation.every_pair, tangents=False)
         at = self.problem.at(there.parameters)
         amplitudes = output_amplitude(self.equation.model_at(at), at, self.equation.full_force(forces))
         cos, sin = amplitudes[[self.output, self.equation.model.n_outputs + self.output]]
         slipping = int(np.count_nonzero(self.equation.gather(forces.state) != STICK))
         width = half_power_width(self.branch, self.output, self.i, float(np.hypot(cos, sin)))
-        return Peak(self.output, at.omega, complex(cos, -sin), width, slipping, newton, self.point.segment)
+        return Peak(self.output, at.omega, complex(cos, -sin), width, within, slipping, newton, self.point.segment)
 
-    def by_newton(self) -> tuple[Iterate, int] | None:
-        """Return the stationary point; None where Newton's method finds none between the neighbours.  Collective."""
+    def by_newton(self) -> tuple[Iterate, int, float] | None:
+        """Return the stationary point, Newton iterations, and 0 for the width of its interval; None where there is none.
+
+        Collective.
+        """
         size, every = self.solver.norm(self.start.U), self.equation.every_pair
         if size == 0.0 or not self.slips(self.start):
             return None  # on the linear curve, whose frequency alone is unknown
@@ -219,34 +227,64 @@ class PeakSolver:
         finally:
             corrector.destroy()
         is_between = min(self.around) <= found.iterate.parameter <= max(self.around)
-        return None if found.failure or not is_between else (found.iterate, found.newton)
+        return None if found.failure or not is_between else (found.iterate, found.newton, 0.0)
 
     def slips(self, there: Iterate) -> bool:
         """Return whether a pair slips or opens there.  Collective."""
         return len(self.equation.contact_forces(there.U, self.equation.every_pair, tangents=False).active) > 0
 
-    def on_bracket(self) -> tuple[Iterate, int]:
-        """Return the place between the neighbours at which the slope changes its sign: a corner of the curve may do so without
-        a zero.  The point of the curve where no bracket is there.  Collective."""
+    def on_bracket(self) -> tuple[Iterate, int, float] | None:
+        """Return a solution at the place between the neighbours at which the slope changes its sign, Newton iterations, and the
+        width [rad/s] of the interval that place is in: a corner of the curve may do so without a zero.
+
+        Collective.  Where samples switch there are frequencies without a solution to the tolerance; the interval ends there.
+        None where the slope does not change its sign, as on a curve that folds.
+        """
         low, _, high = sorted(self.around)
-        best, newton = self.start, 0
+        places: list[tuple[float, float, float, Iterate]] = []  # frequency, slope, amplitude and solution
+        newton = 0
 
         def slope(omega: float) -> float:
-            nonlocal best, newton
-            found, _ = self.solver.solve_at(best.at(omega), self.solver.norm(best.U), self.equation.every_pair)
-            if found.failure:
-                raise ArithmeticError(found.failure)
-            best, newton = found.iterate, newton + found.newton
-            at = self.problem.at(best.parameters)
-            forces = self.equation.contact_forces(best.U, self.equation.every_pair, tangents=True)
-            return self.constraint.slope(Linearisation.of(self.equation, at, forces)).product
+            nonlocal newton
+            for start in starts([*self.curve, *(place[-1] for place in places)], omega):
+                solution, _ = self.solver.solve_at(start, self.solver.norm(start.U), self.equation.every_pair)
+                newton += solution.newton
+                if not solution.failure:
+                    break
+            else:
+                raise ArithmeticError(solution.failure)
+            at = self.problem.at(solution.iterate.parameters)
+            forces = self.equation.contact_forces(solution.iterate.U, self.equation.every_pair, tangents=True)
+            here = self.constraint.slope(Linearisation.of(self.equation, at, forces))
+            if not np.isfinite(here.product):
+                raise ArithmeticError("no rate of the motion")
+            places.append((at.omega, here.product, float(np.hypot(*here.a)), solution.iterate))
+            return here.product
 
         try:
-            omega = scipy.optimize.brentq(slope, low, high, xtol=CLOSEST * high, rtol=4.0 * np.finfo(float).eps)
-            slope(omega)
-        except (ArithmeticError, ValueError):  # a fold within the bracket
-            return self.start, newton
-        return best, newton
+            scipy.optimize.brentq(slope, low, high, xtol=CLOSEST * high, rtol=4.0 * np.finfo(float).eps)
+        except (ArithmeticError, ValueError):  # no solution somewhere, or no change of sign
+            pass
+        return narrowest(sorted(places, key=lambda place: place[0]), newton)
+
+
+def starts(solutions: list[Iterate], omega: float) -> Iterator[Iterate]:
+    """Yield starts of a solve at a frequency: between the solutions on either side, then from the nearest ones.  Local."""
+    nearest = sorted(solutions, key=lambda iterate: abs(iterate.parameter - omega))
+    below, above = ([it for it in nearest if sign * (it.parameter - omega) > 0.0][:1] for sign in (-1.0, 1.0))
+    yield from (interpolate(a, b, omega) for a, b in zip(below, above))
+    yield from (iterate.at(omega) for iterate in nearest[:4])
+
+
+def narrowest(places: list[tuple[float, float, float, Iterate]], newton: int) -> tuple[Iterate, int, float] | None:
+    """Return the higher end of the interval over which the slope falls through zero, and its width; None if there is none.
+
+    Local.  ``places`` are frequencies, slopes, amplitudes and solutions, by rising frequency.
+    """
+    for before, after in zip(places, places[1:]):
+        if before[1] >= 0.0 >= after[1]:
+            return max(before, after, key=lambda place: place[2])[-1], newton, after[0] - before[0]
+    return None
 
 
 def harmonics_of(branch: Branch, point: Point, otherwise: Harmonics) -> Harmonics:

@@ -9,6 +9,8 @@ from ..points.sweep import Sweep
 from ..results.measures import AMPLITUDE, Shown, counts
 from .log import RunLog
 
+EXACT = 1e-10  # of a frequency: a peak in a narrower interval is said to be at a frequency
+
 
 class LevelLog:
     """An :class:`~microslip.observe.observer.Observer` that writes to the log of a run.
@@ -87,7 +89,9 @@ def peak_lines(branch: Branch) -> list[str]:
     for peak in branch.peaks or []:
         width = f", half-power width {peak.width / 2.0 / np.pi:.4g} Hz, damping {peak.damping:.4g}"
         width = "" if np.isnan(peak.width) else width
-        lines.append(f"  peak of output {peak.output + 1}: {peak.omega / 2.0 / np.pi:.9g} Hz, {abs(peak.amplitude):.8e}{width}")
+        frequency, within = peak.omega / 2.0 / np.pi, peak.within / 2.0 / np.pi
+        where = f" (within {within:.1e} Hz)" if within > EXACT * frequency else ""
+        lines.append(f"  peak of output {peak.output + 1}: {frequency:.9g} Hz{where}, {abs(peak.amplitude):.8e}{width}")
     return lines
 
 

@@ -206,15 +206,15 @@ def _peaks(reader: Reader, group: str) -> tuple[Peak, ...] | None:
     """Return the peaks of a level; None where they were not solved for."""
     if f"{group}/peaks" not in reader:
         return None
-    names = ("frequency_Hz", "amplitude", "phase", "half_power_width_Hz")
+    names = ("frequency_Hz", "amplitude", "phase", "half_power_width_Hz", "within_Hz")
     of_float = [reader.array(f"{group}/peaks/{name}", "f8", (None,)) for name in names]
     of_count = [reader.array(f"{group}/peaks/{name}", "i8", (None,)) for name in ("output", "slipping", "newton", "segment")]
-    frequency, size, phase, width = of_float
-    amplitudes = size * np.exp(1j * phase)
-    of_peaks = zip(of_count[0], 2.0 * np.pi * frequency, amplitudes, 2.0 * np.pi * width, *of_count[1:])
+    frequency, size, phase, width, within = of_float
+    amplitudes, circle = size * np.exp(1j * phase), 2.0 * np.pi
+    of_peaks = zip(of_count[0], circle * frequency, amplitudes, circle * width, circle * within, *of_count[1:])
     return tuple(
-        Peak(int(output), float(omega), complex(a), float(w), int(slip), int(n), int(segment))
-        for output, omega, a, w, slip, n, segment in of_peaks
+        Peak(int(output), float(omega), complex(a), float(w), float(near), int(slip), int(n), int(segment))
+        for output, omega, a, w, near, slip, n, segment in of_peaks
     )
 
 

@@ -203,6 +203,7 @@ def _write_peaks(group: h5py.Group, peaks: Sequence[Peak], unit: str) -> None:
         "amplitude": ([abs(peak.amplitude) for peak in peaks], unit),
         "phase": ([float(np.angle(peak.amplitude)) for peak in peaks], "rad"),
         "half_power_width_Hz": ([hertz(peak.width) for peak in peaks], "Hz"),
+        "within_Hz": ([hertz(peak.within) for peak in peaks], "Hz"),
         "damping": ([peak.damping for peak in peaks], "1"),
     }
     for name, (values, of_values) in columns.items():
