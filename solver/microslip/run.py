@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .guards.lock import locked
 from .library.build import build
+from .library.libraries import libraries_used
 from .library.logged_response import RunOptions, follow_logged, record_of
 from .library.origin_of_run import origin_of
 from .library.prepare import Prepared, prepare
@@ -80,6 +81,7 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
             shapes = shapes_of(prepared, branches)
+        log.note(libraries_used(prepared, branches, place / RESULTS), on_screen=False)
         restart.share_factor(prepared, log)  # late, while processes beside draw the pictures
         with log.stage("pictures"):
             draw(comm, place, drawers, partial(write_shapes, prepared, branches, shapes, place, record_of(log)))
