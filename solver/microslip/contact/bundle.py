@@ -118,6 +118,27 @@ class Bundle:
         closest = synthesise(U[:, 2], n_samples, harmonics).min(axis=1)[:, None]
         return ~self.has_gap | (self.of_elements(self.elements.N0) > self.of_elements(self.elements.k_n) * closest)
 
+    def parameter_rate(
+        self, name: str, per_pair: np.ndarray, U: np.ndarray, n_samples: int, harmonics: Harmonics | None
+    ) -> np.ndarray:
+        """Return the rate of the forces of :meth:`cycle` by a parameter of the pairs, (n, 3, N_H).
+
+        Local.  ``per_pair`` (n size,) is how the column ``name`` of the elements changes with it.  Those change by (3.15).
+        """
+        rate = np.zeros_like(U)
+        step = max(1, _MOST_DERIVATIVES // (self.size * (U.shape[1] * (U.shape[2] + 1)) ** 2))
+        for i in range(0, self.n_pairs, step):
+            part = slice(i, i + step)
+            of = self.take(part)
+            changes = of.of_elements(per_pair[i * self.size : (i + step) * self.size]) != 0.0
+            those = np.flatnonzero(of._touch(U[part], n_samples, harmonics) & changes)
+            pair, elements = those // self.size, of.elements.take(those)
+            elements = replace(elements, apart=elements.N0 < 0.0)
+            found = elements.parameter_rate(name, U[part][pair], n_samples, harmonics)
+            found *= per_pair[i * self.size + those, None, None]
+            np.add.at(rate[part, :2], pair, found[:, :2])
+        return rate
+
     # -- a step of time ----------------------------------------------------------------------------------------
 
     @property

@@ -67,6 +67,21 @@ class CombinedLaw:
         P = np.concatenate([cycle.P for _, cycle in found if cycle.P is not None])[order] if tangents else None
         return ContactCycle(p, state, active[order], P, creeps)
 
+    def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> CombinedLaw:
+        """Return the law with other values of a parameter of some pairs, whose laws have it.  Local."""
+        whole = np.full(self.n_pairs, np.nan)
+        chosen = np.zeros(self.n_pairs, dtype=bool)
+        whole[pairs], chosen[pairs] = values, True
+        parts = []
+        for own, law in self.parts:
+            those = np.flatnonzero(chosen[own])
+            parts.append((own, law.with_parameters(name, those, whole[own[those]]) if len(those) else law))
+        return CombinedLaw(tuple(parts))
+
+    def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
+        """Return d p / d parameter of each pair, whose law has it, (n, 3, N_H).  Local."""
+        return self._together(lambda law, own: law.parameter_rate(name, U[own], n_samples, harmonics))
+
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return p and memory after a step of time, its derivative, and the states, as :class:`Law` has it.  Local."""
         after, L = np.zeros_like(before), np.zeros((*du.shape, 3))

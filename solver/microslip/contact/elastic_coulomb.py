@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from ..fourier.harmonics import Harmonics
 from ._elastic_coulomb import Pairs, Sampling, leaves, march
 from ._return_map import SpringPairs, steps
 from .law import ContactCycle
+from .parameters import column_with, not_among, preload_with, with_mean
+
+_ONE_SIDED = 1e-6  # of a force or a motion: step of the difference where a friction coefficient or a stiffness is 0
 
 
 @dataclass(frozen=True)
@@ -193,6 +197,83 @@ class ElasticCoulomb:
             springs = np.where(self.apart[:, None], self.springs, 0.0)[active]
             P[:, np.arange(n), np.arange(n)] += np.repeat(springs, n // 3, axis=1)
         return replace(found, p=p, active=active, P=P)
+
+    # -- its parameters ----------------------------------------------------------------------------------------
+
+    def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> ElasticCoulomb:
+        """Return the law with other values of mu, N0, gap, k_t or k_n of some pairs; what y has of its own goes in proportion.
+
+        Local.  ValueError as :class:`Law` says.
+        """
+        if name in ("N0", "gap"):
+            return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
+        if name not in ("mu", "k_t", "k_n"):
+            raise not_among(name, "elastic-Coulomb friction", ("mu", "N0", "gap", "k_t", "k_n"))
+        before = getattr(self, name)
+        changed: dict[str, Any] = {name: column_with(before, pairs, values)}
+        of_y = {"mu": "mu_y", "k_t": "k_ty"}.get(name)
+        if of_y and getattr(self, of_y) is not None:
+            ratio = np.divide(getattr(self, of_y), before, out=np.ones_like(before), where=before > 0.0)
+            changed[of_y] = changed[name] * ratio
+        return replace(self, **changed)
+
+    def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
+        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H).
+
+        Local.  docs/theory.md, eq. (3.15), from the derivative of the cycle by the motion.  Where mu or k_t is 0, and varies,
+        a one-sided difference.  By N0 of a pair without preload that from the side of the gap.
+        """
+        if name == "gap":
+            return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
+        if name not in ("mu", "N0", "k_t", "k_n"):
+            raise not_among(name, "elastic-Coulomb friction", ("mu", "N0", "gap", "k_t", "k_n"))
+        U, harmonics, asked = with_mean(U, harmonics)
+        rate = self._rate_with_springs(name, U, n_samples, harmonics)
+        if self.apart.any():
+            least = _sampling(harmonics, n_samples, self.sampled).least(np.ascontiguousarray(U[:, 2]))
+            touches = least * self.k_n < self.N0
+            rate[self.apart & ~touches] = 0.0
+            now = self.apart & touches
+            if name == "k_t":
+                rate[now, :2] += np.stack([np.ones(self.n_pairs), self._shorter], axis=1)[now, :, None] * U[now, :2]
+            if name == "k_n":
+                rate[now, 2] += U[now, 2]
+        return rate[:, :, asked]
+
+    def _rate_with_springs(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics) -> np.ndarray:
+        """Return the rate of p as if all pairs had their springs, for harmonics with a mean."""
+        loose, still = self.k_n == 0.0, U.copy()  # where N stays N0, a spring that does not move says how p changes with N
+        still[loose, 2] = 0.0
+        bare = replace(self, k_n=np.where(loose, 1.0, self.k_n), apart=np.zeros(1, dtype=bool))
+        found = bare.cycle(still, n_samples, True, harmonics)
+        active, N_H, rate = found.active, U.shape[2], np.zeros_like(U)
+        assert found.P is not None, "asked for"
+        P = found.P.reshape(-1, 3, N_H, 3, N_H)
+        if name in ("mu", "k_t"):
+            column = getattr(self, name)
+            motion = U[:, :2].copy()
+            motion[:, :, 0] -= self.w0
+            by_motion = np.einsum("iahbk,ibk->iah", P[:, :2, :, :2], motion[active])
+            change = by_motion if name == "k_t" else found.p[active, :2] - by_motion
+            rate[active, :2] = change / np.where(column > 0.0, column, 1.0)[active, None, None]
+            without = np.flatnonzero(column == 0.0)
+            if len(without):
+                rate[without] = bare.take(without)._one_sided(name, still[without], motion[without], n_samples, harmonics)
+        elif name == "N0":
+            rate[active] = -P[..., 2, 0] / bare.k_n[active, None, None]
+            rate[active, 2, 0] -= self.N0[active] <= 0.0
+        else:
+            rate[active] = np.einsum("iahk,ik->iah", P[..., 2, :], U[active, 2]) / bare.k_n[active, None, None]
+        return rate
+
+    def _one_sided(self, name: str, U: np.ndarray, motion: np.ndarray, n_samples: int, harmonics: Harmonics) -> np.ndarray:
+        """Return the rate of p by a mu or k_t that is 0, by a step small beside what the other of them makes."""
+        far, pressed = np.abs(motion).sum(axis=(1, 2)), np.abs(self.N0) + self.k_n * np.abs(U[:, 2]).sum(axis=1)
+        of, per = (self.k_t * far, pressed) if name == "mu" else (self.mu * pressed, far)
+        step = np.divide(_ONE_SIDED * of, per, out=np.ones_like(of), where=(of > 0.0) & (per > 0.0))
+        there = self.with_parameters(name, np.arange(self.n_pairs), step)
+        here, moved = (law.cycle(U, n_samples, False, harmonics).p for law in (self, there))
+        return (moved - here) / step[:, None, None]
 
     # -- a step of time ----------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from ..fourier.harmonics import Harmonics
 from .bundle import Bundle, OfElements, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import SLIP, STICK, ContactCycle
+from .parameters import column_with, not_among
 
 SLIDERS = 50  # of the power law, where a joint states no number
 EXPORTED = "in each direction by itself; f_nl,z = k_n du_z"
@@ -106,6 +107,33 @@ class Iwan(OfElements):
         L[..., :2, :] = derivative
         after = np.concatenate([force, np.zeros_like(force[..., :1]), memory], axis=-1)
         return after, L, np.where(slips, SLIP, STICK).astype(np.uint8)
+
+    # -- its parameters ----------------------------------------------------------------------------------------
+
+    def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Iwan:
+        """Return the law with other values of slip_force, k_t or k_n of some pairs.  Local.  ValueError as :class:`Law` says."""
+        column = self._column(name)
+        changed: dict[str, Any] = {column: column_with(getattr(self, column), pairs, values)}
+        return replace(self, **changed)
+
+    def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
+        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H).
+
+        Local.  Strengths of sliders are in proportion to F_S, whatever K_T, and their stiffness to K_T; p does not know k_n.
+        """
+        column, elements = self._column(name), self.bundle.elements
+        if name == "k_n":
+            return np.zeros_like(U)
+        of_elements = "mu" if name == "slip_force" else "k_t"
+        per_pair = getattr(elements, of_elements) / np.repeat(getattr(self, column), self.bundle.size)
+        return self.bundle.parameter_rate(of_elements, per_pair, U, n_samples, harmonics)
+
+    @staticmethod
+    def _column(name: str) -> str:
+        columns = {"slip_force": "F_S", "k_t": "K_T", "k_n": "k_n"}
+        if name not in columns:
+            raise not_among(name, "the Iwan joint", tuple(columns))
+        return columns[name]
 
     # -- its limits --------------------------------------------------------------------------------------------
 

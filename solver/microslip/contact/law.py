@@ -61,6 +61,15 @@ class Law(Protocol):
         The set of ``harmonics`` is 0 to H unless given; ``n_samples`` is at least 2 H + 1; without ``tangents`` P is left out.
         """
 
+    def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Law:
+        """Return the law in which some of the pairs (m,) have other values (m,) of a parameter of parameters.PARAMETERS.
+
+        The others, and where sliders start, stay as they are.  ValueError if the law has no such parameter, or not such values.
+        """
+
+    def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
+        """Return d p / d parameter of each pair under a motion that stays as it is, (n, 3, N_H); p as :meth:`cycle` has it."""
+
     @property
     def n_memory(self) -> int:
         """Numbers of a pair that a step of time remembers beside p [N]; all are 0 at rest."""

@@ -19,6 +19,7 @@ from ..fourier.harmonics import Harmonics
 from .bundle import Bundle, OfElements, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import OPEN, SLIP, STICK, ContactCycle
+from .parameters import column_with, not_among, preload_with
 
 SLIDERS = 24  # asperities that carry a pair at rest, where a joint states no number
 MOST_FORCE = 16.0  # normal force over that at rest up to which further asperities come into contact
@@ -190,6 +191,50 @@ class Rough(OfElements):
         L[..., (0, 1), (0, 1)] -= springs
         state = np.where(N <= 0.0, OPEN, np.where(slips, SLIP, STICK)).astype(np.uint8)
         return np.concatenate([force, p_z[..., None], memory], axis=-1), L, state
+
+    # -- its parameters ----------------------------------------------------------------------------------------
+
+    def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Rough:
+        """Return the law with other values of mu, N0, gap, k_t or k_n of some pairs, k_t and k_n at their rest, which N0 does not
+        change.
+
+        Local.  ValueError as :class:`Law` says.
+        """
+        if name in ("N0", "gap"):
+            return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
+        if name not in ("mu", "k_t", "k_n"):
+            raise not_among(name, "a rough surface", ("mu", "N0", "gap", "k_t", "k_n"))
+        changed: dict[str, Any] = {name: column_with(getattr(self, name), pairs, values)}
+        return replace(self, **changed)
+
+    def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
+        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H).
+
+        Local.  Of the asperities (3.12), whose share of k_t and k_n stays what it is, and of the normal force (3.11).
+        """
+        if name == "gap":
+            return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
+        if name not in ("mu", "N0", "k_t", "k_n"):
+            raise not_among(name, "a rough surface", ("mu", "N0", "gap", "k_t", "k_n"))
+        elements, size = self.bundle.elements, self.bundle.size
+        per_pair = elements.k_n / np.repeat(self.k_n, size)
+        if name == "N0":
+            per_pair = np.where(np.repeat(self.is_open, size), per_pair, elements.N0 / np.repeat(self.pressed, size))
+        per_pair = np.ones_like(per_pair) if name == "mu" else per_pair
+        rate = self.bundle.parameter_rate(name, per_pair, U, n_samples, harmonics)
+        if name in ("N0", "k_n"):
+            harmonics = harmonics or Harmonics.full(U.shape[2])
+            du_z = U[:, 2] @ synthesis_matrix(harmonics, n_samples).T
+            rate[:, 2] = self._normal_rate(name, du_z) @ analysis_matrix(harmonics, n_samples).T
+        return rate
+
+    def _normal_rate(self, name: str, du_z: np.ndarray) -> np.ndarray:
+        """Return the rate of p_z by N0 or k_n at relative displacements (n, n_samples)."""
+        N, k = (values.T for values in self.normal_force(du_z.T))
+        is_open, k_n = self.is_open[:, None], self.k_n[:, None]
+        if name == "N0":
+            return np.where(is_open, -k / k_n, 1.0 - (N + k * du_z) / self.pressed[:, None])
+        return du_z * (k / k_n - np.where(is_open, 0.0, 1.0))
 
     # -- its limits --------------------------------------------------------------------------------------------
 

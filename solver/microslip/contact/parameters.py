@@ -1,0 +1,44 @@
+"""Numbers of contact laws that may vary: columns with other values, and what the rates by them of all laws share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..fourier.harmonics import Harmonics
+
+PARAMETERS = ("mu", "N0", "gap", "k_t", "k_n", "slip_force")  # gap [m]: -N0 / k_n of pairs without preload
+
+
+def not_among(name: str, law: str, has: tuple[str, ...]) -> ValueError:
+    """Return the error of a parameter that a law does not have."""
+    return ValueError(f"{law} has no parameter {name!r}, but {', '.join(has)}")
+
+
+def column_with(column: np.ndarray, pairs: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return a column (n,) with the ``values`` (m,) of some ``pairs`` (m,).  Local."""
+    changed = column.copy()
+    changed[pairs] = values
+    return changed
+
+
+def preload_with(name: str, N0: np.ndarray, k_n: np.ndarray, pairs: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return N0 (n,) with the preloads, or gaps, of some pairs.  Local.
+
+    Raises
+    ------
+    ValueError : a pair would come from a preload to a gap or back: it is another one at rest, with other springs
+    """
+    changed = column_with(N0, pairs, values if name == "N0" else -k_n[pairs] * values)
+    crosses = (changed > 0.0) != (N0 > 0.0)
+    if crosses.any():
+        i = np.argmax(crosses)
+        raise ValueError(f"N0 of pair {i} goes from {N0[i]:g} to {changed[i]:g}: a preload and a gap do not become each other")
+    return changed
+
+
+def with_mean(U: np.ndarray, harmonics: Harmonics | None) -> tuple[np.ndarray, Harmonics, slice]:
+    """Return a motion (n, 3, N_H) with a mean, its harmonics, and which coefficients are those that it had.  Local."""
+    harmonics = harmonics or Harmonics.full(U.shape[2])
+    if harmonics.has_mean:
+        return U, harmonics, slice(None)
+    return np.pad(U, ((0, 0), (0, 0), (1, 0))), Harmonics((0, *harmonics.chosen)), slice(1, None)
