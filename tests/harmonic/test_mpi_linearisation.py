@@ -1,6 +1,6 @@
 """The linearisation of harmonic balance, block by block; every test runs on any number of ranks."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.newton_solver import NewtonSolver
-from microslip.harmonic.operating_point import OperatingPoint
+from microslip.harmonic.operating_point import LawParameter, OperatingPoint
 from microslip.receptance.damping import Damping
 from microslip.receptance.per_group import PerGroup
 
@@ -50,7 +50,40 @@ class TwoParameters(ProblemBase):
         return {"omega": 1.0}, {"level": 1.0}
 
 
+@dataclass(frozen=True, eq=False)
+class FrequencyAndLaw(ProblemBase):
+    """The same equation over frequency and a parameter of the contact law."""
+
+    varies: LawParameter
+
+    @property
+    def law_parameters(self):
+        return (self.varies,)
+
+    def at(self, parameters):
+        return OperatingPoint(parameters[0], LEVEL, law=((self.varies, parameters[1]),))
+
+    def rates(self, parameters):
+        return {"omega": 1.0}, {self.varies: 1.0}
+
+
+def over(name, pairs, shape, share_of_preload=1.0):
+    """Return what makes a problem over the frequency and a parameter of some pairs; a negative share of N0 is a gap."""
+    parameter = LawParameter(name, np.array(pairs), np.array(shape))
+
+    def problem(equation):
+        law = replace(equation.law, N0=share_of_preload * equation.law.N0)
+        return FrequencyAndLaw(replace(equation, law=law), parameter)
+
+    return problem
+
+
+GAPS = [0.1 * 60.0 / 8e5, 0.1 * 40.0 / 6e5]
 PROBLEMS = {
+    "frequency and friction": (over("mu", [0, 1], [0.3, 0.25]), (OMEGA, 1.1)),
+    "frequency and preload": (over("N0", [0, 1], [60.0, 40.0]), (OMEGA, 0.9)),
+    "frequency and preload of a pair": (over("N0", [1], [1.0]), (OMEGA, 35.0)),
+    "frequency and gap": (over("gap", [0, 1], GAPS, -0.1), (OMEGA, 1.2)),
     "frequency": (lambda equation: ForcedResponse(equation, LEVEL), (OMEGA,)),
     "level": (lambda equation: LevelHomotopy(equation, OMEGA), (90.0,)),
     "damping": (lambda equation: DampingHomotopy(equation, OMEGA, LEVEL), (0.6,)),
@@ -132,6 +165,53 @@ def test_the_adjoint_gives_the_gradient_of_the_forces_along_the_solution(name):
         solver.destroy()
     assert is_found and len(linear.forces.active) == 2
     assert_square_of_step(remainders, abs(slope))
+
+
+def test_the_law_of_an_operating_point_is_that_of_its_values_and_is_kept():
+    equation = chain()
+    some, all_of = LawParameter("N0", np.array([1]), np.array([40.0])), LawParameter("mu", np.arange(2), np.array([0.3, 0.25]))
+    at = OperatingPoint(OMEGA, LEVEL, law=((some, 0.5), (all_of, 2.0)))
+    found = equation.under(at)
+    own = equation.model.owned
+    assert found.law.N0.tolist() == [60.0, 20.0][own] and found.law.mu.tolist() == [0.6, 0.5][own]
+    assert equation.under(replace(at, omega=600.0)) is found
+    assert equation.under(replace(at, law=((some, 0.6), (all_of, 2.0)))) is not found
+    assert equation.under(OperatingPoint(OMEGA, LEVEL)) is equation
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("name", [name for name in PROBLEMS if name.startswith("frequency and ") and "level" not in name])
+def test_the_rate_by_a_law_parameter_is_the_slope_of_the_residual(name, held):
+    make, (omega, value) = PROBLEMS[name]
+    problem, equation = make(chain()), make(chain()).equation
+    U = 1.3 * equation.linear_motion(problem.at((omega, value)))
+    equation = equation.holding(np.zeros((equation.n_owned, 2)) if held else None)
+
+    def linear(value):
+        at = problem.at((omega, value))
+        under = equation.under(at)
+        return Linearisation.of(under, at, under.contact_forces(U, equation.every_pair, tangents=True))
+
+    def residual(value):
+        there = linear(value)
+        return there.equation.residual(U, there.at, there.forces)
+
+    h = 1e-5 * value
+    rate = equation.gather(linear(value).rate(problem.rates((omega, value))[1]))
+    slope = equation.gather(residual(value + h) - residual(value - h)) / (2.0 * h)
+    assert np.abs(slope).max() > 1e-7 / value
+    assert np.abs(rate - slope).max() < 1e-6 * np.abs(slope).max()
+
+
+@pytest.mark.parametrize("name", ["k_t", "k_n"])
+def test_a_stiffness_of_the_stuck_structure_is_refused(name):
+    equation = chain()
+    parameter = LawParameter(name, np.arange(2), np.ones(2))
+    with pytest.raises(ValueError, match=f"{name} is a stiffness of the stuck structure"):
+        equation.under(OperatingPoint(OMEGA, LEVEL, law=((parameter, 1.0),)))
+    forces = equation.contact_forces(equation.linear_motion(OperatingPoint(OMEGA, LEVEL)), equation.every_pair, tangents=True)
+    with pytest.raises(ValueError, match=f"{name} is a stiffness of the stuck structure"):
+        equation.law_rate(forces, parameter)
 
 
 def test_two_parameters_and_two_constraints_give_the_level_at_which_a_pair_moves_so_far():

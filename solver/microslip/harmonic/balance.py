@@ -16,8 +16,8 @@ from ..parallel.ownership import summed
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.motions import linear_motion, linear_motion_rate
 from ..receptance.reduced_model import ReducedModel
-from .mean_slip import hold_mean_slip
-from .operating_point import ContactForces, OperatingPoint, Rates
+from .mean_slip import HOLD, hold_mean_slip
+from .operating_point import ContactForces, LawParameter, OperatingPoint, Rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +121,38 @@ class HarmonicBalance:
     # -- the equation --------------------------------------------------------------------------------------------
 
     def under(self, at: OperatingPoint) -> HarmonicBalance:
-        """Return the equation with the contact law of an operating point.  Local."""
-        return self
+        """Return the equation with the contact law of an operating point.  Local; kept for the last law.
+
+        Raises
+        ------
+        ValueError : a stiffness, which the stuck structure has, too; a value that the law of a pair does not have, on the rank of
+            that pair alone: a problem does not allow such values
+        """
+        return self if not at.law else self._kept("under", at.law, lambda: self._with_law(at.law))
+
+    def _with_law(self, values: tuple[tuple[LawParameter, float], ...]) -> HarmonicBalance:
+        law, own = self.law, self.model.owned
+        for parameter, value in values:
+            _varies_alone(parameter)
+            mine = (parameter.pairs >= own.start) & (parameter.pairs < own.stop)
+            law = law.with_parameters(parameter.name, parameter.pairs[mine] - own.start, value * parameter.shape[mine])
+        return replace(self, law=law)
+
+    def law_rate(self, forces: ContactForces, parameter: LawParameter) -> np.ndarray:
+        """Return how p of the active pairs of all ranks changes with a parameter of the law, (3 n_active, N_H).
+
+        Collective: one gather.  The motion stays as it is.
+        """
+        _varies_alone(parameter)
+        own, d_p = forces.active_owned, np.zeros((len(forces.active_owned), 3, self.model.N_H))
+        _, chosen, of_parameter = np.intersect1d(own + self.model.owned.start, parameter.pairs, return_indices=True)
+        if len(chosen):
+            law, U = self.law.take(own[chosen]), forces.U[own[chosen]]
+            rate = law.parameter_rate(parameter.name, U, self.n_samples, self.harmonics)
+            if self.held is not None:
+                rate[:, :2, 0] *= 1.0 - HOLD
+            d_p[chosen] = rate * parameter.shape[of_parameter, None, None]
+        return self.gather(d_p.reshape(-1, self.model.N_H))
 
     def model_at(self, at: OperatingPoint) -> ReducedModel:
         """Return the model with the damping of an operating point.  Local."""
@@ -176,3 +206,9 @@ class HarmonicBalance:
     def sum(self, partial: np.ndarray) -> np.ndarray:
         """Return the sum over the ranks.  Collective on ``comm``."""
         return partial if self.comm.size == 1 else summed(self.comm, partial)
+
+
+def _varies_alone(parameter: LawParameter) -> None:
+    """Raise ValueError where a parameter changes the stuck structure, not the forces beyond it alone."""
+    if parameter.name in ("k_t", "k_n"):
+        raise ValueError(f"{parameter.name} is a stiffness of the stuck structure, too, which a parameter does not change")

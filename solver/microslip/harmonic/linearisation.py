@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from ..receptance.columns import ReceptanceColumns
 from .balance import HarmonicBalance
-from .operating_point import ContactForces, OperatingPoint, Rates
+from .operating_point import ContactForces, LawParameter, OperatingPoint, Rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +116,16 @@ class Linearisation:
         return 3 * len(self.forces.active) * self.equation.model.N_H
 
     def rate(self, rates: Rates) -> np.ndarray:
-        """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2), for the rates at which the operating point changes.
+        """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2) and eq. (5.8), for rates at which the operating point changes.
 
-        Local.
+        Local; collective where parameters of the law change, one gather each.
         """
         dG_p = self.G.apply_rate(self.forces.p, rates.get("omega", 0.0), rates.get("sigma", 0.0))
-        return dG_p - self.equation.linear_motion_rate(self.at, rates)
+        rate = dG_p - self.equation.linear_motion_rate(self.at, rates)
+        for parameter, of_value in rates.items():
+            if isinstance(parameter, LawParameter):
+                rate = rate + of_value * self.G.apply(self.equation.law_rate(self.forces, parameter))
+        return rate
 
     def pair_forces(self, d_xi: np.ndarray) -> np.ndarray:
         """Return P d_xi of this rank's active pairs, flat.  Local; ``d_xi`` has their rows."""

@@ -15,7 +15,7 @@ class LawParameter:
     With the shape of the columns at hand the value is a factor, 1 as the scene has it; with ones it is the column itself.
     """
 
-    name: str  # of contact.law.PARAMETERS
+    name: str  # of contact.parameters.PARAMETERS
     pairs: np.ndarray  # (m,) numbers of the pairs among all
     shape: np.ndarray  # (m,) their columns where the value is 1
 
