@@ -10,7 +10,7 @@ from microslip.guards import ending
 from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root, raise_together
 from microslip.system.signals import obey_signals
-from microslip.system.watchdog import moved, unwatched, watch
+from microslip.system.watchdog import moved, patient, unwatched, watch
 
 COMM = MPI.COMM_WORLD
 
@@ -72,6 +72,20 @@ def moves():
         moved()
     with unwatched():
         time.sleep(1.5)
+
+
+def calls_long():
+    with patient():
+        with patient():
+            time.sleep(1.5)
+        moved()
+        time.sleep(1.5)
+
+
+def calls_long_and_hangs():
+    with patient():
+        pass
+    time.sleep(60.0)
 
 
 if __name__ == "__main__":

@@ -98,6 +98,16 @@ def test_a_rank_that_goes_on_is_left_alone():
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_a_long_call_is_left_alone():
+    done = python(ENDINGS, "calls_long", variables={"MICROSLIP_WATCHDOG": 1})
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_after_a_long_call_the_usual_limit_holds():
+    done = python(ENDINGS, "calls_long_and_hangs", variables={"MICROSLIP_WATCHDOG": 1})
+    assert done.returncode not in (0, 5) and "Timeout (0:00:01)!" in done.stderr and " in calls_long_and_hangs" in done.stderr
+
+
 @pytest.mark.parametrize("text", ["soon", "-1", "nan", "1e9"])
 def test_a_limit_of_the_watch_that_is_none(monkeypatch, text):
     monkeypatch.setenv("MICROSLIP_WATCHDOG", text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
+from ..system.watchdog import patient
 from ._mumps import Instance
 
 _INVERSE_ENTRIES, _SIDES, _DISTRIBUTED_SOLUTION, _AT_ONCE = 30, 20, 21, 27  # ICNTL, the last that of columns at once
@@ -68,7 +69,8 @@ def _has_answered(mumps: Instance) -> bool:
     mumps.set_icntl(_SIDES, 0)
     mumps.set_icntl(_DISTRIBUTED_SOLUTION, 0)
     mumps.set_icntl(_AT_ONCE, _FROM_DISK if mumps.icntl(_ON_DISK) == 1 else _COLUMNS)
-    code = mumps.run(_SOLVE)
+    with patient():
+        code = mumps.run(_SOLVE)
     for which, value in before.items():
         mumps.set_icntl(which, value)
     return code >= 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ from ..guards.memory import refuse_beyond, shortage
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_each
 from ..system.memory import gigabytes
+from ..system.watchdog import patient
 from ._mumps import BUILT_FOR, Instance, upper_triangle
 from .analysis import count, factor_memory
 from .dense import diagonal_owned
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
     from .analysis import FactorMemory
 
+_ON_DISK = 22  # ICNTL: 1: so
 ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
 _GIVEN, _BY_BLOCKS = 1, 1  # ICNTL(7): the order is ours; ICNTL(15): rows of one pattern are analysed as one, half the work
@@ -80,7 +83,9 @@ class MumpsFactor:
         ResourceError : it could not be written; on every rank, and nothing of it is left
         """
         on_each(self.comm, _set_saved, self.mumps, folder)
-        if self.mumps.run(SAVE) < 0:
+        with patient():
+            code = self.mumps.run(SAVE)
+        if code < 0:
             raise ResourceError(f"{folder}: MUMPS cannot write there (INFOG(1) = {self.mumps.infog(1)})")
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:
@@ -135,7 +140,8 @@ class MumpsFactor:
     def _run_solve(self, kind: int) -> None:
         """Solve what was stated, right-hand sides of a kind (ICNTL(20)).  Collective."""
         self.mumps.set_icntl(20, kind)
-        code = self.mumps.run(SOLVE)
+        with patient() if self.mumps.icntl(_ON_DISK) == 1 else nullcontext():
+            code = self.mumps.run(SOLVE)
         self.mumps.drop_sides()
         if code < 0:
             raise failure(code, self.mumps.infog(2), "a solve with the kept factor", self.prefix, int(self.ranges[-1]))
@@ -200,7 +206,8 @@ def restored(A: PETSc.Mat, prefix: str, folder: str) -> tuple[MumpsFactor, dict[
         for number in range(1, 5):  # says nothing of what it does not take; the controls of the factor come with it
             mumps.set_icntl(number, 0)
         on_each(comm, _set_saved, mumps, folder)
-        code = mumps.run(RESTORE)
+        with patient():
+            code = mumps.run(RESTORE)
     except BaseException:
         mumps.end()
         raise
@@ -264,7 +271,8 @@ def analysed(
         elif mumps.icntl(15) == _BY_BLOCKS:
             mumps.set_icntl(15, 0)
         mumps.set_matrix(A.getSize()[0], *entries, comm.size > 1)
-        mumps.run(ANALYSE)
+        with patient():
+            mumps.run(ANALYSE)
     except BaseException:
         mumps.end()
         raise
@@ -370,7 +378,8 @@ def _attempt(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], flo
     ResourceError : neither memory nor disk has room; on every rank
     """
     placed = _placed(factor, what, later, on_disk)
-    factor.mumps.run(FACTOR)
+    with patient():
+        factor.mumps.run(FACTOR)
     return _report(factor) | placed
 
 
@@ -385,7 +394,7 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     """
     comm, memory, n_dof = factor.comm, factor_memory(factor.mumps), int(factor.ranges[-1])
     what_of = f"{what}: its factor ({n_dof} unknowns)"
-    if factor.mumps.icntl(22) == 1:  # the user's option
+    if factor.mumps.icntl(_ON_DISK) == 1:  # the user's option
         refuse_beyond(comm, memory.out_of_core, what_of, ADVICE)
         write_to_disk(comm, factor.mumps, room_on_disk(comm, memory) or usual_folder())
         return {"memory": memory, "out_of_core": True, "said": []}

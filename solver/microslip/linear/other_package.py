@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from ..messages.errors import CaseError
+from ..system.watchdog import patient
 from .dense import wrap
 
 _OURS = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
@@ -67,7 +68,8 @@ def factorise(
     ksp = _chosen(A if shift is None else _shifted(A, *shift), prefix)
     pc = ksp.getPC()
     try:
-        ksp.setUp()
+        with patient():
+            ksp.setUp()
         negative = pc.getFactorMatrix().getInertia()[0] if shift is not None else 0
     except PETSc.Error as error:
         code = _SINGULAR

@@ -16,7 +16,7 @@ from slepc4py import SLEPc
 from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
-from ..system.watchdog import moved
+from ..system.watchdog import moved, patient
 
 if TYPE_CHECKING:
     from ..linear.factor import Factor
@@ -189,7 +189,8 @@ def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, .
     """
     said: list[str] = []
     for _ in range(_TRIES):
-        eps.solve()  # what a signal ends in here cannot be freed any more
+        with patient():
+            eps.solve()  # what a signal ends in here cannot be freed any more
         basis = eps.getDimensions()[1]
         if _has_modes(eps, n_wanted):
             return tuple(said)

@@ -17,15 +17,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 VARIABLE = "MICROSLIP_WATCHDOG"  # of the environment: seconds; 0: no watch
-USUAL = 4.0 * 3600.0  # s without a sign until the end: single factors of large models may take an hour
+USUAL = 4.0 * 3600.0  # s without a sign until the end
 LONGEST = 1e6  # s
 TO_STACKS = 0.25  # share of that after which the stacks are written
+PATIENCE = 12.0  # times as long during a single call that gives no sign while it works: the factor of a large model, on disk
 
 
 class _Watch:
     """What the watch of this process knows."""
 
     limit = 0.0  # s; 0: there is none
+    patience = 1.0  # times the limit: what holds now
     moved_at = -math.inf  # s, when the timers were last set
 
 
@@ -87,6 +89,21 @@ def unwatched() -> Iterator[None]:
             _set()
 
 
+@contextmanager
+def patient() -> Iterator[None]:
+    """Wait ``PATIENCE`` times as long, for a call of a library that gives no sign while it works.  Local.
+
+    Not without end: ranks may wait for each other in there, too.
+    """
+    before, _Watch.patience = _Watch.patience, PATIENCE
+    _set()
+    try:
+        yield
+    finally:
+        _Watch.patience = before
+    _set()  # after an error whoever ends the run has set its time already
+
+
 def end_within(seconds: float) -> None:
     """Let the process, if it is watched, last that long at most.  Local."""
     if _Watch.limit:
@@ -97,5 +114,6 @@ def _set() -> None:
     """Set both timers, from now."""
     _Watch.moved_at = time.monotonic()
     if _Watch.limit:
-        signal.setitimer(signal.ITIMER_REAL, TO_STACKS * _Watch.limit)
-        end_within(_Watch.limit)
+        limit = _Watch.patience * _Watch.limit
+        signal.setitimer(signal.ITIMER_REAL, TO_STACKS * limit)
+        end_within(limit)
