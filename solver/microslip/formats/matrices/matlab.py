@@ -8,6 +8,7 @@ from __future__ import annotations
 import scipy.io
 import scipy.sparse as sp
 
+from ...messages.errors import MicroslipError
 from ...system.sandbox import SandboxError, read_file
 from ..hdf5 import MOST_GAIN
 from .file_matrix import FileMatrix, Wanted, from_coordinates
@@ -32,7 +33,17 @@ def read_mat(wanted: Wanted) -> FileMatrix:
 
 
 def _read(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file of versions 4 to 7.  Local, in a sandbox."""
+    """Return the matrix of a file of versions 4 to 7.  Local, in a sandbox: what SciPy raises becomes a message."""
+    try:
+        return _by_scipy(wanted)
+    except (MicroslipError, MemoryError):
+        raise
+    except Exception as problem:
+        raise wanted.error(f"it is no .mat file of versions 4 to 7, or it is damaged: {problem}") from problem
+
+
+def _by_scipy(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of a file of versions 4 to 7.  Local; whatever SciPy raises of a damaged file."""
     kinds = {name: kind for name, _, kind in scipy.io.whosmat(wanted.path, appendmat=False)}
     name = wanted.choose(list(kinds))
     if kinds[name] not in _NUMBERS:
