@@ -14,6 +14,7 @@ _NEWTON = 60  # iterations of a step
 _TOLERANCE = 1e-10  # of a step's contact forces, over the largest force of the joint's springs in the period
 _NO_INERTIA = 1e-9  # 1 - share of the joint's springs in the flexibility of a step: below it nothing but them resists a motion
 _MOST_ROWS = 3000  # of pairs of which these shares are computed
+_BLOCK = 512  # rows of the flexibility that are copied at a time
 _HALVINGS = 4  # of a Newton step that makes the error grow
 
 
@@ -95,8 +96,11 @@ class StepContact:
         if len(rows) == 0:
             return np.zeros_like(p)
         few = p[:, rows]
-        R_phi = self.model.modes.R_phi
-        return few @ self.model.G[rows] + self.flexibility.apply(few @ R_phi[rows]) @ R_phi.T
+        R_phi, G = self.model.modes.R_phi, self.model.G
+        G_p = few[:, :_BLOCK] @ G[rows[:_BLOCK]]
+        for start in range(_BLOCK, len(rows), _BLOCK):
+            G_p += few[:, start : start + _BLOCK] @ G[rows[start : start + _BLOCK]]
+        return G_p + self.flexibility.apply(few @ R_phi[rows]) @ R_phi.T
 
     def solve(self, du_free: np.ndarray, before: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return p with the law's memory (B, n_pairs (3 + n_memory)) and states (B, n_pairs) at the end of the step.  Local."""
@@ -165,10 +169,13 @@ class StepContact:
             L_rows = L[b, pair, direction]  # (k, 3)
             if sticking is not None:
                 right = right - (L_rows * sticking[b, pair]).sum(axis=1)
-            of_pair = 3 * pair[:, None] + np.arange(3)  # du of the pair of each row
-            dynamic = self.flexibility.between(R_phi[of_pair.ravel()], b, R_phi[rows])
-            G_h = model.G[of_pair[:, :, None], rows] + dynamic.reshape(len(rows), 3, -1)
-            J = np.einsum("ki,kij->kj", L_rows, G_h)
+            J = np.empty((len(rows), len(rows)))
+            for start in range(0, len(rows), _BLOCK):
+                part = slice(start, start + _BLOCK)
+                of_pair = 3 * pair[part, None] + np.arange(3)  # du of the pair of each row
+                dynamic = self.flexibility.between(R_phi[of_pair.ravel()], b, R_phi[rows])
+                G_h = model.G[of_pair[:, :, None], rows] + dynamic.reshape(len(of_pair), 3, -1)
+                np.einsum("ki,kij->kj", L_rows[part], G_h, out=J[part])
             J.ravel()[:: len(rows) + 1] += 1.0  # the diagonal
             step[b, rows] = np.linalg.solve(J, right)
         return step

@@ -8,8 +8,14 @@ import numpy as np
 
 from ..contact.law import Law
 from ..fourier.coefficients import synthesise
+from ..guards.memory import refuse_beyond
+from ..parallel.ownership import gathered_rows
 from ..receptance.modes import DampedModes
 from ..receptance.reduced_model import ReducedModel
+
+_ASKED_FROM = 1e8  # bytes of G from which memory is asked for before they are taken
+_BLOCK = 512  # rows of G that are made at a time
+_FEWER = "fewer ranks on each machine, or a coarser mesh of the contact surfaces, need less"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,19 +52,50 @@ class TransientModel:
 
 
 def transient_model(model: ReducedModel, law: Law) -> TransientModel:
-    """Return the model of eq. (10.1).  Collective on ``model.comm``: static columns of all pairs, and one gather."""
+    """Return the model of eq. (10.1).
+
+    Collective on ``model.comm``: static columns of all pairs, and a gather of G, of which every rank needs all: it marches points
+    of its own.
+
+    Raises
+    ------
+    ResourceError : not enough memory; on every rank
+    """
     (group,) = model.groups
     modes, static = group.receptance.modes, group.receptance.static
-    rows = np.ascontiguousarray(static.G_static.transposed(np.arange(model.n_pairs)).T)
-    G_static = rows if model.comm.size == 1 else np.concatenate(model.comm.allgather(rows))
+    _refuse_what_does_not_fit(model)
     R_flexibility, o_flexibility, b_flexibility = (x * modes.omega_n**-2.0 for x in (modes.R_phi, modes.o, modes.b.T))
     return TransientModel(
         modes=modes,
         f=model.f,
         law=law,
-        G=G_static - R_flexibility @ modes.R_phi.T,
+        G=_residual_flexibility(model, R_flexibility),
         s=static.du_static - R_flexibility @ modes.b,
         out_f=static.out_static - o_flexibility @ modes.b,
         out_p=static.out_R - o_flexibility @ modes.R_phi.T,
         load_f=static.load_static - b_flexibility @ modes.b,
     )
+
+
+def _refuse_what_does_not_fit(model: ReducedModel) -> None:
+    """Raise ResourceError where G, and the static columns that it is made of, do not fit into memory.  Collective."""
+    n_owned, n_missing = model.owned.stop - model.owned.start, np.count_nonzero(~model.groups[0].receptance.static.G_static.known)
+    if 72.0 * model.n_pairs**2 > _ASKED_FROM:
+        own_rows = n_owned if model.comm.size > 1 else 0  # beside what is gathered of them
+        needed = 72.0 * (model.n_pairs**2 + own_rows * model.n_pairs + n_missing * n_owned)
+        refuse_beyond(model.comm, needed, f"time integration: the flexibility between all {model.n_pairs} pairs", _FEWER)
+
+
+def _residual_flexibility(model: ReducedModel, R_flexibility: np.ndarray) -> np.ndarray:
+    """Return G of eq. (10.1), (3 n_pairs, 3 n_pairs) [m/N], whose rows each rank makes for its pairs.  Collective."""
+    modes, static = model.groups[0].receptance.modes, model.groups[0].receptance.static
+    columns = static.G_static.chosen(np.arange(model.n_pairs))
+    first, n_owned = 3 * model.owned.start, 3 * (model.owned.stop - model.owned.start)
+    G_owned = np.empty((n_owned, 3 * model.n_pairs))
+    for start in range(0, n_owned, _BLOCK):
+        rows = np.arange(start, min(start + _BLOCK, n_owned))
+        G_owned[rows[0] : rows[-1] + 1] = columns.columns(rows).T
+        G_owned[rows[0] : rows[-1] + 1] -= R_flexibility[first + rows] @ modes.R_phi.T
+    G = gathered_rows(model.comm, G_owned, np.append(0, np.array(model.comm.allgather(3 * model.owned.stop))))
+    assert G is not None, "gathered on every rank"
+    return G
