@@ -26,25 +26,41 @@ def bridge(room, name, *called):
     return Extension(f"microslip.{room}._{name}", sources, depends=depends, extra_compile_args=FLAGS)
 
 
-def mumps():
-    """Return the extension that calls MUMPS.  It is built with MUMPS' headers and finds the library beside PETSc when it runs."""
-    stated = os.environ.get("MUMPS_INCLUDE", "")
-    petsc = [Path(os.environ.get("PETSC_DIR", "/"), arch, "include") for arch in ("", os.environ.get("PETSC_ARCH", ""))]
-    folders = (
-        [Path(stated)] if stated else [*petsc, Path(sys.prefix, "include"), Path("/usr/include"), Path("/usr/local/include")]
-    )
-    found = next((folder for folder in folders if (folder / "dmumps_c.h").is_file()), None)
-    if found is None:
-        sys.exit("dmumps_c.h is missing: apt-get install libmumps-headers-dev, or let MUMPS_INCLUDE name the folder it is in")
-    folder = "solver/microslip/linear"
-    return Extension("microslip.linear._mumps", [f"{folder}/_mumps.pyx"], include_dirs=[str(found)])
+def headers_of_mumps(environment, prefixes):
+    """Return the folder of MUMPS' headers that the environment states, or that is found; None where there is none."""
+    stated, petsc = environment.get("MUMPS_INCLUDE", ""), environment.get("PETSC_DIR", "/")
+    of_petsc = [Path(petsc, arch, "include") for arch in ("", environment.get("PETSC_ARCH", ""))]
+    folders = [Path(stated)] if stated else [*of_petsc, *(Path(prefix, "include") for prefix in prefixes)]
+    return next((folder for folder in folders if (folder / "dmumps_c.h").is_file()), None)
 
 
-kernels = [
-    kernel("contact", "elastic_coulomb"),
-    bridge("contact", "return_map", "return_map.c"),
-    kernel("receptance", "row_products", "row_products_of.h"),
-    *(bridge(room, name) for room, name in (("assembly", "expand"), ("modes", "energies"))),
-    mumps(),
-]
-setup(ext_modules=cythonize(kernels, language_level=3))
+def mumps(environment=os.environ, prefixes=(sys.prefix, "/usr", "/usr/local")):
+    """Return the extension that calls MUMPS, in a list; an empty one, with a line on stderr, where its headers are missing.
+
+    It finds the library beside PETSc when it runs.  Without it PETSc's interface to MUMPS takes its place.
+    """
+    folder = headers_of_mumps(environment, prefixes)
+    if folder is None:
+        print(
+            "microslip is built without its bridge to MUMPS, since dmumps_c.h is missing: MUMPS is called through PETSc, without "
+            "entries of the inverse, factors on disk and factors in the cache.  With it: apt-get install libmumps-headers-dev, "
+            "or let MUMPS_INCLUDE name the folder of the header, and install again",
+            file=sys.stderr,
+        )
+        return []
+    return [Extension("microslip.linear._mumps", ["solver/microslip/linear/_mumps.pyx"], include_dirs=[str(folder)])]
+
+
+def kernels():
+    """Return all extensions."""
+    return [
+        kernel("contact", "elastic_coulomb"),
+        bridge("contact", "return_map", "return_map.c"),
+        kernel("receptance", "row_products", "row_products_of.h"),
+        *(bridge(room, name) for room, name in (("assembly", "expand"), ("modes", "energies"))),
+        *mumps(),
+    ]
+
+
+if __name__ == "__main__":
+    setup(ext_modules=cythonize(kernels(), language_level=3))

@@ -95,6 +95,18 @@ def test_the_doctor_finds_this_machine_well():
     assert done.stdout.endswith("everything is there\n")
 
 
+def test_the_doctor_says_how_mumps_is_called(monkeypatch):
+    """A bridge that is not there is no fault; a wrong value of the variable is one."""
+    monkeypatch.delenv("MICROSLIP_MUMPS", raising=False)
+    assert any(line.startswith("  mumps") and "through the program's bridge" in line for line in doctor.examine()[0])
+    with monkeypatch.context() as patch:
+        patch.setitem(__import__("sys").modules, "microslip.linear._mumps", None)
+        lines, is_well = doctor.examine()
+    assert is_well and any("through PETSc's interface (microslip was installed without MUMPS' headers" in line for line in lines)
+    monkeypatch.setenv("MICROSLIP_MUMPS", "none")
+    assert "MICROSLIP_MUMPS=none" in doctor.faults("mumps")
+
+
 def test_the_doctor_names_what_is_missing_and_what_brings_it(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     lines, is_well = doctor.examine()

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse.linalg import spsolve
 
-from microslip.linear import direct, mumps
+from microslip.linear import _mumps, direct
 from microslip.linear._mumps import repeats, upper_triangle
 from microslip.linear.factor import Factor
 from microslip.linear.ordering import elimination_order
@@ -171,6 +171,6 @@ def test_another_package_solves_as_well(monkeypatch):
 
 
 def test_a_library_of_another_version_is_refused(monkeypatch):
-    monkeypatch.setattr(mumps, "BUILT_FOR", "4.10.0")
+    monkeypatch.setattr(_mumps, "BUILT_FOR", "4.10.0")
     with pytest.raises(CaseError, match=r"built for MUMPS 4\.10\.0, and PETSc has .*install it again"):
         Factor(matrix())

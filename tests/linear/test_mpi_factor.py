@@ -180,13 +180,13 @@ def test_too_little_workspace_is_asked_for_again(monkeypatch):
     codes = []
     report = mumps._report
     monkeypatch.setattr(mumps, "_report", lambda factor: codes.append(report(factor)["code"]) or report(factor))
-    monkeypatch.setattr(mumps, "_RELAXATION", (-70, 100))
+    monkeypatch.setattr(mumps, "RELAXATION", (-70, 100))
     options = PETSc.Options()
     options["static_mat_mumps_icntl_14"] = -70
     factor = Factor(spd(K))
     assert codes[0] in (-8, -9) and codes[-1] == 0
     factor.destroy()
-    monkeypatch.setattr(mumps, "_RELAXATION", (-70,))
+    monkeypatch.setattr(mumps, "RELAXATION", (-70,))
     with pytest.raises(ResourceError, match="not enough memory"):
         Factor(spd(K))
     options.delValue("static_mat_mumps_icntl_14")

@@ -159,7 +159,7 @@ def factor_in_words(info: dict[str, Any]) -> str:
     """Return what a factor took beside what was foreseen, in words.  Local."""
     memory = info.get("memory")
     if memory is None:
-        return f"factor by {info['package']}"
+        return f"factor by {info['package']}, which PETSc calls"
     if "kept_in" in info:
         size = gigabytes(1e6 * info["memory_MB"])
         return f"factor: that of an earlier run, {info['entries']} entries, {size} in {info['kept_in']}"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from ._mumps import Instance
+if TYPE_CHECKING:
+    from ._mumps import Instance
 
 _MB = 1e6  # bytes of what MUMPS calls a megabyte
 _BYTES_AN_ENTRY = 12.0  # of a matrix: its value and its place

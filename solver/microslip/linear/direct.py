@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from . import mumps, other_package
+from . import bridge, mumps, other_package
 from .analysis import FactorMemory, scaled_memory
 from .ordering import Elimination, Order
 
@@ -43,8 +43,11 @@ def factorise(
     shift: tuple[float, PETSc.Mat] | None = None,
     later: Callable[[FactorMemory], float] | None = None,
 ) -> tuple[DirectSolver, dict[str, Any]]:
-    """Factor A by MUMPS, :func:`.mumps.factorise`, or by what the options of ``prefix`` name.  Collective."""
-    if other_package.is_asked_for(prefix):
+    """Factor A by MUMPS, :func:`.mumps.factorise`, or by what the options of ``prefix`` name.  Collective.
+
+    Without the bridge to MUMPS, PETSc calls it.
+    """
+    if other_package.is_asked_for(prefix) or not bridge.is_there(A.comm.tompi4py()):
         return other_package.factorise(A, prefix, what, shift)
     return mumps.factorise(A, prefix, what, known=known, shift=shift, later=later)
 
@@ -53,9 +56,9 @@ def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMem
     """Return the memory of a factor on this rank, from the coupling of nodes with ``n_dof_each`` unknowns each.
 
     Collective on the graph's communicator; nothing is solved.  ``entries_owned`` of the matrix lie on this rank.  None, on every
-    rank, where the options name another package than MUMPS, or MUMPS refuses.
+    rank, where the options name another package than MUMPS, the bridge to it is missing, or MUMPS refuses.
     """
-    if other_package.is_asked_for("static_"):
+    if other_package.is_asked_for("static_") or not bridge.is_there(graph.comm.tompi4py()):
         return None
     analysed = mumps.analysed(graph, "static_", "the coupling of nodes")
     try:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from mpi4py import MPI
 
 from ..system.watchdog import patient
-from ._mumps import Instance
+from .bridge import within_int32
+
+if TYPE_CHECKING:
+    from ._mumps import Instance
 
 _INVERSE_ENTRIES, _SIDES, _DISTRIBUTED_SOLUTION, _AT_ONCE = 30, 20, 21, 27  # ICNTL, the last that of columns at once
 _SOLVE = 3
@@ -27,7 +32,12 @@ def inverse_entries(mumps: Instance, comm: MPI.Comm, n: int, rows: np.ndarray, c
     Returns
     -------
     entries : None, on every rank, where MUMPS refuses: too little memory
+
+    Raises
+    ------
+    ResourceError : more entries than MUMPS can count; on every rank
     """
+    within_int32(len(rows) * len(columns) + 1, "entries of the inverse at once")
     here = comm.rank == 0
     if not here:
         rows = columns = np.empty(0, dtype=int)

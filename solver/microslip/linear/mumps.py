@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,8 +16,8 @@ from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_each
 from ..system.memory import gigabytes
 from ..system.watchdog import patient
-from ._mumps import BUILT_FOR, Instance, upper_triangle
 from .analysis import count, factor_memory
+from .bridge import VARIABLE, within_int32
 from .dense import diagonal_owned
 from .inverse_entries import inverse_entries
 from .ordering import Elimination, Order, elimination_order
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from mpi4py import MPI
 
+    from ._mumps import Instance
     from .analysis import FactorMemory
 
 _ON_DISK = 22  # ICNTL: 1: so
@@ -38,9 +39,9 @@ _GIVEN, _BY_BLOCKS = 1, 1  # ICNTL(7): the order is ours; ICNTL(15): rows of one
 # ICNTL: it is scaled here, for which MUMPS takes a tenth of its time; no ScaLAPACK at the root, null pivots are counted, factors
 # are dropped as they come
 _FOR_INERTIA = ((8, 0), (13, 1), (24, 1), (31, 1))
-_RHS_BLOCK = 128  # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
-_RELAXATION = (60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
-_WORKSPACE_TOO_SMALL = (-8, -9, -11, -12, -14, -15, -17, -20)
+RHS_BLOCK = 128  # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
+RELAXATION = (60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
+WORKSPACE_TOO_SMALL = (-8, -9, -11, -12, -14, -15, -17, -20)
 _OUT_OF_MEMORY = (-5, -7, -13, -19)
 _BEYOND_OPTION, _DISK_FAILED = -19, -90
 _SAVED = "factor"  # what names of files begin with that hold one rank's part of a saved factor
@@ -112,6 +113,7 @@ class MumpsFactor:
 
         MUMPS then skips the branches of its elimination tree that B does not touch.
         """
+        within_int32(B.nnz + 1, "entries of right-hand sides")
         B = sp.csc_matrix(B) if self.comm.rank == 0 else sp.csc_matrix((B.shape[0], 0))
         m = self.comm.bcast(B.shape[1])
         starts = (B.indptr + 1).astype(np.int32) if self.comm.rank == 0 else np.empty(0, np.int32)
@@ -237,7 +239,7 @@ def failure(code: int, detail: int, what: str, prefix: str, n: int) -> CaseError
     numbers = f"MUMPS INFOG(1) = {code}, INFOG(2) = {detail}"
     if code == _BEYOND_OPTION:
         numbers += f": -{prefix}mat_mumps_icntl_23 allows it too few MB"
-    if code in _WORKSPACE_TOO_SMALL + _OUT_OF_MEMORY:
+    if code in WORKSPACE_TOO_SMALL + _OUT_OF_MEMORY:
         return ResourceError(f"{what}: not enough memory for its factor ({n} unknowns, {numbers}); {ADVICE}")
     if code == _DISK_FAILED:
         return ResourceError(
@@ -286,18 +288,21 @@ def _started(comm: MPI.Comm, sym: int) -> Instance:
     ------
     CaseError : it is another version than the one built for
     """
-    mumps = Instance(PETSc.__file__, comm.py2f(), sym)
-    if mumps.version != BUILT_FOR:  # nothing is asked of it any more
+    from . import _mumps
+
+    mumps = _mumps.Instance(PETSc.__file__, comm.py2f(), sym)
+    if mumps.version != _mumps.BUILT_FOR:  # nothing is asked of it any more
         raise CaseError(
-            f"microslip was built for MUMPS {BUILT_FOR}, and PETSc has another; install it again: pip install --force-reinstall "
-            "--no-deps . in the folder of microslip's setup.py"
+            f"microslip was built for MUMPS {_mumps.BUILT_FOR}, and PETSc has another; install it again: pip install "
+            f"--force-reinstall --no-deps . in the folder of microslip's setup.py, "
+            f"or let {VARIABLE}=petsc in the environment do without"
         )
     return mumps
 
 
 def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) -> None:
     """Set our controls, then the user's.  Local; the same on every rank."""
-    ours = ((3, 0), (4, 0), (7, _GIVEN), (15, _BY_BLOCKS), (18, 3 * (size > 1)), (21, size > 1), (27, _RHS_BLOCK))
+    ours = ((3, 0), (4, 0), (7, _GIVEN), (15, _BY_BLOCKS), (18, 3 * (size > 1)), (21, size > 1), (27, RHS_BLOCK))
     for number, value in (*ours, *(_FOR_INERTIA if is_inertia else ())):
         mumps.set_icntl(number, value)
     options = PETSc.Options(prefix)
@@ -324,6 +329,8 @@ def _handed_over(
 
     Local.  The values are scaled by rows and columns, ``scale`` (n_dof,), if it is not empty.
     """
+    from ._mumps import upper_triangle
+
     first = A.getOwnershipRange()[0]
     try:
         starts, columns, values = _owned_rows(A)
@@ -339,8 +346,15 @@ def _no_entries(n_starts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _owned_rows(A: PETSc.Mat) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return starts, global columns (rising) and values of this rank's rows.  Local."""
+    """Return starts, global columns (rising) and values of this rank's rows.  Local.
+
+    Raises
+    ------
+    ResourceError : they are too many for MUMPS' integers
+    """
+    within_int32(A.getSize()[0], "unknowns")
     starts, columns, values = A.getValuesCSR()
+    within_int32(int(starts[-1]), "entries of a matrix on one rank")
     return starts.astype(np.int32, copy=False), columns.astype(np.int32, copy=False), values
 
 
@@ -351,7 +365,7 @@ def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], fl
     ------
     CaseError, ResourceError : as :func:`factorise`
     """
-    said, relaxations, on_disk = list[str](), iter(_RELAXATION), False
+    said, relaxations, on_disk = list[str](), iter(RELAXATION), False
     is_analysed = factor.mumps.infog(1) >= 0
     while True:
         info = _attempt(factor, what, later, on_disk) if is_analysed else _report(factor) | {"said": []}
@@ -359,7 +373,7 @@ def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], fl
         if code >= 0 or code in SINGULAR:
             return info | {"said": tuple(said)}
         failed = f"{what}: MUMPS ended its factorisation with INFOG(1) = {code}, INFOG(2) = {info['detail']}"
-        more = next(relaxations, None) if code in _WORKSPACE_TOO_SMALL else None
+        more = next(relaxations, None) if code in WORKSPACE_TOO_SMALL else None
         if more is not None:
             factor.mumps.set_icntl(14, more)  # an option was too small
             said.append(f"{failed}; again with {more} % of workspace beyond its estimate")
@@ -415,12 +429,24 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     return {"memory": memory, "out_of_core": True, "said": [said]}
 
 
+class Reports(Protocol):
+    """What gives MUMPS' reports by their numbers."""
+
+    def infog(self, number: int) -> int: ...
+
+    def rinfog(self, number: int) -> float: ...
+
+
 _ORDERINGS = {0: "AMD", 1: "METIS", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS", 6: "QAMD"}
 
 
 def _report(factor: MumpsFactor) -> dict[str, Any]:
     """Return what MUMPS says of its factor; the values agree on all ranks.  Local."""
-    mumps = factor.mumps
+    return report(factor.mumps)
+
+
+def report(mumps: Reports) -> dict[str, Any]:
+    """Return the same from what gives MUMPS' INFOG and RINFOG.  Local."""
     ordering = {1: "PT-Scotch", 2: "ParMETIS"} if mumps.infog(32) == 2 else _ORDERINGS
     return {
         "package": "mumps",

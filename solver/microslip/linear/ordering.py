@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from ..parallel.agree import on_root
 from ..parallel.metis import nested_dissection
-from ._mumps import repeats
+from .bridge import within_int32
 
 Rows = tuple[np.ndarray, np.ndarray]  # (n_owned + 1,) starts and columns, rising, of a rank's rows
 
@@ -51,7 +51,7 @@ def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
         assert gathered is not None, "rank 0 has it"
         n_rows, first_of, counts, columns = zip(*gathered)
         offsets = np.concatenate([[0], np.cumsum(n_rows)])
-        n = int(offsets[-1])
+        n = within_int32(int(offsets[-1]), "unknowns")
         firsts = np.concatenate([own + offset for own, offset in zip(first_of, offsets)])
         group = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, n)))
         graph = _graph_of_groups(group, np.concatenate(counts), np.concatenate(columns))
@@ -69,6 +69,8 @@ def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
 
 def _groups(starts: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the first rows of groups that follow each other and have one pattern, and counts and columns of these.  Local."""
+    from ._mumps import repeats
+
     is_first, counts = ~repeats(starts, columns), np.diff(starts)
     kept = columns[np.repeat(is_first, counts)]
     return np.flatnonzero(is_first), counts[is_first], kept
@@ -80,6 +82,7 @@ def _graph_of_groups(group: np.ndarray, lengths: np.ndarray, columns: np.ndarray
     column = group[columns].astype(np.int32)
     is_new = np.append(True, (np.diff(column) != 0) | (np.diff(row) != 0))[: len(row)] & (row != column)
     starts = np.concatenate([[0], np.cumsum(np.bincount(row[is_new], minlength=len(lengths)))])
+    within_int32(int(starts[-1]), "couplings in the graph of a matrix")
     return sp.csr_matrix((np.ones(int(starts[-1]), dtype=np.int8), column[is_new], starts), (len(lengths), len(lengths)))
 
 

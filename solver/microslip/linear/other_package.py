@@ -1,4 +1,7 @@
-"""A direct factorisation by another package that PETSc has, where the options ask for one: solves, and nothing beyond them."""
+"""A direct factorisation through PETSc's own interface to a package: solves, and nothing beyond them.
+
+It is MUMPS where the program was built without the bridge to it, or another package where the options ask for one.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,21 @@ from petsc4py import PETSc
 
 from ..messages.errors import CaseError
 from ..system.watchdog import patient
+from .bridge import VARIABLE
 from .dense import wrap
+from .mumps import RELAXATION, RHS_BLOCK, SINGULAR, WORKSPACE_TOO_SMALL, failure, report
 
 _OURS = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 _SINGULAR = -10  # as MUMPS has it
 _ZERO_PIVOT = (71, 81)  # errors of PETSc
+_WORKSPACE, _ON_DISK = 14, 22  # ICNTL
+CONTROLS = ((27, RHS_BLOCK),)
+_FOR_INERTIA = ((13, 1), (24, 1))  # no ScaLAPACK at the root, which counts no signs; null pivots are counted
 
 
 @dataclass(frozen=True, eq=False)
 class PackageFactor:
-    """The factor of a matrix in another package."""
+    """The factor of a matrix in a package that PETSc calls."""
 
     ksp: PETSc.KSP
     order: None = None
@@ -58,26 +66,80 @@ def is_asked_for(prefix: str) -> bool:
 def factorise(
     A: PETSc.Mat, prefix: str, what: str, shift: tuple[float, PETSc.Mat] | None
 ) -> tuple[PackageFactor, dict[str, Any]]:
-    """Factor A, or A - sigma M where ``shift`` is (sigma, M), by what the options name.  Collective on A's communicator.
+    """Factor A, or A - sigma M where ``shift`` is (sigma, M), by what the options name, else by MUMPS.
+
+    Collective on A's communicator.
 
     Raises
     ------
-    CaseError : an option chose something that keeps no factor, or PETSc refused it
+    CaseError : an option chose something that keeps no factor or needs the bridge to MUMPS, or PETSc refused it
+    ResourceError : MUMPS lacks memory, also with more than it estimated; on every rank
     """
-    start, code, negative = perf_counter(), 0, 0
-    ksp = _chosen(A if shift is None else _shifted(A, *shift), prefix)
+    start, said, relaxations = perf_counter(), list[str](), iter(RELAXATION)
+    if not is_asked_for(prefix) and PETSc.Options(prefix).getInt(f"mat_mumps_icntl_{_ON_DISK}", 0) == 1:
+        raise CaseError(
+            f"-{prefix}mat_mumps_icntl_{_ON_DISK} 1: factors on disk need the bridge to MUMPS, which is not in use (microslip "
+            f"doctor says why); install MUMPS' headers and microslip again, or let {VARIABLE} go"
+        )
+    matrix = A if shift is None else _shifted(A, *shift)
+    more: int | None = None
+    while True:
+        ksp = _chosen(matrix, prefix)
+        info = _attempt(ksp, prefix, what, is_inertia=shift is not None, more=more)
+        code = info["code"]
+        if code >= 0 or code in SINGULAR:
+            return PackageFactor(ksp), info | {"said": tuple(said), "seconds": perf_counter() - start}
+        ksp.destroy()
+        more = next(relaxations, None) if code in WORKSPACE_TOO_SMALL else None
+        if more is None:
+            raise failure(code, info["detail"], what, prefix, A.getSize()[0])
+        said.append(
+            f"{what}: MUMPS ended its factorisation with INFOG(1) = {code}, INFOG(2) = {info['detail']}; again with {more} % of "
+            "workspace beyond its estimate"
+        )
+
+
+def _attempt(ksp: PETSc.KSP, prefix: str, what: str, *, is_inertia: bool, more: int | None) -> dict[str, Any]:
+    """Let a KSP factor its matrix, MUMPS with ``more`` per cent of workspace; return the report.  Collective.
+
+    Raises
+    ------
+    CaseError : PETSc refused
+    """
     pc = ksp.getPC()
+    package, code, negative = pc.getFactorSolverType(), 0, 0
+    is_signed = package == "mumps" and pc.getType() == PETSc.PC.Type.CHOLESKY  # L D L^T, the signs of whose pivots MUMPS counts
     try:
+        if is_signed:
+            pc.setFactorSetUpSolverType()
+            for number, value in (*CONTROLS, *(_FOR_INERTIA if is_inertia else ())):
+                pc.getFactorMatrix().setMumpsIcntl(number, value)
+            if more is not None:
+                pc.getFactorMatrix().setMumpsIcntl(_WORKSPACE, more)
         with patient():
             ksp.setUp()
-        negative = pc.getFactorMatrix().getInertia()[0] if shift is not None else 0
+        if is_signed:
+            return report(_Reports(pc.getFactorMatrix()))
+        negative = pc.getFactorMatrix().getInertia()[0] if is_inertia else 0
     except PETSc.Error as error:
         code = _SINGULAR
         if error.ierr not in _ZERO_PIVOT:
             ksp.destroy()
             raise CaseError(f"{what}: the factorisation could not start; check the -{prefix} options\n{error}") from error
-    info = {"package": pc.getFactorSolverType(), "code": code, "detail": 0, "negative": negative, "null": 0, "said": ()}
-    return PackageFactor(ksp), info | {"seconds": perf_counter() - start}
+    return {"package": package, "code": code, "detail": 0, "negative": negative, "null": 0}
+
+
+@dataclass(frozen=True)
+class _Reports:
+    """MUMPS' reports by their numbers, as PETSc hands them on."""
+
+    factor: PETSc.Mat
+
+    def infog(self, number: int) -> int:
+        return int(self.factor.getMumpsInfog(number))
+
+    def rinfog(self, number: int) -> float:
+        return float(self.factor.getMumpsRinfog(number))
 
 
 def _chosen(A: PETSc.Mat, prefix: str) -> PETSc.KSP:
@@ -93,6 +155,7 @@ def _chosen(A: PETSc.Mat, prefix: str) -> PETSc.KSP:
     ksp.setType(PETSc.KSP.Type.PREONLY)
     pc = ksp.getPC()
     pc.setType(PETSc.PC.Type.CHOLESKY)
+    pc.setFactorSolverType(_OURS["pc_factor_mat_solver_type"])  # until the options say otherwise
     ksp.setFromOptions()
     if ksp.getType() != PETSc.KSP.Type.PREONLY or pc.getType() not in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU):
         chosen = f"-{prefix}ksp_type {ksp.getType()} -{prefix}pc_type {pc.getType()}"

@@ -118,7 +118,20 @@ def _mumps() -> str:
     PETSc, _ = initialise()
     if not PETSc.Sys.hasExternalPackage("mumps"):
         raise Unusable("this PETSc was built without it")
-    return mumps_version() or "present"
+    why = _without_bridge()
+    way = f"through PETSc's interface ({why}): no factors on disk or in the cache" if why else "through the program's bridge"
+    return f"{mumps_version() or 'present'}, {way}"
+
+
+def _without_bridge() -> str:
+    """Return why MUMPS is called through PETSc's interface, or nothing."""
+    from ..linear.bridge import missing
+    from ..messages.errors import CaseError
+
+    try:
+        return missing()
+    except CaseError as problem:
+        raise Unusable(str(problem)) from problem
 
 
 def _h5py() -> str:
@@ -135,7 +148,7 @@ def _is_real(PETSc) -> bool:
 
 
 def _kernel() -> str:
-    for name in ("contact._elastic_coulomb", "contact._return_map", "receptance._row_products", "linear._mumps"):
+    for name in ("contact._elastic_coulomb", "contact._return_map", "receptance._row_products"):
         importlib.import_module(f"microslip.{name}")
     return "compiled"
 

@@ -27,8 +27,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..guards.memory import shortage
-from ..linear import mumps
-from ..linear._mumps import BUILT_FOR
+from ..linear import bridge, mumps
 from ..linear.analysis import saved_size
 from ..linear.factor import Factor
 from ..linear.mumps import MumpsFactor
@@ -42,7 +41,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 LARGEST = 1e9  # bytes of a factor, all ranks: a quarter of the cache
-LAYOUT = f"MUMPS {BUILT_FOR}, {platform.machine()}, {sys.byteorder}"  # of the files: they serve machines of one kind
 _NOT_KEPT = "the factor is not kept for other runs"
 _CHUNK = 1 << 20  # bytes that are summed at a time
 _LEFT = 3600.0  # s after which a folder that is not whole is that of a run that was killed
@@ -60,13 +58,13 @@ class Saved:
     def read(cls, folder: Path) -> Saved | None:
         """Return what is there, None where that is damaged or of another layout.  Rank 0."""
         found = read_record(folder / "of")
-        if found is None or found[1] != {"layout": LAYOUT} or found[0].keys() != {"ranges", "sizes", "sums"}:
+        if found is None or found[1] != {"layout": _layout()} or found[0].keys() != {"ranges", "sizes", "sums"}:
             return None
         return cls(**found[0]) if all(values.dtype == np.int64 for values in found[0].values()) else None
 
     def write(self, folder: Path) -> None:
         """Write it.  Rank 0."""
-        note_record(folder / "of", vars(self), {"layout": LAYOUT})
+        note_record(folder / "of", vars(self), {"layout": _layout()})
 
     def is_of(self, A: PETSc.Mat) -> bool:
         """Return whether it is of a matrix with A's rows on the ranks.  Local; the same on every rank."""
@@ -87,7 +85,7 @@ class KeptFactor:
 
     def restore(self, A: PETSc.Mat, prefix: str) -> tuple[MumpsFactor, dict[str, Any]] | None:
         """Return the factor of A and its report; None, on every rank, where there is none that may be used."""
-        if not on_root(self.comm, self.path.is_dir):
+        if not bridge.is_there(self.comm) or not on_root(self.comm, self.path.is_dir):
             return None
         saved = on_root(self.comm, _tried, Saved.read, self.path)
         why = self._fault(saved, A)
@@ -190,6 +188,13 @@ class KeptFactor:
             saved.write(beside)
         with suppress(OSError):
             os.rename(beside, self.path)
+
+
+def _layout() -> str:
+    """Return what the files of a factor are of, where the bridge is there: they serve machines of one kind.  Local."""
+    from ..linear._mumps import BUILT_FOR
+
+    return f"MUMPS {BUILT_FOR}, {platform.machine()}, {sys.byteorder}"
 
 
 def _own_sum(folder: Path, rank: int) -> tuple[int, int]:
