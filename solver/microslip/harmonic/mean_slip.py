@@ -6,13 +6,17 @@ tangential motion.  Where all pairs of a body slip, and nothing but the joint ho
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
 import scipy.sparse.linalg as sla
+from mpi4py import MPI
 
 from ..contact.law import ContactCycle, Law
+from ..guards.memory import refuse_beyond
 from ..parallel.agree import on_root
+from ..parallel.ownership import gathered_rows
 from ..receptance.reduced_model import ReducedModel
 
 HOLD = 1e-3  # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
@@ -48,22 +52,59 @@ def is_held_by_its_joint_alone(model: ReducedModel, law: Law) -> bool:
     """
     if not model.harmonics.vibrate_about_a_mean:
         return False
-    tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
-    n_owned = model.owned.stop - model.owned.start
-    own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()
-    rows = model.comm.gather(
-        model.receptance_of(0).static.G_static.chosen(np.arange(model.n_pairs)).part(tangential).columns(own).T
-    )
-    roots = model.comm.gather(np.sqrt(law.stiffness[:, :2]).ravel())
-    return on_root(model.comm, _largest_share, rows, roots) > 1.0 - FREE
+    return _largest_share(model, law) > 1.0 - FREE
 
 
-def _largest_share(rows: list[np.ndarray], roots: list[np.ndarray]) -> float:
-    """Return the largest eigenvalue of k_t^1/2 G_tt k_t^1/2, from the rows and k_t^1/2 of each rank."""
-    root = np.concatenate(roots)
-    flexibility = root[:, None] * np.concatenate(rows) * root
-    if len(root) > _FEW:
-        start = np.random.default_rng(0).standard_normal(len(root))  # no symmetry that a motion could be orthogonal to
+def _largest_share(model: ReducedModel, law: Law) -> float:
+    """Return the largest eigenvalue of k_t^1/2 G_tt k_t^1/2.  Collective: a gather for each product; G stays where it is."""
+    comm, n_rows = model.comm, 2 * model.n_pairs
+    every = model.receptance_of(0).static.G_static.chosen(np.arange(model.n_pairs))
+    columns, own = every.part(_tangential(model.n_pairs)), _tangential(model.owned.stop - model.owned.start)
+    root_owned = np.sqrt(law.stiffness[:, :2]).reshape(-1, 1)
+    limits = np.append(0, np.array(comm.allgather(2 * model.owned.stop)))
+    root = gathered_rows(comm, root_owned, limits)
+    assert root is not None, "gathered on every rank"
+
+    def product(x: np.ndarray) -> np.ndarray | None:
+        return gathered_rows(comm, root_owned * columns.apply(root * x.reshape(-1, 1))[own], limits, root=0)
+
+    share = _by_products(comm, product, n_rows) if n_rows > _FEW else None
+    if share is not None:
+        return share
+    if n_rows > _FEW:
+        needed = 8.0 * n_rows * (len(own) + (2 * n_rows if comm.rank == 0 else 0))
+        refuse_beyond(comm, needed, f"what holds the mean slip of {model.n_pairs} pairs", "use fewer ranks on each machine")
+    scaled = columns.columns(own).T
+    scaled *= root_owned
+    scaled *= root[:, 0]
+    return on_root(comm, _largest_of_all, gathered_rows(comm, scaled, limits, root=0))
+
+
+def _tangential(n_pairs: int) -> np.ndarray:
+    """Return the rows of the tangential directions of pairs, (2 n_pairs,).  Local."""
+    return (3 * np.arange(n_pairs)[:, None] + np.arange(2)).ravel()
+
+
+def _by_products(comm: MPI.Comm, product: Callable[[np.ndarray], np.ndarray | None], n: int) -> float | None:
+    """Return the largest eigenvalue of a symmetric matrix (n, n) by ARPACK on rank 0, on every rank; None: it did not converge.
+
+    Collective, and so is ``product`` with a vector (n,), whose answer (n, 1) rank 0 has.
+    """
+    share: float | None = None
+    if comm.rank > 0:
+        while (x := comm.bcast(None)) is not None:
+            product(x)
+        return comm.bcast(share)
+    start = np.random.default_rng(0).standard_normal(n)  # no symmetry that a motion could be orthogonal to
+    operator = sla.LinearOperator((n, n), matvec=lambda x: product(comm.bcast(x)), dtype=float)
+    try:
         with suppress(sla.ArpackNoConvergence):
-            return float(sla.eigsh(flexibility, k=1, tol=1e-10, v0=start, return_eigenvectors=False)[0])
-    return float(np.linalg.eigvalsh(flexibility)[-1])
+            share = float(sla.eigsh(operator, k=1, tol=1e-10, v0=start, return_eigenvectors=False)[0])
+    finally:
+        comm.bcast(None)
+    return comm.bcast(share)
+
+
+def _largest_of_all(matrix: np.ndarray) -> float:
+    """Return the largest eigenvalue of a symmetric matrix.  Local."""
+    return float(np.linalg.eigvalsh(matrix)[-1])
