@@ -56,6 +56,7 @@ class Keys(TypedDict, total=False):
     points: int
     at: float | Sequence[float]
     direction: Literal["up", "down"]
+    peaks: bool
     fields: bool
     method: str
     accuracy: float | None
