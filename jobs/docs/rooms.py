@@ -22,10 +22,10 @@ ROOMS = {
     "messages": ("errors, words", 0.0, 0),
     "system": ("files, signals", 1.0, 0),
     "parallel": ("MPI, PETSc", 1.5, 0),
-    "guards": ("lock, memory, end", 2.0, 0),
+    "guards": ("lock, memory", 2.0, 0),
     "elements": ("K, M of elements", 0.0, 1),
     "fourier": ("Harmonics", 1.5, 1),
-    "scene": ("what is asked: Scene", 2.0, 9),
+    "scene": ("Scene, checked", 2.0, 9),
     "contact": ("Law: p(U), dp/dU", 1.0, 2),
     "receptance": ("ReducedModel: G", 2.0, 2),
     "tables": ("Joint, Load, ...", 0.0, 3),
@@ -41,10 +41,10 @@ ROOMS = {
     "modes": ("Modes", 0.0, 8),
     "statics": ("pairs at rest", 0.0, 9),
     "reduction": ("Reduction, by method", 1.0, 9),
-    "results": ("files, pictures", 1.0, 4),
-    "observe": ("log, observers", 1.0, 5),
+    "results": ("files, pictures", 1.0, 6),
+    "observe": ("log, observers", 1.0, 7),
     "library": ("settings, stages", 1.0, 10),
-    "restart": ("what is kept on disk", 0.0, 11),
+    "restart": ("checkpoints, cache", 0.0, 11),
     "studies": ("compare, verify, trade", 2.0, 11),
     "program": ("command line", 1.0, 11),
 }
@@ -55,6 +55,9 @@ BY_WAY_OF = {  # columns in which long arrows go down, between the boxes
     ("receptance", "transient"): 2.51,
     ("observe", "library"): 0.5,
     ("contact", "transient"): 1.53,
+    ("receptance", "statics"): 0.52,
+    ("tables", "scene"): 0.49,
+    ("linear", "program"): 0.46,
 }
 FOUNDATION = ("messages", "system", "parallel", "guards")  # for every room: the row at the top, as wide as the page
 NUMPY_ONLY = ("elements", "fourier", "contact")
