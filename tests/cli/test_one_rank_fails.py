@@ -41,14 +41,15 @@ def at_work(folder):
 @pytest.mark.parametrize(
     "moment, fault, rank, status, cause",
     [
-        ("point:3", "kill", 1, 137, "process rank 1 with PID"),
-        ("stage:modes", "segfault", 0, 59, "Fatal Python error: Segmentation fault"),
+        ("point:3", "kill", 1, {137}, "process rank 1 with PID"),
+        # mpirun tells the end by PETSc's handler, or the signal where that is seen first
+        ("stage:modes", "segfault", 0, {59, 139}, "Fatal Python error: Segmentation fault"),
     ],
 )
 def test_two_ranks_end(tmp_path, moment, fault, rank, status, cause):
     write_bar(tmp_path)
     done = microslip_with(moment, fault, rank, "run", "bar.toml", "--out", "out", ranks=2, cwd=tmp_path)
-    assert done.status == status and cause in done.err
+    assert done.status in status and cause in done.err
     assert done.after is not None and done.after < AFTER
     assert left_behind(tmp_path, time.monotonic() + AFTER - done.after) == []
 
