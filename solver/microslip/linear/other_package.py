@@ -126,6 +126,7 @@ def _attempt(ksp: PETSc.KSP, prefix: str, what: str, *, is_inertia: bool, more: 
         if error.ierr not in _ZERO_PIVOT:
             ksp.destroy()
             raise CaseError(f"{what}: the factorisation could not start; check the -{prefix} options\n{error}") from error
+    package = pc.getFactorSolverType()  # PETSc chooses it as it sets up, where options name a kind of factor alone
     return {"package": package, "code": code, "detail": 0, "negative": negative, "null": 0}
 
 
