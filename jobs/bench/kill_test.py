@@ -1,4 +1,4 @@
-"""kill -9 at random moments, and the same command again: does the run go on to the same curves, and what was lost?
+"""Test that a run killed at random moments (kill -9) goes on to the same curves, and measure what was lost.
 
     python jobs/bench/kill_test.py [SCENE] [--times 100] [--ranks 1 2] [--seed S] [--earlier SHARE] [--set KEY=VALUE ...]
                                    [--in-a-row N] [--folder DIR]

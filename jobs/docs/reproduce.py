@@ -83,8 +83,7 @@ class Comparison:
 
 
 def plain(text: str) -> str:
-    """Return a cell as it reads: one kind of minus and hyphen, no marks, no commas in numbers, lengths in m, nothing in brackets
-    after words."""
+    """Return a cell as it reads: one minus and hyphen, no marks, no commas in numbers, lengths in m, no brackets after words."""
     text = re.sub(r"(?<=\d),(?=\d{3})", "", text.replace("\N{MINUS SIGN}", "-").replace("×", "x"))
     text = LENGTH.sub(lambda found: f"{in_powers(found[1], POWERS[found[2]])} m", text)
     return re.sub(r"[`*$\\]|(?<=[a-z]) \(.*\)$", "", text).strip()

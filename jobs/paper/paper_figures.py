@@ -107,7 +107,7 @@ def as_results(study: Study, which: str) -> ResultFile:
 
 
 def modes(study: Study) -> Page | None:
-    """The first modes of the stuck structure on its mesh, and the linear response; None without a mesh."""
+    """Return the first modes of the stuck structure on its mesh, and the linear response; None without a mesh."""
     structure = study.prepared.structure
     if structure.mesh is None:
         return None

@@ -44,10 +44,12 @@ class Constraints:
 
     @property
     def n_dof(self) -> int:
+        """The number of rows of the system."""
         return int(self.row_ranges[-1])
 
     @property
     def n_nodal(self) -> int:
+        """The number of the nodes' rows of T."""
         return int(self.nodal_ranges[-1])
 
     def at_nodes(self, u: np.ndarray) -> np.ndarray:

@@ -54,10 +54,12 @@ class GivenStructure:
 
     @property
     def n_dof(self) -> int:
+        """The number of degrees of freedom."""
         return self.K.shape[0]
 
     @property
     def n_massless(self) -> int:
+        """The number of degrees of freedom without mass."""
         return int(np.count_nonzero(self.M.diagonal() == 0.0))
 
     @property

@@ -153,11 +153,11 @@ def _of_moved(dmesh: DistributedMesh, settings: StructureTables, moved: np.ndarr
 def stiffness_at_rest(
     dmesh: DistributedMesh, settings: StructureTables, system: System, u_owned: np.ndarray, seen: Seen | None = None
 ) -> PETSc.Mat:
-    """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m]; K_F in place
-    of K where the deformed shape counts.
+    """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m].
 
-    Collective on ``dmesh.comm``: every rank gathers the displacement.  ``seen`` gives what some elements see beyond that of
-    their nodes (above the cuts of bolts), of a block, its number and rows: (n_elements, n, 3) [m].
+    Collective on ``dmesh.comm``: every rank gathers the displacement.  K_F takes the place of K where the deformed shape counts.
+    ``seen`` gives what some elements see beyond that of their nodes (above the cuts of
+    bolts), of a block, its number and rows: (n_elements, n, 3) [m].
     """
     moved = moved_at_nodes(dmesh, system)
     u = displacement_at_nodes(dmesh, system, u_owned) + (0.0 if moved is None else moved)

@@ -116,8 +116,10 @@ def _overlap(dmesh: DistributedMesh, settings: StructureTables, cuts: list[Cut])
 
 
 def _nodal(dmesh: DistributedMesh, settings: StructureTables, overlap: Overlap, n_bolts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return on this rank's nodes the load of each unit shortening, (n_bolts, n_owned, 3) [N/m], and what else acts on the
-    elements above the cuts, (n_owned, 3) [N].  Local."""
+    """Return on this rank's nodes the load of each unit shortening, (n_bolts, n_owned, 3) [N/m], and the remaining load.  Local.
+
+    The latter, (n_owned, 3) [N], is what else acts on the elements above the cuts.
+    """
     first, last = owned_nodes(dmesh)
     F, load = np.zeros((n_bolts, last - first, 3)), np.zeros((last - first, 3))
     for i, block in enumerate(dmesh.blocks):

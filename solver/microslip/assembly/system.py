@@ -41,6 +41,7 @@ class System:
 
     @property
     def n_dof(self) -> int:
+        """The number of degrees of freedom."""
         return self.R.shape[1]
 
     def destroy(self, other: System | None = None) -> None:

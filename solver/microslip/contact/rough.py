@@ -195,10 +195,9 @@ class Rough(OfElements):
     # -- its parameters ----------------------------------------------------------------------------------------
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Rough:
-        """Return the law with other values of mu, N0, gap, k_t or k_n of some pairs, k_t and k_n at their rest, which N0 does not
-        change.
+        """Return the law with other values of mu, N0, gap, k_t or k_n of some pairs.
 
-        Local.  ValueError as :class:`Law` says.
+        Local.  k_t and k_n are those at rest, which N0 does not change.  ValueError as :class:`Law` says.
         """
         if name in ("N0", "gap"):
             return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))

@@ -100,8 +100,10 @@ class Accuracy:
         return self.target * np.maximum(peak, FAINT_OUTPUT * peak.max(initial=0.0))
 
     def ratios(self, amplitude: np.ndarray, error: np.ndarray, memory: Memory) -> tuple[dict[str, float], Memory]:
-        """Return each part over what is allowed, the worst of the outputs, from amplitudes (n_outputs,) and parts of the bar that
-        counts, (n_outputs, n_parts) [m]."""
+        """Return each part over what is allowed, the worst of the outputs.
+
+        ``amplitude`` (n_outputs,) [m]; ``error`` are the parts of the bar that counts, (n_outputs, n_parts) [m].
+        """
         peak = amplitude if memory.peak is None else np.maximum(memory.peak, amplitude)
         allowed, found = self.allowed(peak), {}
         used = np.minimum(error[:, PARTS.index("harmonics")], SHARES["harmonics"] * allowed)

@@ -234,10 +234,10 @@ class PeakSolver:
         return len(self.equation.contact_forces(there.U, self.equation.every_pair, tangents=False).active) > 0
 
     def on_bracket(self) -> tuple[Iterate, int, float] | None:
-        """Return a solution at the place between the neighbours at which the slope changes its sign, Newton iterations, and the
-        width [rad/s] of the interval that place is in: a corner of the curve may do so without a zero.
+        """Return a solution where the slope changes its sign between the neighbours, Newton iterations, and an interval's width.
 
-        Collective.  Where samples switch there are frequencies without a solution to the tolerance; the interval ends there.
+        Collective.  The interval [rad/s] is that in which the sign changes: at a corner of the curve it does so without a zero.
+        Where samples switch there are frequencies without a solution to the tolerance; the interval ends there.
         None where the slope does not change its sign, as on a curve that folds.
         """
         low, _, high = sorted(self.around)

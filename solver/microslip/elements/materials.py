@@ -162,7 +162,7 @@ class Turned:
     expansion: np.ndarray  # (3, 3) or (n_elements, n_q, 3, 3) 1/K
 
     def stress(self, strain: np.ndarray, temperature_rise: float | np.ndarray = 0.0) -> np.ndarray:
-        """The elasticity times eps - alpha dT; see :class:`Elastic`."""
+        """Return the elasticity times eps - alpha dT; see :class:`Elastic`."""
         elastic = strain - np.asarray(temperature_rise)[..., None, None] * self.expansion
         six = np.stack([elastic[..., i, j] * (1.0 if i == j else 2.0) for i, j in COMPONENTS], axis=-1)
         values = (self.elasticity @ six[..., None])[..., 0]

@@ -109,7 +109,6 @@ def expected(problem: BaseException) -> MicroslipError | None:
 
 def require(comm: MPI.Comm | None, problem: str | None) -> None:
     """Raise CaseError on every rank if any rank passes a ``problem``.  Collective on ``comm``, which may be None."""
-
     if comm is not None:
         raise_together(comm, problem, CaseError)
     elif problem:

@@ -26,6 +26,7 @@ class Cells:
 
     @property
     def radius(self) -> np.ndarray:
+        """The farthest corner of each cell from its centre, (n,) [m]."""
         return np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1)
 
     def in_plane(self, i: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -39,6 +39,7 @@ class ContactPoints:
 
     @property
     def n_points(self) -> int:
+        """The number of contact points."""
         return len(self.area)
 
 

@@ -135,6 +135,7 @@ class ContactPairs:
 
     @property
     def n_pairs(self) -> int:
+        """The number of contact pairs."""
         return len(self.k_t)
 
     def sides(self, n_nodes: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:

@@ -39,6 +39,7 @@ class Links:
 
     @property
     def n_places(self) -> int:
+        """The number of nodes, and of two places a point: its displacement and its rotation."""
         return self.n_nodes + 2 * len(self.points)
 
     def place_of(self, name: str, turns: bool = False) -> int:

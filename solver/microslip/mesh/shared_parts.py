@@ -183,10 +183,10 @@ def _averages(mesh: Mesh, cells: Cells, parts: Parts, reach: float, by_moments: 
 
 
 def _interpolated(mesh: Mesh, cells: Cells, i: np.ndarray, kind: str, faces: np.ndarray, where: np.ndarray):
-    """Return shape functions (t, s, k), height over the cell's plane (t, s) [m] and local coordinates (t, s, 2) of faces (t, k)
-    at places (t, s, 2) in it.
+    """Return shape functions (t, s, k), heights (t, s) [m] and local coordinates (t, s, 2) of faces (t, k) at places (t, s, 2).
 
-    Newton's method for the local coordinates, from the middle of the face.
+    The places are in the cells' planes, and the heights above these.  Newton's method for the local coordinates, from the middle
+    of the face.
 
     Raises
     ------

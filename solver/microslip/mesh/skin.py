@@ -45,6 +45,7 @@ class Skin:
 
     @property
     def n_faces(self) -> int:
+        """The number of faces."""
         return int(self.first[-1])
 
     @property

@@ -21,6 +21,7 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
 
 
 def quoted(name: str) -> str:
+    """Return a name in double quotes.  Local."""
     return f'"{name}"'
 
 

@@ -51,7 +51,7 @@ class Stops:
         self._look()
 
     def level_finished(self, number: int, branch: Branch) -> None:
-        """A level at its end has been saved."""
+        """Take note of a level at its end, which has been saved."""
 
     @contextmanager
     def kept(self) -> Iterator[None]:
@@ -65,7 +65,7 @@ class Stops:
             raise
 
     def _look(self) -> None:
-        """Raises Interrupted when the time is nearly up, with everything saved."""
+        """Raise Interrupted when the time is nearly up, with everything saved."""
         if asked_to_save():
             self._save_in_time()
             self._log.note("saved by SIGUSR1: results.h5 has every point until now")

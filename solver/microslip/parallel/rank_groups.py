@@ -48,10 +48,12 @@ class Groups:
 
     @property
     def n(self) -> int:
+        """The number of groups."""
         return len(self.limits) - 1
 
     @property
     def is_root(self) -> bool:
+        """Whether this rank is the lowest of its group."""
         return self.comm.rank == 0
 
     @property
@@ -91,6 +93,7 @@ class Counter:
         return int(found[0])
 
     def free(self) -> None:
+        """Release the memory of rank 0."""
         self._window.Free()
 
 

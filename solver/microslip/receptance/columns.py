@@ -89,8 +89,10 @@ class ReceptanceColumns:
         return self._joined(GroupColumns.apply, p).reshape(self.shape)
 
     def apply_rate(self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:
-        """Return dG p on this rank's pairs, (n_owned, 3, N_H), dG being the rate of G where omega changes at ``d_omega`` and a
-        damping sigma M at ``d_sigma``: eq. (5.2).  Local; of G itself, not of an adjoint."""
+        """Return dG p on this rank's pairs, (n_owned, 3, N_H): eq. (5.2).  Local; of G itself, not of an adjoint.
+
+        dG is the rate of G where omega changes at ``d_omega`` and a damping sigma M at ``d_sigma``.
+        """
         rates = [c.rate(d_omega, d_sigma) for c in self.model.flexibilities(self.omega)]
         terms = [group.dynamic(rate, p[:, group.group.columns]) for group, rate in zip(self.groups, rates)]
         return self.model.joined(terms).reshape(self.shape)

@@ -12,7 +12,7 @@ from ..fourier.harmonics import Harmonics
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What makes outputs y of their rows o u, contact forces p and the acceleration a of the base:
+    """What makes outputs y of their rows o u, contact forces p and the acceleration a of the base.
 
         y_n = (i n omega)^k (o u)_n + (i n omega)^(k - 2) a_n + c p_n.
 

@@ -90,7 +90,7 @@ class StaticColumns:
 
 
 class ChosenColumns(Rows):
-    """This rank's rows of the columns of some pairs, as the rows of the transposed matrix, (3 m, 3 n_owned) [m/N]."""
+    """Rows of this rank of the columns of some pairs, as the rows of the transposed matrix, (3 m, 3 n_owned) [m/N]."""
 
     def __init__(self, places: np.ndarray, n: int, held: object, largest: float):
         super().__init__(places, n, np.float64, held)
@@ -102,7 +102,7 @@ class ChosenColumns(Rows):
 
     @property
     def n_rows(self) -> int:
-        """This rank's rows."""
+        """The number of this rank's rows."""
         return self.shape[1]
 
     def apply(self, p: np.ndarray) -> np.ndarray:

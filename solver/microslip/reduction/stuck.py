@@ -123,7 +123,7 @@ class StuckStructure:
 
     @property
     def rows(self) -> slice:
-        """This rank's rows of K_L."""
+        """Rows of K_L that this rank owns."""
         return slice(*self.K_L.getOwnershipRange())
 
     @property

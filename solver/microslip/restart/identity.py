@@ -69,8 +69,10 @@ class Identity:
 
     @property
     def structure(self) -> str:
-        """The key of the stuck structure, its modes and static response: without what only the response or the choice of the
-        modes follows, and without friction and preload where neither a spring nor the state of rest follows from them.
+        """The key of the stuck structure, its modes and static response.
+
+        It leaves out what only the response or the choice of the modes follows, and friction and preload where neither a spring
+        nor the state of rest follows from them.
         """
         scene = {key: value for key, value in self.scene.items() if key not in _NOT_OF_STRUCTURE}
         scene["structural"] = (self.scene.get("damping") or {}).get("structural")

@@ -37,7 +37,7 @@ def contradictions(scene: Scene) -> list[str]:
 
 
 def _of_a_mesh(scene: Scene) -> list[str]:
-    """What is missing beside a mesh, and what belongs to matrices."""
+    """Return mistakes: what is missing beside a mesh, and what belongs to matrices."""
     found = (
         [] if scene.bodies or scene.awaits_file else [f"[bodies] is missing: expected {Scene.model_fields['bodies'].description}"]
     )
@@ -53,7 +53,7 @@ def _of_a_mesh(scene: Scene) -> list[str]:
 
 
 def _of_matrices(scene: Scene) -> list[str]:
-    """What belongs to a mesh."""
+    """Return mistakes: what belongs to a mesh."""
     held = (
         ("[materials.NAME]", scene.materials),
         ("[orientations.NAME]", scene.orientations),
@@ -107,7 +107,7 @@ def _numbered(scene: Scene, *tables: str) -> list[tuple[str, Any]]:
 
 
 def _damping(scene: Scene) -> list[str]:
-    """No damping, or twice."""
+    """Return mistakes: no damping, or twice."""
     if scene.damping is None and scene.model.damping is None:
         return [f"[damping] is missing: expected {Scene.model_fields['damping'].description}"]
     if scene.damping is not None and scene.model.damping is not None:
@@ -116,7 +116,7 @@ def _damping(scene: Scene) -> list[str]:
 
 
 def _materials(scene: Scene) -> list[str]:
-    """Bodies whose material or orientation is not there."""
+    """Return mistakes: bodies whose material or orientation is not there."""
     if scene.awaits_file:
         return []
     found = []
@@ -132,7 +132,7 @@ def _materials(scene: Scene) -> list[str]:
 
 
 def _same_groups(scene: Scene) -> list[str]:
-    """Bodies that claim the same elements."""
+    """Return mistakes: bodies that claim the same elements."""
     first: dict[str, str] = {}
     found = []
     for name, body in scene.bodies.items():
@@ -146,7 +146,7 @@ def _same_groups(scene: Scene) -> list[str]:
 
 
 def _same_names(scene: Scene) -> list[str]:
-    """Joints and outputs that share a name."""
+    """Return mistakes: joints and outputs that share a name."""
     found = []
     for table in ("joints", "outputs", "surfaces", "ties", "points"):
         counts = Counter(entry.name for entry in getattr(scene, table) if entry.name is not None)
@@ -155,7 +155,7 @@ def _same_names(scene: Scene) -> list[str]:
 
 
 def _harmonics(scene: Scene) -> list[str]:
-    """Loads in a harmonic that the solution does not have."""
+    """Return mistakes: loads in a harmonic that the solution does not have."""
     return [
         f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = {scene.solver.harmonics} leaves it out; raise "
         "that, or lower the load's"
@@ -165,7 +165,7 @@ def _harmonics(scene: Scene) -> list[str]:
 
 
 def _statics(scene: Scene) -> list[str]:
-    """Preloads that nothing makes, a speed without an axis, temperatures without expansion."""
+    """Return mistakes: preloads that nothing makes, a speed without an axis, temperatures without expansion."""
     statics, found = scene.statics, _axis(scene)
     for where, joint in _numbered(scene, "joints"):
         if joint.preload == "static" and statics is None and not scene.awaits_file:
@@ -201,7 +201,7 @@ def _statics(scene: Scene) -> list[str]:
 
 
 def _volumes_as_faces(scene: Scene) -> list[str]:
-    """Pressures, joints, ties and bolts that name the elements of a body where faces are meant."""
+    """Return mistakes: pressures, joints, ties and bolts that name the elements of a body where faces are meant."""
     bodies = {body.group for body in scene.bodies.values()}
     used = [(where, group, "a joint has faces") for where, joint in _numbered(scene, "joints") for group in joint.surfaces or ()]
     used += [
@@ -233,7 +233,7 @@ def _same_bolts(statics: Statics) -> list[str]:
 
 
 def _base(scene: Scene) -> list[str]:
-    """A base that accelerates and holds nothing, or outputs with its motion that have none."""
+    """Return mistakes: a base that accelerates and holds nothing, or outputs with its motion that have none."""
     moving = [(where, load) for where, load in _numbered(scene, "loads") if load.base_acceleration is not None]
     absolute = [(where, output) for where, output in _numbered(scene, "outputs") if output.absolute]
     found = []
@@ -252,7 +252,7 @@ def _base(scene: Scene) -> list[str]:
 
 
 def _outputs(scene: Scene) -> list[str]:
-    """Outputs of bodies and joints that are not there."""
+    """Return mistakes: outputs of bodies and joints that are not there."""
     found = []
     joints = [joint.name for joint in scene.joints]
     for where, output in _numbered(scene, "outputs"):
@@ -263,7 +263,7 @@ def _outputs(scene: Scene) -> list[str]:
 
 
 def _surfaces(scene: Scene) -> list[str]:
-    """Surfaces of bodies that are not there."""
+    """Return mistakes: surfaces of bodies that are not there."""
     found = []
     for where, surface in _numbered(scene, "surfaces"):
         for name in dict.fromkeys(surface.bodies):
@@ -273,7 +273,7 @@ def _surfaces(scene: Scene) -> list[str]:
 
 
 def _axis(scene: Scene) -> list[str]:
-    """An axis about which nothing turns, or none for what does."""
+    """Return mistakes: an axis about which nothing turns, or none for what does."""
     turned = [where for where, load in _numbered(scene, "loads") if load.engine_order is not None]
     if scene.model.axis is None:
         return [
@@ -294,7 +294,7 @@ def remarks(scene: Scene) -> list[str]:
 
 
 def _points(scene: Scene) -> list[str]:
-    """Points that are not there, that cannot be held, or whose inertia would have to turn with the structure."""
+    """Return mistakes: points that are not there, that cannot be held, or whose inertia would have to turn with the structure."""
     found, points = [], {point.name: point for point in scene.points}
     used = [*_numbered(scene, "supports", "loads", "outputs", "masses")]
     if scene.statics is not None:
@@ -322,7 +322,7 @@ def _points(scene: Scene) -> list[str]:
 
 
 def _constant_loads(scene: Scene) -> list[str]:
-    """A constant motion with a method that keeps the pairs which dissipate, or whose modes have to bear the load."""
+    """Return mistakes: a constant motion with a method that selects pairs by dissipation, or whose modes bear the load."""
     solver = scene.solver
     if not scene.is_static:
         return []
@@ -340,7 +340,7 @@ def _constant_loads(scene: Scene) -> list[str]:
 
 
 def _bars(scene: Scene) -> list[str]:
-    """Error bars that are needed and refused; what an accuracy counts for without one."""
+    """Return mistakes: error bars that are needed and refused; what an accuracy counts for without one."""
     if scene.solver.accuracy_of != "amplitude" and scene.solver.accuracy is None:
         return [
             "[solver] accuracy_of says what accuracy counts for, which is not stated; state accuracy, or leave accuracy_of out"
@@ -351,7 +351,7 @@ def _bars(scene: Scene) -> list[str]:
 
 
 def _peaks(scene: Scene) -> list[str]:
-    """Peaks of what has none, or of a method whose pairs follow from the point before."""
+    """Return mistakes: peaks of what has none, or of a method whose pairs follow from the point before."""
     if not scene.response.peaks:
         return []
     if scene.is_static:
@@ -364,7 +364,7 @@ def _peaks(scene: Scene) -> list[str]:
 
 
 def _mode(scene: Scene) -> list[str]:
-    """A range around a mode that is not computed."""
+    """Return mistakes: a range around a mode that is not computed."""
     mode, modes = scene.response.mode, scene.solver.modes
     return [f"[response] mode = {mode}: only [solver] modes = {modes} are computed"] if mode and modes and mode > modes else []
 

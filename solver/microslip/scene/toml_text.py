@@ -34,6 +34,7 @@ def key_text(name: str) -> str:
 
 
 def value_text(value: Any) -> str:
+    """Return a value as TOML writes it.  Local."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(value_text, value))}]"
     return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -21,24 +21,28 @@ def any_of(words: tuple[str, ...], last: str = "or") -> str:
 
 
 def not_zero(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return a vector that is not zero; ValueError otherwise.  Local."""
     if not any(vector):
         raise ValueError("zero vector")
     return vector
 
 
 def number_not_zero(value: float) -> float:
+    """Return a number that is not 0; ValueError otherwise.  Local."""
     if value == 0.0:
         raise ValueError("zero")
     return value
 
 
 def no_duplicates(values: tuple) -> tuple:
+    """Return values that are all different; ValueError otherwise.  Local."""
     if len(set(values)) < len(values):
         raise ValueError("an entry twice")
     return values
 
 
 def rising(limits: tuple[float, float]) -> tuple[float, float]:
+    """Return two rising limits; ValueError otherwise.  Local."""
     if not limits[0] < limits[1]:
         raise ValueError("not rising")
     return limits

@@ -16,47 +16,47 @@ class Units:
 
     @property
     def stress(self) -> float:
-        """Pa"""
+        """Unit of stress [Pa]."""
         return self.mass / self.length / self.time**2
 
     @property
     def density(self) -> float:
-        """kg/m3"""
+        """Unit of density [kg/m3]."""
         return self.mass / self.length**3
 
     @property
     def force(self) -> float:
-        """N"""
+        """Unit of force [N]."""
         return self.mass * self.length / self.time**2
 
     @property
     def stiffness(self) -> float:
-        """N/m"""
+        """Unit of stiffness [N/m]."""
         return self.mass / self.time**2
 
     @property
     def damping(self) -> float:
-        """N s/m"""
+        """Unit of damping [N s/m]."""
         return self.mass / self.time
 
     @property
     def contact_stiffness(self) -> float:
-        """N/m3"""
+        """Unit of contact stiffness [N/m3]."""
         return self.stress / self.length
 
     @property
     def inertia(self) -> float:
-        """kg m2; times 1/s2 it is a rotational stiffness [N m/rad]"""
+        """Unit of inertia [kg m2]; times 1/s2 it is that of a rotational stiffness [N m/rad]."""
         return self.mass * self.length**2
 
     @property
     def rotation_speed(self) -> float:
-        """rad/s"""
+        """Unit of rotation speed [rad/s]."""
         return 1.0 / self.time
 
     @property
     def rotational_stiffness(self) -> float:
-        """N m/rad"""
+        """Unit of rotational stiffness [N m/rad]."""
         return self.inertia / self.time**2
 
 

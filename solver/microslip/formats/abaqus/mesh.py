@@ -235,7 +235,7 @@ _TAKEN = {
 
 
 def finish(mesh: FileMesh) -> None:
-    """Number nodes and elements through all scopes, and find the nodes of the elements.
+    """Give nodes and elements of all scopes one numbering, and find the nodes of the elements.
 
     Numbers stay those of the file where no two instances use one; otherwise those of instance k, from 0, are raised by k times
     a power of ten above all of them; the assembly's own come last.

@@ -70,8 +70,11 @@ def interface_model(modes: DampedModes, K_J: np.ndarray) -> InterfaceModel:
 
 
 def constraint_shapes(B: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (independent, E, psi): rows of B (3 n_pairs, m) that do not follow from those before, B = E B[independent], and
-    the smallest y (m, n_b) that give each of them alone, B[independent] psi = 1.  Local.  docs/theory.md, eq. (8.8)."""
+    """Return (independent, E, psi): rows of B (3 n_pairs, m), and what the others and unit motions of these are.  Local.
+
+    docs/theory.md, eq. (8.8): the rows do not follow from those before, B = E B[independent]; ``psi`` (m, n_b) are the smallest y
+    that give each of them alone, B[independent] psi = 1.
+    """
     independent = independent_rows(B)
     Q, L_T = np.linalg.qr(B[independent].T)
     psi = scipy.linalg.solve_triangular(L_T, Q.T, lower=False).T if len(independent) else np.zeros((B.shape[1], 0))
