@@ -35,37 +35,21 @@ def test_order_of_columns_blanks_capitals_comments_and_the_marks_of_a_spreadshee
     "lines, expected",
     [
         # the header
-        ([""], ": the file is empty; its first line names the columns " + HEADER),
-        ([HEADER], ": there is no pair after the header"),
         ([FIRST], ", line 1: the header must name the columns " + HEADER + ": x1 is missing; y1 is missing; z1 is missing"),
-        ([HEADER.replace("mu", "muu"), FIRST], ': mu is missing; "muu" is unknown, nearest is "mu"'),
         ([HEADER + ",mu", FIRST + ",1"], ": mu stands there twice"),
         ([HEADER.replace(",", ";"), FIRST], ": values are separated by semicolons, not by commas"),
         (["# a comment", HEADER.replace("kn", "")], ", line 2: the header must name"),
         # numbers
         ([HEADER, FIRST, "1,2,3"], ", line 3: 3 values; 11 are needed: " + HEADER),
-        ([HEADER, FIRST + ","], ", line 2: 12 values; 11 are needed"),
         ([HEADER, "", "", FIRST.replace("0.3", "O.3")], ', line 4: mu = "O.3" is not a number'),
-        ([HEADER, FIRST.replace("0.3", "nan")], ", line 2: mu = nan is not a finite number"),
         ([HEADER, FIRST.replace("0.3", "")], ', line 2: mu = "" is not a number'),
         ([HEADER, '"0,1'], ": not a text file of comma-separated values: unexpected end of data"),
         # DOFs
         ([HEADER, SECOND.replace("8", "9", 1)], ", line 2: z1 = 9 is not a DOF number; they go from 0 to 8, and -1 is ground"),
         ([HEADER, SECOND.replace("-1", "-2", 1)], ", line 2: x2 = -2 is not a DOF number"),
-        ([HEADER, SECOND.replace("8", "1.5", 1)], ", line 2: z1 = 1.5 is not a DOF number"),
         ([HEADER, SECOND.replace("8", "1e300", 1)], ", line 2: z1 = 1e+300 is not a DOF number"),
         ([HEADER, FIRST.replace("4", "1", 1)], ", line 2: y1 and y2 are both DOF 1; the pair would join it to itself"),
-        ([HEADER, "-1,-1,-1,-1,-1,-1,0.3,1,0,1,1"], ", line 2: all six DOFs are -1; the pair joins ground to ground"),
         # the contact
-        ([HEADER, FIRST.replace("0.3", "-0.3")], ", line 2: mu = -0.3 must not be negative"),
-        ([HEADER, FIRST.replace("5e5", "-5e5")], ", line 2: kt = -500000 must not be negative"),
-        ([HEADER, FIRST.replace(",0.0", ",1e-6")], ", line 2: n0 = 60 with g0 = 1e-06: an open pair carries no preload"),
-        ([HEADER, SECOND.replace("6e5", "0")], ", line 2: a gap g0 = 1e-06 that closes on kn = 0; kn must be above 0"),
-        (
-            [HEADER, "0,1,-1,2,3,-1,0.3,0,0,1,1"],
-            ", line 2: z1 and z2 are ground, so that the normal force stays at n0 = 0 N: "
-            "the pair never touches; n0 must be above 0",
-        ),
     ],
 )
 def test_a_mistake_gives_one_message(tmp_path, lines, expected):

@@ -77,7 +77,10 @@ MATRICES = [
     chain("matrix of nan", changed("K.mtx", entry(2, 2, np.nan)), "K.mtx", "not a finite number"),
     chain("matrix of inf", changed("M.mtx", entry(2, 2, np.inf)), "M.mtx", "not a finite number"),
     chain("matrix not square", changed("K.mtx", lambda A: A[:, :-1]), "K.mtx", "square"),
-    chain("matrices of two sizes", changed("M.mtx", lambda A: A[:-1, :-1]), "M.mtx"),
+    chain(
+        "matrices of two sizes", changed("M.mtx", lambda A: A[:-1, :-1]), "M.mtx: [model] mass is 8 x 8, but the stiffness 9 x 9"
+    ),
+    Case("check of matrices of two sizes", "check chain.toml", ("mass is 8 x 8",), changed("M.mtx", lambda A: A[:-1, :-1])),
     chain("complex matrix", changed("K.mtx", lambda A: A * (1.0 + 0.1j)), "K.mtx", "complex"),
     chain("matrix of no entries", changed("M.mtx", lambda A: 0.0 * A), "M.mtx"),
     chain("negative mass", changed("M.mtx", lambda A: -A), "M.mtx"),

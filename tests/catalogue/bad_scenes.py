@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .case import NOISE, Case, appended, edited, forbidden, made_a_folder, made_a_loop, removed, written
+from .case import NOISE, Case, appended, edited, forbidden, made_a_folder, made_a_loop, written
 
 RUN = "run lap.toml --out out"
 
@@ -125,7 +125,6 @@ VALUES = [
     lap("fraction of a mode", "modes = 5", "modes = 5.5", "[solver] modes = 5.5", "a whole number of at least 1"),
     lap("logical in quotes", "modes = 5", 'error_bars = "no"', '[solver] error_bars = "no"', "true or false"),
     lap("table for a key", "modes = 5", "[solver.modes]", "[solver] modes = a table", "the number of modes"),
-    lap("key for a table", "[damping]\nratio = 0.01", "", "[damping] is missing"),
     lap("table in place of a list", "[[loads]]", "[loads]", "loads", "at least one table headed [[loads]]"),
     lap(
         "two numbers of a vector",
@@ -332,4 +331,3 @@ CONTRADICTIONS = [
 ]
 
 CASES = [*FILES, *MISSING, *UNKNOWN, *VALUES, *CONTRADICTIONS]
-assert removed

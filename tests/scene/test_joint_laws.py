@@ -81,7 +81,6 @@ def test_joints_of_three_laws_side_by_side(folder):
 @pytest.mark.parametrize(
     "own, message",
     [
-        (ROUGH.replace('"rough"', '"ruogh"'), 'law = "ruogh": expected the contact law, "elastic-coulomb", "rough" or "iwan"'),
         (ROUGH.replace("roughness_height = 2e-6", ""), "roughness_height is missing: expected the length in m"),
         (ROUGH + "normal_stiffness = 1e12\n", 'normal_stiffness belongs to law = "elastic-coulomb" or "iwan"; this joint has'),
         (ROUGH.replace("preload = 1e6", "preload = 0.0"), "preload = 0: rough surfaces that carry nothing have no stiffness"),

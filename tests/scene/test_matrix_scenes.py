@@ -9,7 +9,6 @@ from microslip.messages.errors import CaseError
 from microslip.scene.read import read_scene
 
 DAMPING, MASS, PAIRS = "[damping]\nratio = 0.03\n", 'mass = "M.mtx"', 'pairs = "pairs.csv"'
-SURFACES = 'surfaces = ["a", "b"]\nfriction = 0.3\ntangential_stiffness = 1.0\nnormal_stiffness = 1.0\npreload = 1.0'
 
 
 @pytest.fixture
@@ -50,31 +49,13 @@ def test_a_damping_matrix_stands_for_damping(path):
 @pytest.mark.parametrize(
     "old, new, expected",
     [
-        # damping once
-        (DAMPING, "", "[damping] is missing: expected a table [damping] with ratio, or with rayleigh"),
-        (
-            MASS,
-            MASS + '\ndamping = "K.mtx"',
-            "[damping]: the model has a damping matrix already, [model] damping; keep one of them",
-        ),
         # what belongs to a mesh
-        (
-            "[damping]",
-            '[[supports]]\ngroup = "a"\nfix = ["x"]\n[damping]',
-            "[[supports]]: belongs to a mesh; the matrices must hold",
-        ),
         (
             "[damping]",
             "[materials.a]\nyoung = 1.0\npoisson = 0.3\ndensity = 1.0\n[damping]",
             "[materials.NAME]: belongs to a mesh",
         ),
         (MASS, MASS + "\nscale = 1.0", "[model]: scale belongs to a mesh; matrices are taken in SI units"),
-        (MASS, "", "[model]: mass is missing: a model given as matrices needs stiffness and mass"),
-        (
-            PAIRS,
-            SURFACES,
-            '[[joints]] 1 ("joint") surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file',
-        ),
         (
             PAIRS,
             PAIRS + "\nfriction = 0.3",
@@ -82,22 +63,10 @@ def test_a_damping_matrix_stands_for_damping(path):
         ),
         (PAIRS, PAIRS + "\ntolerance = 0.3", '[[joints]] 1 ("joint"): tolerance belongs to a joint of surfaces'),
         (
-            "dof = 0\nscale = 1.0",
-            "node = 0\ndirection = [1.0, 0.0, 0.0]",
-            "[[loads]] 1: a model given as matrices has no nodes; name a dof, a row of the matrices counted from 0",
-        ),
-        (
             '"2"\ndof = 2',
             '"2"\nposition = [0.0, 0.0, 0.0]\ndirection = [1.0, 0.0, 0.0]',
             '[[outputs]] 1 ("2"): a model given as matrices has no nodes',
         ),
-        # places
-        ("dof = 0\n", "", "[[loads]] 1: exactly one of position, node, group, dof is needed, found none"),
-        ("dof = 0\n", "dof = -1\n", "[[loads]] 1 dof = -1: expected a DOF number of the matrices, a whole number of at least 0"),
-        ("dof = 0\n", "dof = 0\ndirection = [1.0, 0.0, 0.0]\n", "[[loads]] 1: direction belongs to a node; a dof has its own"),
-        # files
-        (MASS, 'mass = "MM.mtx"', '[model] mass = "MM.mtx": there is no such file in '),
-        (PAIRS, 'pairs = "pair.csv"', '[[joints]] 1 ("joint") pairs = "pair.csv": there is no such file in '),
     ],
 )
 def test_a_mistake_gives_one_message(path, old, new, expected):
