@@ -1,4 +1,4 @@
-"""Materials with axes of their own: patch tests against the turned compliance, free expansion, a tube, waves in a bar."""
+"""Materials with material axes: patch tests against the turned compliance, free expansion, a tube, waves in a bar."""
 
 import numpy as np
 import pytest
@@ -25,11 +25,11 @@ def skewed_box(kind):
 
 def tensor(C):
     """Return C as a tensor (3, 3, 3, 3)."""
-    found = np.zeros((3, 3, 3, 3))
+    computed = np.zeros((3, 3, 3, 3))
     for row, (i, j) in enumerate(COMPONENTS):
         for column, (k, m) in enumerate(COMPONENTS):
-            found[i, j, k, m] = found[j, i, k, m] = found[i, j, m, k] = found[j, i, m, k] = C[row, column]
-    return found
+            computed[i, j, k, m] = computed[j, i, k, m] = computed[i, j, m, k] = computed[j, i, m, k] = C[row, column]
+    return computed
 
 
 def exact_stress(strain):
@@ -41,15 +41,15 @@ def exact_stress(strain):
 def exact_strain(stress):
     """The strain of a stress by the compliance of engineering constants, turned."""
     a = AXES.at(np.zeros(3))
-    own = a @ stress @ a.T
+    in_axes = a @ stress @ a.T
     strain = np.zeros((3, 3))
     nu = {(0, 1): POISSON[0], (0, 2): POISSON[1], (1, 2): POISSON[2]}
     for i in range(3):
-        strain[i, i] = own[i, i] / YOUNG[i]
+        strain[i, i] = in_axes[i, i] / YOUNG[i]
     for (i, j), value in nu.items():
-        strain[i, i] -= value / YOUNG[i] * own[j, j]
-        strain[j, j] -= value / YOUNG[i] * own[i, i]
-        strain[i, j] = strain[j, i] = own[i, j] / (2.0 * SHEAR[i + j - 1])
+        strain[i, i] -= value / YOUNG[i] * in_axes[j, j]
+        strain[j, j] -= value / YOUNG[i] * in_axes[i, i]
+        strain[i, j] = strain[j, i] = in_axes[i, j] / (2.0 * SHEAR[i + j - 1])
     return a.T @ strain @ a
 
 
@@ -86,11 +86,11 @@ def test_under_tension_or_shear_it_moves_by_the_turned_compliance(kind, stress):
     exact = (points @ strain).ravel()
     held = np.array([0, 1, 2, *(3 * points[:, 0].argmax() + [1, 2]), 3 * points[:, 1].argmax() + 2])
     free = np.setdiff1d(np.arange(len(exact)), held)
-    found = exact.copy()
-    found[free] = sla.spsolve(K[free][:, free].tocsc(), f.ravel()[free] - K[free][:, held] @ exact[held])
-    assert found == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
-    felt = elements.stress(Solids(kind, points[nodes], PLY), found.reshape(-1, 3)[nodes])
-    assert felt == pytest.approx(np.broadcast_to(stress, felt.shape), abs=1e-9 * np.abs(stress).max())
+    computed = exact.copy()
+    computed[free] = sla.spsolve(K[free][:, free].tocsc(), f.ravel()[free] - K[free][:, held] @ exact[held])
+    assert computed == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
+    sigma = elements.stress(Solids(kind, points[nodes], PLY), computed.reshape(-1, 3)[nodes])
+    assert sigma == pytest.approx(np.broadcast_to(stress, sigma.shape), abs=1e-9 * np.abs(stress).max())
     assert exact_stress(strain) == pytest.approx(stress, abs=1e-10 * np.abs(stress).max())
 
 
@@ -162,8 +162,8 @@ def test_a_tube_wound_around_its_axis_moves_as_lekhnitskii_says():
         turn[np.arange(3 * len(r)), np.repeat(np.arange(len(r)), 3)] = Q[:, 0].ravel()
         K_r = turn.T @ (K @ turn)
         ends = np.setdiff1d(np.arange(len(r)), inside)
-        found = np.linalg.solve(K_r[np.ix_(inside, inside)], -K_r[np.ix_(inside, ends)] @ exact[ends])
-        errors.append(np.abs(found - exact[inside]).max())
+        computed = np.linalg.solve(K_r[np.ix_(inside, inside)], -K_r[np.ix_(inside, ends)] @ exact[ends])
+        errors.append(np.abs(computed - exact[inside]).max())
     assert errors[0] < 5e-3 and errors[1] < errors[0] / 8.0
 
 
@@ -179,5 +179,5 @@ def test_waves_along_a_bar_have_the_speed_of_its_modulus_along_it(degrees):
     expected = np.sqrt(E / DENSITY) / (2.0 * length)
     near = sla.eigsh(K.tocsc(), 3, M.tocsc(), sigma=(2.0 * np.pi * expected) ** 2, v0=np.ones(K.shape[0]))
     along = np.abs(near[1].reshape(-1, 3, 3)[:, 0]).sum(axis=0) / np.abs(near[1].reshape(-1, 3, 3)[:, 1:]).sum(axis=(0, 1))
-    found = np.sqrt(near[0][along.argmax()]) / (2.0 * np.pi)
-    assert found == pytest.approx(expected, rel=2e-4)
+    computed = np.sqrt(near[0][along.argmax()]) / (2.0 * np.pi)
+    assert computed == pytest.approx(expected, rel=2e-4)

@@ -92,7 +92,7 @@ def test_pyramids_fit_to_their_neighbours(kind):
         face = FACE_KINDS[face_kind]
         at = some_points(face_kind)
         linear = FACE_KINDS[face_kind.replace("8", "4").replace("6", "3")]
-        found = pyramid.values(linear.values(at) @ pyramid.nodes[local[: face.n_corners]])
-        expected = np.zeros_like(found)
+        computed = pyramid.values(linear.values(at) @ pyramid.nodes[local[: face.n_corners]])
+        expected = np.zeros_like(computed)
         expected[:, local] = face.values(at)
-        assert found == pytest.approx(expected, abs=1e-13)
+        assert computed == pytest.approx(expected, abs=1e-13)

@@ -40,8 +40,8 @@ def test_points_above_and_below_a_curved_face_find_their_feet(kind):
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     height = rng.uniform(-0.3, 0.3, 200)
     queries = face.values(xi) @ points + height[:, None] * normal
-    found, distance = nearest_on_faces(kind, np.tile(points, (200, 1, 1)), queries)
-    assert found == pytest.approx(xi, abs=1e-11)
+    computed, distance = nearest_on_faces(kind, np.tile(points, (200, 1, 1)), queries)
+    assert computed == pytest.approx(xi, abs=1e-11)
     assert distance == pytest.approx(np.abs(height), abs=1e-12)
 
 
@@ -51,7 +51,7 @@ def test_points_anywhere_agree_with_a_search_of_the_whole_face(kind):
     rng = np.random.default_rng(2)
     face, points = FACE_KINDS[kind], bent_face(kind)
     queries = points.mean(axis=0) + rng.uniform(-4.0, 4.0, (40, 3))
-    found, distance = nearest_on_faces(kind, np.tile(points, (40, 1, 1)), queries)
+    computed, distance = nearest_on_faces(kind, np.tile(points, (40, 1, 1)), queries)
     a, b = (grid.ravel() for grid in np.meshgrid(np.linspace(0.0, 1.0, 30), np.linspace(0.0, 1.0, 30)))
     is_quad = kind.startswith("quad")
 
@@ -68,7 +68,7 @@ def test_points_anywhere_agree_with_a_search_of_the_whole_face(kind):
             tol=1e-14,
         )
         assert least <= away.min() + 1e-12 and least == pytest.approx(np.sqrt(polished.fun), rel=1e-6)
-    assert np.linalg.norm(np.einsum("fa,ai->fi", face.values(found), points) - queries, axis=1) == pytest.approx(distance)
+    assert np.linalg.norm(np.einsum("fa,ai->fi", face.values(computed), points) - queries, axis=1) == pytest.approx(distance)
 
 
 def test_a_collapsed_face_gives_a_point_of_it():

@@ -34,9 +34,9 @@ def test_stress_of_a_linear_motion_is_hookes(kind):
     points, nodes = bent_box(kind)
     H = 1e-3 * np.random.default_rng(1).standard_normal((3, 3))
     u = points[nodes] @ H.T
-    found = elements.stress(Solids(kind, points[nodes], STEEL, temperature_rise=WARMER), u)
-    assert found == pytest.approx(
-        np.broadcast_to(hooke(H, STEEL.expansion * WARMER), found.shape), abs=1e-9 * np.abs(found).max()
+    computed = elements.stress(Solids(kind, points[nodes], STEEL, temperature_rise=WARMER), u)
+    assert computed == pytest.approx(
+        np.broadcast_to(hooke(H, STEEL.expansion * WARMER), computed.shape), abs=1e-9 * np.abs(computed).max()
     )
 
 
@@ -65,14 +65,14 @@ def test_a_linear_temperature_stresses_nothing(kind, is_large):
     g = np.array([3.0, -2.0, 5.0])
     theta = points @ g
     u = STEEL.expansion * (theta[:, None] * points - 0.5 * g * (points**2).sum(axis=1)[:, None])
-    warm, forces = Solids(kind, points[nodes], STEEL, temperature_rise=theta[nodes]), np.zeros_like(points)
-    np.add.at(forces, nodes, elements.thermal_forces(warm))
+    heated, forces = Solids(kind, points[nodes], STEEL, temperature_rise=theta[nodes]), np.zeros_like(points)
+    np.add.at(forces, nodes, elements.thermal_forces(heated))
     assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
-    stress = elements.stress(warm, u[nodes])
+    stress = elements.stress(heated, u[nodes])
     assert np.abs(stress).max() < 1e-9 * YOUNG * STEEL.expansion * np.abs(theta).max()
     if is_large:  # of small strains: what is left is of their square
-        resisted, _ = elements.large_displacements(warm, u[nodes])
-        held, _ = elements.large_displacements(warm, 0.0 * u[nodes])
+        resisted, _ = elements.large_displacements(heated, u[nodes])
+        held, _ = elements.large_displacements(heated, 0.0 * u[nodes])
         assert np.abs(resisted).max() < 1e-2 * np.abs(held).max()
     else:
         K, _ = small_fe.assemble(kind, points, nodes, YOUNG, POISSON, 1.0)
@@ -82,13 +82,13 @@ def test_a_linear_temperature_stresses_nothing(kind, is_large):
 @pytest.mark.parametrize("kind", KINDS)
 def test_one_temperature_at_all_nodes_is_that_of_the_body(kind):
     points, nodes = bent_box(kind)
-    u, warm = 1e-3 * np.random.default_rng(7).standard_normal(points[nodes].shape), np.full(nodes.shape, WARMER)
+    u, heated = 1e-3 * np.random.default_rng(7).standard_normal(points[nodes].shape), np.full(nodes.shape, WARMER)
     for function, of in ((elements.stress, (u,)), (elements.thermal_forces, ())):
-        one, each = (
+        uniform, by_node = (
             function(Solids(kind, points[nodes], STEEL, temperature_rise=temperature_rise), *of)
-            for temperature_rise in (WARMER, warm)
+            for temperature_rise in (WARMER, heated)
         )
-        assert each == pytest.approx(one, abs=1e-9 * np.abs(one).max())
+        assert by_node == pytest.approx(uniform, abs=1e-9 * np.abs(uniform).max())
 
 
 @pytest.mark.parametrize("kind", KINDS)

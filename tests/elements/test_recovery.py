@@ -35,11 +35,11 @@ def test_constant_stress_is_exact(kind, integration):
     points, slope = distorted(kind), 1e-3 * np.random.default_rng(1).standard_normal((3, 3))
     rows = elements.nodal_stress(Solids(kind, points[None], STEEL, integration))
     strain = 0.5 * (slope + slope.T)
-    found = applied(rows, points @ slope.T + [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(found, np.broadcast_to(hooke(strain), found.shape), atol=1e-9 * YOUNG * 1e-3)
+    computed = applied(rows, points @ slope.T + [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(computed, np.broadcast_to(hooke(strain), computed.shape), atol=1e-9 * YOUNG * 1e-3)
     rows = elements.nodal_strain(Solids(kind, points[None], STEEL, integration))
-    found = applied(rows, points @ slope.T + [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(found, np.broadcast_to(strain, found.shape), atol=1e-12)
+    computed = applied(rows, points @ slope.T + [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(computed, np.broadcast_to(strain, computed.shape), atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["hex20", "tet10", "wedge15"])
@@ -50,8 +50,8 @@ def test_linear_stress_is_exact_in_quadratic_elements(kind, integration):
     u = np.einsum("kij,ni,nj->nk", bend, points, points)
     slopes = 2.0 * np.einsum("kij,nj->nki", bend, points)
     exact = hooke(0.5 * (slopes + slopes.swapaxes(1, 2)))
-    found = applied(elements.nodal_stress(Solids(kind, points[None], STEEL, integration)), u)
-    np.testing.assert_allclose(found, exact, atol=1e-10 * np.abs(exact).max())
+    computed = applied(elements.nodal_stress(Solids(kind, points[None], STEEL, integration)), u)
+    np.testing.assert_allclose(computed, exact, atol=1e-10 * np.abs(exact).max())
 
 
 def test_the_bubbles_of_hex8_bend():
@@ -59,10 +59,10 @@ def test_the_bubbles_of_hex8_bend():
     points, nodes = box("hex8", (1, 1, 1), (1.0, 0.5, 0.25), (0.0, -0.25, -0.125))
     x, y, z = points[nodes[0]].T
     u = np.column_stack([x * y, -0.5 * (x**2 + POISSON * (y**2 - z**2)), -POISSON * y * z])
-    found = applied(elements.nodal_stress(Solids("hex8", points[nodes[:1]], STEEL)), u)
+    computed = applied(elements.nodal_stress(Solids("hex8", points[nodes[:1]], STEEL)), u)
     exact = np.zeros((8, 3, 3))
     exact[:, 0, 0] = YOUNG * y
-    np.testing.assert_allclose(found, exact, atol=1e-10 * YOUNG)
+    np.testing.assert_allclose(computed, exact, atol=1e-10 * YOUNG)
     without = applied(elements.nodal_stress(Solids("hex8", points[nodes[:1]], STEEL, incompatible_modes=False)), u)
     assert np.abs(without - exact).max() > 0.1 * YOUNG * 0.25
 

@@ -45,24 +45,24 @@ def test_every_entry_of_ansys_stiffness_and_mass(ansys):
 )
 def test_frequencies_of_ansys_clamped_beam(ansys, integration, clamped, tolerance):
     K, M = assemble("hex20", ansys["points"], ansys["elements"].astype(int), *ANSYS, integration)
-    found = frequencies(K, M, dofs(ansys["points"][:, 2] == 0.0), 6)
-    assert found == pytest.approx(clamped, rel=tolerance)
+    computed = frequencies(K, M, dofs(ansys["points"][:, 2] == 0.0), 6)
+    assert computed == pytest.approx(clamped, rel=tolerance)
 
 
 def test_frequencies_of_ansys_free_beam(ansys):
     K, M = assemble("hex20", ansys["points"], ansys["elements"].astype(int), *ANSYS, "reduced")
-    found = frequencies(K, M, [], 6, n_rigid=6)
+    computed = frequencies(K, M, [], 6, n_rigid=6)
     free = [7366.49503969, 7366.49503969, 11504.89523664, 17285.70459456, 17285.70459456, 20137.19299035]
-    assert found == pytest.approx(free, rel=1e-10)
+    assert computed == pytest.approx(free, rel=1e-10)
 
 
 def test_thick_plate_of_nafems_fv52():
     """10 x 10 x 1 m; w = 0 along the bottom edges, free in the plane."""
     points, nodes = box("hex20", (4, 4, 1), (10.0, 10.0, 1.0))
     at_edge = (points[:, 2] == 0.0) & ((points[:, :2] == 0.0) | (points[:, :2] == 10.0)).any(axis=1)
-    found = frequencies(*assemble("hex20", points, nodes, 200e9, 0.3, 8000.0), dofs(at_edge, "z"), 7, n_rigid=3)
+    computed = frequencies(*assemble("hex20", points, nodes, 200e9, 0.3, 8000.0), dofs(at_edge, "z"), 7, n_rigid=3)
     expected = [44.7963, 110.5427, 110.5427, 169.0955, 193.9247, 206.6378, 206.6378]
-    assert found == pytest.approx(expected, abs=6e-5)
+    assert computed == pytest.approx(expected, abs=6e-5)
 
 
 @pytest.mark.parametrize(
@@ -103,11 +103,11 @@ def test_thick_plate_of_nafems_fv52():
 def test_beams_of_the_calculix_test_set(kind, integration, cells, size, clamped_axis, young, density, expected):
     points, nodes = box(kind, cells, size)
     K, M = assemble(kind, points, nodes, young, 0.3, density, integration, incompatible_modes=False)
-    found = frequencies(K, M, dofs(points[:, clamped_axis] == 0.0), len(expected))
+    computed = frequencies(K, M, dofs(points[:, clamped_axis] == 0.0), len(expected))
     # dloadlin20f: the first mode of this very thin plate is 7e-6 to 9e-6 off CalculiX's: rounding alone moves
     # ours by some 2e-6 (9.48304 and 9.48306 in two runs); all others agree to its seven digits.
-    assert found[0] == pytest.approx(expected[0], rel=2e-5 if size[0] == 300.0 else 3e-7)
-    assert found[1:] == pytest.approx(expected[1:], rel=3e-7)
+    assert computed[0] == pytest.approx(expected[0], rel=2e-5 if size[0] == 300.0 else 3e-7)
+    assert computed[1:] == pytest.approx(expected[1:], rel=3e-7)
 
 
 @pytest.mark.parametrize(

@@ -216,8 +216,8 @@ def test_wedges_by_two_points_are_held_by_each_other():
     """The mechanism of one element is none of a mesh: six motions alone are free."""
     points, nodes = box("wedge6", (1, 1, 1), (1.0, 1.5, 2.0))
     K = np.zeros((3 * len(points), 3 * len(points)))
-    for own, matrix in zip(nodes, elements.stiffness(Solids("wedge6", points[nodes], STEEL, "reduced-both")), strict=True):
-        at = (3 * own[:, None] + np.arange(3)).ravel()
+    for element, matrix in zip(nodes, elements.stiffness(Solids("wedge6", points[nodes], STEEL, "reduced-both")), strict=True):
+        at = (3 * element[:, None] + np.arange(3)).ravel()
         K[np.ix_(at, at)] += matrix
     values = np.linalg.eigvalsh(K)
     assert abs(values[:6]).max() < 1e-12 * values[-1] and values[6] > 1e-3 * values[-1]

@@ -39,7 +39,7 @@ def as_calculix(points, nodes):
     centre = solid._jacobians(HEX8, corners, np.zeros((1, 3)))[1]
     modes = solid._incompatible_gradients(HEX8, corners, rule, centre * rule.weights)  # makes the factor 1
     whole = Isotropic(young, poisson).stiffness(np.concatenate([dN, modes @ AS_ONE], axis=-1), volumes)
-    K = solid._without_bubbles(whole, 27)
+    K = solid.condensed(whole, 27)
     N = np.column_stack([HEX8.values(rule.points), np.ones(8)])
     M = density * np.einsum("eq,qa,qb->eab", volumes, N, N)
     own = np.column_stack([nodes, len(points) + np.arange(len(nodes))])

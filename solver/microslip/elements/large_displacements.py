@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .materials import Elastic
-from .solid import Solids, _without_bubbles
+from .solid import Solids, condensed
 
 _BUBBLE_STEPS = 20  # of Newton's method for the bubbles of hex8
 _BUBBLES_REST = 1e-13  # their forces, over the largest of the elements
@@ -35,13 +35,13 @@ def large_displacements(of: Solids, u: np.ndarray, with_stress: bool = True) -> 
         bubbles = np.zeros((len(volumes), dN.shape[-1] - n, 3))
         forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *state)
         for _ in range(_BUBBLE_STEPS if bubbles.size else 0):
-            left = forces[:, n:]
-            if np.abs(left).max() <= _BUBBLES_REST * np.abs(forces).max():
+            residual = forces[:, n:]
+            if np.abs(residual).max() <= _BUBBLES_REST * np.abs(forces).max():
                 break
-            step = np.linalg.solve(whole[:, 3 * n :, 3 * n :], left.reshape(len(left), -1, 1))
-            bubbles = bubbles - step.reshape(left.shape)
+            step = np.linalg.solve(whole[:, 3 * n :, 3 * n :], residual.reshape(len(residual), -1, 1))
+            bubbles = bubbles - step.reshape(residual.shape)
             forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *state)
-        f[chunk], K[chunk] = forces[:, :n], _without_bubbles(whole, 3 * n)
+        f[chunk], K[chunk] = forces[:, :n], condensed(whole, 3 * n)
     return f, K
 
 

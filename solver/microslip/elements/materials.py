@@ -9,12 +9,12 @@ import numpy as np
 
 Vector = tuple[float, float, float]
 COMPONENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # the order of six stresses and strains, as in Abaqus
-_ROUNDED = 1e-9  # of the largest entry of an elasticity: what the digits of a file leave
+_ROUNDED = 1e-9  # of the largest entry of an elasticity: rounding to the digits of a file
 _ON_AXIS = 1e-12  # of a distance: nearer to the axis of a cylinder any direction is as radial as another
 
 
 class Elastic(Protocol):
-    """What a material is at some points, in model axes."""
+    """The law of a material at some points, in model axes."""
 
     def stress(self, strain: np.ndarray, temperature_rise: float | np.ndarray = 0.0) -> np.ndarray:
         """Return the stress (..., 3, 3) [Pa] of a strain (..., 3, 3) at a ``temperature_rise`` (...) [K]."""
@@ -53,11 +53,11 @@ class Isotropic:
 
     @property
     def elastic(self) -> tuple:
-        """What makes stress of strain, to be compared with that of others."""
+        """Elastic constants and axes: materials with equal ones have the same stiffness."""
         return self.young, self.poisson
 
     def at(self, places: np.ndarray) -> Isotropic:
-        """Return the material at some places: it is the same everywhere, and in all axes."""
+        """Return the material itself: it is the same at all places and in all axes."""
         return self
 
     def stress(self, strain: np.ndarray, temperature_rise: float | np.ndarray = 0.0) -> np.ndarray:
@@ -67,7 +67,7 @@ class Isotropic:
         return 2.0 * mu * strain + mean[..., None, None] * np.eye(3)
 
     def stiffness(self, dN: np.ndarray, volumes: np.ndarray) -> np.ndarray:
-        """One product of matrices an element: docs/theory.md, eq. (2.1); see :class:`Elastic`."""
+        """Return K of docs/theory.md, eq. (2.1), one matrix product an element; see :class:`Elastic`."""
         n_elements, n_q, _, m = dN.shape
         lam, mu = self.lam, self.mu
         D = dN.reshape(n_elements, n_q, 3 * m)
@@ -131,7 +131,7 @@ class Cylindrical:
 
 @dataclass(frozen=True)
 class Anisotropic:
-    """A linear elastic material with axes of its own."""
+    """A linear elastic material with material axes."""
 
     elasticity: tuple[tuple[float, ...], ...]  # (6, 6) Pa in its axes, stresses and strains in the order of COMPONENTS
     expansion: Vector = (0.0, 0.0, 0.0)  # 1/K, along its axes
@@ -143,7 +143,7 @@ class Anisotropic:
 
     @property
     def elastic(self) -> tuple:
-        """What makes stress of strain, to be compared with that of others."""
+        """Elastic constants and axes: materials with equal ones have the same stiffness."""
         return self.elasticity, self.axes
 
     def at(self, places: np.ndarray) -> Turned:
@@ -156,20 +156,20 @@ class Anisotropic:
 
 @dataclass(frozen=True, eq=False)
 class Turned:
-    """A material in model axes, the same everywhere or at each quadrature point of some elements; see :class:`Elastic`."""
+    """An anisotropic material in model axes, uniform or by quadrature point of some elements; see :class:`Elastic`."""
 
     elasticity: np.ndarray  # (6, 6) or (n_elements, n_q, 6, 6) Pa
     expansion: np.ndarray  # (3, 3) or (n_elements, n_q, 3, 3) 1/K
 
     def stress(self, strain: np.ndarray, temperature_rise: float | np.ndarray = 0.0) -> np.ndarray:
-        """Return the elasticity times eps - alpha dT; see :class:`Elastic`."""
+        """Return the stress, elasticity : (eps - alpha dT); see :class:`Elastic`."""
         elastic = strain - np.asarray(temperature_rise)[..., None, None] * self.expansion
         six = np.stack([elastic[..., i, j] * (1.0 if i == j else 2.0) for i, j in COMPONENTS], axis=-1)
         values = (self.elasticity @ six[..., None])[..., 0]
-        found = np.empty((*values.shape[:-1], 3, 3))
+        sigma = np.empty((*values.shape[:-1], 3, 3))
         for k, (i, j) in enumerate(COMPONENTS):
-            found[..., i, j] = found[..., j, i] = values[..., k]
-        return found
+            sigma[..., i, j] = sigma[..., j, i] = values[..., k]
+        return sigma
 
     def stiffness(self, dN: np.ndarray, volumes: np.ndarray) -> np.ndarray:
         """docs/theory.md, eq. (2.12); see :class:`Elastic`."""
@@ -199,7 +199,7 @@ def orthotropic(young: Vector, poisson: Vector, shear: Vector) -> np.ndarray:
 
     Raises
     ------
-    ValueError : some stress would do work
+    ValueError : the compliance is not positive definite
 
     Notes
     -----
@@ -226,7 +226,7 @@ def checked(elasticity: np.ndarray) -> np.ndarray:
 
     Raises
     ------
-    ValueError : it is not symmetric, or some strain would do work
+    ValueError : it is not symmetric, or has a negative eigenvalue
     """
     if (np.abs(elasticity - elasticity.T) > _ROUNDED * np.abs(elasticity).max()).any():
         raise ValueError("its elasticity is not symmetric")

@@ -14,7 +14,7 @@ _ROUNDING = 1e-12  # outside the face by less is inside
 
 
 def nearest_on_faces(kind: str, points: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the nearest point of each face to the point that goes with it.
+    """Return the nearest point of each face to its query point.
 
     Local.
 
@@ -22,7 +22,7 @@ def nearest_on_faces(kind: str, points: np.ndarray, queries: np.ndarray) -> tupl
     ----------
     kind : a key of ``FACE_KINDS``
     points : (n_faces, n, 3) nodes of each face [m]
-    queries : (n_faces, 3) m, a point for each face
+    queries : (n_faces, 3) query points, one a face [m]
 
     Returns
     -------
@@ -71,9 +71,9 @@ def _descend(face: Kind, points, queries, starts, directions, box) -> np.ndarray
     for _ in range(_MOST_STEPS):
         if not len(live):
             break
-        here, own, to = xi[live], points[live], queries[live]
-        step = _newton_step(face, own, to, here, directions)
-        there = _downhill(face, own, to, here, step, box)
+        here, nodes, targets = xi[live], points[live], queries[live]
+        step = _newton_step(face, nodes, targets, here, directions)
+        there = _downhill(face, nodes, targets, here, step, box)
         xi[live] = there
         live = live[np.abs(there - here).max(axis=1) > _CONVERGED]
     return xi

@@ -16,7 +16,7 @@ _CHUNK_ENTRIES = 2**18  # of the largest intermediate array: 2 MiB stay in a cor
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Elements of one kind and material, how warm they are, and how their stiffness is integrated.  Local.
+    """Elements of one kind and material, with their temperature rise and the quadrature of their stiffness.  Local.
 
     Raises
     ------
@@ -28,7 +28,7 @@ class Solids:
     material: Material
     integration: str = "full"  # a key of ``INTEGRATIONS``
     incompatible_modes: bool = True  # hex8 only: three condensed bubble modes a direction, without which it locks in bending
-    temperature_rise: float | np.ndarray = 0.0  # K above the temperature without stress, one or of the nodes, (n_elements, n)
+    temperature_rise: float | np.ndarray = 0.0  # K above the temperature without stress, uniform or (n_elements, n) at the nodes
 
     @property
     def n(self) -> int:
@@ -50,7 +50,7 @@ class Solids:
         return rules(self.kind, self.integration)[0]
 
     def parts(self, n_entries: int) -> Iterator[tuple[slice, Solids]]:
-        """Yield the elements some at a time, at ``n_entries`` in memory for each."""
+        """Yield the elements in chunks that fit into the cache, each element taking ``n_entries`` numbers."""
         for chunk in _chunks(len(self.points), n_entries):
             temperature_rise = (
                 self.temperature_rise[chunk] if isinstance(self.temperature_rise, np.ndarray) else self.temperature_rise
@@ -58,11 +58,11 @@ class Solids:
             yield chunk, replace(self, points=self.points[chunk], temperature_rise=temperature_rise)
 
     def elastic(self) -> Elastic:
-        """Return what the material is at the quadrature points, in model axes."""
+        """Return the law of the material at the quadrature points, in model axes."""
         return self.material.at(KINDS[self.kind].values(self.rule.points) @ self.points)
 
     def rise_of(self) -> float | np.ndarray:
-        """Return the temperature at the quadrature points, (n_elements, n_q) [K], interpolated like motion; or the one."""
+        """Return the temperature rise at the quadrature points, (n_elements, n_q) [K], like displacements; or the uniform one."""
         return (
             self.temperature_rise @ KINDS[self.kind].values(self.rule.points).T
             if isinstance(self.temperature_rise, np.ndarray)
@@ -74,7 +74,7 @@ class Solids:
         return _gradients(KINDS[self.kind], self.points, self.rule)
 
     def functions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the same, the gradients with those of the bubbles behind them, (n_elements, n_q, 3, n_functions)."""
+        """Return the same with the gradients of the bubbles appended, (n_elements, n_q, 3, n_functions)."""
         dN, volumes = self.gradients()
         if self.has_bubbles:
             dN = np.concatenate([dN, _incompatible_gradients(KINDS[self.kind], self.points, self.rule, volumes)], axis=-1)
@@ -83,7 +83,7 @@ class Solids:
 
 @dataclass(frozen=True, kw_only=True)
 class SolidSection:
-    """What the elements of a body are made of, and how they are integrated."""
+    """Material, density and quadrature of the elements of a body."""
 
     material: Material
     density: float  # kg/m3
@@ -116,7 +116,7 @@ def stiffness(of: Solids) -> np.ndarray:
     K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
     for chunk, part in of.parts(9 * of.n_functions**2):
         dN, volumes = part.functions()
-        K[chunk] = _without_bubbles(part.elastic().stiffness(dN, volumes), 3 * of.n)
+        K[chunk] = condensed(part.elastic().stiffness(dN, volumes), 3 * of.n)
     return K
 
 
@@ -163,10 +163,10 @@ def volumes(kind: str, points: np.ndarray) -> np.ndarray:
     Local.  ``points`` is (n_elements, n, 3) [m].  Below 0 where an element is turned inside out.
     """
     rule = rules(kind, "full")[1]
-    found = np.empty(len(points))
+    total = np.empty(len(points))
     for chunk in _chunks(len(points), 9 * len(rule.weights)):
-        found[chunk] = _jacobians(KINDS[kind], points[chunk], rule.points)[1] @ rule.weights
-    return found
+        total[chunk] = _jacobians(KINDS[kind], points[chunk], rule.points)[1] @ rule.weights
+    return total
 
 
 def _chunks(n_elements: int, n_entries: int):
@@ -190,7 +190,7 @@ def _cofactor(J: np.ndarray, r: int, i: int) -> np.ndarray:
 
 
 def _volumes(det: np.ndarray, rule: Rule) -> np.ndarray:
-    """Return what each quadrature point stands for, w det J (n_elements, n_q) [m3]."""
+    """Return the volumes w det J of the quadrature points, (n_elements, n_q) [m3]."""
     n_bad = np.count_nonzero((det <= 0.0).any(axis=1))
     if n_bad:
         raise ValueError(f"{n_bad} of {len(det)} elements have det J <= 0, the least {det.min():.3e} m3")
@@ -225,9 +225,9 @@ def _incompatible_gradients(kind: Kind, points: np.ndarray, rule: Rule, volumes:
     return at_centre * (det * rule.weights / volumes)[:, :, None, None]
 
 
-def _without_bubbles(K: np.ndarray, n_kept: int) -> np.ndarray:
-    """Return the stiffness that the first ``n_kept`` DOFs see where no force acts on the others, if there are any."""
-    if K.shape[-1] == n_kept:
+def condensed(K: np.ndarray, n_retained: int) -> np.ndarray:
+    """Return the static condensation of K to its first ``n_retained`` DOFs; the others, bubbles, carry no force.  Local."""
+    if K.shape[-1] == n_retained:
         return K
-    kept, rest = slice(0, n_kept), slice(n_kept, None)
-    return K[:, kept, kept] - K[:, kept, rest] @ np.linalg.solve(K[:, rest, rest], K[:, rest, kept])
+    a, b = slice(0, n_retained), slice(n_retained, None)
+    return K[:, a, a] - K[:, a, b] @ np.linalg.solve(K[:, b, b], K[:, b, a])
