@@ -199,6 +199,26 @@ def test_ground_and_fixed_partners_drop_out_of_R():
     np.testing.assert_allclose((system.R @ u).reshape(-1, 3), -pairs.frame[:, :, 2], atol=1e-13)
 
 
+def test_a_joint_whose_both_sides_are_fixed_is_refused():
+    mesh = stack()
+    bodies, sides = {"low": "low", "high": "high"}, [("lower_top", "xyz"), ("upper_bottom", "xyz")]
+    with pytest.raises(CaseError, match=r"joint 'joint': .*both sides of all its \d+ pairs"):
+        system_of(mesh, settings(bodies, sides, [joint()]))
+    system, _ = system_of(mesh, settings(bodies, [("lower_top", "xyz"), ("upper_bottom", "xy")], [joint()]))
+    assert not system.notes
+
+
+def test_pairs_fixed_on_both_sides_are_counted():
+    mesh = stack()
+    for name in ("lower_top", "upper_bottom"):
+        side = mesh.node_groups[name]
+        mesh.node_groups[f"held_{name}"] = side[np.argsort(mesh.points[side, 0])[:3]]
+    supports = [("held_lower_top", "xyz"), ("held_upper_bottom", "xyz")]
+    system, pairs = system_of(mesh, settings({"low": "low", "high": "high"}, supports, [joint()]))
+    still = np.flatnonzero(np.diff(system.R.indptr).reshape(-1, 3).sum(axis=1) == 0)
+    assert len(still) == 3 and f"both sides of 3 of its {pairs.n_pairs} pairs" in system.notes[0]
+
+
 def test_loads_and_outputs():
     mesh = stack()
     tip = int(mesh.numbers[-1])

@@ -20,6 +20,7 @@ from .base_motion import with_base_motion
 from .check import check_elements
 from .constrained import constrained
 from .constraints import check_supports, constrain
+from .fixed_pairs import fixed_by_nodes, notes_on_fixed
 from .maps import base_map, load_map, orders_of, output_map, pair_map
 from .nodal_forces import nodal_forces
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
@@ -50,7 +51,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
-    is_fixed, part, part_names, loads, outputs, links, clusters = on_root(comm, read_off, mesh, pairs, settings)
+    is_fixed, part, part_names, loads, outputs, links, clusters, notes = on_root(comm, read_off, mesh, pairs, settings)
     loads = with_base_motion(loads, settings, dmesh, links)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[: len(to_mesh)][to_mesh])
@@ -75,6 +76,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
         dof=dof_of_mesh,
         parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
         part_names=part_names,
+        notes=notes,
         output_orders=orders_of(settings.outputs),
         output_base=base_map(settings.outputs, settings.loads) if any(one.absolute for one in settings.outputs) else None,
     )
@@ -84,18 +86,19 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
 def read_off(mesh: Mesh, pairs: ContactPairs, settings: StructureTables) -> tuple:
     """Return what only the whole mesh tells.
 
-    Fixed DOFs by place (``mesh/ties.py``), parts and their names, loads and outputs on places, what follows what, and which
-    parts nothing but joints holds.
+    Fixed DOFs by place (``mesh/ties.py``), parts and their names, loads and outputs on places, what follows what, which
+    parts nothing but joints holds, and notes on pairs that supports fix on both sides.
     """
     links = find_links(mesh, settings)
     is_fixed = fixed_places(mesh, settings, links)
     check_supports(mesh, links, is_fixed)
+    notes = notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(settings.path))
     part, part_names = connected_parts(mesh, settings.body_of)
     check_held(part, part_names, mesh, settings.supports, pairs, links)
     clusters = loose_clusters(part, len(part_names), mesh, settings.supports, links)
     loads = [nodal_forces(mesh, load, settings.model, f"[[loads]] {i}", links) for i, load in enumerate(settings.loads, 1)]
     outputs = [output_row(mesh, output, settings, links) for output in settings.outputs]
-    return is_fixed, part, part_names, loads, outputs, links, clusters
+    return is_fixed, part, part_names, loads, outputs, links, clusters, notes
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, elements.SolidSection]):

@@ -24,6 +24,7 @@ from ..parallel.ownership import split_evenly
 from ..tables.joint import Joint
 from ..tables.structure_tables import StructureTables
 from ..tables.vibration import Load, Output
+from .fixed_pairs import fixed_by_rows, notes_on_fixed
 from .force_file import forces_on_dofs
 from .maps import orders_of
 from .matrix_checks import said_of
@@ -100,6 +101,7 @@ def read_structure(settings: StructureTables) -> GivenStructure:
     notes += () if places is None else places.mesh.notes
     notes += tuple(said_of(K, M, {key: each.skew for key, each in found.items()}, places))
     pairs, R = _read_joints(settings, n_dof, places)
+    notes += notes_on_fixed(pairs, fixed_by_rows(R), str(settings.path))
     loads, outputs = _load_map(settings.loads, n_dof, places), _output_map(settings.outputs, n_dof, places)
     return GivenStructure(K, M, C, pairs, R, loads, outputs, places, notes + pairs.notes)
 

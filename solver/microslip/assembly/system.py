@@ -37,6 +37,7 @@ class System:
     output_base: np.ndarray | None = None  # (n_outputs, n_loads) acceleration of the base along absolute outputs; None: none
     constraints: Constraints | None = None  # what ties and points make follow; None where there are none
     rest_owned: np.ndarray | None = None  # (n_dof_owned,) m, this rank's rows of the displacement at rest; None without statics
+    notes: tuple[str, ...] = ()  # on pairs that supports fix on both sides, for the log
     moved: np.ndarray | None = None  # (n_nodes, 3) m, how far supports are moved at rest, in the order of dof; None: they rest
 
     @property

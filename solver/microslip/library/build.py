@@ -232,7 +232,7 @@ def from_mesh(
         shares = distribute(mesh, scene, comm)
     with log.stage("assembly"):
         system = assemble(shares, mesh, pairs, scene)
-    for note in system.constraints.notes if system.constraints is not None else ():
+    for note in (*(system.constraints.notes if system.constraints is not None else ()), *system.notes):
         log.note(note)
     if scene.statics is None:
         return mesh, AtRest(system, pairs), None

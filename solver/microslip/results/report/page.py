@@ -116,7 +116,7 @@ def _sections(
     results: ResultFile, fields: Fields | None, run: RunRecord, figures: dict, drawings: str
 ) -> list[tuple[str, str, str]]:
     """Return key, heading and HTML of the sections that there are."""
-    found = [("summary", "Summary", tables.cards(results) + tables.peaks_table(results))]
+    found = [("summary", "Summary", tables.warnings_list(run.notes) + tables.cards(results) + tables.peaks_table(results))]
     found.append(("response", "Response", _response(results, figures)))
     if fields is not None:
         found.append(("motion", "Motion", _MOTION))

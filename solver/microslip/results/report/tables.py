@@ -240,6 +240,12 @@ def checks_list(results: ResultFile) -> str:
     return f'<ul class="checks">{"".join(items)}</ul>'
 
 
+def warnings_list(notes: Sequence[str]) -> str:
+    """Return what a run warned of, as a list with marks; nothing without a warning."""
+    items = "".join(f'<li class="{LOOK}"><b>!</b>{escape(note)}</li>' for note in notes if "WARNING" in note)
+    return f'<ul class="checks">{items}</ul>' if items else ""
+
+
 def times_table(results: ResultFile, run: RunRecord) -> str:
     """Return what the stages took, and the points of each level."""
     whole = sum(stage.seconds for stage in run.stages)

@@ -36,7 +36,7 @@ def description(
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, loads, outputs, links, _ = read_off(mesh, pairs, scene)
+    is_fixed, _, part_names, loads, outputs, links, _, on_fixed = read_off(mesh, pairs, scene)
     volume = content.volumes(mesh, scene.bodies)
     density = {name: scene.materials[body.material].density for name, body in scene.bodies.items()}
     n_dependent = int((~is_fixed.ravel()[links.dependent]).sum())
@@ -61,7 +61,7 @@ def description(
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
         *_joints(pairs),
-        *(f"           {note}" for note in pairs.notes),
+        *(f"           {note}" for note in (*pairs.notes, *on_fixed)),
         *_bolts(mesh, scene),
         *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, loads), 1)),
         *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, outputs)),
