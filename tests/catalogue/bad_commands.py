@@ -57,6 +57,11 @@ COMMANDS = [
     line("unknown method to compare", "compare lap.toml --out out --methods full,rubbin", "rubbin", "nearest is rubin"),
     line("unknown knob", "trade lap.toml --out out --knobs mods", "mods", "nearest is modes"),
     line("mesh to trade that is not there", "trade lap.toml --out out --knobs mesh --meshes none.msh", "none.msh", "there is no"),
+    line(
+        "another mesh of matrices",
+        "trade chain.toml --out out --meshes lap.msh",
+        "given as matrices; there is no other mesh of it",
+    ),
     line("verify at no frequency", "verify lap.toml --out out --at 99,x", "'99,x' are not numbers above 0"),
     line("verify outside the range", "verify lap.toml --out out --at 5000", "--at", "5000 Hz"),
     line("odd number of steps", "verify lap.toml --out out --steps 33", "'33' is not an even number of at least 16"),

@@ -271,6 +271,12 @@ FIT = [
     lap(
         "more modes than DOF", "modes = 5", "modes = 5000", "[solver] modes = 5000: the structure has only", "degrees of freedom"
     ),
+    Case(
+        "check of more modes than DOF",
+        "check lap.toml",
+        ("[solver] modes = 5000: the structure has only",),
+        edited("lap.toml", "modes = 5", "modes = 5000"),
+    ),
     lap("mode far up", "frequencies = [10.0, 1000.0]", "mode = 4000\nspan = [0.9, 1.1]", "[response] mode = 4000"),
     with_more(
         "support on a distributing point",

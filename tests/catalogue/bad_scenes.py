@@ -327,6 +327,11 @@ CONTRADICTIONS = [
         '[[loads]]\ngroup = "tip"\npressure = 1.0\ntravelling = [1.0, 0.0, 0.0]\nengine_order = 2\n',
         "exactly one of travelling, engine_order",
     ),
+    with_more(
+        "surface of no body",
+        '[[surfaces]]\nname = "s"\nbodies = ["left", "rigth"]\n',
+        '[[surfaces]] 1 ("s") bodies holds "rigth": there is no such body; nearest is "right"',
+    ),
     with_more("surface of one body", '[[surfaces]]\nname = "s"\nbodies = ["left", "left"]\n', "normal is missing"),
 ]
 

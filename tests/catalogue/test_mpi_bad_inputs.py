@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 from petsc4py import PETSc
 
-from catalogue.bad_inputs import CASES
+from catalogue.bad_inputs import BY_SORT, CASES
 from catalogue.judge import Ended, violations
 from catalogue.sound import EARLIER, fingerprint, write_sound
 from microslip.__main__ import main
@@ -79,14 +79,18 @@ def petsc_options(line):
         options.delValue(name)
 
 
-def entry(number, case):
-    """Return a case as a parameter; on one rank and on three, which show little that two do not, some of them have to do."""
-    others = (1,) * (number % 4 == 0) + (3,) * (number % 16 == 0)
-    return pytest.param(case, id=case.name, marks=pytest.mark.ranks(2, *others))
+ON_RANK_0 = ("scene", "command", "results")  # are refused by rank 0 before the others do anything of their own
+
+
+def entry(number, sort, case):
+    """Return a case as a parameter: on two ranks, or on one where rank 0 alone finds it; a sample of either on the others."""
+    ranks = (1,) if sort in ON_RANK_0 else (2,)
+    others = (1, 2) * (number % 4 == 0) + (3,) * (number % 16 == 0)
+    return pytest.param(case, id=case.name, marks=pytest.mark.ranks(*ranks, *others))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [entry(number, case) for number, case in enumerate(CASES)])
+@pytest.mark.parametrize("case", [entry(i, sort, case) for sort, cases in BY_SORT.items() for i, case in enumerate(cases)])
 def test_a_bad_input(comm, place, capfd, case):
     if case.not_by_root and os.geteuid() == 0:
         pytest.skip("no permission stops root")

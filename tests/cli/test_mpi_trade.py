@@ -108,20 +108,6 @@ def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path
     assert "meshes, against the finest" in out
 
 
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        (("--knobs", "harmonic"), "--knobs: unknown knob 'harmonic'; nearest is harmonics; known: harmonics, samples, modes"),
-        (("--levels", "0"), "argument --levels: '0' are not numbers above 0"),
-        (("--seconds", "soon"), "argument --seconds: 'soon' is not a number above 0"),
-        (("--meshes", "other.msh"), "is given as matrices; there is no other mesh of it"),
-    ],
-)
-def test_a_bad_option_is_named_once(program, arguments, message):
-    status, _, err = program(write_mass, *arguments)
-    assert status == 2 and err.count(message) == 1
-
-
 def test_without_a_joint_nothing_is_to_trade(program):
     def write(folder):
         path = write_mass(folder)

@@ -2,7 +2,6 @@
 
 import importlib.util
 
-import pytest
 from lap_scene import SCENE, write_mesh
 from processes import microslip
 from scene_files import write_scene
@@ -16,34 +15,13 @@ def test_it_knows_its_version():
     assert (done.returncode, done.stdout) == (0, f"microslip {package.__version__}\n")
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_misspelled_key_gives_one_message(tmp_path, ranks):
+def test_two_ranks_say_once_what_is_wrong(tmp_path):
     write_scene(tmp_path, "friction =", "friktion =")
-    done = microslip("run", "fan.toml", ranks=ranks, cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stdout == ""
+    done = microslip("run", "fan.toml", ranks=2, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
     expected = 'microslip: error: fan.toml: [[joints]] 1 ("dovetail") friktion: unknown key; nearest is "friction"\n'
-    assert done.stderr.count(expected) == 1
-    assert done.stderr.count("error") == 1
-    assert "Traceback" not in done.stderr
+    assert done.stderr.count(expected) == 1 and done.stderr.count("error") == 1 and "Traceback" not in done.stderr
     assert not (tmp_path / "results").exists()
-
-
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        (("run", "none.toml"), "there is no such file"),
-        (("run", "fan.toml", "--ot", "x"), "unknown option --ot; nearest is --out"),
-        (("run", "fan.toml", "--", "-snes_monitor"), "perhaps -hb_snes_monitor"),
-    ],
-)
-def test_two_ranks_say_once_what_is_wrong(tmp_path, arguments, message):
-    write_scene(tmp_path)
-    done = microslip(*arguments, ranks=2, cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.count("microslip: error: ") == 1
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path, program, monkeypatch):
@@ -62,10 +40,10 @@ def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path, pr
     written = {path.name for path in (tmp_path / file).parent.iterdir()}
     assert {"frf.csv", "results.h5", "run.log", "response.png"} <= written
     monkeypatch.chdir(tmp_path)
-    done = microslip("convert", file, "--out", "others", ranks=2, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    status, out, err = program("convert", file, "--out", "others")
+    assert (status, err) == (0, "")
     others = {path.name for path in (tmp_path / "others").iterdir()}
-    assert others == set(done.stdout.replace("others/", "").split()) >= {"results.unv", "results.mat", "motion_0000.vtkhdf"}
+    assert others == set(out.replace("others/", "").split()) >= {"results.unv", "results.mat", "motion_0000.vtkhdf"}
     status, _, said = program("report", file, "--out", "page")
     if importlib.util.find_spec("plotly") is None:
         assert status == 2 and said.count("microslip: error: report needs plotly") == 1
@@ -73,19 +51,11 @@ def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path, pr
         assert status == 0 and (tmp_path / "page" / "report.html").stat().st_size < 10e6
 
 
-def test_check_and_run_refuse_too_many_modes_alike(tmp_path, program):
+def test_check_leaves_modes_to_an_accuracy(tmp_path, program):
     write_mesh(tmp_path / "lap.msh")
-    scene = tmp_path / "lap.toml"
-    scene.write_text(SCENE.replace("modes = 5", "accuracy = 1e-2"))
-    status, out, _ = program("check", scene)
+    (tmp_path / "lap.toml").write_text(SCENE.replace("modes = 5", "accuracy = 1e-2"))
+    status, out, _ = program("check", tmp_path / "lap.toml")
     assert status == 0 and "modes      picked at run time for [solver] accuracy = 0.01\n" in out
-    scene.write_text(SCENE.replace("modes = 5", "modes = 5000"))
-    said = []
-    for command in ("check", "run"):
-        status, _, err = program(command, scene)
-        assert status == 2 and "Traceback" not in err
-        said.append([line for line in err.splitlines() if line.startswith("microslip: error: ")])
-    assert said[0] == said[1] and "lap.toml: [solver] modes = 5000: the structure has only" in said[0][0]
 
 
 def test_the_doctor_finds_this_machine_well():

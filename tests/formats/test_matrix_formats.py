@@ -217,7 +217,7 @@ def test_damage_anywhere_gives_one_message_or_another_matrix(tmp_path, ending):
     path, random = tmp_path / f"A.{ending}", np.random.default_rng(7)
     write(path, matrix(), DOFS)
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
-    for _ in range(40):
+    for _ in range(10 if ending in ("mat", "v73.mat") else 40):  # which a process of its own reads each time
         damaged = content.copy()
         damaged[random.integers(0, min(len(content), 600), 3)] = random.integers(0, 256, 3)
         path.write_bytes(damaged.tobytes())

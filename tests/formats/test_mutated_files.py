@@ -12,6 +12,7 @@ from reader_seeds import SEEDS
 from reader_targets import TARGETS, verdict
 
 CASES = Path(__file__).parent / "fuzz_cases"
+SLOW = ("results", "mat", "exodus")  # a process of its own reads each file
 
 
 @pytest.mark.parametrize("case", sorted(CASES.iterdir()), ids=lambda path: path.name)
@@ -45,7 +46,13 @@ def test_changed_files_are_read_or_refused(seeds, name):
     words = st.sampled_from([word.encode("latin-1") for word in target.dictionary]) | st.binary(max_size=8)
     edit = st.tuples(st.integers(0, 1 << 17), st.integers(0, 12), words)
 
-    @settings(max_examples=20, deadline=None, derandomize=True, database=None, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=8 if name in SLOW else 20,
+        deadline=None,
+        derandomize=True,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
     @given(st.sampled_from(range(len(files[name]))), st.lists(edit, min_size=1, max_size=4), st.none() | st.floats(0.0, 1.0))
     def one_file(i, edits, share):
         content = changed(files[name][i], edits)
