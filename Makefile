@@ -1,7 +1,7 @@
 # make demo   everything a bare Debian 12 needs, then the demo scene to its pictures
-# make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py on three ranks (but for STORIES below)
-#             and on two, then everything on one rank, in WORKERS processes side by side (make test WORKERS=8; if not said
-#             as many as there are cores, four at most)
+# make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py on three ranks, on two the STORIES
+#             below and what shows nothing on three, then everything on one rank, in WORKERS processes side by side
+#             (make test WORKERS=8; if not said as many as there are cores, four at most)
 # make ranks  all of tests/**/test_mpi_*.py on three ranks, or on as many as one says (make ranks RANKS=5)
 # make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than a
 #             second) and those of the program, the oracles, the benchmarks and the verification studies
@@ -65,7 +65,9 @@ test: $(VENV)/installed $(VENV)/test-tools $(VENV)/docs-tools meshes/fan_small.m
 	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) \
 		$$(find tests -name 'test_mpi_*.py' $(STORIES:%=-not -path 'tests/%/*') | sort)
 	@echo "tests on 2 ranks"
-	@$(MPIRUN) --oversubscribe -n 2 $(IN_VENV) $(ON_RANKS) $$(find tests -name 'test_mpi_*.py' | sort)
+	@$(MPIRUN) --oversubscribe -n 2 $(IN_VENV) $(ON_RANKS) $$(find $(STORIES:%=tests/%) -name 'test_mpi_*.py' | sort)
+	@$(MPIRUN) --oversubscribe -n 2 $(IN_VENV) $(ON_RANKS) --unless-on 3 \
+		$$(find tests -name 'test_mpi_*.py' $(STORIES:%=-not -path 'tests/%/*') | sort)
 	$(ONE_RANK)
 
 ranks: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh

@@ -70,14 +70,23 @@ def program(comm, capfd, monkeypatch, request):
         signal.signal(number, handler)
 
 
+def pytest_addoption(parser):
+    parser.addoption("--unless-on", type=int, metavar="N", help="leave out what also runs on N ranks")
+
+
 def pytest_collection_modifyitems(config, items):
     """Leave out what shows nothing more on this number of ranks: the mark ``ranks`` of a test or its file names the numbers.
 
     A test's own marks count before its file's; those of its parameters all count.
     """
-    here = {item: all(COMM.size in mark.args for mark in _marks_of_ranks(item)) for item in items}
+    other = config.getoption("--unless-on")
+    here = {item: _runs_on(item, COMM.size) and not (other and _runs_on(item, other)) for item in items}
     config.hook.pytest_deselected(items=[item for item in items if not here[item]])
     items[:] = [item for item in items if here[item]]
+
+
+def _runs_on(item, n_ranks):
+    return all(n_ranks in mark.args for mark in _marks_of_ranks(item))
 
 
 def _marks_of_ranks(item):

@@ -63,7 +63,7 @@ def test_a_mesh_with_each_law_through_the_program(comm, shared_path, program):
     peaks = {}
     for name, own in (("rough", ROUGH), ("iwan", IWAN)):
         text = SCENE.replace(OF_LAP, own + "\n")
-        for old, new in (("[10.0, 1000.0]", "[80.0, 110.0]"), ("[1.0]", "[0.3]"), ("points = 20", "points = 8")):
+        for old, new in (("[10.0, 1000.0]", "[80.0, 110.0]"), ("[1.0]", "[0.3]"), ("points = 20", "points = 4")):
             text = text.replace(old, new)
         path = on_root(comm, lambda text=text, name=name: write(shared_path / f"{name}.toml", text))
         status, out, err = program("run", path, "--out", shared_path / name)

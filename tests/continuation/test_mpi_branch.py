@@ -128,6 +128,7 @@ def distance_to_polyline(point, line):
     return np.linalg.norm(a + share[:, None] * (b - a) - point, axis=1).min()
 
 
+@pytest.mark.ranks(1)
 def test_second_point_does_not_jump_over_the_folds_beside_the_first():
     found = branch(scene("spatial"), COMM, 0.8, low=0.97, high=1.9, H=5, points=30)
     assert found.failure is None
@@ -139,6 +140,7 @@ def test_branch_that_leaves_the_range_at_its_start_says_so():
     assert found.points and "back out of the range" in found.failure
 
 
+@pytest.mark.ranks(1)
 def test_first_point_that_newton_misses_is_reached_over_the_level():
     found = branch(scene("spatial"), COMM, 1.5, low=0.97, high=1.9, points=30)
     assert found.failure is None and found.points[0].omega == 0.97
@@ -146,6 +148,7 @@ def test_first_point_that_newton_misses_is_reached_over_the_level():
     assert not any(point.notes for point in found.points[1:])
 
 
+@pytest.mark.ranks(1)
 def test_where_no_step_leads_on_many_small_newton_steps_may(monkeypatch):
     """From its tenth solve on Newton fails until it has been patient: the curve is the same."""
     whole, solve, solves = branch(scene("jenkins"), COMM, 0.8, H=1, points=12), PointSolver.solve, []
@@ -200,6 +203,7 @@ def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
     assert max(point.unknowns for point in plain.points[2:]) > n_modes * N_H
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_receptance_counts_the_pairs_that_couple():
     stuck = branch(scene("chain"), COMM, 1e-3, selection=AllPairs())
@@ -212,6 +216,7 @@ def test_receptance_counts_the_pairs_that_couple():
         assert unknowns == [3 * n * 7 for n in moving]
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_failure_names_the_frequency_and_keeps_the_points():
     system = scene("gap")

@@ -92,9 +92,9 @@ def followed(make, n_steps, path=None):
 @pytest.mark.parametrize(
     "make",
     [
-        chain_task,
+        pytest.param(chain_task, marks=pytest.mark.ranks(1)),
         lambda: chain_task(with_accuracy=True),
-        lambda: chain_task(NonStickingPairs(checks_in_point=True)),
+        pytest.param(lambda: chain_task(NonStickingPairs(checks_in_point=True)), marks=pytest.mark.ranks(1)),
         lambda: chain_task(level=1e-3),
         pytest.param(free_task, marks=pytest.mark.ranks(1)),
     ],

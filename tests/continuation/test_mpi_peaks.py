@@ -45,12 +45,13 @@ def peaks(system, level, H, n_samples, points=40):
 
 def test_the_peak_of_one_harmonic_is_met_as_samples_grow():
     """Exact with one harmonic: 1.4979492641e-5 m at 209.21110546 rad/s."""
-    for n_samples in (128, 256, 512, 1024):
+    for n_samples in (128, 256, 1024):
         _, (peak,) = peaks(damper(), 123.024, 1, n_samples)
         assert abs(peak.amplitude) == pytest.approx(1.4979492641e-5, rel=5.0 / n_samples**2)
         assert peak.omega == pytest.approx(209.21110546, rel=0.6 / n_samples)  # the slope knows where slip ends to a sample
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_peaks_are_those_of_a_fine_sweep():
     system = scenes.chain()

@@ -109,6 +109,7 @@ def test_what_the_shortest_step_passes_over_is_said():
     assert notes == {PASSED}
 
 
+@pytest.mark.ranks(1)
 def test_points_close_enough_stay_as_they_are(monkeypatch):
     system = scenes.SCENES["jenkins"]()
     system["loads"][0].setdefault("phase", 0.0)

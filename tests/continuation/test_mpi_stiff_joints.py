@@ -96,6 +96,7 @@ def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
     assert found.failure is None and HELD in found.points[0].notes and (found.points[0].state == 1).all()
 
 
+@pytest.mark.ranks(1)
 def test_a_body_on_one_pair_goes_on_where_that_begins_to_slip():
     found = branch(structures.free_body(n_pairs=1), COMM, 0.06, low=0.62, high=0.7, points=6, tolerance=1e-8)
     sticks = [not point.state.any() for point in found.points]
