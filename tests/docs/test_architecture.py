@@ -72,7 +72,13 @@ def test_every_file_that_the_page_names_is_there():
     assert not {file for file in files if not (SOLVER / file).is_file()}
 
 
-WALKS = {"levels": "levels?|at_level", "mu": "mu|friction", "harmonics": "harmonics"}  # the words by which a value goes
+WALKS = {  # the names of a value on its path
+    "levels": "levels?|at_level",
+    "mu": "mu|friction",
+    "harmonics": "harmonics",
+    "static column": r"static|columns|G_static|entries|active",
+    "displacement": r"outputs?|out_\w+|output_\w+|displacement|response|point",
+}
 
 
 def defined(path, name):
@@ -88,7 +94,7 @@ def defined(path, name):
 
 @pytest.mark.parametrize("value", WALKS)
 def test_the_walk_of_a_value_is_that_of_the_code(value):
-    (row,) = re.findall(rf"^\| `{value}`.*$", PAGE.partition("## Three walks")[2], flags=re.M)
+    (row,) = re.findall(rf"^\| `{value}`.*$", PAGE.partition("## Walks")[2], flags=re.M)
     _, way, files, _ = (cell.strip() for cell in row.strip("|").split(" | "))
     steps = re.findall(r"`([\w/]+\.\w+)` `([\w.]+)`", way)
     assert len({file for file, _ in steps}) == int(files) == way.count(",") + 1
