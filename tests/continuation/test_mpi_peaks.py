@@ -8,11 +8,16 @@ from dense_model import amplitude, branch, forced, reduced
 from mpi4py import MPI
 from oracles import scenes
 
-from microslip.continuation.constraint_rows import Place, Scaling
-from microslip.continuation.peaks import EXACT, Stationary, peaks_of
+from microslip.continuation.constraint_rows import Plane, Scaling
+from microslip.continuation.corrector import BorderedSystem, Corrector
+from microslip.continuation.iterate import Iterate
+from microslip.continuation.maximum import EXACT, Maximum
+from microslip.continuation.peaks import follow_peak, peaks_of
+from microslip.continuation.problems import PeakOver
 from microslip.harmonic.adjoint_solver import AdjointSolver
-from microslip.harmonic.linearisation import Linearisation
+from microslip.harmonic.operating_point import LawParameter
 from microslip.observe.level_log import peak_lines
+from microslip.points.sweep import Sweep
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -76,28 +81,62 @@ def test_a_linear_peak_and_its_width_are_those_of_the_oscillator():
     assert peak.slipping == 0
 
 
-def test_the_gradient_of_the_constraint_is_its_derivative():
-    problem = forced(*reduced(damper(), COMM, 1), 256, 123.024)
-    equation, omega = problem.equation, 205.0
-    solvers = AdjointSolver(COMM, EXACT, np.float64), AdjointSolver(COMM, EXACT, np.float64)
-    unit, constraint = 8.0, Stationary(0, 1e-10 / 8.0, 8.0, *solvers)
-    U, scaling = 1.4 * equation.linear_motion(problem.at((omega,))), Scaling(1e-5, (unit,))
-    direction = np.random.default_rng(2).standard_normal(U.shape) if len(U) else np.zeros(U.shape)
+@pytest.fixture
+def forward():
+    solver = AdjointSolver(COMM, EXACT, np.float64)
+    yield solver
+    solver.destroy()
 
-    def place(h):
-        at = problem.at((omega + 0.3 * unit * h,))
-        there = U + scaling.U * h * direction
-        forces = equation.contact_forces(there, equation.every_pair, tangents=True)
-        return Place(problem.at, scaling, there, np.array([at.omega / unit]), Linearisation.of(equation, at, forces))
 
-    n_U, n_nu = constraint.gradient(place(0.0))
-    slope = COMM.allreduce(float(np.vdot(n_U, direction))) + 0.3 * n_nu[0]
-    steps = 1e-3 * 0.5 ** np.arange(3)
-    differences = [(constraint.value(0.0, place(h)) - constraint.value(0.0, place(-h))) / (2.0 * h) for h in steps]
-    for solver in solvers:
-        solver.destroy()
-    assert len(place(0.0).linear.forces.active) == 1 and abs(slope) > 0.0
-    assert differences == pytest.approx([slope] * 3, rel=2e-3)
+def test_rates_of_an_output_are_differences_of_solutions(forward):
+    """Of two parameters, level and frequency, at a point where no sample switches near by."""
+    equation = forced(*reduced(damper(), COMM, 1), 256, 1.0).equation
+    problem = PeakOver(equation, "level", 1.0, 225.0, 8.0, Maximum(0, 1, forward))
+    every, units = problem.equation.every_pair, np.array([10.0, 8.0])
+    corrector, scaling = Corrector(COMM, problem.equation.shape, 1e-12, 2), Scaling(1e-5, tuple(units))
+
+    def solved(parameters):
+        guess = Iterate(problem.equation.linear_motion(problem.at(parameters)), parameters, problem.equation.harmonics)
+        planes = tuple(Plane(guess, np.zeros_like(guess.U), tuple(row)) for row in np.eye(2))
+        system = BorderedSystem(problem, planes, scaling, every)
+        found = corrector.correct(system, guess)
+        assert found.failure is None
+        return found.iterate, problem.maximum.rates(system, found.iterate)
+
+    here, h = np.array([123.024, 200.0]), 1e-5
+    there, rates = solved(tuple(here))
+    for j, step in enumerate(h * np.diag(units)):
+        (before, of_before), (after, of_after) = solved(tuple(here - step)), solved(tuple(here + step))
+        assert (of_after.a - of_before.a) / (2.0 * h) == pytest.approx(rates.a_nu[j], rel=1e-4)
+        assert (after.U - before.U) / (2.0 * h * scaling.U) == pytest.approx(rates.V[j], rel=1e-4, abs=1e-6)
+    corrector.destroy()
+
+
+def test_the_peak_over_the_level_is_one_branch():
+    """From stuck through the level whose peak is known exactly to gross slip: 1.4979492641e-5 m at 209.21110546 rad/s."""
+    n_samples, levels = 1024, (123.024, 180.0, 240.0)
+    of_curves = {level: peaks(damper(), level, 1, n_samples)[1][0] for level in (1.0, *levels)}
+    equation = forced(*reduced(damper(), COMM, 1), n_samples, 1.0).equation
+    found = follow_peak(equation, "level", Sweep(10.0, 300.0, levels), of_curves[1.0], 1e-10)
+    assert found.failure is None and len(found.points) < 60
+    assert found.points[0].state.max() == 0 < found.points[-1].state.max()
+    asked = [point for point in found.points if point.asked]
+    assert amplitude(asked[0]) == pytest.approx(1.4979492641e-5, rel=5.0 / n_samples**2)
+    assert asked[0].omega == pytest.approx(209.21110546, rel=0.6 / n_samples)
+    for point, level in zip(asked, levels, strict=True):
+        assert point.parameters == (level, point.omega)
+        peak = of_curves[level]  # of another corner, it may be
+        assert amplitude(point) == pytest.approx(abs(peak.amplitude), rel=10.0 / n_samples**2)
+        assert point.omega == pytest.approx(peak.omega, rel=1.0 / n_samples)
+
+
+def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():
+    """One mass: its peak depends on level / (mu N) alone, so that half the friction is twice the level at half the size."""
+    stuck, twice = (peaks(damper(), level, 1, 512)[1][0] for level in (1.0, 246.048))
+    equation, friction = forced(*reduced(damper(), COMM, 1), 512, 1.0).equation, LawParameter("mu", np.arange(1), np.ones(1))
+    found = follow_peak(equation, friction, Sweep(2.0, 0.5), stuck, 1e-10, level=123.024)
+    assert found.failure is None
+    assert amplitude(found.points[-1]) == pytest.approx(0.5 * abs(twice.amplitude), rel=10.0 / 512**2)
 
 
 def test_a_peak_that_no_solve_reaches_says_so():

@@ -6,7 +6,7 @@ Unknowns are scaled: xi = U / its unit, nu = parameters / theirs.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -41,12 +41,6 @@ class Place:
         """The linearisation, of a constraint that says that it takes one."""
         assert self.linearisation is not None, "made for constraints that take it"
         return self.linearisation
-
-    def beside(self, d_nu: np.ndarray) -> Place:
-        """Return the place with other parameters, the same motion and contact law.  Collective where static columns are new."""
-        at = self.operating_point(tuple((self.nu + d_nu) * self.scaling.parameters))
-        G = self.linear.equation.receptance(at, self.linear.forces.active)
-        return replace(self, nu=self.nu + d_nu, linearisation=replace(self.linear, at=at, G=G))
 
 
 class Constraint(Protocol):

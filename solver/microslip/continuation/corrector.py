@@ -62,6 +62,7 @@ class Correction:
     bound: float = 0.0  # the tolerance that was asked for
     gap: float = 0.0  # m, the most that the motion of the stiffest pairs and that under their forces differ by
     is_linear: bool = False  # the linear response, found without solving
+    within: float = 0.0  # rad/s: of a maximum that is a corner, the interval that it lies in; 0 where the slope is
 
     def with_effort_of(self, other: Correction) -> Correction:
         """Return it with the iterations of another solve added.  Local."""

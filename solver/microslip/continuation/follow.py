@@ -239,7 +239,7 @@ def follow_branch(
     points of a step when the ``keeper`` has them, so that at most those are lost again which that puts off.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
-    branch = Branch(task.problem.at((task.sweep.start,)).level)
+    branch = Branch(task.problem.at(task.problem.curve.at(task.sweep.start).parameters).level)
     workspace = task.workspace()
     since: list[Point] = []  # the last step
 

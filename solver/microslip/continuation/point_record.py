@@ -73,6 +73,7 @@ def point_record(
         harmonics=harmonics.highest,
         samples=equation.n_samples,
         asked=asked,
+        parameters=correction.iterate.parameters,
         notes=(*((HELD,) if equation.held is not None else ()), *((CREEPS,) if creeps else ())),
         error=None if estimate is None else estimate.parts,
         corrected=None if estimate is None else response[:, 1:3] + quadratures(estimate.correction),

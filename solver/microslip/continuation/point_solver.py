@@ -133,7 +133,8 @@ class PointSolver:
         while True:
             corrector = self.workspace.corrector(self.equation, self.resolution)
             system = BorderedSystem(self.problem, (plane, *self.problem.constraints), scaling, selected)
-            found = corrector.correct(system, guess, self.is_patient)
+            row = self.problem.maximum
+            found = row.correct(corrector, system, guess) if row else corrector.correct(system, guess, self.is_patient)
             newton, krylov = newton + found.newton, krylov + found.krylov
             self.workspace.spent += found.newton
             found = replace(found, newton=newton, krylov=krylov)

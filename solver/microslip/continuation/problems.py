@@ -9,7 +9,7 @@ section 7).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from ..harmonic.operating_point import LawParameter, OperatingPoint, Rates
 from .constraint_rows import Constraint
 from .iterate import Iterate
 from .linear_levels import sticks
+
+if TYPE_CHECKING:
+    from .maximum import Maximum
 
 
 class KnownCurve(Protocol):
@@ -52,6 +55,10 @@ class Problem(Protocol):
     @property
     def constraints(self) -> tuple[Constraint, ...]:
         """The k - 1 rows that hold beside that of the step."""
+
+    @property
+    def maximum(self) -> Maximum | None:
+        """What takes the place of one of these rows: an amplitude is at its maximum."""
 
     @property
     def curve(self) -> KnownCurve:
@@ -101,6 +108,10 @@ class ProblemBase:
         return ()
 
     @property
+    def maximum(self) -> Maximum | None:
+        return None
+
+    @property
     def curve(self) -> KnownCurve:
         return LinearResponse(self)
 
@@ -109,7 +120,7 @@ class ProblemBase:
         return ()
 
     def allows(self, parameters: tuple[float, ...]) -> bool:
-        return parameters[0] > 0.0
+        return min(parameters) > 0.0
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         raise NotImplementedError
@@ -121,7 +132,7 @@ class ProblemBase:
         return replace(self, equation=equation)
 
     def where(self, parameter: float) -> str:
-        return self.at((parameter,)).text
+        return self.at(self.curve.at(parameter).parameters).text
 
     def without_solution(self, parameter: float, why: str) -> str:
         return (
@@ -132,12 +143,13 @@ class ProblemBase:
 
 @dataclass(frozen=True, eq=False)
 class LinearResponse:
-    """The forced response of a problem of one parameter while all pairs stick, closed."""
+    """The forced response of a problem while all pairs stick, closed, at fixed values of the parameters beside the swept one."""
 
     problem: Problem
+    others: tuple[float, ...] = ()
 
     def at(self, parameter: float) -> Iterate:
-        return self._of((parameter,))
+        return self._of((parameter, *self.others))
 
     def holds(self, parameters: tuple[float, ...]) -> bool:
         at = self.problem.at(parameters)
@@ -213,3 +225,45 @@ class DampingHomotopy(ProblemBase):
 
     def where(self, parameter: float) -> str:
         return f"{super().where(parameter)}, damped further by {self.at((parameter,)).sigma:.3g} M"
+
+
+@dataclass(frozen=True, eq=False)
+class PeakOver(ProblemBase):
+    """The peak of an output over a number of the operating point: parameters are its value and the frequency [rad/s].
+
+    While all pairs stick, the peak is that of the linear response, at the frequency ``stuck``.
+    """
+
+    varies: str | LawParameter  # "level", "sigma" or a parameter of the contact law
+    level: float  # N, where it does not vary
+    stuck: float  # rad/s
+    width: float  # rad/s, unit of the frequency: about the half-power width
+    row: Maximum  # over the second parameter
+
+    @property
+    def units(self) -> tuple[float, ...]:
+        return (self.width,)
+
+    @property
+    def maximum(self) -> Maximum:
+        return self.row
+
+    @property
+    def curve(self) -> KnownCurve:
+        return LinearResponse(self, (self.stuck,))
+
+    @property
+    def law_parameters(self) -> tuple[LawParameter, ...]:
+        return (self.varies,) if isinstance(self.varies, LawParameter) else ()
+
+    def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        value, omega = parameters
+        at = OperatingPoint(omega, self.level)
+        return (
+            replace(at, law=((self.varies, value),))
+            if isinstance(self.varies, LawParameter)
+            else replace(at, **{self.varies: value})
+        )
+
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        return {self.varies: 1.0}, {"omega": 1.0}

@@ -29,8 +29,7 @@ def passed_over(solver: PointSolver, now: PointState, there: Iterate) -> float |
     Collective.  Asked for are the motion of the pairs as a whole, which turns with the resonances of whatever state the joint is
     in, and each mode of the stuck structure that the step passes.
     """
-    at, to = (solver.problem.at(parameters) for parameters in (now.iterate.parameters, there.parameters))
-    if at.omega == to.omega:
+    if "omega" not in solver.problem.rates(there.parameters)[0]:
         return None
     share = turned_over(solver, now.iterate, there)
     if share is None or stay_stuck(solver, now, there):

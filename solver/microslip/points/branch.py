@@ -85,6 +85,7 @@ class Point:
     corrected: Annotated[
         np.ndarray | None, Quantity("corrected", "outputs quadratures", "m", _COS_SIN, columns=_OF_CORRECTED)
     ] = None
+    parameters: tuple[float, ...] = ()  # of the problem: rad/s, N, ...; the first one was continued
     error_corrected: Annotated[
         np.ndarray | None,
         Quantity("error_corrected_m", "outputs", "m", _REMAINING, columns=(Column("error_corrected_m", _REMAINING, digits=4),)),

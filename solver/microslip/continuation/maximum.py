@@ -1,0 +1,252 @@
+"""A maximum over the frequency as a row of the system, solved for between two solutions (docs/theory.md, section 7).
+
+Where a sample of the contact law begins or ends to slip, the slope of an amplitude jumps.  Near its peak a curve turns mostly by
+such jumps: the maximum is a corner, where the slope has no zero that Newton's method could find.  The other rows of the system
+leave a curve of solutions, on which the maximum is enclosed between a solution that rises and one that falls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..error_estimate.estimate import output_amplitude, sensitivity
+from ..harmonic.adjoint_solver import AdjointSolver
+from ..harmonic.linearisation import Linearisation
+from .constraint_rows import Plane
+from .corrector import BorderedSystem, Correction, Corrector
+from .iterate import Iterate
+
+EXACT = 1e-8  # relative tolerance of the linear solves for rates
+DIFFERENCE = 1e-3  # of the unit of a parameter, over which rates at fixed forces are differences of the fourth order
+MOST_SOLUTIONS = 40
+CLOSEST = 1e-12  # share of the first interval that is divided no further
+REACH = 0.3  # most of a first step towards the maximum, in the scaled norm, where no neighbour on the curve is known
+OVERSHOOT = 1.5  # times the way to the maximum of a resonance, for the first step to lie beyond it
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A solution on the curve that the other rows leave, and the amplitude of the output there; numbers agree on all ranks."""
+
+    t: float  # its coordinate
+    iterate: Iterate
+    rate: np.ndarray  # (n_owned, 3, N_H) dU / dt [m]
+    size: float  # |a|
+    slope: float  # d|a| / dt
+    rise: float  # d|a| / dt on the curve over the frequency alone, whose zero is wanted; the slope where that is this curve
+
+
+@dataclass(frozen=True, eq=False)
+class Rates:
+    """An output at a solution, and how it and the motion change with the k parameters, others fixed; parameters are scaled."""
+
+    a: np.ndarray  # (2,) cosine and sine
+    a_nu: np.ndarray  # (k, 2)
+    V: np.ndarray  # (k, n_owned, 3, N_H) dU / d nu, in the unit of the motion
+
+
+@dataclass(frozen=True, eq=False)
+class Maximum:
+    """The amplitude of harmonic 1 of an output is at a maximum over the frequency, other parameters fixed."""
+
+    output: int
+    omega: int  # number of the frequency among the parameters
+    forward: AdjointSolver
+    neighbours: tuple[Iterate, ...] = ()  # solutions on both sides of the maximum, where they are known
+
+    def correct(self, corrector: Corrector, system: BorderedSystem, guess: Iterate, is_patient: bool = False) -> Correction:
+        """Return the maximum near a guess, under the k - 1 rows of the system.
+
+        Collective; never raises for divergence, which comes back as ``failure``.
+        """
+        return _Search(self, corrector, system, is_patient).maximum(guess)
+
+    def rates(self, system: BorderedSystem, there: Iterate) -> Rates | None:
+        """Return the output and its rates at a solution, with dU/dnu = -J^-1 dr/dnu; None where J is singular.  Collective."""
+        problem, units, scaling = system.problem, np.array(system.scaling.parameters), system.scaling
+        at = problem.at(there.parameters)
+        equation = system.equation.under(at)
+        model, N_H = equation.model_at(at), equation.model.N_H
+        rows = [self.output, model.n_outputs + self.output]
+        linear = Linearisation.of(equation, at, equation.contact_forces(there.U, system.selected, tangents=True))
+        p, rates = equation.full_force(linear.forces), problem.rates(there.parameters)
+        right = np.stack([-unit * equation.gather(linear.rate(rate)).reshape(-1, N_H) for rate, unit in zip(rates, units)])
+        V, P_V, is_found = linear.solve_several(right, self.forward)
+        B = sensitivity(model, at.omega)[rows][:, equation.model.owned_rows]
+        by_motion = equation.comm.bcast(-equation.sum(P_V @ B.reshape(2, -1).T))
+
+        def amplitude(nu: np.ndarray) -> np.ndarray:
+            """Return the output at other parameters under the same forces."""
+            beside = problem.at(tuple(map(float, there.parameters + nu * units)))
+            return output_amplitude(equation.model_at(beside), beside, p)[rows]
+
+        at_fixed_forces = np.array([rate_along(amplitude, direction) for direction in np.eye(len(units))])
+        V = V.reshape(len(V), *equation.shape) / scaling.U
+        return Rates(amplitude(np.zeros(len(units))), at_fixed_forces + by_motion, V) if is_found else None
+
+
+def rate_along(f: Callable[[np.ndarray], np.ndarray], direction: np.ndarray) -> np.ndarray:
+    """Return the derivative of ``f`` at 0 along a direction, by differences of the fourth order."""
+    h = DIFFERENCE * direction
+    return (8.0 * (f(h) - f(-h)) - (f(2.0 * h) - f(-2.0 * h))) / (12.0 * DIFFERENCE)
+
+
+class _Search:
+    """The search for one maximum.  Collective on the communicator of the corrector."""
+
+    def __init__(self, row: Maximum, corrector: Corrector, system: BorderedSystem, is_patient: bool):
+        self.row, self.corrector, self.system, self.is_patient = row, corrector, system, is_patient
+        self.newton = self.krylov = 0
+        self.solution: Correction | None = None  # the last one that converged
+        self.normal: Plane | None = None  # its coordinate t, through the first solution; None before that is known
+
+    def maximum(self, guess: Iterate) -> Correction:
+        """Return the maximum."""
+        fixed = np.zeros(len(guess.parameters))
+        fixed[self.row.omega] = 1.0
+        start, failure = self.sample(guess, Plane(guess, np.zeros_like(guess.U), tuple(fixed)))
+        if start is None:
+            return failure
+        ends = self.enclosed(start)
+        if ends is None:
+            return replace(self.ended(start), failure="the output has no maximum near by")
+        best, within = self.between(*ends)
+        return replace(self.ended(best), within=within)
+
+    def ended(self, best: Sample) -> Correction:
+        """Return a sample as the outcome of all solves."""
+        assert self.solution is not None
+        return replace(self.solution, iterate=best.iterate, newton=self.newton, krylov=self.krylov)
+
+    # -- solutions on the curve ------------------------------------------------------------------------------------
+
+    def sample(self, guess: Iterate, plane: Plane, t: float = 0.0) -> tuple[Sample | None, Correction]:
+        """Return the solution on a plane across the curve, None where there is none; the first one makes the coordinate."""
+        system = replace(self.system, constraints=(plane, *self.system.constraints))
+        found = self.corrector.correct(system, guess, self.is_patient)
+        self.newton, self.krylov = self.newton + found.newton, self.krylov + found.krylov
+        if found.failure is None:
+            rates = self.row.rates(system, found.iterate)
+            if rates is not None:
+                self.solution = found
+                return self.along(found.iterate, rates, t), found
+            found = replace(found, failure="the linearisation is singular")
+        return None, replace(found, newton=self.newton, krylov=self.krylov)
+
+    def along(self, there: Iterate, rates: Rates, t: float) -> Sample:
+        """Return a solution as a sample of the curve."""
+        d_nu, alone = self.direction(rates), np.eye(len(there.parameters))[self.row.omega]
+        if self.normal is None:
+            self.normal = self.coordinate(there, rates, d_nu)
+        length, length_alone = self.ahead(rates, d_nu), self.ahead(rates, alone)
+        size = float(np.hypot(*rates.a))
+        slope, rise = ((rates.a @ (d @ rates.a_nu)) / (size or 1.0) / by for d, by in ((d_nu, length), (alone, length_alone)))
+        size, slope, rise = self.corrector.comm.bcast((size, float(slope), float(rise)))
+        rate = np.tensordot(d_nu, rates.V, 1) * (self.system.scaling.U / length)
+        return Sample(t, there, rate, size, slope, rise)
+
+    def direction(self, rates: Rates) -> np.ndarray:
+        """Return the direction of the curve in the scaled parameters, (k,), towards higher frequencies; other rows stay."""
+        k = len(rates.V)
+        rows = [[self.dot(row.n_U, V) + n for V, n in zip(rates.V, row.n_nu)] for row in self.system.constraints]
+        d_nu = np.linalg.svd(np.array(rows).reshape(k - 1, k))[2][-1]
+        return self.corrector.comm.bcast(d_nu * (np.sign(d_nu[self.row.omega]) or 1.0))
+
+    def coordinate(self, there: Iterate, rates: Rates, d_nu: np.ndarray) -> Plane:
+        """Return the plane normal to the curve at its first solution; the mean does not count, as in the norm of steps."""
+        n_U = np.tensordot(d_nu, rates.V, 1)
+        n_U[..., there.harmonics.mean] = 0.0
+        length = np.sqrt(self.dot(n_U, n_U) + d_nu @ d_nu)
+        return Plane(there, n_U / length, tuple(d_nu / length))
+
+    def ahead(self, rates: Rates, d_nu: np.ndarray) -> float:
+        """Return how far a change of the parameters leads along the coordinate."""
+        return self.dot(self.normal.n_U, np.tensordot(d_nu, rates.V, 1)) + float(np.dot(self.normal.n_nu, d_nu))
+
+    def dot(self, a: np.ndarray, b: np.ndarray) -> float:
+        return self.corrector.comm.allreduce(float(np.vdot(a, b)))
+
+    def place(self, there: Iterate) -> float:
+        """Return the coordinate of a place."""
+        about, scaling = self.normal.about, self.system.scaling
+        d_nu = np.subtract(there.parameters, about.parameters) / scaling.parameters
+        return self.dot(self.normal.n_U, (there.U - about.U) / scaling.U) + float(np.dot(self.normal.n_nu, d_nu))
+
+    def at(self, t: float, guess: Iterate) -> Sample | None:
+        """Return the solution at a coordinate."""
+        return self.sample(guess, replace(self.normal, about=self.moved(self.normal.about, t)), t)[0]
+
+    def moved(self, there: Iterate, way: float) -> Iterate:
+        """Return a place further along the normal."""
+        scaling, normal = self.system.scaling, self.normal
+        parameters = there.parameters + way * np.array(normal.n_nu) * scaling.parameters
+        return Iterate(there.U + way * scaling.U * normal.n_U, tuple(map(float, parameters)), there.harmonics)
+
+    # -- the maximum between them ----------------------------------------------------------------------------------
+
+    def enclosed(self, start: Sample) -> tuple[Sample, Sample] | None:
+        """Return two solutions of which the first rises and the second falls, by rising coordinate; None where none follows."""
+        way, here = float(np.sign(start.rise)), start
+        if way == 0.0:
+            return start, start
+        neighbours = [abs(t) for t in map(self.place, self.row.neighbours) if t * way > 0.0]
+        likely = OVERSHOOT * abs(start.rise) / (start.size or 1.0)
+        step = way * (0.5 * min(neighbours) if neighbours else min(max(likely, 1e-3 * REACH), REACH))
+        for _ in range(MOST_SOLUTIONS // 2):
+            ahead = self.moved(here.iterate, step)
+            new = self.at(here.t + step, replace(ahead, U=here.iterate.U + step * here.rate))
+            if new is None:
+                step *= 0.5
+            elif new.rise * way <= 0.0:
+                return (here, new) if way > 0.0 else (new, here)
+            else:
+                here, step = new, 2.0 * step
+        return None
+
+    def between(self, low: Sample, high: Sample) -> tuple[Sample, float]:
+        """Return the best solution between a rising and a falling one, and the width [rad/s] within which the maximum is known.
+
+        On to the secant of the slopes, which meets a zero, or to where the tangents cross, which meets a corner: a corner it is
+        where the slopes at the ends stay as different as they were while these draw together.
+        """
+        first, tolerance, lengths, jumps = high.t - low.t, self.corrector.tolerance, [], []
+        for _ in range(MOST_SOLUTIONS):
+            length, jump, corner = high.t - low.t, low.rise - high.rise, crossing(low, high)
+            flattest = min(low, high, key=lambda end: abs(end.rise))
+            if abs(flattest.rise) * first <= tolerance * flattest.size:
+                return flattest, 0.0
+            best = min(low, high, key=lambda end: abs(end.rise * (corner - end.t)))
+            is_corner = not jumps or jump / jumps[-1] > (length / lengths[-1]) ** 0.5
+            is_met = is_corner and abs(best.rise * (corner - best.t)) <= tolerance * best.size
+            if is_met or length <= CLOSEST * first:
+                break
+            t = corner if is_corner else low.t + length * low.rise / jump
+            if len(lengths) > 2 and length > 0.25 * lengths[-3]:
+                t = 0.5 * (low.t + high.t)
+            new = self.at(t, hermite(low, high, t))
+            if new is None:
+                break
+            low, high = (new, high) if new.rise > 0.0 else (low, new)
+            lengths.append(length)
+            jumps.append(jump)
+        return best, abs(high.iterate.parameters[self.row.omega] - low.iterate.parameters[self.row.omega])
+
+
+def crossing(low: Sample, high: Sample) -> float:
+    """Return where the tangents of the amplitude at two solutions cross, between them; the middle where they do not."""
+    width = high.t - low.t
+    way = np.divide(high.size - low.size - high.slope * width, low.slope - high.slope) if low.slope != high.slope else np.nan
+    return low.t + float(way) if 0.0 < way < width else 0.5 * (low.t + high.t)
+
+
+def hermite(a: Sample, b: Sample, t: float) -> Iterate:
+    """Return the place at ``t`` of the cubic through two solutions along their directions; parameters on the chord.  Local."""
+    width = b.t - a.t
+    s = (t - a.t) / width
+    h_a, h_b, d_a, d_b = (1 + 2 * s) * (1 - s) ** 2, s * s * (3 - 2 * s), s * (1 - s) ** 2, s * s * (s - 1)
+    U = h_a * a.iterate.U + h_b * b.iterate.U + width * (d_a * a.rate + d_b * b.rate)
+    parameters = tuple(float(p + s * (q - p)) for p, q in zip(a.iterate.parameters, b.iterate.parameters))
+    return Iterate(U, parameters, a.iterate.harmonics)
