@@ -13,7 +13,7 @@ class Peak:
     omega: float  # rad/s
     amplitude: complex  # of harmonic 1, cos - i sin, in the unit of the output
     width: float  # rad/s between the two places at 1 / sqrt 2 of the amplitude; NaN where the curve does not reach them
-    within: float  # rad/s: the maximum lies in an interval of this width; 0 where Newton's method converged on it
+    within: float  # rad/s: the maximum lies in an interval of this width; 0 where the slope of the curve is zero
     slipping: int  # pairs that slip or are open
     newton: int  # iterations
     segment: int = 0  # of the curve
