@@ -12,8 +12,7 @@ from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.maximum import EXACT, Maximum
-from microslip.continuation.peaks import follow_peak, peaks_of
-from microslip.continuation.problems import PeakOver
+from microslip.continuation.peaks import PeakOver, follow_peak, peaks_of
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.operating_point import LawParameter
 from microslip.observe.level_log import peak_lines

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -59,6 +59,13 @@ class Constraint(Protocol):
 
         Collective where it takes the linearisation.
         """
+
+
+class EnclosedRow(Protocol):
+    """A row that jumps, which SNES cannot solve for: it is enclosed on the curve of solutions that the other rows leave."""
+
+    def correct(self, corrector: Any, system: Any, guess: Iterate, is_patient: bool = False) -> Any:
+        """Return what the corrector's ``correct`` does, for a system of the k - 1 other rows.  Collective."""
 
 
 @dataclass(frozen=True, eq=False)

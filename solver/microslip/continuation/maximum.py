@@ -22,7 +22,8 @@ from .iterate import Iterate
 EXACT = 1e-8  # relative tolerance of the linear solves for rates
 DIFFERENCE = 1e-3  # of the unit of a parameter, over which rates at fixed forces are differences of the fourth order
 MOST_SOLUTIONS = 40
-CLOSEST = 1e-12  # share of the first interval that is divided no further
+CLOSE = 1e-3  # share of the first interval within which a corner is enclosed
+CLOSEST = 1e-12  # share of it that is divided no further
 REACH = 0.3  # most of a first step towards the maximum, in the scaled norm, where no neighbour on the curve is known
 OVERSHOOT = 1.5  # times the way to the maximum of a resonance, for the first step to lie beyond it
 
@@ -221,9 +222,11 @@ class _Search:
             best = min(low, high, key=lambda end: abs(end.rise * (corner - end.t)))
             is_corner = not jumps or jump / jumps[-1] > (length / lengths[-1]) ** 0.5
             is_met = is_corner and abs(best.rise * (corner - best.t)) <= tolerance * best.size
-            if is_met or length <= CLOSEST * first:
+            if (is_met and length <= CLOSE * first) or length <= CLOSEST * first:
                 break
             t = corner if is_corner else low.t + length * low.rise / jump
+            if is_met:  # from the other side, too
+                t = corner + (0.5 if best is low else -0.5) * CLOSE * first
             if len(lengths) > 2 and length > 0.25 * lengths[-3]:
                 t = 0.5 * (low.t + high.t)
             new = self.at(t, hermite(low, high, t))

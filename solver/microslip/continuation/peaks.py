@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from ..error_estimate.estimate import output_amplitude
 from ..fourier.harmonics import Harmonics
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.balance import HarmonicBalance
-from ..harmonic.operating_point import LawParameter
+from ..harmonic.operating_point import LawParameter, OperatingPoint, Rates
 from ..points.branch import Branch, Point
 from ..points.peak import Peak
 from ..points.selection import AllPairs
@@ -22,12 +23,54 @@ from .iterate import Iterate
 from .maximum import EXACT, Maximum
 from .point_record import HELD
 from .point_solver import PointSolver, Workspace
-from .problems import ForcedResponse, PeakOver
+from .problems import ForcedResponse, KnownCurve, LinearResponse, ProblemBase
 from .steps import ArcLength
 from .task import BranchTask
 
 STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  # each point takes 10 to 20 iterations
 MOST_POINTS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class PeakOver(ProblemBase):
+    """The peak of an output over a number of the operating point: parameters are its value and the frequency [rad/s].
+
+    While all pairs stick, the peak is that of the linear response, at the frequency ``stuck``.
+    """
+
+    varies: str | LawParameter  # "level", "sigma" or a parameter of the contact law
+    level: float  # N, where it does not vary
+    stuck: float  # rad/s
+    width: float  # rad/s, unit of the frequency: about the half-power width
+    row: Maximum  # over the second parameter
+
+    @property
+    def units(self) -> tuple[float, ...]:
+        return (self.width,)
+
+    @property
+    def maximum(self) -> Maximum:
+        return self.row
+
+    @property
+    def curve(self) -> KnownCurve:
+        return LinearResponse(self, (self.stuck,))
+
+    @property
+    def law_parameters(self) -> tuple[LawParameter, ...]:
+        return (self.varies,) if isinstance(self.varies, LawParameter) else ()
+
+    def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        value, omega = parameters
+        at = OperatingPoint(omega, self.level)
+        return (
+            replace(at, law=((self.varies, value),))
+            if isinstance(self.varies, LawParameter)
+            else replace(at, **{self.varies: value})
+        )
+
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        return {self.varies: 1.0}, {"omega": 1.0}
 
 
 def peaks_of(problem: ForcedResponse, branch: Branch, tolerance: float) -> list[Peak]:

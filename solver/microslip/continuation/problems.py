@@ -9,18 +9,15 @@ section 7).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import LawParameter, OperatingPoint, Rates
-from .constraint_rows import Constraint
+from .constraint_rows import Constraint, EnclosedRow
 from .iterate import Iterate
 from .linear_levels import sticks
-
-if TYPE_CHECKING:
-    from .maximum import Maximum
 
 
 class KnownCurve(Protocol):
@@ -57,7 +54,7 @@ class Problem(Protocol):
         """The k - 1 rows that hold beside that of the step."""
 
     @property
-    def maximum(self) -> Maximum | None:
+    def maximum(self) -> EnclosedRow | None:
         """What takes the place of one of these rows: an amplitude is at its maximum."""
 
     @property
@@ -108,7 +105,7 @@ class ProblemBase:
         return ()
 
     @property
-    def maximum(self) -> Maximum | None:
+    def maximum(self) -> EnclosedRow | None:
         return None
 
     @property
@@ -225,45 +222,3 @@ class DampingHomotopy(ProblemBase):
 
     def where(self, parameter: float) -> str:
         return f"{super().where(parameter)}, damped further by {self.at((parameter,)).sigma:.3g} M"
-
-
-@dataclass(frozen=True, eq=False)
-class PeakOver(ProblemBase):
-    """The peak of an output over a number of the operating point: parameters are its value and the frequency [rad/s].
-
-    While all pairs stick, the peak is that of the linear response, at the frequency ``stuck``.
-    """
-
-    varies: str | LawParameter  # "level", "sigma" or a parameter of the contact law
-    level: float  # N, where it does not vary
-    stuck: float  # rad/s
-    width: float  # rad/s, unit of the frequency: about the half-power width
-    row: Maximum  # over the second parameter
-
-    @property
-    def units(self) -> tuple[float, ...]:
-        return (self.width,)
-
-    @property
-    def maximum(self) -> Maximum:
-        return self.row
-
-    @property
-    def curve(self) -> KnownCurve:
-        return LinearResponse(self, (self.stuck,))
-
-    @property
-    def law_parameters(self) -> tuple[LawParameter, ...]:
-        return (self.varies,) if isinstance(self.varies, LawParameter) else ()
-
-    def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
-        value, omega = parameters
-        at = OperatingPoint(omega, self.level)
-        return (
-            replace(at, law=((self.varies, value),))
-            if isinstance(self.varies, LawParameter)
-            else replace(at, **{self.varies: value})
-        )
-
-    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
-        return {self.varies: 1.0}, {"omega": 1.0}
