@@ -21,6 +21,7 @@ from microslip.receptance.receptance import Receptance
 from microslip.receptance.reduced_model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
 from microslip.receptance.static_response import StaticResponse
+from microslip.reduction.settings import ModalDamping
 
 
 def reduced(system, comm, H, n_modes=None):
@@ -63,6 +64,7 @@ def reduced(system, comm, H, n_modes=None):
         receptances=PerGroup.single(Receptance(DampedModes(omega_n, Damping(C), R @ phi, phi.T @ f, o @ phi), static)),
         f=coefficients,
         harmonics=harmonics,
+        stated_damping=ModalDamping(ratio=system["zeta"]) if "zeta" in system else None,
     )
     return model, ElasticCoulomb(
         *(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")), sampled=system.get("sampled", False), apart=apart

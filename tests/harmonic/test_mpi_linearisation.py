@@ -84,6 +84,8 @@ PROBLEMS = {
     "frequency and preload": (over("N0", [0, 1], [60.0, 40.0]), (OMEGA, 0.9)),
     "frequency and preload of a pair": (over("N0", [1], [1.0]), (OMEGA, 35.0)),
     "frequency and gap": (over("gap", [0, 1], GAPS, -0.1), (OMEGA, 1.2)),
+    "frequency and tangential stiffness": (over("k_t", [0, 1], [5e5, 4e5]), (OMEGA, 1.1)),
+    "frequency and normal stiffness of a pair": (over("k_n", [1], [6e5]), (OMEGA, 0.9)),
     "frequency": (lambda equation: ForcedResponse(equation, LEVEL), (OMEGA,)),
     "level": (lambda equation: LevelHomotopy(equation, OMEGA), (90.0,)),
     "damping": (lambda equation: DampingHomotopy(equation, OMEGA, LEVEL), (0.6,)),
@@ -201,17 +203,6 @@ def test_the_rate_by_a_law_parameter_is_the_slope_of_the_residual(name, held):
     slope = equation.gather(residual(value + h) - residual(value - h)) / (2.0 * h)
     assert np.abs(slope).max() > 1e-7 / value
     assert np.abs(rate - slope).max() < 1e-6 * np.abs(slope).max()
-
-
-@pytest.mark.parametrize("name", ["k_t", "k_n"])
-def test_a_stiffness_of_the_stuck_structure_is_refused(name):
-    equation = chain()
-    parameter = LawParameter(name, np.arange(2), np.ones(2))
-    with pytest.raises(ValueError, match=f"{name} is a stiffness of the stuck structure"):
-        equation.under(OperatingPoint(OMEGA, LEVEL, law=((parameter, 1.0),)))
-    forces = equation.contact_forces(equation.linear_motion(OperatingPoint(OMEGA, LEVEL)), equation.every_pair, tangents=True)
-    with pytest.raises(ValueError, match=f"{name} is a stiffness of the stuck structure"):
-        equation.law_rate(forces, parameter)
 
 
 def test_two_parameters_and_two_constraints_give_the_level_at_which_a_pair_moves_so_far():

@@ -66,7 +66,10 @@ class Problem(Protocol):
         """The parameters of the contact law that vary, in the order of those of the operating point."""
 
     def allows(self, parameters: tuple[float, ...]) -> bool:
-        """Tell whether k parameters have a meaning: a frequency is above zero, a damping need not be.  Local."""
+        """Tell whether k parameters have a meaning: a frequency is above zero, a damping need not be, a law has its values.
+
+        Collective where the law varies.
+        """
 
     @property
     def is_constant(self) -> bool:
@@ -117,7 +120,8 @@ class ProblemBase:
         return ()
 
     def allows(self, parameters: tuple[float, ...]) -> bool:
-        return min(parameters) > 0.0
+        has_sense = min(parameters) > 0.0
+        return has_sense and (not self.law_parameters or self.equation.allows(self.at(parameters)))
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         raise NotImplementedError
@@ -157,11 +161,13 @@ class LinearResponse:
 
     def _of(self, parameters: tuple[float, ...]) -> Iterate:
         with np.errstate(divide="ignore", invalid="ignore"):
-            U = self.problem.equation.linear_motion(self.problem.at(parameters))
+            at = self.problem.at(parameters)
+            U = self.problem.equation.under(at).linear_motion(at)
         return Iterate(U, parameters, self.problem.equation.harmonics)
 
     def rate(self, parameters: tuple[float, ...]) -> np.ndarray:
-        return self.problem.equation.linear_motion_rate(self.problem.at(parameters), self.problem.rates(parameters)[0])
+        at = self.problem.at(parameters)
+        return self.problem.equation.under(at).linear_motion_rate(at, self.problem.rates(parameters)[0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..parallel.ownership import rows_of
 from ..receptance.motions import output_motion
 from ..receptance.reduced_model import ReducedModel
+from ..receptance.springs import enriched_with_springs
 from ..receptance.truncated_modes import SAMPLES as SAMPLES_OF_MODES
 from ..receptance.truncated_modes import EnrichedModel, Truncation
 from .correction import Estimate, corrected
@@ -86,16 +87,25 @@ class ErrorEstimator:
         self.enriched = enriched
         self.adjoint_solver, self.forward_solver = AdjointSolver(enriched.structure.comm), AdjointSolver(enriched.structure.comm)
         self._models: dict[Harmonics, ReducedModel] = {}  # enriched ones, by harmonics
+        self._with_springs: tuple[object, EnrichedModel] = None, enriched  # of the models: their springs, and what they are of
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
         self.adjoint_solver.destroy()
         self.forward_solver.destroy()
 
+    def enriched_of(self, model: ReducedModel) -> EnrichedModel:
+        """Return the enriched model with the contact stiffness of a model; cached for the last stiffness.  Local."""
+        if self._with_springs[0] is not model.spring_updates:
+            self._models.clear()
+            self._with_springs = model.spring_updates, enriched_with_springs(self.enriched, model)
+        return self._with_springs[1]
+
     def enriched_model(self, model: ReducedModel, harmonics: Harmonics) -> ReducedModel:
-        """Return the enriched model under the loads of another, in a set of harmonics; made once.  Local."""
+        """Return the enriched model under the loads of another, in a set of harmonics; cached.  Local."""
+        enriched = self.enriched_of(model)
         if harmonics not in self._models:
-            self._models[harmonics] = model.on(self.enriched.structure).with_harmonics(harmonics)
+            self._models[harmonics] = model.on(enriched.structure).with_harmonics(harmonics)
         return self._models[harmonics]
 
     def exact(self, equation: HarmonicBalance) -> HarmonicBalance:
@@ -125,7 +135,7 @@ class ErrorEstimator:
         used = forces if selected.all() else equation.contact_forces(U, selected, tangents=False)
         p = equation.full_force(used)
         changes = self.changes(exact, U, at, equation.full_force(forces), p)
-        truncation = self.enriched.truncation(there, at.sigma)
+        truncation = self.enriched_of(equation.model).truncation(there, at.sigma)
         n_samples = 0 if truncation.is_exact else SAMPLES_OF_MODES
         found = JointChanges.nothing(2 * n_out, n_samples, exact.model.N_H)  # all pairs stick, in the enriched problems too
         if len(forces.active) > 0 or changes.are_any:

@@ -16,8 +16,9 @@ from ..parallel.ownership import summed
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.motions import linear_motion, linear_motion_rate
 from ..receptance.reduced_model import ReducedModel
+from ..receptance.springs import SpringChange, stated_damping_rate, with_springs
 from .mean_slip import HOLD, hold_mean_slip
-from .operating_point import ContactForces, LawParameter, OperatingPoint, Rates
+from .operating_point import ContactForces, LawParameter, OperatingPoint, Rates, stiffness_rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,29 +122,53 @@ class HarmonicBalance:
     # -- the equation --------------------------------------------------------------------------------------------
 
     def under(self, at: OperatingPoint) -> HarmonicBalance:
-        """Return the equation with the contact law of an operating point.  Local; kept for the last law.
+        """Return the equation with the contact law of an operating point, and the structure with its stiffness; kept for the last.
+
+        Collective where the point has law parameters: an agreement, and with k_t or k_n the update (4.7) of the structure.
 
         Raises
         ------
-        ValueError : a stiffness, which the stuck structure has, too; a value that the law of a pair does not have, on the rank of
-            that pair alone: a problem does not allow such values
+        ValueError : a value that the law of a pair does not have, or a stiffness that takes another structure; on every rank
+        ResourceError : not enough memory for the update; on every rank
         """
         return self if not at.law else self._kept("under", at.law, lambda: self._with_law(at.law))
 
+    def allows(self, at: OperatingPoint) -> bool:
+        """Tell whether the laws of all pairs have the parameters of an operating point.  Collective as :meth:`under`."""
+        try:
+            self.under(at)
+        except ValueError:
+            return False
+        return True
+
     def _with_law(self, values: tuple[tuple[LawParameter, float], ...]) -> HarmonicBalance:
-        law, own = self.law, self.model.owned
-        for parameter, value in values:
-            _varies_alone(parameter)
-            mine = (parameter.pairs >= own.start) & (parameter.pairs < own.stop)
-            law = law.with_parameters(parameter.name, parameter.pairs[mine] - own.start, value * parameter.shape[mine])
-        return replace(self, law=law)
+        law, first, problem = self.law, self.model.owned.start, ""
+        try:
+            for parameter, value in values:
+                mine = self._of_owned(parameter)
+                law = law.with_parameters(parameter.name, parameter.pairs[mine] - first, value * parameter.shape[mine])
+        except ValueError as error:  # of a pair of this rank
+            problem = str(error)
+        problems = [text for text in self.comm.allgather(problem) if text]
+        if problems:
+            raise ValueError(problems[0])
+        if not any(parameter.is_stiffness for parameter, _ in values):
+            return replace(self, law=law)
+        K_J = self.gather(law.stiffness).ravel()
+        change = SpringChange(K_J - self.gather(self.law.stiffness).ravel(), K_J, self.model.stated_damping)
+        model = with_springs(self.model, change) if change.dK.any() else self.model
+        assert model.groups, "made here, where an error is one of this value"
+        return replace(self, law=law, model=model)
+
+    def _of_owned(self, parameter: LawParameter) -> np.ndarray:
+        """Return which pairs of a parameter are this rank's, (m,) bool."""
+        return (parameter.pairs >= self.model.owned.start) & (parameter.pairs < self.model.owned.stop)
 
     def law_rate(self, forces: ContactForces, parameter: LawParameter) -> np.ndarray:
         """Return how p of the active pairs of all ranks changes with a parameter of the law, (3 n_active, N_H).
 
         Collective: one gather.  The motion stays as it is.
         """
-        _varies_alone(parameter)
         own, d_p = forces.active_owned, np.zeros((len(forces.active_owned), 3, self.model.N_H))
         _, chosen, of_parameter = np.intersect1d(own + self.model.owned.start, parameter.pairs, return_indices=True)
         if len(chosen):
@@ -153,6 +178,40 @@ class HarmonicBalance:
                 rate[:, :2, 0] *= 1.0 - HOLD
             d_p[chosen] = rate * parameter.shape[of_parameter, None, None]
         return self.gather(d_p.reshape(-1, self.model.N_H))
+
+    def spring_rate(self, parameter: LawParameter) -> np.ndarray:
+        """Return how the springs K_J of the pairs of a stiffness change with its value, (m, 3) by rising number.
+
+        Collective: one gather.
+        """
+        mine = self._of_owned(parameter)
+        own = parameter.pairs[mine] - self.model.owned.start
+        unit = self.law.take(own).with_parameters(parameter.name, np.arange(len(own)), parameter.shape[mine]).stiffness.copy()
+        unit[:, [2] if parameter.name == "k_t" else [0, 1]] = 0.0
+        return self.gather(unit[np.argsort(own)])
+
+    def moved_by_springs(self, at: OperatingPoint, parameter: LawParameter, V: np.ndarray) -> np.ndarray:
+        """Return G dK_J V, (n_owned, 3, N_H), for motions V of this rank's pairs and dK_J by a stiffness.  Collective: two gathers.
+
+        Minus the rate of V, the motion under given forces of a structure whose damping matrix stays.
+        """
+        pairs, owned = np.sort(parameter.pairs), self.model.owned
+        mine = (pairs >= owned.start) & (pairs < owned.stop)
+        forces = self.spring_rate(parameter)[mine][:, :, None] * V[pairs[mine] - owned.start]
+        return self.receptance(at, pairs).apply(self.gather(forces.reshape(-1, self.model.N_H)))
+
+    def of_structure(self, rates: Rates) -> tuple[float, float, list[np.ndarray] | None]:
+        """Return the rates of omega, of sigma and of the damping stated for each group's modes, (m, m); None: it stays.
+
+        Local; collective by a stiffness: one gather.
+        """
+        of_springs, stated, of_damping = stiffness_rates(rates), self.model.stated_damping, None
+        if of_springs and stated is not None:
+            dK = np.zeros((self.model.n_pairs, 3))
+            for parameter, of_value in of_springs:
+                dK[np.sort(parameter.pairs)] += of_value * self.spring_rate(parameter)
+            of_damping = [stated_damping_rate(group.receptance.modes, stated, dK.ravel()) for group in self.model.groups]
+        return rates.get("omega", 0.0), rates.get("sigma", 0.0), of_damping
 
     def model_at(self, at: OperatingPoint) -> ReducedModel:
         """Return the model with the damping of an operating point.  Local."""
@@ -165,11 +224,14 @@ class HarmonicBalance:
         return self._kept("motion", at, lambda: linear_motion(self.model_at(at), at.level, at.omega).reshape(self.shape))
 
     def linear_motion_rate(self, at: OperatingPoint, rates: Rates) -> np.ndarray:
-        """Return how U_lin changes with a parameter, (n_owned, 3, N_H).  Local."""
+        """Return how U_lin changes with a parameter, (n_owned, 3, N_H).  Local; collective by a stiffness: one gather."""
         model, level = self.model_at(at), rates.get("level", 0.0)
-        d_U = linear_motion_rate(model, at.level, at.omega, rates.get("omega", 0.0), rates.get("sigma", 0.0)).reshape(self.shape)
+        d_U = linear_motion_rate(model, at.level, at.omega, *self.of_structure(rates)).reshape(self.shape)
         per_newton = linear_motion(model, 1.0, at.omega).reshape(self.shape) if level else 0.0
-        return d_U + level * per_newton
+        d_U = d_U + level * per_newton
+        for parameter, of_value in stiffness_rates(rates):
+            d_U -= of_value * self.moved_by_springs(at, parameter, self.linear_motion(at))
+        return d_U
 
     def receptance(self, at: OperatingPoint, active: np.ndarray) -> ReceptanceColumns:
         """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""
@@ -207,8 +269,3 @@ class HarmonicBalance:
         """Return the sum over the ranks.  Collective on ``comm``."""
         return partial if self.comm.size == 1 else summed(self.comm, partial)
 
-
-def _varies_alone(parameter: LawParameter) -> None:
-    """Raise ValueError where a parameter changes the stuck structure, not the forces beyond it alone."""
-    if parameter.name in ("k_t", "k_n"):
-        raise ValueError(f"{parameter.name} is a stiffness of the stuck structure, too, which a parameter does not change")

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from ..receptance.columns import ReceptanceColumns
 from .balance import HarmonicBalance
-from .operating_point import ContactForces, LawParameter, OperatingPoint, Rates
+from .operating_point import ContactForces, OperatingPoint, Rates, law_rates, stiffness_rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,13 +118,14 @@ class Linearisation:
     def rate(self, rates: Rates) -> np.ndarray:
         """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2) and eq. (5.8), for rates at which the operating point changes.
 
-        Local; collective where parameters of the law change, one gather each.
+        Local; collective where parameters of the law change, one gather each, of a stiffness three.
         """
-        dG_p = self.G.apply_rate(self.forces.p, rates.get("omega", 0.0), rates.get("sigma", 0.0))
+        dG_p = self.G.apply_rate(self.forces.p, *self.equation.of_structure(rates))
         rate = dG_p - self.equation.linear_motion_rate(self.at, rates)
-        for parameter, of_value in rates.items():
-            if isinstance(parameter, LawParameter):
-                rate = rate + of_value * self.G.apply(self.equation.law_rate(self.forces, parameter))
+        for parameter, of_value in law_rates(rates):
+            rate = rate + of_value * self.G.apply(self.equation.law_rate(self.forces, parameter))
+        for parameter, of_value in stiffness_rates(rates):
+            rate = rate - of_value * self.equation.moved_by_springs(self.at, parameter, self.G.apply(self.forces.p))
         return rate
 
     def pair_forces(self, d_xi: np.ndarray) -> np.ndarray:

@@ -19,6 +19,11 @@ class LawParameter:
     pairs: np.ndarray  # (m,) numbers of the pairs among all
     shape: np.ndarray  # (m,) their columns where the value is 1
 
+    @property
+    def is_stiffness(self) -> bool:
+        """Whether the stuck structure has it, too: its springs K_J change with it."""
+        return self.name in ("k_t", "k_n")
+
 
 @dataclass(frozen=True)
 class OperatingPoint:
@@ -36,6 +41,16 @@ class OperatingPoint:
 
 
 Rates = Mapping[str | LawParameter, float]  # d / d nu of an operating point, by "omega", "level", "sigma" or a law parameter
+
+
+def law_rates(rates: Rates) -> list[tuple[LawParameter, float]]:
+    """Return the rates by parameters of the contact law."""
+    return [(parameter, rate) for parameter, rate in rates.items() if isinstance(parameter, LawParameter)]
+
+
+def stiffness_rates(rates: Rates) -> list[tuple[LawParameter, float]]:
+    """Return those that the stuck structure knows, too."""
+    return [(parameter, rate) for parameter, rate in law_rates(rates) if parameter.is_stiffness]
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,7 +101,8 @@ def response_of(
     ------
     CaseError : the range cannot be followed; on every rank
     """
-    settings, model = response_settings(scene), ReducedModel.of(reduction.structure, excitation(scene))
+    settings, damping = response_settings(scene), reduction_settings(scene).damping
+    model = ReducedModel.of(reduction.structure, excitation(scene), damping)
     law = pairs.law.followed(settings.follows_path)
     return response_problem(settings, model, law, reduction.selection, omega_n, better)
 

@@ -88,12 +88,14 @@ class ReceptanceColumns:
             return np.zeros((self.model.owned.stop - self.model.owned.start, *self.shape[1:]))
         return self._joined(GroupColumns.apply, p).reshape(self.shape)
 
-    def apply_rate(self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:
+    def apply_rate(
+        self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: Sequence[np.ndarray] | None = None
+    ) -> np.ndarray:
         """Return dG p on this rank's pairs, (n_owned, 3, N_H): eq. (5.2).  Local; of G itself, not of an adjoint.
 
-        dG is the rate of G where omega changes at ``d_omega`` and a damping sigma M at ``d_sigma``.
+        dG is the rate of G where omega changes at ``d_omega``, a damping sigma M at ``d_sigma``, that of each group at ``d_C``.
         """
-        rates = [c.rate(d_omega, d_sigma) for c in self.model.flexibilities(self.omega)]
+        rates = self.model.flexibility_rates(self.omega, d_omega, d_sigma, d_C)
         terms = [group.dynamic(rate, p[:, group.group.columns]) for group, rate in zip(self.groups, rates)]
         return self.model.joined(terms).reshape(self.shape)
 

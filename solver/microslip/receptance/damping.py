@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -27,6 +28,26 @@ def diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
 def added(C: np.ndarray, of_modes: np.ndarray) -> np.ndarray:
     """Return a damping, (m,) or (m, m), with that of each mode (m,) added.  Local."""
     return C + (of_modes if C.ndim == 1 else np.diag(of_modes))
+
+
+class StatedDamping(Protocol):
+    """What a scene states for the modes, whichever these are."""
+
+    @property
+    def structural(self) -> float:
+        """The loss factor eta of the bodies."""
+
+    def modal(self, omega_n: np.ndarray) -> np.ndarray:
+        """Return the diagonal of phi^H C phi of modes, (m,) [1/s]."""
+
+
+def structural_damping(omega_n: np.ndarray, R_phi: np.ndarray, K_J: np.ndarray, eta: float) -> np.ndarray:
+    """Return eta phi^H K phi [1/s2], K without the springs of the joints: diagonal where nothing couples the modes, else full.
+
+    Local.  docs/theory.md, eq. (13.2); phi^H K_L phi is diagonal.  ``K_J`` is (3 n_pairs,) [N/m].
+    """
+    of_springs = R_phi.conj().T @ (K_J[:, None] * R_phi)
+    return eta * diagonal_if_possible(np.diag(omega_n**2) - 0.5 * (of_springs + of_springs.conj().T))
 
 
 def _first(C: np.ndarray, n: int) -> np.ndarray:
@@ -168,12 +189,19 @@ class DynamicFlexibility(Flexibility):
             # 1 / D - 1 / w2 without cancellation far below the mode
             super().__init__((self.n_omega**2 - resistance) / (w2 * self.D))
 
-    def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0) -> Flexibility:
-        """Return the rate of c_n while omega changes at ``d_omega`` and a damping sigma M, 0 here, at ``d_sigma``."""
-        if d_sigma == 0.0:
-            return Flexibility(self._of_omega if d_omega == 1.0 else self._of_omega * d_omega)
-        of_sigma = self._of_sigma * d_sigma
-        return Flexibility(of_sigma if d_omega == 0.0 else self._of_omega * d_omega + of_sigma)
+    def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: np.ndarray | None = None) -> Flexibility:
+        """Return the rate of c_n while omega changes at ``d_omega``, a damping sigma M, 0 here, at ``d_sigma`` and C at ``d_C``.
+
+        ``d_C`` is (m, m), of any damping; the rate is then full.
+        """
+        terms = [self._of_omega * d_omega] if d_omega != 0.0 or (d_sigma == 0.0 and d_C is None) else []
+        if d_sigma != 0.0:
+            terms.append(self._of_sigma * d_sigma)
+        if d_C is not None:
+            inverse = self.inverse if self.damping.couples_modes else _full(self.c + 1.0 / self.squares[:, None])
+            terms = [term if term.ndim == 3 else _full(term) for term in terms]
+            terms.append(-1j * self.n_omega[:, None, None] * (inverse @ d_C @ inverse))
+        return Flexibility(sum(terms[1:], start=terms[0]))
 
     @cached_property
     def _of_omega(self) -> np.ndarray:
@@ -196,6 +224,11 @@ class DynamicFlexibility(Flexibility):
         if self.damping.couples_modes:
             return (self.c[i] + np.diag(1.0 / self.squares)) @ q
         return (self.c[:, i] + 1.0 / self.squares)[:, None] * q
+
+
+def _full(c: np.ndarray) -> np.ndarray:
+    """Return diagonals (m, n_harmonics) as matrices (n_harmonics, m, m)."""
+    return c.T[:, :, None] * np.eye(len(c))
 
 
 class StepMatrix:

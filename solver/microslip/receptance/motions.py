@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,11 +32,17 @@ def static_motion(model: ReducedModel, level: float) -> np.ndarray:
     return model.joined([matrix_times(group.receptance.static.du_static[own], f[:, group.columns]) for group in model.groups])
 
 
-def linear_motion_rate(model: ReducedModel, level: float, omega: float, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:
-    """Return the rate of U_lin while omega and a damping sigma M change at given rates, (3 n_owned, N_H).  Local."""
+def linear_motion_rate(
+    model: ReducedModel,
+    level: float,
+    omega: float,
+    d_omega: float = 1.0,
+    d_sigma: float = 0.0,
+    d_C: Sequence[np.ndarray] | None = None,
+) -> np.ndarray:
+    """Return the rate of U_lin, (3 n_owned, N_H), as :meth:`ReceptanceColumns.apply_rate` has that of G.  Local."""
     f, own = level * model.f, model.owned_rows
-    rates = [c.rate(d_omega, d_sigma) for c in model.flexibilities(omega)]
-    of_groups = zip(model.groups, rates)
+    of_groups = zip(model.groups, model.flexibility_rates(omega, d_omega, d_sigma, d_C))
     return model.joined([group.receptance.linear_motion_rate(f[:, group.columns], rate, own) for group, rate in of_groups])
 
 

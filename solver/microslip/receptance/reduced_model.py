@@ -14,7 +14,7 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..messages.errors import CaseError
-from .damping import DynamicFlexibility
+from .damping import DynamicFlexibility, Flexibility, StatedDamping
 from .excitation import Excitation
 from .receptance import Receptance
 from .reduced_structure import ReducedStructure
@@ -38,12 +38,14 @@ class ReducedModel(ReducedStructure):
     f: np.ndarray  # (n_loads, N_H) at unit level
     harmonics: Harmonics  # in whose order coefficients run
     H_recorded: int = 1  # results have the harmonics 0 to this one at least
+    stated_damping: StatedDamping | None = None  # for the modes, also those of other contact stiffness; None: a matrix
     _flexibilities: dict[float, tuple[DynamicFlexibility, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def of(cls, structure: ReducedStructure, excitation: Excitation) -> ReducedModel:
+    def of(cls, structure: ReducedStructure, excitation: Excitation, damping: StatedDamping | None = None) -> ReducedModel:
         """Return the model of a structure that is excited so.  Local; all arrays of the structure are shared."""
-        return cls(**_parts(structure), f=excitation.coefficients, harmonics=excitation.harmonics)
+        parts = _parts(structure)
+        return cls(**parts, f=excitation.coefficients, harmonics=excitation.harmonics, stated_damping=damping)
 
     def on(self, structure: ReducedStructure) -> ReducedModel:
         """Return another structure under the same loads, in the same harmonics.  Local."""
@@ -117,6 +119,13 @@ class ReducedModel(ReducedStructure):
         if len(self._flexibilities) > _KEPT:
             del self._flexibilities[next(iter(self._flexibilities))]
         return found
+
+    def flexibility_rates(
+        self, omega: float, d_omega: float, d_sigma: float, d_C: Sequence[np.ndarray] | None = None
+    ) -> list[Flexibility]:
+        """Return the rates of c_n of each group, as :meth:`DynamicFlexibility.rate` has them; ``d_C`` of each group."""
+        c_n = self.flexibilities(omega)
+        return [c.rate(d_omega, d_sigma, of_group) for c, of_group in zip(c_n, d_C or [None] * len(c_n))]
 
     def joined(self, terms: Sequence[np.ndarray]) -> np.ndarray:
         """Return terms of the groups, each (..., N_H of its own), as one array (..., N_H); the term itself of one.  Local."""

@@ -17,6 +17,8 @@ from .static_columns import StaticColumns
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from .springs import SpringUpdate
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReducedStructure:
@@ -30,6 +32,7 @@ class ReducedStructure:
     n_outputs: int
     receptances: PerGroup[Receptance]
     observed: Observed | None = None  # what makes outputs of their rows; None: they are displacements
+    spring_updates: PerGroup[SpringUpdate] | None = None  # to other contact stiffness than the structure was built with
 
     def receptance_of(self, n: int) -> Receptance:
         """Return the receptance of harmonic n.  Collective where its group is new."""

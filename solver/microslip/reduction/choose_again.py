@@ -18,7 +18,6 @@ from ..receptance.per_group import PerGroup
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_structure import ReducedStructure
 from .choose_modes import as_stated, batches, picked
-from .modal_structure import modal_damping
 from .settings import ModalDamping, ReductionSettings
 from .truncation import KnownNorms, bound, norms_beyond
 
@@ -96,7 +95,7 @@ def with_first(reduced: ReducedStructure, n_modes: int, damping: ModalDamping | 
     omega_n = modes.omega_n[first]
     of_first = modes.damping.of_first(n_modes)
     if damping is not None and damping.is_alone:
-        of_first = replace(of_first, C=modal_damping(damping, omega_n))
+        of_first = replace(of_first, C=damping.modal(omega_n))
     fewer = DampedModes(omega_n, of_first, modes.R_phi[:, first], modes.b[first], modes.o[:, first])
     return replace(reduced, receptances=PerGroup.single(Receptance(fewer, receptance.static)))
 

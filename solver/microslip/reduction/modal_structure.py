@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..messages.errors import CaseError
-from ..receptance.damping import Damping, added, diagonal_if_possible
+from ..receptance.damping import Damping, added, diagonal_if_possible, structural_damping
 from ..receptance.modes import DampedModes, SeenModes
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_structure import ReducedStructure
@@ -16,33 +16,15 @@ from .stuck import StuckStructure
 _ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi over the largest that counts as zero
 
 
-def modal_damping(damping: ModalDamping, omega_n: np.ndarray) -> np.ndarray:
-    """Return phi^T C phi, (n_phi,) [1/s]: 2 zeta omega_n, or alpha + beta omega_n^2 of C = alpha M + beta K_L.  Local."""
-    if damping.rayleigh is None:
-        return 2.0 * damping.ratios_of(len(omega_n)) * omega_n
-    alpha, beta = damping.rayleigh
-    return alpha + beta * omega_n**2
-
-
 def damping_beyond(damping: ModalDamping | None, modes: DampedModes) -> DampingBeyond:
     """Return the damping of the truncated modes: as stated, with what dampers or a matrix make of the last mode.  Local."""
     if damping is None:
         return DampingBeyond(float(modes.damping.diagonal[-1]))
-    beside = float(modes.damping.diagonal[-1] - modal_damping(damping, modes.omega_n)[-1])
+    beside = float(modes.damping.diagonal[-1] - damping.modal(modes.omega_n)[-1])
     if damping.rayleigh is not None:
         alpha, beta = damping.rayleigh
         return DampingBeyond(alpha + max(beside, 0.0), 0.0, beta, damping.structural)
     return DampingBeyond(max(beside, 0.0), float(damping.ratios_of(len(modes.omega_n) + 1)[-1]), 0.0, damping.structural)
-
-
-def structural_damping(modes: SeenModes, K_J: np.ndarray, eta: float) -> np.ndarray:
-    """Return eta phi^H K phi [1/s2], K without the springs of the joints: diagonal where nothing couples the modes, else full.
-
-    Local.  docs/theory.md, eq. (13.2); phi^H K_L phi is diagonal.
-    """
-    of_springs = modes.R_phi.conj().T @ (K_J[:, None] * modes.R_phi)
-    modal = np.diag(modes.omega_n**2) - 0.5 * (of_springs + of_springs.conj().T)
-    return eta * diagonal_if_possible(modal)
 
 
 def projected_damping(C: np.ndarray) -> np.ndarray:
@@ -63,7 +45,7 @@ def projected_damping(C: np.ndarray) -> np.ndarray:
 
 def all_damping(modes: SeenModes, damping: ModalDamping | None) -> np.ndarray:
     """Return phi^H C phi [1/s] of what the scene states for the modes and of the structure's own C, (m,) or (m, m).  Local."""
-    of_modes = None if damping is None else modal_damping(damping, modes.omega_n)
+    of_modes = None if damping is None else damping.modal(modes.omega_n)
     of_structure = None if modes.C is None else projected_damping(modes.C)
     if of_structure is None:
         assert of_modes is not None, "a scene with [damping] where the structure has no C"
@@ -76,7 +58,7 @@ def all_damping(modes: SeenModes, damping: ModalDamping | None) -> np.ndarray:
 def damped_modes(modes: SeenModes, K_J: np.ndarray, damping: ModalDamping | None) -> DampedModes:
     """Return modes with all of their damping; ``K_J`` (3 n_pairs,) are the springs of the joints [N/m].  Local."""
     eta = 0.0 if damping is None else damping.structural
-    S = structural_damping(modes, K_J, eta) if eta > 0.0 else None
+    S = structural_damping(modes.omega_n, modes.R_phi, K_J, eta) if eta > 0.0 else None
     return DampedModes(modes.omega_n, Damping(all_damping(modes, damping), S), modes.R_phi, modes.b, modes.o)
 
 

@@ -33,6 +33,13 @@ class ModalDamping:
             found[mode - 1 : mode] = ratio
         return found
 
+    def modal(self, omega_n: np.ndarray) -> np.ndarray:
+        """Return phi^H C phi, (n_modes,) [1/s]: 2 zeta omega_n, or alpha + beta omega_n^2 of C = alpha M + beta K_L."""
+        if self.rayleigh is None:
+            return 2.0 * self.ratios_of(len(omega_n)) * omega_n
+        alpha, beta = self.rayleigh
+        return alpha + beta * omega_n**2
+
 
 @dataclass(frozen=True, kw_only=True)
 class ReductionSettings:

@@ -1,0 +1,244 @@
+"""Other contact stiffness in a reduced structure: the exact low-rank update of its receptance (docs/theory.md, section 4).
+
+With K' = K_L + R^H dK R in place of K_L, dK being diagonal, J the components where it is not zero and G = G_static,
+
+    R K'^-1 = R K_L^-1 - G[:, J] T (R K_L^-1)[J],        T = dK (1 + G_JJ dK)^-1,                                   (4.7)
+
+and with the same T loads and outputs.  Modes become modes: Y = phi^H M K'^-1 M phi follows from (4.7), Y Q = Q Omega'^-2, and the
+motions K'^-1 M phi Q Omega'^2, of frequencies Omega', have exactly the receptance of the modes phi under forces -dK R u of the
+pairs.  No factor is needed, only the static columns of J.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from ..fourier.amplitudes import to_complex, to_real
+from ..guards.memory import refuse_beyond
+from ..parallel.agree import on_root
+from ..parallel.ownership import rows_of
+from .damping import Damping, StatedDamping, added, diagonal_if_possible, structural_damping
+from .modes import DampedModes
+from .per_group import PerGroup
+from .receptance import Receptance
+from .static_columns import ChosenColumns, StaticColumns
+from .static_response import StaticResponse
+from .truncated_modes import EnrichedModel, TruncatedModes, of_samples
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from .reduced_structure import ReducedStructure
+
+SYMMETRIC = 1e-9  # relative asymmetry of the updated receptance beyond which it has lost too many digits
+UNSTATED = 1e-12  # relative difference from the stated damping below which a structure has no dampers
+MULTIPLE = 1e-9  # relative distance of squares of frequencies that are one
+_LARGE = 1e8  # bytes of the update from which the memory is checked
+
+Reduced = TypeVar("Reduced", bound="ReducedStructure")
+
+
+@dataclass(frozen=True, eq=False)
+class SpringChange:
+    """Other springs of the pairs; replicated."""
+
+    dK: np.ndarray  # (3 n_pairs,) change of K_J [N/m]
+    K_J: np.ndarray  # (3 n_pairs,) with that change [N/m]
+    damping: StatedDamping | None = None  # what is stated for the modes, whichever these are; None: the damping matrix stays
+
+
+def with_springs(structure: Reduced, change: SpringChange) -> Reduced:
+    """Return the same structure, or model, with other springs; each group of harmonics when it is needed.  Local."""
+    updates = structure.receptances.mapped(lambda receptance: SpringUpdate(structure.comm, receptance, change))
+    return replace(structure, receptances=updates.mapped(lambda update: update.receptance), spring_updates=updates)
+
+
+def enriched_with_springs(enriched: EnrichedModel, structure: ReducedStructure) -> EnrichedModel:
+    """Return an enriched model with the springs of a structure that :func:`with_springs` made.  Local.
+
+    Samples of truncated modes raise ValueError, where they are needed, if structural damping couples these to the joint.
+    """
+    updates = structure.spring_updates
+    if updates is None:
+        return enriched
+    if not enriched.is_solved:
+        structure = with_springs(enriched.structure, updates.of(1).change)
+        updates = structure.spring_updates
+        assert updates is not None, "just made"
+    before, of = enriched.truncated, updates
+    truncated = PerGroup(lambda group: of.of_group(group).truncated(before.of_group(group)), before.group_of, before.groups)
+    return EnrichedModel(structure, truncated, enriched.is_solved)
+
+
+class SpringUpdate:
+    """Eq. (4.7) of one group of harmonics.
+
+    Collective on ``comm``: static columns of the changed pairs, a gather and a broadcast.
+
+    Raises
+    ------
+    ValueError : the update leaves too few digits, or nothing holds a body; on every rank
+    ResourceError : not enough memory; on every rank
+    """
+
+    def __init__(self, comm: MPI.Comm, receptance: Receptance, change: SpringChange):
+        self.comm, self.before, self.change = comm, receptance, change
+        self.J = np.flatnonzero(change.dK)
+        needed = 40.0 * len(self.J) ** 2 * (2 if receptance.is_complex else 1)
+        if needed > _LARGE:
+            refuse_beyond(comm, needed, f"other contact stiffness of {len(self.J)} components", "build the structure again with it")
+        pairs, G = np.unique(self.J // 3), receptance.static.G_static
+        n_owned = np.array(comm.allgather(G.n_owned))
+        first, last = 3 * n_owned[: comm.rank].sum(), 3 * n_owned[: comm.rank + 1].sum()
+        self.J_owned = self.J[(self.J >= first) & (self.J < last)] - first
+        self.columns: ChosenColumns = G.chosen(pairs).part(np.flatnonzero(np.isin(rows_of(pairs), self.J)))  # G[owned, J]
+        self.T = on_root(comm, _inverse_change, self._gathered(self.columns.columns(self.J_owned).T), change.dK[self.J])
+
+    def _gathered(self, owned: np.ndarray) -> np.ndarray:
+        """Return rows of all ranks in rank order.  Collective: one gather."""
+        return owned if self.comm.size == 1 else np.concatenate(self.comm.allgather(owned))
+
+    def _moved_owned(self, forces: np.ndarray) -> np.ndarray:
+        """Return G[owned, J] times forces (n_J, k), (3 n_owned, k).  Local."""
+        if not np.iscomplexobj(forces):
+            return self.columns.apply(forces)
+        return to_complex(self.columns.apply(to_real(forces, 2 * forces.shape[1])))
+
+    def of_pairs(self, v: np.ndarray) -> np.ndarray:
+        """Return R K'^-1 x, (3 n_pairs, k), for v = R K_L^-1 x.  Collective: one gather."""
+        return v - self._gathered(self._moved_owned(self.T @ v[self.J]))
+
+    def of_outputs(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return o K'^-1 x, (n_outputs, k), for u = o K_L^-1 x and v = R K_L^-1 x.  Local."""
+        return u - self.before.static.out_R[:, self.J] @ (self.T @ v[self.J])
+
+    def of_loads(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return f^H K'^-1 x, (n_loads, k), for u = f^H K_L^-1 x and v = R K_L^-1 x.  Local."""
+        return u - self.before.static.du_static[self.J].conj().T @ (self.T @ v[self.J])
+
+    # -- what is updated -----------------------------------------------------------------------------------------
+
+    @cached_property
+    def receptance(self) -> Receptance:
+        """The receptance with the change.  Collective at first."""
+        return Receptance(self._modes(), self._static())
+
+    def _modes(self) -> DampedModes:
+        modes, squares = self.before.modes, self.before.modes.omega_n**2
+        R_phi, o, b_H = modes.R_phi / squares, modes.o / squares, modes.b.conj().T / squares
+        x = R_phi[self.J]
+        omega_n, Q = on_root(self.comm, _frequencies, squares, x.conj().T @ self.T @ x)
+        way = Q * omega_n**2
+        pairs = self.of_pairs(R_phi) @ way
+        damping = _damping(modes, Q, omega_n, pairs, self.change)
+        return DampedModes(
+            omega_n, damping, pairs, (self.of_loads(b_H, R_phi) @ way).conj().T, self.of_outputs(o, R_phi) @ way
+        )
+
+    def _static(self) -> StaticResponse:
+        static = self.before.static
+        G, du, out_R = static.G_static, static.du_static, static.out_R.conj().T
+        return StaticResponse(
+            G_static=StaticColumns(len(G.known), G.n_owned, self._columns_of, G.batch, G.is_complex),
+            du_static=self.of_pairs(du),
+            out_static=self.of_outputs(static.out_static, du),
+            out_R=self.of_pairs(out_R).conj().T,
+            load_static=self.of_loads(static.load_static, du),
+            outputs_static=static.outputs_static
+            - np.einsum("ji,jk,ki->i", out_R[self.J].conj(), self.T, out_R[self.J], optimize=True).real,
+        )
+
+    def _columns_of(self, pairs: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of the static columns of some pairs (m,), (3 n_owned, 3 m).  Collective: one gather."""
+        columns = self.before.static.G_static.transposed(pairs).T
+        return columns - self._moved_owned(self.T @ self._gathered(columns[self.J_owned]))
+
+    def truncated(self, before: TruncatedModes | None) -> TruncatedModes | None:
+        """Return the truncated modes with the change: their samples exactly, W of loads and outputs as these change it.
+
+        Collective: one gather.
+
+        Raises
+        ------
+        ValueError : structural damping couples truncated modes to the joint, which the samples do not know of other springs
+        """
+        if before is None:
+            return None
+        if before.coupling is not None:
+            raise ValueError("structural damping couples the truncated modes to the joint: build the structure again")
+        v = before.of_pairs
+        outputs, loads = self.of_outputs(before.of_outputs, v), self.of_loads(before.of_loads, v)
+        direct = before.direct + outputs @ loads.conj().T - before.of_outputs @ before.of_loads.conj().T
+        own = before.own + (np.abs(loads) ** 2 - np.abs(before.of_loads) ** 2).sum(axis=1)
+        rows = np.concatenate([self.of_pairs(v), outputs, loads])
+        return of_samples(self.receptance, rows, direct, np.maximum(own, 0.0), before.damping, None)
+
+
+def _inverse_change(G_JJ: np.ndarray, dK: np.ndarray) -> np.ndarray:
+    """Return T of eq. (4.7), Hermitian.  Local.
+
+    Raises
+    ------
+    ValueError : G with the change is not positive, or its asymmetry, which measures the digits lost, exceeds ``SYMMETRIC``
+    """
+    A = np.eye(len(dK)) + G_JJ * dK
+    try:
+        T, G = np.linalg.solve(A.T, np.diag(dK)).T, np.linalg.solve(A, G_JJ)
+    except np.linalg.LinAlgError:
+        T, G = np.full((2, *A.shape), np.nan)
+    size = np.abs(G).max(initial=0.0)
+    loss = np.abs(G - G.conj().T).max(initial=0.0) / (size or 1.0)
+    if not loss <= SYMMETRIC or (len(dK) and np.linalg.eigvalsh(G)[0] < -SYMMETRIC * size):
+        raise ValueError(
+            f"contact stiffness so different ({len(dK)} components) leaves the static receptance an asymmetry of {loss:.1e} (bound "
+            f"{SYMMETRIC:.0e}), or a body that nothing holds: build the structure again with that stiffness"
+        )
+    return 0.5 * (T + T.conj().T)
+
+
+def _frequencies(squares: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Omega' (m,), rising, and Q (m, m) of Y = Omega^-2 - B.  Local.
+
+    Raises
+    ------
+    ValueError : Y is not positive: nothing holds a body
+    """
+    y, Q = np.linalg.eigh(np.diag(1.0 / squares) - 0.5 * (B + B.conj().T))
+    if len(y) and not y[0] > 0.0:
+        raise ValueError("contact stiffness so different leaves a mode without stiffness: build the structure again with it")
+    return y[::-1] ** -0.5, Q[:, ::-1]
+
+
+def _damping(modes: DampedModes, Q: np.ndarray, omega_n: np.ndarray, R_phi: np.ndarray, change: SpringChange) -> Damping:
+    """Return the damping of the motions Q of some modes: as stated for modes, and that of the structure's dampers.  Local."""
+    stated, C, S = change.damping, modes.damping.C, modes.damping.S
+    if stated is None:
+        return Damping(_between(Q, C), None if S is None else _between(Q, S))
+    dampers = added(C, -stated.modal(modes.omega_n))
+    of_modes = stated.modal(omega_n)
+    if np.abs(dampers).max(initial=0.0) > UNSTATED * np.abs(C).max(initial=0.0):
+        of_modes = added(_between(Q, dampers), of_modes)
+    return Damping(of_modes, None if S is None else structural_damping(omega_n, R_phi, change.K_J, stated.structural))
+
+
+def stated_damping_rate(modes: DampedModes, stated: StatedDamping, dK: np.ndarray) -> np.ndarray:
+    """Return the rate of phi^H C phi [1/s] of a stated damping where springs change at ``dK`` (3 n_pairs,), (m, m).  Local.
+
+    The first order of a function of a matrix: (g_i - g_j) / (l_i - l_j) times phi_i^H R^H dK R phi_j, l = omega_n^2, g as stated.
+    """
+    g, squares, h = stated.modal(modes.omega_n), modes.omega_n**2, 1e-3
+    slope = (stated.modal((1.0 + h) * modes.omega_n) - stated.modal((1.0 - h) * modes.omega_n)) / (4.0 * h * squares)
+    apart = squares[:, None] - squares
+    is_multiple = np.abs(apart) <= MULTIPLE * squares
+    quotient = np.divide(g[:, None] - g, apart, out=0.5 * (slope[:, None] + slope), where=~is_multiple)
+    return quotient * (modes.R_phi.conj().T @ (dK[:, None] * modes.R_phi))
+
+
+def _between(Q: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Return Q^H C Q, (m, m), or its diagonal where nothing couples the motions; C (m,) or (m, m).  Local."""
+    product = Q.conj().T @ (C @ Q if C.ndim == 2 else C[:, None] * Q)
+    return diagonal_if_possible(0.5 * (product + product.conj().T))
