@@ -19,7 +19,8 @@ from microslip.points.error_parts import total
 from microslip.points.selection import AllPairs
 from microslip.receptance.columns import ReceptanceColumns
 from microslip.receptance.motions import linear_motion, load_motion, output_motion
-from microslip.receptance.springs import SpringChange, with_springs
+from microslip.receptance.other_springs import with_springs
+from microslip.receptance.springs import SpringChange
 from microslip.receptance.truncated_modes import EnrichedModel
 from microslip.reduction.settings import ModalDamping
 

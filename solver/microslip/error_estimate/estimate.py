@@ -23,8 +23,8 @@ from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..parallel.ownership import rows_of
 from ..receptance.motions import output_motion
+from ..receptance.other_springs import enriched_with_springs
 from ..receptance.reduced_model import ReducedModel
-from ..receptance.springs import enriched_with_springs
 from ..receptance.truncated_modes import SAMPLES as SAMPLES_OF_MODES
 from ..receptance.truncated_modes import EnrichedModel, Truncation
 from .correction import Estimate, corrected

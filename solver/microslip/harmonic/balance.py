@@ -15,8 +15,9 @@ from ..fourier.harmonics import Harmonics
 from ..parallel.ownership import summed
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.motions import linear_motion, linear_motion_rate
+from ..receptance.other_springs import with_springs
 from ..receptance.reduced_model import ReducedModel
-from ..receptance.springs import SpringChange, stated_damping_rate, with_springs
+from ..receptance.springs import SpringChange, stated_damping_rate
 from .mean_slip import HOLD, hold_mean_slip
 from .operating_point import ContactForces, LawParameter, OperatingPoint, Rates, stiffness_rates
 
@@ -268,4 +269,3 @@ class HarmonicBalance:
     def sum(self, partial: np.ndarray) -> np.ndarray:
         """Return the sum over the ranks.  Collective on ``comm``."""
         return partial if self.comm.size == 1 else summed(self.comm, partial)
-

@@ -12,12 +12,11 @@ from ..parallel.ownership import split_evenly
 from .observed import Observed
 from .per_group import PerGroup
 from .receptance import Receptance
+from .springs import SpringUpdate
 from .static_columns import StaticColumns
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-    from .springs import SpringUpdate
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,9 +11,9 @@ pairs.  No factor is needed, only the static columns of J.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,23 +23,17 @@ from ..parallel.agree import on_root
 from ..parallel.ownership import rows_of
 from .damping import Damping, StatedDamping, added, diagonal_if_possible, structural_damping
 from .modes import DampedModes
-from .per_group import PerGroup
 from .receptance import Receptance
 from .static_columns import ChosenColumns, StaticColumns
 from .static_response import StaticResponse
-from .truncated_modes import EnrichedModel, TruncatedModes, of_samples
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-    from .reduced_structure import ReducedStructure
 
 SYMMETRIC = 1e-9  # relative asymmetry of the updated receptance beyond which it has lost too many digits
 UNSTATED = 1e-12  # relative difference from the stated damping below which a structure has no dampers
 MULTIPLE = 1e-9  # relative distance of squares of frequencies that are one
 _LARGE = 1e8  # bytes of the update from which the memory is checked
-
-Reduced = TypeVar("Reduced", bound="ReducedStructure")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,31 +45,8 @@ class SpringChange:
     damping: StatedDamping | None = None  # what is stated for the modes, whichever these are; None: the damping matrix stays
 
 
-def with_springs(structure: Reduced, change: SpringChange) -> Reduced:
-    """Return the same structure, or model, with other springs; each group of harmonics when it is needed.  Local."""
-    updates = structure.receptances.mapped(lambda receptance: SpringUpdate(structure.comm, receptance, change))
-    return replace(structure, receptances=updates.mapped(lambda update: update.receptance), spring_updates=updates)
-
-
-def enriched_with_springs(enriched: EnrichedModel, structure: ReducedStructure) -> EnrichedModel:
-    """Return an enriched model with the springs of a structure that :func:`with_springs` made.  Local.
-
-    Samples of truncated modes raise ValueError, where they are needed, if structural damping couples these to the joint.
-    """
-    updates = structure.spring_updates
-    if updates is None:
-        return enriched
-    if not enriched.is_solved:
-        structure = with_springs(enriched.structure, updates.of(1).change)
-        updates = structure.spring_updates
-        assert updates is not None, "just made"
-    before, of = enriched.truncated, updates
-    truncated = PerGroup(lambda group: of.of_group(group).truncated(before.of_group(group)), before.group_of, before.groups)
-    return EnrichedModel(structure, truncated, enriched.is_solved)
-
-
 class SpringUpdate:
-    """Eq. (4.7) of one group of harmonics.
+    """The update, docs/theory.md, eq. (4.7), of one group of harmonics.
 
     Collective on ``comm``: static columns of the changed pairs, a gather and a broadcast.
 
@@ -90,7 +61,9 @@ class SpringUpdate:
         self.J = np.flatnonzero(change.dK)
         needed = 40.0 * len(self.J) ** 2 * (2 if receptance.is_complex else 1)
         if needed > _LARGE:
-            refuse_beyond(comm, needed, f"other contact stiffness of {len(self.J)} components", "build the structure again with it")
+            refuse_beyond(
+                comm, needed, f"other contact stiffness of {len(self.J)} components", "build the structure again with it"
+            )
         pairs, G = np.unique(self.J // 3), receptance.static.G_static
         n_owned = np.array(comm.allgather(G.n_owned))
         first, last = 3 * n_owned[: comm.rank].sum(), 3 * n_owned[: comm.rank + 1].sum()
@@ -135,9 +108,7 @@ class SpringUpdate:
         way = Q * omega_n**2
         pairs = self.of_pairs(R_phi) @ way
         damping = _damping(modes, Q, omega_n, pairs, self.change)
-        return DampedModes(
-            omega_n, damping, pairs, (self.of_loads(b_H, R_phi) @ way).conj().T, self.of_outputs(o, R_phi) @ way
-        )
+        return DampedModes(omega_n, damping, pairs, (self.of_loads(b_H, R_phi) @ way).conj().T, self.of_outputs(o, R_phi) @ way)
 
     def _static(self) -> StaticResponse:
         static = self.before.static
@@ -156,26 +127,6 @@ class SpringUpdate:
         """Return this rank's rows of the static columns of some pairs (m,), (3 n_owned, 3 m).  Collective: one gather."""
         columns = self.before.static.G_static.transposed(pairs).T
         return columns - self._moved_owned(self.T @ self._gathered(columns[self.J_owned]))
-
-    def truncated(self, before: TruncatedModes | None) -> TruncatedModes | None:
-        """Return the truncated modes with the change: their samples exactly, W of loads and outputs as these change it.
-
-        Collective: one gather.
-
-        Raises
-        ------
-        ValueError : structural damping couples truncated modes to the joint, which the samples do not know of other springs
-        """
-        if before is None:
-            return None
-        if before.coupling is not None:
-            raise ValueError("structural damping couples the truncated modes to the joint: build the structure again")
-        v = before.of_pairs
-        outputs, loads = self.of_outputs(before.of_outputs, v), self.of_loads(before.of_loads, v)
-        direct = before.direct + outputs @ loads.conj().T - before.of_outputs @ before.of_loads.conj().T
-        own = before.own + (np.abs(loads) ** 2 - np.abs(before.of_loads) ** 2).sum(axis=1)
-        rows = np.concatenate([self.of_pairs(v), outputs, loads])
-        return of_samples(self.receptance, rows, direct, np.maximum(own, 0.0), before.damping, None)
 
 
 def _inverse_change(G_JJ: np.ndarray, dK: np.ndarray) -> np.ndarray:
