@@ -123,7 +123,7 @@ class HarmonicBalance:
     # -- the equation --------------------------------------------------------------------------------------------
 
     def under(self, at: OperatingPoint) -> HarmonicBalance:
-        """Return the equation with the contact law of an operating point, and the structure with its stiffness; kept for the last.
+        """Return the equation with the contact law of an operating point, and the structure with its stiffness; cached.
 
         Collective where the point has law parameters: an agreement, and with k_t or k_n the update (4.7) of the structure.
 
@@ -192,9 +192,9 @@ class HarmonicBalance:
         return self.gather(unit[np.argsort(own)])
 
     def moved_by_springs(self, at: OperatingPoint, parameter: LawParameter, V: np.ndarray) -> np.ndarray:
-        """Return G dK_J V, (n_owned, 3, N_H), for motions V of this rank's pairs and dK_J by a stiffness.  Collective: two gathers.
+        """Return G dK_J V, (n_owned, 3, N_H), for motions V of this rank's pairs and dK_J by a stiffness.
 
-        Minus the rate of V, the motion under given forces of a structure whose damping matrix stays.
+        Collective: two gathers.  Minus the rate of V, the motion under given forces of a structure whose damping matrix stays.
         """
         pairs, owned = np.sort(parameter.pairs), self.model.owned
         mine = (pairs >= owned.start) & (pairs < owned.stop)

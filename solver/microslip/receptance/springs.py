@@ -145,8 +145,8 @@ def _inverse_change(G_JJ: np.ndarray, dK: np.ndarray) -> np.ndarray:
     loss = np.abs(G - G.conj().T).max(initial=0.0) / (size or 1.0)
     if not loss <= SYMMETRIC or (len(dK) and np.linalg.eigvalsh(G)[0] < -SYMMETRIC * size):
         raise ValueError(
-            f"contact stiffness so different ({len(dK)} components) leaves the static receptance an asymmetry of {loss:.1e} (bound "
-            f"{SYMMETRIC:.0e}), or a body that nothing holds: build the structure again with that stiffness"
+            f"contact stiffness of {len(dK)} springs differs so much that the static receptance has an asymmetry of {loss:.1e} "
+            f"(bound {SYMMETRIC:.0e}), or that nothing holds a body: build the structure again with that stiffness"
         )
     return 0.5 * (T + T.conj().T)
 
