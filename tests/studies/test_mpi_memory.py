@@ -68,8 +68,9 @@ def test_what_follows_others_is_eliminated_from_the_graph(comm, shared_path):
     on_root(comm, write)
     comm.Barrier()
     dmesh, mesh, pairs, settings = parts(comm, shared_path / "lap.toml")
-    is_fixed, _, _, _, _, links, clusters = on_root(comm, read_off, mesh, pairs, settings)
-    constraints = constrain(dmesh, links, is_fixed, *clusters)
+    whole = on_root(comm, read_off, mesh, pairs, settings)
+    is_fixed, links = whole.is_fixed, whole.links
+    constraints = constrain(dmesh, links, is_fixed, *whole.loose)
     coupling = coupling_of_nodes(dmesh, pairs, constraints)
     system = assemble(dmesh, mesh, pairs, settings)
     assert len(links.dependent) > 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from .. import elements
 from ..guards.memory import refuse_beyond
 from ..mesh.connected import check_held, connected_parts, loose_clusters
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
-from ..mesh.links import find_links, fixed_places
+from ..mesh.links import Links, find_links, fixed_places
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_root, raise_together
 from ..tables.structure_tables import StructureTables
@@ -22,10 +23,10 @@ from .constrained import constrained
 from .constraints import check_supports, constrain
 from .fixed_pairs import fixed_by_nodes, notes_on_fixed
 from .maps import base_map, load_map, orders_of, output_map, pair_map
-from .nodal_forces import nodal_forces
+from .nodal_forces import NodalForces, nodal_forces
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .numbering import number_dofs
-from .output_rows import output_row
+from .output_rows import OutputRow, output_row
 from .system import System
 
 if TYPE_CHECKING:
@@ -51,14 +52,15 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
-    is_fixed, part, part_names, loads, outputs, links, clusters, notes = on_root(comm, read_off, mesh, pairs, settings)
-    loads = with_base_motion(loads, settings, dmesh, links)
+    whole = on_root(comm, read_off, mesh, pairs, settings)
+    is_fixed, links = whole.is_fixed, whole.links
+    loads = with_base_motion(whole.loads, settings, dmesh, links)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[: len(to_mesh)][to_mesh])
     n_dof = int(row_ranges[-1])
     if n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
-    constraints = constrain(dmesh, links, is_fixed, *clusters) if not links.is_empty else None
+    constraints = constrain(dmesh, links, is_fixed, *whole.loose) if not links.is_empty else None
     K, M = _matrices(dmesh, dof, row_ranges, settings.sections)
     dof_of_mesh = dof[dmesh.rank_order]
     if constraints is not None:
@@ -72,33 +74,53 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
         C=None,
         R=pair_map(pairs, dof_of_mesh, n_dof),
         loads=load_map(loads, dof_of_mesh, n_dof),
-        outputs=output_map(outputs, dof_of_mesh, n_dof),
+        outputs=output_map(whole.outputs, dof_of_mesh, n_dof),
         dof=dof_of_mesh,
-        parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
-        part_names=part_names,
-        notes=notes,
+        parts=np.repeat(whole.part[to_mesh[first:last]], 3)[is_free.ravel()],
+        part_names=whole.part_names,
+        notes=whole.notes,
         output_orders=orders_of(settings.outputs),
         output_base=base_map(settings.outputs, settings.loads) if any(one.absolute for one in settings.outputs) else None,
     )
-    return system if constraints is None else constrained(system, constraints, part)
+    return system if constraints is None else constrained(system, constraints, whole.part)
 
 
-def read_off(mesh: Mesh, pairs: ContactPairs, settings: StructureTables) -> tuple:
-    """Return what only the whole mesh tells.
+@dataclass(frozen=True, eq=False)
+class WholeMesh:
+    """What only the whole mesh shows.  Places are its nodes, then points (``mesh/ties.py``)."""
 
-    Fixed DOFs by place (``mesh/ties.py``), parts and their names, loads and outputs on places, what follows what, which
-    parts nothing but joints holds, and notes on pairs that supports fix on both sides.
+    is_fixed: np.ndarray  # (n_places, 3) bool
+    part: np.ndarray  # (n_nodes,) connected part of each node
+    part_names: tuple[str, ...]
+    loads: list[NodalForces]
+    outputs: list[OutputRow]
+    links: Links  # what follows what by ties, points and equations
+    loose: tuple[np.ndarray, tuple[np.ndarray, ...]]  # tied parts by number, and those that nothing but joints holds
+    notes: tuple[str, ...]  # on pairs that supports fix on both sides
+
+
+def read_off(mesh: Mesh, pairs: ContactPairs, settings: StructureTables) -> WholeMesh:
+    """Return what only the whole mesh shows.  Local, rank 0.
+
+    Raises
+    ------
+    MeshError, CaseError : a part that nothing holds, supports, loads or outputs without a node, a joint fixed on both sides
     """
     links = find_links(mesh, settings)
     is_fixed = fixed_places(mesh, settings, links)
     check_supports(mesh, links, is_fixed)
-    notes = notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(settings.path))
     part, part_names = connected_parts(mesh, settings.body_of)
     check_held(part, part_names, mesh, settings.supports, pairs, links)
-    clusters = loose_clusters(part, len(part_names), mesh, settings.supports, links)
-    loads = [nodal_forces(mesh, load, settings.model, f"[[loads]] {i}", links) for i, load in enumerate(settings.loads, 1)]
-    outputs = [output_row(mesh, output, settings, links) for output in settings.outputs]
-    return is_fixed, part, part_names, loads, outputs, links, clusters, notes
+    return WholeMesh(
+        is_fixed=is_fixed,
+        part=part,
+        part_names=part_names,
+        loads=[nodal_forces(mesh, load, settings.model, f"[[loads]] {i}", links) for i, load in enumerate(settings.loads, 1)],
+        outputs=[output_row(mesh, output, settings, links) for output in settings.outputs],
+        links=links,
+        loose=loose_clusters(part, len(part_names), mesh, settings.supports, links),
+        notes=notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(settings.path)),
+    )
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, elements.SolidSection]):

@@ -28,8 +28,9 @@ def memory_of_mesh(scene: Scene, dmesh: DistributedMesh, mesh: Mesh | None, pair
     """Return lines on the memory of a run of a scene with a mesh, which took ``so_far`` bytes on this rank.  Collective."""
     constraints = None
     if scene.ties or scene.points or scene.has_equations or scene.attached:
-        is_fixed, _, _, _, _, links, clusters = on_root(dmesh.comm, read_off, mesh, pairs, scene)
-        constraints = None if links.is_empty else constrain(dmesh, links, is_fixed, *clusters)
+        whole = on_root(dmesh.comm, read_off, mesh, pairs, scene)
+        is_fixed, links = whole.is_fixed, whole.links
+        constraints = None if links.is_empty else constrain(dmesh, links, is_fixed, *whole.loose)
     return _lines(scene, coupling_of_nodes(dmesh, pairs, constraints), pairs.n_pairs, so_far, dmesh.comm)
 
 

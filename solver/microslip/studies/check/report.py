@@ -36,7 +36,8 @@ def description(
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, loads, outputs, links, _, on_fixed = read_off(mesh, pairs, scene)
+    whole = read_off(mesh, pairs, scene)
+    is_fixed, links = whole.is_fixed, whole.links
     volume = content.volumes(mesh, scene.bodies)
     density = {name: scene.materials[body.material].density for name, body in scene.bodies.items()}
     n_dependent = int((~is_fixed.ravel()[links.dependent]).sum())
@@ -45,7 +46,7 @@ def description(
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
     lines = [
         f"scene      {scene.source}: no fault found",
-        f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(part_names)} connected parts",
+        f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(whole.part_names)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
         *_suspected(scene, file, mesh, stated, content.mass(volume, density)),
         *(f"           {note}" for note in (*of_file, *mesh.notes)),
@@ -61,10 +62,10 @@ def description(
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
         *_joints(pairs),
-        *(f"           {note}" for note in (*pairs.notes, *on_fixed)),
+        *(f"           {note}" for note in (*pairs.notes, *whole.notes)),
         *_bolts(mesh, scene),
-        *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, loads), 1)),
-        *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, outputs)),
+        *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, whole.loads), 1)),
+        *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, whole.outputs)),
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
     return lines
