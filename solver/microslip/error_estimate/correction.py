@@ -1,4 +1,4 @@
-"""The amplitude corrected by an enriched problem, and the bar of what remains (docs/theory.md, section 11).  NumPy only."""
+"""The amplitude corrected by an enriched problem, and the bar of what remains (docs/theory.md, section 11)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..points.error_parts import PARTS, SAFETY, total
+from .adjoint import Adjoint
 
 OF_HARMONICS = 0.2  # share of that part which is left: the harmonics settle to a tenth, and more would follow beyond them
 OF_SAMPLES = 0.25  # the same of the samples, whose limit is extrapolated
@@ -19,6 +20,7 @@ class Estimate:
     parts: np.ndarray  # (n_outputs, n_parts) sizes of what they change, as in ``PARTS`` [m]
     correction: np.ndarray  # (n_outputs,) complex: what they change, signed; 0 where that is not known well enough [m]
     remaining: np.ndarray  # (n_outputs,) error bar of the amplitudes with it [m]
+    adjoint: Adjoint | None = None  # of the outputs; None where all pairs stick
 
 
 def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, truncated: np.ndarray, unsettled: float) -> Estimate:

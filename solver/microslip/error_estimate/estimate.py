@@ -11,7 +11,7 @@ with B = d output / d p at fixed motion of the pairs.  With their signs the part
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from ..receptance.other_springs import enriched_with_springs
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.truncated_modes import SAMPLES as SAMPLES_OF_MODES
 from ..receptance.truncated_modes import EnrichedModel, Truncation
+from .adjoint import Adjoint
 from .correction import Estimate, corrected
 
 FINER = 2  # times the samples of the enriched problem
@@ -74,6 +75,7 @@ class JointChanges:
     second: np.ndarray  # (n,) beyond first order; infinite where it is not known [m]
     modes: np.ndarray  # (n, n_samples, N_H) samples of the truncated modes, R^T tau
     is_adjoint_found: bool
+    adjoint: Adjoint | None = None  # None where all pairs stick
 
     @classmethod
     def nothing(cls, n: int, n_samples: int, N_H: int) -> JointChanges:
@@ -149,7 +151,8 @@ class ErrorEstimator:
         lost = 0.0 if found.is_adjoint_found else np.abs(output_amplitude(here, at, p))
         parts = [np.abs(by_basis) + truncated, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
         linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver])
-        return corrected(np.stack(parts), linear, found.second, truncated, changes.unsettled)
+        estimate = corrected(np.stack(parts), linear, found.second, truncated, changes.unsettled)
+        return replace(estimate, adjoint=found.adjoint)
 
     def through_the_joint(
         self,
@@ -167,6 +170,7 @@ class ErrorEstimator:
         exact, at = linear.equation, linear.at
         own, N_H = exact.model.owned_rows, exact.model.N_H
         chi, tau, is_adjoint_found = linear.solve_transposed(sensitivity(exact.model_at(at), at.omega), self.adjoint_solver)
+        adjoint = Adjoint(linear, chi, tau, is_adjoint_found)
         residual = equation.residual(U, at, used, linear.G if used is linear.forces and exact is equation else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
@@ -181,7 +185,7 @@ class ErrorEstimator:
         of_changes, of_modes = np.split(totals, [6 * len(tau)])
         *first, second = of_changes.reshape(6, -1)
         second = second if is_adjoint_found and is_step_found else np.full_like(second, np.inf)
-        return JointChanges(np.stack(first), second, of_modes.reshape(modes.shape), is_adjoint_found)
+        return JointChanges(np.stack(first), second, of_modes.reshape(modes.shape), is_adjoint_found, adjoint)
 
     def beyond_linear(self, linear: Linearisation, U: np.ndarray, p: np.ndarray, changes: Changes) -> tuple[np.ndarray, bool]:
         """Return what contact forces change beyond the linearisation where the pairs follow all changes, (n_owned, 3, N_H) [N].
