@@ -4,8 +4,9 @@
 
 The commands of a page run in its order, in a copy of the project that holds no pages, so that every table found after one,
 printed or written to docs/, is of its making, and meshes that one makes are there for the next.  A table of the page is compared
-with the one that most of its rows agree with in their first cell; times and memory are of the machine and counted, not judged.
-Prints a line a table, each number that differs, and which tables no command made.  Ends with status 1 where a number differs.
+with the one that most of its rows agree with in their first cell.  Numbers are of three classes: of the model, judged; of the
+machine (times, memory), counted; ratios of times (speed-up), of which the largest change is reported.
+Prints a line a table, each number of the model that differs, and tables that no command made; status 1 where a number differs.
 """
 
 from __future__ import annotations
@@ -44,6 +45,9 @@ PEAKS = [
     "points that slip, open",
 ]
 OF_THE_MACHINE = re.compile(r"(?<![\w/])(?:s|ms|us|min|seconds?|times?|wall|clock|processor|MiB|GiB|GFlop)\b")
+A_RATIO = re.compile(r"\bspeed-?up\b|\bfaster\b|\btimes as fast\b")  # of times, in the name of a row or column
+FACTOR = re.compile(rf"{NUMBER.pattern}x(?![\w ])")  # 7600x in a cell
+MODEL, MACHINE, RATIO = "of the model", "of the machine", "ratios of times"
 ROUNDING, ITS_SPREAD = 1e-7, 100.0  # numbers below the first are of rounding: they agree within the second
 
 
@@ -66,11 +70,13 @@ class Table:
 
 @dataclass
 class Comparison:
-    """What became of a table: numbers that agree, are of the machine, and differ (row, column, page, now)."""
+    """What became of a table: numbers by class, and the cells that differ (row, column, page, now)."""
 
     rows: int = 0
     equal: int = 0
     machine: int = 0
+    ratios: int = 0
+    change: float = 1.0  # the largest factor between two ratios of times
     differ: list[tuple[str, str, str, str]] = field(default_factory=list)
 
     @property
@@ -78,8 +84,9 @@ class Comparison:
         return self.equal + len(self.differ)
 
     def add(self, other: Comparison) -> None:
-        self.rows, self.equal, self.machine = self.rows + other.rows, self.equal + other.equal, self.machine + other.machine
-        self.differ += other.differ
+        for name in ("rows", "equal", "machine", "ratios", "differ"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        self.change = max(self.change, other.change)
 
 
 def plain(text: str) -> str:
@@ -212,17 +219,34 @@ def compared_rows(page: Table, name: str, row: list[str], other: list[str], pair
     result = Comparison(rows=1)
     for i, j in pairs:
         if max(i, j) > 0 and i < len(row) and j < len(other):
-            compare_cells(result, name, page.header[i], row[i], other[j])
+            compare_cells(result, kind_of(name, page, i, row[i]), (name, plain(page.header[i])), row[i], other[j])
     return result
 
 
-def compare_cells(result: Comparison, name: str, column: str, page: str, now: str) -> None:
-    """Count the numbers of a cell; where there are more in one than in the other, the cell differs as a whole."""
+def kind_of(name: str, page: Table, i: int, cell: str) -> str:
+    """Return the class of the numbers of a cell in column i of a row of this name.
+
+    A column "ratio" is of times where the one before it is of the machine.
+    """
+    column = plain(page.header[i])
+    if A_RATIO.search(column) or A_RATIO.search(name) or FACTOR.search(plain(cell)):
+        return RATIO
+    if column == "ratio" and OF_THE_MACHINE.search(plain(page.header[i - 1])):
+        return RATIO
+    return MACHINE if OF_THE_MACHINE.search(column) or OF_THE_MACHINE.search(name) else MODEL
+
+
+def compare_cells(result: Comparison, kind: str, place: tuple[str, str], page: str, now: str) -> None:
+    """Count the numbers of a cell by their class; where one cell has more than the other, the cell differs as a whole."""
     ours, theirs = NUMBER.findall(plain(page)), NUMBER.findall(plain(now))
-    if OF_THE_MACHINE.search(plain(column)) or OF_THE_MACHINE.search(name):
+    if kind == MACHINE:
         result.machine += len(ours)
+    elif kind == RATIO:
+        result.ratios += len(ours)
+        both = [(abs(float(a)), abs(float(b))) for a, b in zip(ours, theirs)]
+        result.change = max([result.change, *(max(a / b, b / a) for a, b in both if a and b)])
     elif len(ours) != len(theirs) or not all(agree(a, b) for a, b in zip(ours, theirs)):
-        result.differ.append((name, plain(column), page, now))
+        result.differ.append((*place, page, now))
     else:
         result.equal += len(ours)
 
@@ -230,7 +254,7 @@ def compare_cells(result: Comparison, name: str, column: str, page: str, now: st
 def nearest(page: Table, made: list[tuple[str, Table]]) -> tuple[str, Comparison] | None:
     """Return the command and the comparison of the table with most rows in common, then most numbers that agree."""
     tried = [(command, compare(page, table)) for command, table in made if columns(page, table)]
-    tried = [(command, one) for command, one in tried if one.rows and one.judged + one.machine]
+    tried = [(command, one) for command, one in tried if one.rows and one.judged + one.machine + one.ratios]
     return max(tried, key=lambda one: (one[1].rows, one[1].equal, -len(one[1].differ)), default=None)
 
 
@@ -259,7 +283,7 @@ def is_asked_for(command: str, asked: argparse.Namespace) -> bool:
 
 
 def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
-    """Print a line for every table of a page, and what differs; return how many numbers agree, differ, are of the machine."""
+    """Print a line for every table of a page, and what differs; return the counts by class."""
     counts: Counter = Counter(tables=len(page))
     for table in page:
         head = f"  line {table.line}, {' | '.join(table.header)[:60]}: "
@@ -268,13 +292,12 @@ def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
             print(head + "no command that ran made it")
             continue
         one = found[1]
-        print(
-            head
-            + f"{one.rows} of {len(table.rows)} rows, {one.equal} of {one.judged} numbers agree, {one.machine} of the machine"
-        )
+        ratios = f", {one.ratios} {RATIO}, by up to {one.change:.2g} apart" if one.ratios else ""
+        numbers = f"{one.equal} of {one.judged} numbers agree, {one.machine} {MACHINE}"
+        print(f"{head}{one.rows} of {len(table.rows)} rows, {numbers}{ratios}")
         for row, column, here, now in one.differ:
             print(f'    differs: "{row}", "{column}": {here} on the page, {now} now')
-        counts.update(made=1, equal=one.equal, differ=len(one.differ), machine=one.machine)
+        counts.update(made=1, equal=one.equal, differ=len(one.differ), machine=one.machine, ratios=one.ratios)
     return counts
 
 
@@ -290,7 +313,7 @@ def main() -> int:
     if not asked.list:
         print(
             f"\n{counts['made']} of {counts['tables']} tables made: {counts['equal']} numbers agree, cells that differ: "
-            f"{counts['differ']}, {counts['machine']} of the machine"
+            f"{counts['differ']}, {counts['machine']} {MACHINE}, {counts['ratios']} {RATIO}"
         )
     return int(counts["differ"] > 0)
 

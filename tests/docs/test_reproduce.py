@@ -38,6 +38,17 @@ def test_the_same_numbers_agree_and_times_are_not_judged():
     assert (found.rows, found.equal, found.differ, found.machine) == (2, 3, [], 2)
 
 
+def test_ratios_of_times_are_a_class_of_their_own():
+    page = "| level | evaluations | time, s | ratio | speed-up a step | of samples |\n| --- | --- | --- | --- | --- | --- |\n"
+    now = f"{page}| 1 | 7 | 2.0 | 1.5 | 1.2 | 2x |\n| speed-up, lowest | 3 |  |  |  |  |\n"
+    _, found = made(now, f"{page}| 1 | 7 | 4.0 | 3.0 | 1.1 | 7,600x |\n| speed-up, lowest | 2 |  |  |  |  |\n")
+    assert (found.equal, found.differ, found.machine, found.ratios) == (1, [], 1, 4)
+    assert found.change == pytest.approx(3800.0)
+    page = "| stage | error | ratio | mesh |\n| --- | --- | --- | --- |\n| x | 2.0 | 1.5 | 8 x 8 |\n"
+    _, found = made(page.replace("1.5", "1.9"), page)
+    assert found.differ == [("x", "ratio", "1.5", "1.9")]  # a ratio of what is no time is of the model
+
+
 def test_another_number_differs_and_is_named():
     _, found = made("| 32 | 2.4 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n")
     assert found.differ == [("32", "error", "2.1 %, 1,250", "2.4 %, 1,250")]
