@@ -10,7 +10,8 @@ import numpy as np
 
 from ..mesh.locate import find_node
 from ..observe.not_computed import Extent
-from ..points.branch import Branch, hertz
+from ..points.branch import Branch
+from ..points.quantities import hertz
 from ..reduction.expand import node_fields, peak_displacements
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin

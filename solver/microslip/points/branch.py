@@ -13,11 +13,7 @@ from ..contact.law import OPEN, SLIP, STICK
 from ..fourier.coefficients import amplitude, phase
 from .error_parts import PARTS, SAFETY, total
 from .peak import Peak
-from .quantities import TEXT, Column, Quantity, declared, number
-
-
-def hertz(omega: float) -> float:
-    return omega / (2.0 * np.pi)
+from .quantities import TEXT, Column, Quantity, declared, hertz, number
 
 
 def pairs_in(kind: int) -> Callable[[np.ndarray], int]:

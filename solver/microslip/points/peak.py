@@ -3,22 +3,42 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from .quantities import Quantity, declared, hertz
+
+_WIDTH = "between the two places at 1 / √2 of the amplitude; NaN where the curve does not reach them"
+_WITHIN = "width of the interval that the maximum lies in; 0 where the slope of the curve is zero"
+_DAMPING = "damping ratio of one mode of this half-power width, width / (2 frequency); NaN where that is not known"
 
 
 @dataclass(frozen=True)
 class Peak:
-    """A maximum of the amplitude of harmonic 1 of one output along a branch.  The same on all ranks."""
+    """A maximum of the amplitude of harmonic 1 of one output along a branch.  The same on all ranks.
 
-    output: int  # number of the output, from 0
-    omega: float  # rad/s
-    amplitude: complex  # of harmonic 1, cos - i sin, in the unit of the output
-    width: float  # rad/s between the two places at 1 / sqrt 2 of the amplitude; NaN where the curve does not reach them
-    within: float  # rad/s: the maximum lies in an interval of this width; 0 where the slope of the curve is zero
-    slipping: int  # pairs that slip or are open
-    newton: int  # iterations
-    segment: int = 0  # of the curve
+    What is stored of it is declared here, as that of a :class:`~microslip.points.branch.Point`; amplitudes are in the unit of the
+    output.
+    """
+
+    output: Annotated[int, Quantity("output", "", "1", "number of the output, from 0", "i8")]
+    omega: Annotated[float, Quantity("frequency_Hz", "", "Hz", "frequency of the excitation", stored=hertz)]  # rad/s
+    amplitude: Annotated[  # of harmonic 1, cos - i sin
+        complex,
+        Quantity("amplitude", "", "m", "harmonic 1", stored=abs),
+        Quantity("phase", "", "rad", "harmonic 1: u = amplitude · cos(ω t + phase)", stored=np.angle),
+    ]
+    width: Annotated[float, Quantity("half_power_width_Hz", "", "Hz", _WIDTH, stored=hertz)]  # rad/s
+    within: Annotated[float, Quantity("within_Hz", "", "Hz", _WITHIN, stored=hertz)]  # rad/s
+    slipping: Annotated[int, Quantity("slipping", "", "1", "pairs that slip or are open", "i8")]
+    newton: Annotated[int, Quantity("newton", "", "1", "Newton iterations", "i8")]
+    segment: Annotated[int, Quantity("segment", "", "1", "of the curve", "i8")] = 0
 
     @property
     def damping(self) -> float:
         """The damping ratio of one mode of this half-power width, width / (2 omega) [-]; NaN where that is not known."""
         return self.width / (2.0 * self.omega)
+
+
+PEAK_QUANTITIES = (*declared(Peak), Quantity("damping", "", "1", _DAMPING, field="damping"))

@@ -19,6 +19,10 @@ def as_it_is(value):
     return value
 
 
+def hertz(omega: float) -> float:
+    return omega / (2.0 * np.pi)
+
+
 @dataclass(frozen=True)
 class Column:
     """A column of frf.csv: one number of a quantity, for each output where the quantity has an axis of outputs."""
@@ -107,10 +111,12 @@ def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
 
 
 def declared(kind: type) -> tuple[Quantity, ...]:
-    """Return the quantities of a dataclass, which its fields are annotated with, in their order."""
+    """Return the quantities of a dataclass, one or several of which a field is annotated with, in their order."""
     hints = get_type_hints(kind, include_extras=True)
     given = [(field, *getattr(hints[field.name], "__metadata__", ())) for field in fields(kind)]
-    return tuple(replace(of[0], field=field.name, optional=of[0].optional or field.default is None) for field, *of in given if of)
+    return tuple(
+        replace(one, field=field.name, optional=one.optional or field.default is None) for field, *of in given for one in of
+    )
 
 
 def _padded(values, shape: tuple[int, ...]):

@@ -12,6 +12,7 @@ from ..points.branch import CLOSES_TO
 from ..points.error_parts import PARTS, total
 from .audit import closure
 from .measures import counts, peak, segments
+from .peak_plots import label_peaks, mark_peaks, peak_sizes
 from .record import STOPPED, LevelResult, ResultFile
 from .style import (
     FAINT,
@@ -27,13 +28,13 @@ from .style import (
     Pages,
     level_colours,
     level_name,
+    outputs_by_page,
     panels,
     plain,
     some,
     with_prefix,
 )
 
-_ROWS = 5  # outputs in one picture
 _WIDE = 200.0  # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
 _APART = 30.0  # ratio of the peaks of two levels beyond which it is
 _BAND = 0.3  # opacity of an error band
@@ -48,45 +49,48 @@ def draw_response(results: ResultFile) -> Pages:
     """Draw amplitude, and amplitude per newton with the linear curve, of every output.  Local."""
     drawn = _with_colours(results)
     pages: Pages = {}
-    for first in range(0, len(results.outputs), _ROWS):
-        outputs = list(enumerate(results.outputs))[first : first + _ROWS]
+    solved = any(level.peaks for level in results.levels)
+    for number, outputs in outputs_by_page(results):
         n_rows = len(outputs)
         handles = _level_handles(drawn, results.linear is not None, peaks=True)
         if any(level.error is not None for level in results.levels):
             handles.append(Patch(facecolor=FAINT, alpha=_BAND, lw=0.0, label="error bar"))
         unit_of_load = "newton of load" if results.level_unit == "N" else "unit of the level"
         says = f"response, harmonic 1: amplitude, and amplitude per {unit_of_load}"
+        says += "; at peaks the damping ratio \u03b6" if solved else ""
         page = Page(results, says, WIDTH, 0.35 + 2.35 * n_rows, handles)
         axes = page.grid(n_rows, 2).subplots(sharex=True, squeeze=False)
-        for (k, name), row in zip(outputs, axes):
+        units = [
             _response_row(results, drawn, k, row, name if len(results.outputs) > 1 else "")
+            for (k, name), row in zip(outputs, axes)
+        ]
         for ax in axes[-1]:
             ax.set_xlabel("frequency [Hz]")
         _limit(axes.ravel(), results)
-        number = f"_{first // _ROWS + 1:02d}" if len(results.outputs) > _ROWS else ""
+        for (k, _), row, (factor, unit) in zip(outputs, axes, units):
+            label_peaks(row[0], results.levels, k, factor, unit)
         pages[f"response{number}.png"] = page
     return pages
 
 
-def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> None:
-    """Draw output k into two axes."""
-    curves = [amplitude(level.response[:, k]) for level, _ in drawn]
-    per_newton = [a / abs(level.level) if level.level else np.full_like(a, np.nan) for a, (level, _) in zip(curves, drawn)]
-    own, per_level = results.unit_of(k), {"N": "/N", "1": ""}.get(results.level_unit, f"/({results.level_unit})")
-    for ax, values, unit, is_linear in ((row[0], curves, own, False), (row[1], per_newton, own + per_level, True)):
-        linear = [amplitude(results.linear.response[:, k])] if results.linear and is_linear else []
+def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> tuple[float, str]:
+    """Draw output k into two axes, the second per unit of the level; return factor and unit of the first."""
+    curves, own = [amplitude(level.response[:, k]) for level, _ in drawn], results.unit_of(k)
+    per_level = [1.0 / abs(level.level) if level.level else np.nan for level, _ in drawn]
+    for ax, unit, shares in ((row[0], own, np.ones(len(drawn))), (row[1], own + results.shown.per_level, per_level)):
+        values = [share * a for share, a in zip(shares, curves)]
+        linear = [amplitude(results.linear.response[:, k])] if results.linear and ax is row[1] else []
         factor, unit_name = with_prefix(_joined([*values, *linear]), unit)
-        if results.linear and linear:
-            ax.plot(results.linear.frequency, factor * linear[0], zorder=1.5, **LINEAR)
-        for a, (level, colour) in zip(values, drawn):
-            share = 1.0 / abs(level.level or 1.0) if is_linear else 1.0
+        for a in linear:
+            ax.plot(results.linear.frequency, factor * a, zorder=1.5, **LINEAR)  # type: ignore[union-attr]
+        for a, share, (level, colour) in zip(values, shares, drawn):
             _band(ax, level, k, factor * a, factor * share, colour)
             _curve(ax, level, factor * a, colour)
-            top = peak(level.response, k)
-            if top is not None:
-                ax.plot(level.frequency[top], factor * a[top], "o", ms=4.0, mfc="white", mec=colour, mew=1.1, zorder=4)
+            mark_peaks(ax, level, k, factor * share, colour)
         ax.set_ylabel(f"{plain(name, 24) + ', ' if name else ''}amplitude [{unit_name}]")
-        _choose_scale(ax, [factor * a for a in (*values, *linear)], compare=not is_linear)
+        seen = [np.append(a, share * peak_sizes(level, k)) for a, share, (level, _) in zip(values, shares, drawn)]
+        _choose_scale(ax, [factor * a for a in (*seen, *linear)], compare=ax is row[0])
+    return with_prefix(_joined(curves), own)
 
 
 def draw_states(results: ResultFile) -> Pages:

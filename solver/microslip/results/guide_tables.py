@@ -8,6 +8,7 @@ from itertools import groupby
 from pathlib import Path
 
 from ..points.branch import QUANTITIES
+from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import Quantity, axis_lengths
 from .record import JOINT_QUANTITIES
 from .table import COLUMNS
@@ -40,7 +41,12 @@ def _content(kept: Quantity) -> str:
     return kept.meaning if kept.unit == "1" or kept.meaning.startswith(kept.unit) else f"{kept.meaning}, {kept.unit}"
 
 
-TABLES = {"frf.csv": columns_table(), "joint": datasets_table(JOINT_QUANTITIES), "levels": datasets_table(QUANTITIES, "n")}
+TABLES = {
+    "frf.csv": columns_table(),
+    "joint": datasets_table(JOINT_QUANTITIES),
+    "levels": datasets_table(QUANTITIES, "n"),
+    "peaks": datasets_table(PEAK_QUANTITIES, "n"),
+}
 
 
 def with_tables(text: str) -> str:

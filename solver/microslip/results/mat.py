@@ -13,7 +13,7 @@ from ..points.branch import QUANTITIES
 from ..points.quantities import TEXT
 from ..system.files import written_whole
 from .fields import Fields
-from .record import BOLT_UNITS, JOINT_QUANTITIES, LevelResult, ResultFile
+from .record import BOLT_UNITS, JOINT_QUANTITIES, LevelResult, ResultFile, peak_arrays
 
 
 def write_mat(path: str, results: ResultFile, fields: Fields | None) -> None:
@@ -69,6 +69,8 @@ def _level(level: LevelResult) -> dict[str, Any]:
         values = level.arrays[kept.name]
         if values is not None:
             found[kept.dataset] = _cells(values) if kept.kind == TEXT else values
+    if level.peaks is not None:
+        found["peaks"] = peak_arrays(level.peaks)
     return found
 
 

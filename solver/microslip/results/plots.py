@@ -10,6 +10,7 @@ from ..messages.errors import CaseError
 from ..system.files import make_folder, said_of
 from .curve_plots import draw_energy, draw_error, draw_response, draw_rom_size, draw_states
 from .joint_plots import draw_energy_map, draw_rest, draw_slip_map
+from .peak_plots import draw_peaks
 from .read import read_results
 from .record import ResultFile
 from .static_plots import draw_static_response, draw_static_states
@@ -19,6 +20,7 @@ Picture = Callable[[ResultFile], Pages]
 PICTURES: tuple[Picture, ...] = (  # in an order whose every second, third or fourth are about as much work
     draw_response,
     draw_error,
+    draw_peaks,
     draw_slip_map,
     draw_energy,
     draw_energy_map,
@@ -32,9 +34,9 @@ STATIC_PICTURES: tuple[Picture, ...] = (draw_static_response, draw_static_states
 def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> list[str]:
     """Draw all pictures of a result file, or a share of them, into a folder and return the files.  Local; no MPI, no PETSc.
 
-    response.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png, error.png and rest.png.  What is not there
-    (a joint, a converged point, statics) leaves out the pictures of it.  Where nothing moves to and fro, response.png and
-    states.png are drawn over the load, and with slip_map.png and rest.png they are all.
+    response.png, peaks.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png, error.png and rest.png.  What is
+    not there (peaks, a joint, a converged point, statics) leaves out the pictures of it.  Of statics alone there are response.png
+    and states.png over the load, slip_map.png and rest.png.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from ..contact.laws import ELASTIC_COULOMB
 from ..formats.hdf5 import MOST_GAIN
 from ..messages.errors import CaseError
 from ..points.branch import CLOSES_TO, QUANTITIES
-from ..points.peak import Peak
+from ..points.peak import PEAK_QUANTITIES, Peak
 from ..points.quantities import TEXT, Quantity, axis_lengths
 from ..system.sandbox import SandboxError, read_file
 from .checked_datasets import Reader, attribute, opened
@@ -199,22 +199,28 @@ def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: boo
         fault = "its attributes"
     if fault is not None:
         raise CaseError(f"{reader.path}: {fault} of '{group}' cannot be; the file is damaged or was edited")
-    return LevelResult(level, status, failure, arrays, unit, closes_to, _peaks(reader, group))
+    return LevelResult(level, status, failure, arrays, unit, closes_to, _peaks(reader, group, n_outputs))
 
 
-def _peaks(reader: Reader, group: str) -> tuple[Peak, ...] | None:
+def _peaks(reader: Reader, group: str, n_outputs: int) -> tuple[Peak, ...] | None:
     """Return the peaks of a level; None where they were not solved for."""
     if f"{group}/peaks" not in reader:
         return None
-    names = ("frequency_Hz", "amplitude", "phase", "half_power_width_Hz", "within_Hz")
-    of_float = [reader.array(f"{group}/peaks/{name}", "f8", (None,)) for name in names]
-    of_count = [reader.array(f"{group}/peaks/{name}", "i8", (None,)) for name in ("output", "slipping", "newton", "segment")]
-    frequency, size, phase, width, within = of_float
-    amplitudes, circle = size * np.exp(1j * phase), 2.0 * np.pi
-    of_peaks = zip(of_count[0], circle * frequency, amplitudes, circle * width, circle * within, *of_count[1:])
+    n = len(reader.array(f"{group}/peaks/frequency_Hz", "f8", (None,)))
+    found = {kept.dataset: reader.array(f"{group}/peaks/{kept.dataset}", kept.kind, (n,)) for kept in PEAK_QUANTITIES}
+    is_sound = np.isfinite(found["amplitude"]) & (found["frequency_Hz"] > 0.0)
+    if not is_sound.all() or not np.isin(found["output"], np.arange(n_outputs)).all():
+        raise CaseError(f"{reader.path}: '{group}/peaks' has values that no run writes; the file is damaged or was edited")
     return tuple(
-        Peak(int(output), float(omega), complex(a), float(w), float(near), int(slip), int(n), int(segment))
-        for output, omega, a, w, near, slip, n, segment in of_peaks
+        Peak(
+            int(found["output"][i]),
+            2.0 * np.pi * float(found["frequency_Hz"][i]),
+            complex(found["amplitude"][i] * np.exp(1j * found["phase"][i])),
+            2.0 * np.pi * float(found["half_power_width_Hz"][i]),
+            2.0 * np.pi * float(found["within_Hz"][i]),
+            *(int(found[name][i]) for name in ("slipping", "newton", "segment")),
+        )
+        for i in range(n)
     )
 
 

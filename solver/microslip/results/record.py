@@ -5,7 +5,7 @@ n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,7 +14,7 @@ import numpy as np
 
 from ..contact.laws import ELASTIC_COULOMB
 from ..points.branch import CLOSES_TO, QUANTITIES, Branch
-from ..points.peak import Peak
+from ..points.peak import PEAK_QUANTITIES, Peak
 from ..points.quantities import Quantity, axis_lengths, declared
 from .measures import Shown, shown_with
 from .origin import Origin
@@ -176,7 +176,8 @@ class ResultFile:
 
         def of_level(level: LevelResult) -> LevelResult:
             arrays = {name: a if a is None or "outputs" not in axes[name] else a[:, one] for name, a in level.arrays.items()}
-            return replace(level, arrays=arrays)
+            own = [replace(peak, output=0) for peak in level.peaks or () if peak.output == k]
+            return replace(level, arrays=arrays, peaks=None if level.peaks is None else tuple(own))
 
         return replace(
             self,
@@ -216,3 +217,8 @@ def level_result(branch: Branch, sizes: tuple[int, int, int], status: str, unit:
     arrays = {kept.name: kept.array(branch.points, lengths) for kept in QUANTITIES}
     peaks = None if branch.peaks is None else tuple(branch.peaks)
     return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to, peaks)
+
+
+def peak_arrays(peaks: Sequence[Peak]) -> dict[str, np.ndarray]:
+    """Return the peaks of a level as arrays (n_peaks,) by the names of ``PEAK_QUANTITIES``.  Local."""
+    return {kept.dataset: np.array([kept.of(peak) for peak in peaks], dtype=kept.kind) for kept in PEAK_QUANTITIES}

@@ -8,10 +8,9 @@ from matplotlib.ticker import MaxNLocator
 
 from .measures import counts
 from .record import ResultFile
-from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, Pages, plain, with_prefix
+from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, Pages, outputs_by_page, plain, with_prefix
 
 _WIDTH = 4.6  # in
-_ROWS = 5  # outputs in one picture
 
 
 def draw_static_response(results: ResultFile) -> Pages:
@@ -21,8 +20,7 @@ def draw_static_response(results: ResultFile) -> Pages:
     handles = [Line2D([], [], color=INK, lw=1.2, marker="o", ms=3.5, label="with slip and opening")]
     handles += [Line2D([], [], label="all stuck, linear", **LINEAR)] if results.linear else []
     pages: Pages = {}
-    for first in range(0, len(results.outputs), _ROWS):
-        outputs = list(enumerate(results.outputs))[first : first + _ROWS]
+    for number, outputs in outputs_by_page(results):
         page = Page(results, "static displacement over the load", _WIDTH, 0.35 + 2.1 * len(outputs), handles)
         axes = page.grid(len(outputs), 1).subplots(sharex=True, squeeze=False)[:, 0]
         for ax, (k, name) in zip(axes, outputs):
@@ -34,7 +32,6 @@ def draw_static_response(results: ResultFile) -> Pages:
             ax.plot(loads, factor * values, "o-", color=INK, lw=1.2, ms=3.5)
             ax.set_ylabel(f"{plain(name, 24)} [{unit}]")
         axes[-1].set_xlabel(f"load level [{results.level_unit}]")
-        number = f"_{first // _ROWS + 1:02d}" if len(results.outputs) > _ROWS else ""
         pages[f"response{number}.png"] = page
     return pages
 

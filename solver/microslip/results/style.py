@@ -15,12 +15,13 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from .record import STOPPED, LevelResult
+from .record import STOPPED, LevelResult, ResultFile
 
 WIDTH = 7.1  # in: the two columns of a page
 DPI = 200
 MOST_PANELS = 12  # small multiples in one picture
 MOST_NAMED = 12  # levels named in a legend
+ROWS = 5  # outputs in one picture
 
 # no key is left to a matplotlibrc, which may lie in the folder of a scene and name a program to run
 RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key not in matplotlib.style.core.STYLE_BLACKLIST} | {
@@ -97,6 +98,13 @@ def level_name(level: LevelResult, short: bool = False) -> str:
     if level.status != STOPPED:
         return name
     return name + (" (stopped)" if short else f", stopped at {level.frequency[-1]:.5g} Hz")
+
+
+def outputs_by_page(results: ResultFile) -> list[tuple[str, list[tuple[int, str]]]]:
+    """Return number and name of the outputs of each picture, and what its file is called after: "", or _01, _02, ...."""
+    outputs = list(enumerate(results.outputs))
+    pages = [outputs[first : first + ROWS] for first in range(0, len(outputs), ROWS)]
+    return [(f"_{i:02d}" if len(pages) > 1 else "", page) for i, page in enumerate(pages, 1)]
 
 
 def some(items: Sequence, most: int) -> list:

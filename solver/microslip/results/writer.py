@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
 from ..parallel.agree import on_root
-from ..points.branch import QUANTITIES, Branch, Point, hertz
-from ..points.peak import Peak
+from ..points.branch import QUANTITIES, Branch, Point
+from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..system.files import make_folder, written_whole
 from .origin import Origin
@@ -29,6 +29,7 @@ from .record import (
     ResultFile,
     StaticTable,
     level_result,
+    peak_arrays,
 )
 from .table import ResponseTable
 
@@ -191,25 +192,11 @@ def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
     group.attrs["level_N"], group.attrs["status"], group.attrs["failure"] = level.level, level.status, _clean(level.failure)
     group.attrs["closes_to"] = level.closes_to
     if level.peaks is not None:
-        _write_peaks(group.create_group("peaks"), level.peaks, unit)
+        arrays = peak_arrays(level.peaks)
+        for kept in PEAK_QUANTITIES:
+            write_array(group, f"peaks/{kept.dataset}", arrays[kept.dataset], unit if kept.unit == "m" else kept.unit)
     for kept in sorted(QUANTITIES, key=lambda kept: (kept.kind != TEXT, kept.is_motion)):  # the large ones last
         _write_quantity(group, kept, level.arrays[kept.name], unit if "outputs" in kept.axes else kept.unit)
-
-
-def _write_peaks(group: h5py.Group, peaks: Sequence[Peak], unit: str) -> None:
-    """Write the peaks of a level, (n_peaks,) each; amplitudes in the ``unit`` of the outputs."""
-    columns: dict[str, tuple[list[float], str]] = {
-        "frequency_Hz": ([hertz(peak.omega) for peak in peaks], "Hz"),
-        "amplitude": ([abs(peak.amplitude) for peak in peaks], unit),
-        "phase": ([float(np.angle(peak.amplitude)) for peak in peaks], "rad"),
-        "half_power_width_Hz": ([hertz(peak.width) for peak in peaks], "Hz"),
-        "within_Hz": ([hertz(peak.within) for peak in peaks], "Hz"),
-        "damping": ([peak.damping for peak in peaks], "1"),
-    }
-    for name, (values, of_values) in columns.items():
-        write_array(group, name, np.array(values, dtype="f8"), of_values)
-    for name in ("output", "slipping", "segment", "newton"):
-        write_array(group, name, np.array([getattr(peak, name) for peak in peaks], dtype="i8"), "1")
 
 
 def _write_quantity(group: h5py.Group, kept: Quantity, values: np.ndarray | None, unit: str) -> None:

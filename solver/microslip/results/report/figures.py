@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import matplotlib.colors
@@ -9,8 +10,11 @@ import numpy as np
 
 from ...fourier.coefficients import amplitude, phase
 from ...points.error_parts import PARTS, total
+from ...points.peak import Peak
+from ...points.quantities import hertz
 from ..audit import closure
 from ..measures import counts, segments
+from ..peak_plots import resonances
 from ..record import LevelResult, ResultFile
 from ..style import FAINT, INK, STATE_COLOURS, STATE_NAMES, level_colours, level_name, with_prefix
 
@@ -23,7 +27,8 @@ Figure = dict[str, Any]
 def figures_of(results: ResultFile) -> dict[str, Figure]:
     """Return the figures by the name of their place on the page.  Local.
 
-    response_K and per_level_K of output K, states, energy, error, closure, unknowns; what is not there is left out.
+    Of output K response_K, per_level_K, peaks_K, peak_frequency_K and peak_damping_K; states, energy, error, closure, unknowns.
+    What is not there is left out.
     """
     if results.shown.is_static:
         return _static_figures(results)
@@ -32,6 +37,7 @@ def figures_of(results: ResultFile) -> dict[str, Figure]:
     for k in range(min(len(results.outputs), MOST_OUTPUTS)):
         found[f"response_{k}"] = _response(results, levels, k, False)
         found[f"per_level_{k}"] = _response(results, levels, k, True)
+        found |= _peaks(results, k)
     if results.joint.n_pairs and levels:
         found["states"] = _states(results, levels)
     if levels:
@@ -50,11 +56,12 @@ def _colours(n: int) -> list[str]:
 
 def _response(results: ResultFile, levels, k: int, per_level: bool) -> Figure:
     """Return the amplitude of output k, or that per unit of the level, with error bands and the linear curve."""
-    own, unit = results.unit_of(k), {"N": "/N", "1": ""}.get(results.level_unit, f"/({results.level_unit})")
     share = [1.0 / abs(level.level) if per_level and level.level else 1.0 for level, _ in levels]
     curves = [amplitude(level.response[:, k]) * s for (level, _), s in zip(levels, share)]
     linear = amplitude(results.linear.response[:, k]) if results.linear is not None and per_level else np.zeros(0)
-    factor, name = with_prefix(np.concatenate([np.zeros(0), *curves, linear]), own + (unit if per_level else ""))
+    factor, name = with_prefix(
+        np.concatenate([np.zeros(0), *curves, linear]), results.unit_of(k) + (results.shown.per_level if per_level else "")
+    )
     traces = []
     if len(linear):
         hover = f"%{{y:.5g}} {name} at %{{x:.7g}} Hz<extra>all stuck, linear</extra>"
@@ -74,10 +81,43 @@ def _response(results: ResultFile, levels, k: int, per_level: bool) -> Figure:
                 None if bar is None else factor * bar,
             )
         )
+        traces += _marks(level, k, factor * s, name, colour)
     figure = _figure(traces, "frequency [Hz]", f"amplitude [{name}]")
     tops = [values.max() for values in curves if values.any()]
     is_wide = any(values.max() > _WIDE * values[values > 0.0].min() for values in curves if values.any())
     return _log(figure) if is_wide or (not per_level and tops and max(tops) > _APART * min(tops)) else figure
+
+
+def _marks(level: LevelResult, k: int, factor: float, unit: str, colour: str) -> list[Figure]:
+    """Return the peaks of output k that were solved for, marked in the curve of a level."""
+    peaks = [peak for peak in level.peaks or () if peak.output == k]
+    says = f"peak: %{{y:.6g}} {unit} at %{{x:.9g}} Hz<br>damping ratio %{{customdata:.3g}} %<extra>{_name(level)}</extra>"
+    x, y = [hertz(peak.omega) for peak in peaks], [factor * abs(peak.amplitude) for peak in peaks]
+    marker = {"symbol": "circle-open", "size": 9, "color": colour}
+    looks = {"mode": "markers", "marker": marker, "showlegend": False, "legendgroup": _name(level), "hovertemplate": says}
+    return [_trace(x, y, "peak", {}, **looks, customdata=_plain([100.0 * peak.damping for peak in peaks]))] if peaks else []
+
+
+def _peaks(results: ResultFile, k: int) -> dict[str, Figure]:
+    """Return amplitude, frequency and damping of the peaks of output k over the level, where several levels have some."""
+    lines = resonances(results.levels, k)
+    if len({level.level for line in lines for level, _ in line}) < 2:
+        return {}
+    factor, unit = with_prefix([abs(peak.amplitude) for line in lines for _, peak in line], results.unit_of(k))
+    shown: dict[str, tuple[str, Callable[[Peak], float]]] = {
+        f"peaks_{k}": (f"peak amplitude [{unit}]", lambda peak: factor * abs(peak.amplitude)),
+        f"peak_frequency_{k}": ("peak frequency [Hz]", lambda peak: hertz(peak.omega)),
+        f"peak_damping_{k}": ("damping ratio [%]", lambda peak: 100.0 * peak.damping),
+    }
+    found = {}
+    for key, (label, of) in shown.items():
+        traces = [
+            _trace([level.level for level, _ in line], [of(peak) for _, peak in line], "resonance", {}, mode="lines+markers")
+            for line in lines
+        ]
+        found[key] = _figure(traces, f"level [{results.level_unit}]", label)
+    del found[f"peak_frequency_{k}"]["layout"]["yaxis"]["rangemode"]  # a shift of a per cent is to be seen
+    return found
 
 
 def _curve(level: LevelResult, colour: str, values, unit: str, angle, bar) -> Figure:
@@ -218,7 +258,7 @@ def _trace(x, y, name: str, line: dict, **more) -> Figure:
 def _plain(values) -> list:
     """Return numbers for JSON, to nine digits; None where there is none."""
     if isinstance(values, list):
-        return [None if value is None else float(f"{value:.9g}") for value in values]
+        return [None if value is None or not np.isfinite(value) else float(f"{value:.9g}") for value in values]
     values = np.asarray(values, dtype=float)
     rows = [[float(f"{value:.9g}") if np.isfinite(value) else None for value in row] for row in values.reshape(len(values), -1)]
     return rows if values.ndim > 1 else [row[0] for row in rows]

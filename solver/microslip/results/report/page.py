@@ -117,7 +117,7 @@ def _sections(
 ) -> list[tuple[str, str, str]]:
     """Return key, heading and HTML of the sections that there are."""
     found = [("summary", "Summary", tables.warnings_list(run.notes) + tables.cards(results) + tables.peaks_table(results))]
-    found.append(("response", "Response", _response(results, figures)))
+    found.append(("response", "Response", _response(results, figures) + tables.solved_peaks_table(results)))
     if fields is not None:
         found.append(("motion", "Motion", _MOTION))
     if results.joint.n_pairs and any(len(level.frequency) for level in results.levels):
@@ -158,6 +158,7 @@ def _response(results: ResultFile, figures: dict) -> str:
     parts = []
     for k, name in enumerate(results.outputs[:MOST_OUTPUTS]):
         parts.append(f"<h3>{escape(name)}</h3>{_places(figures, f'response_{k}', f'per_level_{k}')}")
+        parts.append(_places(figures, f"peaks_{k}", f"peak_frequency_{k}", f"peak_damping_{k}"))
     if len(results.outputs) > MOST_OUTPUTS:
         parts.append(f"<p>{len(results.outputs) - MOST_OUTPUTS} more outputs are in frf.csv and results.h5.</p>")
     if "per_level_0" in figures:

@@ -8,6 +8,7 @@ from html import escape
 import numpy as np
 
 from ...points.error_parts import PARTS, total
+from ...points.quantities import hertz
 from ..fields import Fields, RunRecord
 from ..measures import counts, peak
 from ..record import STOPPED, Bolts, LevelResult, ResultFile
@@ -15,6 +16,7 @@ from ..style import level_name, with_prefix
 from .figures import balance
 
 MOST_MODES = 60
+MOST_PEAKS = 100
 _ROWS = 6  # of modes below each other
 _LARGE = 0.05  # of the amplitude: an error bar beyond is marked
 GOOD, LOOK, BAD = "good", "look", "bad"
@@ -67,6 +69,26 @@ def _peak_row(results: ResultFile, level: LevelResult) -> list[str]:
     share = _percent(friction / all_losses, 3) if all_losses > 0.0 else ""
     frequency = results.shown.where(level.frequency[at])
     return [name, frequency, said(size, results.unit_of(0)), bar, per, str(slip), str(is_open), said(friction, "J"), share]
+
+
+def solved_peaks_table(results: ResultFile) -> str:
+    """Return the peaks that were solved for as points of their own; "" where there are none."""
+    rows = [
+        (
+            escape(level_name(level)),
+            escape(results.outputs[peak.output]),
+            f"{hertz(peak.omega):.9g} Hz",
+            said(abs(peak.amplitude), results.unit_of(peak.output), 6),
+            "" if np.isnan(peak.width) else f"{hertz(peak.width):.4g} Hz",
+            "" if np.isnan(peak.width) else _percent(peak.damping, 4),
+            str(peak.slipping),
+        )
+        for level in results.levels
+        for peak in level.peaks or ()
+    ]
+    heads = ("level", "output", "peak, solved for", "amplitude", "half-power width", "damping ratio", "slip or open")
+    more = f'<p class="note">{len(rows) - MOST_PEAKS} more are in results.h5.</p>' if len(rows) > MOST_PEAKS else ""
+    return table(heads, rows[:MOST_PEAKS]) + more if rows else ""
 
 
 def _size(results: ResultFile, level: LevelResult, at: int) -> float:

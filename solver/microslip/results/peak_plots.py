@@ -1,0 +1,113 @@
+"""Peaks that were solved for as points of their own: marked in the curves, and drawn over the level."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.lines import Line2D
+from scipy.optimize import linear_sum_assignment
+
+from ..fourier.coefficients import amplitude
+from ..points.peak import Peak
+from ..points.quantities import hertz
+from .measures import peak as highest
+from .record import LevelResult, ResultFile
+from .style import INK, WIDTH, Page, Pages, outputs_by_page, plain, with_prefix
+
+_SAME = np.log(1.1)  # of the frequencies of one resonance at two levels that follow each other
+_WIDE = 30.0  # ratio of the levels beyond which their axis is logarithmic
+_ROOM = (0.16, 0.07)  # of the axes, between two labels
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+Resonance = list[tuple[LevelResult, Peak]]  # a peak and its level, by rising level
+
+
+def resonances(levels: Sequence[LevelResult], output: int) -> list[Resonance]:
+    """Return the peaks of an output, each followed from level to level by its frequency.  Local."""
+    found: list[Resonance] = []
+    for level in sorted((one for one in levels if one.peaks and one.level), key=lambda one: abs(one.level)):
+        peaks = [peak for peak in level.peaks or () if peak.output == output]
+        ends = np.log([line[-1][1].omega for line in found])
+        apart = np.abs(np.log([[peak.omega] for peak in peaks]).reshape(-1, 1) - ends)
+        follows = {i: j for i, j in zip(*linear_sum_assignment(apart)) if apart[i, j] < _SAME}
+        for i, peak in enumerate(peaks):
+            if i in follows:
+                found[follows[i]].append((level, peak))
+            else:
+                found.append([(level, peak)])
+    return found
+
+
+def peak_sizes(level: LevelResult, output: int) -> np.ndarray:
+    """Return the amplitudes of the peaks of an output at a level, (n,) in its unit.  Local."""
+    return np.array([abs(peak.amplitude) for peak in level.peaks or () if peak.output == output])
+
+
+def draw_peaks(results: ResultFile) -> Pages:
+    """Draw amplitude, frequency and damping ratio of the peaks over the level, where there are peaks at several.  Local."""
+    levels = [level for level in results.levels if level.peaks]
+    if len({level.level for level in levels}) < 2:
+        return {}
+    pages: Pages = {}
+    for number, outputs in outputs_by_page(results):
+        handles = [Line2D([], [], color=INK, lw=0.9, marker="o", ms=4.0, mfc="white", label="a resonance, level by level")]
+        says = "peaks of harmonic 1 over the level: amplitude, frequency, damping ratio of one mode of the half-power width"
+        page = Page(results, says, WIDTH, 0.35 + 2.0 * len(outputs), handles)
+        axes = page.grid(len(outputs), 3).subplots(sharex=True, squeeze=False)
+        for (k, name), row in zip(outputs, axes):
+            _draw_row(row, resonances(levels, k), results.unit_of(k), f"{plain(name, 24)}, " if len(results.outputs) > 1 else "")
+        for ax in axes[-1]:
+            ax.set_xlabel(f"level [{results.level_unit}]")
+        pages[f"peaks{number}.png"] = page
+    return pages
+
+
+def _draw_row(row, lines: list[Resonance], unit: str, name: str) -> None:
+    """Draw the resonances of an output into three axes."""
+    factor, unit = with_prefix([0.0, *(abs(peak.amplitude) for line in lines for _, peak in line)], unit)
+    sizes = [abs(level.level) for line in lines for level, _ in line]
+    for i, line in enumerate(lines):
+        looks = {"color": _COLOURS[i % len(_COLOURS)], "lw": 0.9, "marker": "o", "ms": 3.5, "mfc": "white"}
+        at = [abs(level.level) for level, _ in line]
+        row[0].plot(at, [factor * abs(peak.amplitude) for _, peak in line], **looks)
+        row[1].errorbar(at, [hertz(peak.omega) for _, peak in line], [hertz(peak.within) / 2.0 for _, peak in line], **looks)
+        row[2].plot(at, [100.0 * peak.damping for _, peak in line], **looks)
+    for ax, label in zip(row, (f"{name}amplitude [{unit}]", "frequency [Hz]", "damping ratio [%]")):
+        ax.set_ylabel(label)
+    if sizes and max(sizes) > _WIDE * min(sizes):
+        row[0].set(xscale="log", yscale="log")
+    else:
+        row[0].set(xlim=(0.0, None), ylim=(0.0, None))
+    row[2].set_ylim(0.0, None)
+
+
+def mark_peaks(ax, level: LevelResult, output: int, factor: float, colour) -> None:
+    """Mark the peaks of an output, amplitudes times ``factor``, in the curve of a level: those solved for, else its largest point."""
+    places = [(hertz(peak.omega), abs(peak.amplitude)) for peak in level.peaks or () if peak.output == output]
+    top = highest(level.response, output)
+    if level.peaks is None and top is not None:
+        places = [(level.frequency[top], amplitude(level.response[top, output]))]
+    for frequency, size in places:
+        ax.plot(frequency, factor * size, "o", ms=4.0, mfc="white", mec=colour, mew=1.1, zorder=4)
+
+
+def label_peaks(ax, levels: Sequence[LevelResult], output: int, factor: float, unit: str) -> None:
+    """Write frequency, amplitude and damping ratio beside the peaks of an output, the largest first, where there is room.
+
+    The limits of the axes must be final.
+    """
+    taken: list[np.ndarray] = []
+    peaks = [peak for level in levels for peak in level.peaks or () if peak.output == output]
+    for peak in sorted(peaks, key=lambda one: -abs(one.amplitude)):
+        at = (hertz(peak.omega), factor * abs(peak.amplitude))
+        here = ax.transAxes.inverted().transform(ax.transData.transform(at))
+        is_clear = all(np.any(np.abs(here - other) > _ROOM) for other in taken)
+        if not is_clear or not (0.0 <= here).all() or not (here <= 1.0).all():
+            continue
+        damping = "" if np.isnan(peak.damping) else f", \u03b6 {100.0 * peak.damping:.3g} %"
+        side, offset = ("right", -5) if here[0] > 0.55 else ("left", 5)
+        text = f"{at[0]:.6g} Hz, {at[1]:.4g} {unit}{damping}"
+        ground = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
+        looks = {"fontsize": 5.5, "color": INK, "zorder": 3.5, "ha": side, "va": "center", "bbox": ground}
+        ax.annotate(text, at, xytext=(offset, 0), textcoords="offset points", **looks)
+        taken.append(here)

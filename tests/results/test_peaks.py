@@ -1,0 +1,119 @@
+"""Peaks that were solved for: through the files, in the curves, over the level, in the report."""
+
+from dataclasses import fields
+
+import h5py
+import matplotlib
+import numpy as np
+import pytest
+import scipy.io
+from synthetic_results import branch, two_flanks, write
+
+from microslip.messages.errors import CaseError
+from microslip.points.peak import Peak
+from microslip.results import style
+from microslip.results.curve_plots import draw_response
+from microslip.results.mat import write_mat
+from microslip.results.peak_plots import draw_peaks, resonances
+from microslip.results.read import read_results
+from microslip.results.report import tables
+from microslip.results.report.figures import figures_of
+
+LEVELS = (1.0, 3.0, 8.0)
+OUTPUTS = ("tip", "root")
+
+
+def peak(level, output=0, mode=0):
+    """Return a peak of one of two resonances 20 % apart: softer and more damped with the level."""
+    omega = 2.0 * np.pi * (99.0 + 20.0 * mode - 0.1 * level)
+    width = np.nan if mode and level > 5.0 else 2e-3 * omega * (1.0 + level)
+    return Peak(output, omega, level * 1e-3 * np.exp(-0.4j) / (1 + output + mode), width, 1e-6 * omega * mode, int(level), 4)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """The second resonance appears at the second level; the root has one peak a level."""
+    found = [branch(level, two_flanks(5, 1), n_outputs=2) for level in LEVELS]
+    for one in found:
+        one.peaks = [peak(one.level), peak(one.level, 1)] + ([peak(one.level, mode=1)] if one.level > 2.0 else [])
+    return write(tmp_path_factory.mktemp("peaks"), found, two_flanks(5, 1), outputs=OUTPUTS)
+
+
+@pytest.fixture(scope="module")
+def results(path):
+    return read_results(path, motion=False)
+
+
+def drawn(draw, results):
+    with matplotlib.rc_context(style.RC):
+        return draw(results)
+
+
+def test_what_is_written_is_read_and_goes_to_matlab(path, results, tmp_path):
+    for level, written in zip(LEVELS, results.levels):
+        for wanted, one in zip([peak(level), peak(level, 1), peak(level, mode=1)], written.peaks):
+            for field in fields(Peak):
+                assert getattr(one, field.name) == pytest.approx(getattr(wanted, field.name), rel=1e-14, nan_ok=True), field
+    write_mat(str(tmp_path / "x.mat"), read_results(path), None)
+    of_last = scipy.io.loadmat(tmp_path / "x.mat", simplify_cells=True)["levels"][-1]["peaks"]
+    assert of_last["frequency_Hz"] == pytest.approx([98.2, 98.2, 118.2]) and of_last["damping"][0] == pytest.approx(9e-3)
+
+
+@pytest.mark.parametrize("dataset, value", [("output", 2), ("frequency_Hz", -1.0), ("amplitude", np.inf)])
+def test_values_that_no_run_writes_are_refused(path, tmp_path, dataset, value):
+    copy = tmp_path / "results.h5"
+    copy.write_bytes(open(path, "rb").read())
+    with h5py.File(copy, "r+") as file:
+        file[f"levels/0000/peaks/{dataset}"][0] = value
+    with pytest.raises(CaseError, match="peaks"):
+        read_results(str(copy))
+
+
+def test_a_resonance_is_followed_from_level_to_level(results):
+    first, second = resonances(results.levels, 0)
+    assert [level.level for level, _ in first] == [1.0, 3.0, 8.0] and [level.level for level, _ in second] == [3.0, 8.0]
+    assert all(one.omega / 2.0 / np.pi > 110.0 for _, one in second)
+    assert [len(line) for line in resonances(results.levels, 1)] == [3] and resonances(results.levels, 2) == []
+
+
+def test_curves_show_their_peaks_with_frequency_amplitude_and_damping(results):
+    figure = drawn(draw_response, results)["response.png"].figure
+    left, right = figure.axes[:2]
+    marks = [line for line in left.lines if line.get_marker() == "o"]
+    assert [float(line.get_xdata()[0]) for line in marks] == pytest.approx([98.9, 98.7, 118.7, 98.2, 118.2])
+    assert [float(line.get_ydata()[0]) for line in marks] == pytest.approx([1.0, 3.0, 1.5, 8.0, 4.0])
+    assert [float(line.get_ydata()[0]) for line in right.lines if line.get_marker() == "o"][3] == pytest.approx(1.0)
+    assert left.texts[0].get_text() == "98.2 Hz, 8 mm, \u03b6 0.9 %" and not right.texts
+    assert left.get_ylim()[1] > 8.0  # a peak may lie above the points of its curve
+
+
+def test_peaks_over_the_level(results):
+    figure = drawn(draw_peaks, results)["peaks.png"].figure
+    amplitude, frequency, damping = figure.axes[:3]
+    assert [ax.get_ylabel() for ax in (amplitude, frequency, damping)] == [
+        "tip, amplitude [mm]",
+        "frequency [Hz]",
+        "damping ratio [%]",
+    ]
+    assert list(amplitude.lines[0].get_xdata()) == list(LEVELS) and amplitude.lines[0].get_ydata() == pytest.approx(LEVELS)
+    assert damping.lines[0].get_ydata() == pytest.approx([0.2, 0.4, 0.9]) and np.isnan(damping.lines[1].get_ydata()[-1])
+    assert len(figure.axes) == 6
+    alone = results.of_output(1)
+    assert alone.levels[0].peaks == (peak(1.0),) or alone.levels[0].peaks[0].output == 0
+    assert len(drawn(draw_peaks, alone)["peaks.png"].figure.axes) == 3
+
+
+def test_one_level_or_none_with_peaks_has_no_picture_over_the_level(tmp_path):
+    found = [branch(level, two_flanks(5, 1)) for level in LEVELS]
+    found[1].peaks, found[2].peaks = [peak(3.0)], []
+    assert drawn(draw_peaks, read_results(write(tmp_path, found, two_flanks(5, 1)))) == {}
+
+
+def test_the_report_has_them_as_figures_and_table(results):
+    figures = figures_of(results)
+    assert figures["peaks_0"]["data"][0]["y"] == pytest.approx(LEVELS) and len(figures["peak_frequency_1"]["data"]) == 1
+    assert figures["peak_damping_0"]["data"][1]["y"] == [pytest.approx(0.4), None]
+    marks = [trace for trace in figures["response_0"]["data"] if trace["mode"] == "markers"]
+    assert [len(trace["x"]) for trace in marks] == [1, 2, 2] and marks[2]["y"] == pytest.approx([8.0, 4.0])
+    text = tables.solved_peaks_table(results)
+    assert text.count("<tr>") == 1 + 8 and "98.2 Hz" in text and "0.9 %" in text
