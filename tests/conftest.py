@@ -6,7 +6,6 @@ import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["MPLBACKEND"] = "Agg"
-os.environ["MICROSLIP_DRAWERS"] = "0"  # tests draw what they want drawn themselves
 os.environ["MICROSLIP_CACHE"] = "off"  # a test that builds a structure shall build it; those of the cache name a folder
 
 from microslip.parallel.petsc import initialise

@@ -20,7 +20,6 @@ from .parallel.agree import on_root
 from .restart.cache import cache_of
 from .restart.folder import Finished, Restart
 from .restart.place import RESULTS, place_of, settle
-from .results.beside import Drawers
 from .results.draw import draw
 from .scene.schema import Scene
 from .system.versions import versions
@@ -67,24 +66,19 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         **versions(),
     }
     origin = origin_of(scene, comm)
-    with (
-        goes_on(place),
-        RunLog(comm, str(place / "run.log"), screen=options.screen, facts=facts) as log,
-        Drawers(comm) as drawers,
-    ):
+    with goes_on(place), RunLog(comm, str(place / "run.log"), screen=options.screen, facts=facts) as log:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(set_up, scene, comm, log))
         with log.stage("response"):
             branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log))
-        drawers.begin(place / RESULTS, place)
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
             shapes = shapes_of(prepared, branches)
         log.note(libraries_used(prepared, branches, place / RESULTS), on_screen=False)
-        restart.share_factor(prepared, log)  # late, while processes beside draw the pictures
+        restart.share_factor(prepared, log)
         with log.stage("pictures"):
-            draw(comm, place, drawers, partial(write_shapes, prepared, branches, shapes, place, record_of(log)))
+            draw(comm, place, partial(write_shapes, prepared, branches, shapes, place, record_of(log)))
         prepared.close()
         failures = [f"level {branch.why_ended}" for branch in branches if branch.failure]
         final = restart.final_place(folder, place, failures)
@@ -96,11 +90,10 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
 
 def draw_again(comm: MPI.Comm, folder: Path, screen: bool) -> None:
     """Draw the pictures of a run that was computed before.  Collective."""
-    with RunLog(comm, screen=screen) as log, Drawers(comm) as drawers:
+    with RunLog(comm, screen=screen) as log:
         log.note(f"all of it is in {folder}, nothing is left to compute (--fresh computes it anew)")
-        drawers.begin(folder / RESULTS, folder)
         with log.stage("pictures"):
-            draw(comm, folder, drawers)
+            draw(comm, folder)
 
 
 def set_up(scene: Scene, comm: MPI.Comm, log: RunLog) -> Prepared:

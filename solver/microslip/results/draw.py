@@ -1,4 +1,4 @@
-"""The pictures of a run, shared among its ranks and the processes that draw in addition to them."""
+"""The pictures of a run, shared among its ranks."""
 
 from __future__ import annotations
 
@@ -7,31 +7,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..parallel.agree import on_each
-from .beside import Drawers
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def draw(comm: MPI.Comm, folder: Path, drawers: Drawers, write: Callable[[], None] | None = None) -> None:
-    """Draw the pictures of the results in a folder, shared among the ranks and the processes beside them.
+def draw(comm: MPI.Comm, folder: Path, write: Callable[[], None] | None = None) -> None:
+    """Draw the pictures of the results in a folder, shared among the ranks.
 
-    Collective.  Rank 0, which has the least to draw, begins with what there is to ``write``.
+    Collective on ``comm``.  Rank 0, which has the last share, begins with what there is to ``write``.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank, if results cannot be read or a picture cannot be written
     """
-    on_each(comm, draw_shares, folder, drawers, write if comm.rank == 0 else None)
+    on_each(comm, draw_share, folder, slice(comm.size - 1 - comm.rank, None, comm.size), write if comm.rank == 0 else None)
 
 
-def draw_shares(folder: Path, drawers: Drawers, write: Callable[[], None] | None) -> None:
-    """Write, and draw the rank's own share of the pictures and what the processes beside it have not drawn.  Local."""
+def draw_share(folder: Path, share: slice, write: Callable[[], None] | None) -> None:
+    """Write, and draw a share of the pictures of the results in a folder.  Local."""
     if write is not None:
         write()
-    draw_share(folder, drawers.own)
-    for share in drawers.left():
-        draw_share(folder, share)
-
-
-def draw_share(folder: Path, share: slice) -> None:
-    """Draw a share of the pictures of the results in a folder.  Local."""
     from .plots import draw_all  # not before: matplotlib takes a fifth of a second
 
     draw_all(str(folder / "results.h5"), str(folder), share)

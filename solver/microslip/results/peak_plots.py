@@ -82,7 +82,7 @@ def _draw_row(row, lines: list[Resonance], unit: str, name: str) -> None:
 
 
 def mark_peaks(ax, level: LevelResult, output: int, factor: float, colour) -> None:
-    """Mark the peaks of an output, amplitudes times ``factor``, in the curve of a level: those solved for, else its largest point."""
+    """Mark the peaks of an output in the curve of a level, amplitudes times ``factor``: those solved for, else the largest."""
     places = [(hertz(peak.omega), abs(peak.amplitude)) for peak in level.peaks or () if peak.output == output]
     top = highest(level.response, output)
     if level.peaks is None and top is not None:

@@ -20,13 +20,13 @@ Picture = Callable[[ResultFile], Pages]
 PICTURES: tuple[Picture, ...] = (  # in an order whose every second, third or fourth are about as much work
     draw_response,
     draw_error,
-    draw_peaks,
     draw_slip_map,
     draw_energy,
     draw_energy_map,
     draw_rom_size,
     draw_states,
     draw_rest,
+    draw_peaks,
 )
 STATIC_PICTURES: tuple[Picture, ...] = (draw_static_response, draw_static_states, draw_slip_map, draw_rest)
 
