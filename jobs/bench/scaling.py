@@ -1,61 +1,32 @@
-"""What more ranks gain, stage by stage: times on 1 and 2 ranks, work and messages on up to 16, the least time on up to 64.
+"""What more ranks gain: the same run on several numbers of ranks, stage by stage, and a point of the response.
 
-    python jobs/bench/scaling.py [--sizes small paper] [--ranks small:4,8,16 paper:4,8] [--seconds 440] [--out DIR] [--again]
+    python jobs/bench/scaling.py [--sizes small paper] [--ranks 1 2] [--level 15] [--points 12] [--out DIR]
 
-Writes scaling.json in DIR (results/bench) and the tables of docs/scaling.md; --again makes the tables of scaling.json as it is.
-Ranks beyond the machine's cores share them: their messages and processor time are counted, their wall times are not used.
+Writes the measured tables of docs/scaling.md; runs and their logs go to DIR (results/scaling).  Times are the program's own, of
+the slowest rank; ranks beyond the machine's cores share them, and say nothing.
 """
 
 from __future__ import annotations
 
-import os
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
-import json
+import os
 import shlex
 import subprocess
 import sys
-import time
+from collections import defaultdict
 from pathlib import Path
 
 import machine
-from mpi_counter import compiled, preloading
-from page_tables import put
-from scaling_report import tables
+from page_tables import put, table
+
+from microslip.results.fields import read_run
+from microslip.results.read import read_results
 
 ROOT = Path(__file__).parents[2]
-
-
-class Runner:
-    """Starts measurements, each in a job of its own."""
-
-    def __init__(self, folder: Path, seconds: float):
-        self.limit, self.start = seconds, time.monotonic()
-        self.library = compiled(folder)
-
-    def left(self) -> float:
-        """Return the seconds that are left."""
-        return self.limit - (time.monotonic() - self.start)
-
-    def measure(self, request: dict, ranks: int) -> dict | None:
-        """Return what scaling_of.py reports on so many ranks; None on more than two for which there is no time."""
-        command = [*preloading(self.library), sys.executable, str(Path(__file__).with_name("scaling_of.py")), json.dumps(request)]
-        if ranks > 1:
-            command = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks), *command]
-        start, what = time.monotonic(), f"{Path(request['scene']).stem} on {ranks}"
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as job:
-            try:
-                printed, _ = job.communicate(timeout=max(self.left(), 0.1) if ranks > 2 else None)
-            except subprocess.TimeoutExpired:
-                job.terminate()  # mpirun ends its ranks
-                job.communicate()
-                print(f"{what}: left out, no time for it", flush=True)
-                return None
-        if job.returncode != 0:
-            sys.exit(f"scaling.py: {shlex.join(command)} ended with status {job.returncode}")
-        print(f"{what}: {time.monotonic() - start:.1f} s; {self.left():.0f} s are left", flush=True)
-        return json.loads(printed.splitlines()[-1])
+READING = "model file and pairs"
+SET_UP = (READING, "partition", "assembly", "factor of the stuck structure", "modes", "reduction")
+POINT = "a point of the response"
+Stages = dict[str, tuple[float, float]]  # s, and MiB of all ranks at its end, by name
 
 
 def scene_of(size: str) -> Path:
@@ -67,38 +38,62 @@ def scene_of(size: str) -> Path:
     return ROOT / "jobs" / f"fan_{size}.toml"
 
 
-def measured(options) -> dict[str, list[dict]]:
-    """Return the runs of each size: on 1 and 2 ranks, then on more, the fewest first, as far as there is time."""
-    runner = Runner(options.out.resolve(), options.seconds)
-    asked = [(ranks, size) for size in options.sizes for ranks in (1, 2, *options.ranks.get(size, ()))]
-    runs: dict[str, list[dict]] = {size: [] for size in options.sizes}
-    for ranks, size in sorted(asked, key=lambda one: one[0]):
-        run = runner.measure({"scene": str(scene_of(size)), "level": options.level, "points": options.points}, ranks)
-        runs[size] += [run] if run else []
-    return runs
+def stages_of(scene: Path, ranks: int, level: float, points: int, folder: Path) -> Stages:
+    """Run a scene at one level on so many ranks, nothing taken from a cache, and return its stages and a point."""
+    launch = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "-n", str(ranks)] if ranks > 1 else []
+    values = ("--set", f"response.levels=[{level:g}]", "--set", f"response.points={points}")
+    command = [*launch, sys.executable, "-m", "microslip", "run", str(scene), *values, "--fresh", "--out", str(folder)]
+    environment = {"OPENBLAS_NUM_THREADS": "1", **os.environ, "MICROSLIP_CACHE": "off"}
+    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+    path = str(folder / "results.h5")
+    found: Stages = {}
+    for stage in read_run(path).stages:
+        name = READING if stage.name in ("model file", "mesh and contact pairs") else stage.name
+        found[name] = (found.get(name, (0.0, 0.0))[0] + stage.seconds, stage.memory)
+    (curve,) = read_results(path, motion=False).levels
+    return {**{name: found[name] for name in SET_UP}, POINT: (float(curve.seconds.mean()), found["response"][1])}
 
 
-def counted(text: str) -> tuple[str, tuple[int, ...]]:
-    size, ranks = text.split(":")
-    return size, tuple(map(int, ranks.split(",")))
+def seconds(value: float) -> str:
+    """Return a time, in ms below a second."""
+    return f"{value:.3g} s" if value >= 1.0 else f"{1e3 * value:.3g} ms"
+
+
+def gain(times: list[float]) -> list[str]:
+    """Return times on each number of ranks and how many times as fast the last is as the first."""
+    return [*map(seconds, times), f"{times[0] / times[-1]:.2f}"]
+
+
+def tables(sizes: dict[str, dict[int, Stages]]) -> dict[str, list[str]]:
+    """Return the tables of the page by name, of the stages of each size by number of ranks."""
+    made, rows = {}, []
+    for size, runs in sizes.items():
+        ranks, first = [f"{n} rank{'s' if n > 1 else ''}" for n in runs], next(iter(runs.values()))
+        memory = [[f"{run[name][1]:,.0f}" for run in runs.values()] for name in first]
+        cells = [[name, *gain([run[name][0] for run in runs.values()]), *of] for name, of in zip(first, memory)]
+        titles = ("stage, times and memory", *ranks, "times as fast", *(f"MiB, {n}" for n in ranks))
+        made[f"{size}-measured"] = table(titles, cells)
+        sums = [sum(run[name][0] for name in run if name != POINT) for run in runs.values()]
+        rows += [[f"set-up of {size}", *gain(sums)], [f"a point of {size}", *gain([run[POINT][0] for run in runs.values()])]]
+        made["summary"] = table(("what, times", *ranks, "times as fast"), rows)
+    return made
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sizes", nargs="+", default=["small", "paper"], choices=["small", "medium", "paper"])
-    parser.add_argument("--ranks", type=counted, nargs="*", default=[("small", (4, 8, 16)), ("paper", (4, 8))], help="SIZE:RANKS")
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--level", type=float, default=15.0, help="N")
     parser.add_argument("--points", type=int, default=12, help="as in a scene, along the level that is timed")
-    parser.add_argument("--seconds", type=float, default=440.0, help="after which more ranks than two are no longer run")
-    parser.add_argument("--out", type=Path, default=Path("results/bench"))
-    parser.add_argument("--again", action="store_true", help="tables of what was measured before")
+    parser.add_argument("--out", type=Path, default=Path("results/scaling"))
     options = parser.parse_args()
-    options.ranks = dict(options.ranks)
-    options.out.mkdir(parents=True, exist_ok=True)
-    file = options.out / "scaling.json"
-    found: dict = json.loads(file.read_text()) if options.again else {"sizes": measured(options), "machine": machine.facts()}
-    file.write_text(json.dumps(found, indent=1))
-    page = {**tables(found["sizes"]), "machine": [f"- {line}" for line in machine.lines(found["machine"])]}
+    runs: dict[str, dict[int, Stages]] = defaultdict(dict)
+    for size in options.sizes:
+        for ranks in options.ranks:
+            folder = options.out / f"{size}_{ranks}"
+            runs[size][ranks] = stages_of(scene_of(size), ranks, options.level, options.points, folder)
+            print(f"{size} on {ranks}: a point {seconds(runs[size][ranks][POINT][0])}", flush=True)
+    page = {**tables(runs), "machine": [f"- {line}" for line in machine.lines(machine.facts())]}
     put(Path("docs/scaling.md"), page)
     print(*page["summary"], sep="\n")
 

@@ -1,0 +1,30 @@
+"""The pictures of a run are shared among its ranks."""
+
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+from synthetic_results import branch, two_flanks, write
+
+from microslip.messages.errors import CaseError
+from microslip.parallel.agree import on_root
+from microslip.results import plots
+from microslip.results.draw import draw
+
+COMM = MPI.COMM_WORLD
+DRAWN = ("response", "states", "slip_map", "rom_size", "energy", "energy_map")  # of results without error bars and statics
+pytestmark = pytest.mark.ranks(1, 2, 3)
+
+
+def test_every_picture_is_drawn_once_and_rank_0_writes_first(shared_path, monkeypatch):
+    pairs, done = two_flanks(5, 1), []
+    results = Path(on_root(COMM, lambda: write(shared_path, [branch(1.0, pairs)], pairs)))
+    monkeypatch.setattr(plots.Page, "save", lambda page, path: done.append(Path(path).stem) or path)
+    draw(COMM, results.parent, lambda: done.append("written"))
+    assert (done[:1] == ["written"]) == (COMM.rank == 0)
+    assert sorted(sum(COMM.allgather(done), [])) == sorted([*DRAWN, "written"])
+
+
+def test_what_a_rank_meets_is_raised_on_every_rank(shared_path):
+    with pytest.raises(CaseError, match=r"results\.h5"):
+        draw(COMM, shared_path / "nowhere")
