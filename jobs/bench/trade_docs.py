@@ -84,7 +84,7 @@ def in_short(title: str, section: list[str]) -> str:
 
 def section(name: str, study: Study, seconds: float) -> list[str]:
     """Return what is said of one scene."""
-    head = [COLUMNS[key] for key in SHOWN]
+    head = [COLUMNS[key][0] for key in SHOWN]
     cells = [[cell.replace("<", "&lt;") for cell in row] for row in rows(study)]
     reference, *known = reference_lines(study)
     lines = [

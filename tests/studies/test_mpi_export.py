@@ -1,6 +1,7 @@
 """What `microslip export` writes is the model that the program solves: by dense linear algebra and an AFT of its own."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -79,7 +80,7 @@ def test_files_hold_the_same_and_no_object(comm, shared_path):
     assert in_mat["law"][0, 0][0] == "elastic-coulomb" and all(values.dtype.kind in "fiU" for values in model.values())
     text = (shared_path / "out" / "README.txt").read_text()
     assert all(f"\n{name} " in text for name in model) and "return-map" in text and "friction in each direction" in text
-    files = {"nlvib_residual.m", "run_nlvib.m", "run_tmdsimpy.py", "run_pyharm.py"}
+    files = {"nlvib_residual.m", "run_nlvib.m", "run_tmdsimpy.py", "run_pyharm.py", "exported_model.py"}
     assert files <= set(os.listdir(shared_path / "out"))
     for name in files:
         if name.endswith(".py"):
@@ -284,3 +285,28 @@ def test_command(program, comm, shared_path):
     assert recovery[0] == pytest.approx(model["outputs"][0], abs=1e-12)
     M = np.asarray(full["M"].todense() if hasattr(full["M"], "todense") else full["M"])
     assert recovery.T @ M @ recovery == pytest.approx(model["M"], abs=1e-9 * np.abs(model["M"]).max())
+
+
+def test_scripts_follow_a_softening_spring_and_write_its_response(comm, shared_path):
+    """One coordinate with stiffness 1 + x / 10: what the shared Newton's method finds is the root, frequency by frequency."""
+    if comm.rank:
+        return
+    place = shared_path / "scripts"
+    place.mkdir()
+    code = Path(story.__file__).parent / "scripts" / "exported_model.py"
+    names = {}
+    exec(compile(code.read_text(), str(code), "exec"), names)
+    model = {"frequency": np.array([0.1, 0.05]), "outputs": np.ones((1, 1)), "output_order": np.array([1.0]), "harmonics": 1}
+    model |= {"output_p": np.zeros((1, 3)), "output_base": np.zeros((1, 3)), "output_name": np.array(["v"])}
+
+    def evaluate(x, omega):
+        stiffness = 1.0 + 0.1 * x - omega**2
+        return stiffness * x - 1.0, np.array([stiffness[0] + 0.1 * x[0]]).reshape(1, 1)
+
+    rows = names["follow"](model, 2.0, evaluate, np.zeros(1), 1.0, lambda x: np.array([[0.0, x[0], 0.0]]))
+    for _, frequency, _, mean, cos, sin in rows:
+        omega = 2.0 * np.pi * frequency
+        c = 1.0 - omega**2
+        assert (mean, cos) == (0.0, 0.0) and -sin / omega == pytest.approx((-c + np.sqrt(c**2 + 0.4)) / 0.2, rel=1e-9)
+    names["write"](model, place / "x.csv", rows)
+    assert (place / "x.csv").read_text().splitlines()[0] == "level_N,frequency_Hz,seconds,v mean,v cos 1,v sin 1"

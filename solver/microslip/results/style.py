@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from ..system.files import written_whole
 from .record import STOPPED, LevelResult, ResultFile
 
 WIDTH = 7.1  # in: the two columns of a page
@@ -181,10 +182,11 @@ class Page:
         return self.figure.add_gridspec(n_rows, n_columns, **options)
 
     def save(self, path: str) -> str:
-        with warnings.catch_warnings():
+        """Write the page as PNG, whole or not at all, and return its path."""
+        with warnings.catch_warnings(), written_whole(path) as unfinished:
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a title in letters that the font lacks: boxes
             # savefig would draw twice to lay out; a third of zlib's work makes files a tenth larger
-            FigureCanvasAgg(self.figure).print_png(path, pil_kwargs={"compress_level": 3})
+            FigureCanvasAgg(self.figure).print_png(unfinished, pil_kwargs={"compress_level": 3})
         return path
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import matplotlib
 import numpy as np
@@ -15,24 +14,9 @@ from ...observe.screen_table import screen_table
 from ...points.branch import Point
 from ...results.measures import AMPLITUDE, Shown
 from ...results.style import LINEAR, RC, WIDTH, Page, Titled, some, with_prefix
-from ...system.files import make_folder, written_whole
+from ...system.files import make_folder
+from ..records import cell, write_csv
 
-COLUMNS = {
-    "level_N": "level N",
-    "method": "method",
-    "setup_s": "set-up s",
-    "ms_a_point": "ms a point",
-    "points": "points",
-    "evaluations": "Newton",
-    "unknowns_min": "unknowns min",
-    "unknowns_max": "max",
-    "peak_m": "peak m",
-    "peak_Hz": "at Hz",
-    "difference_percent": "difference %",
-    "energy_difference_percent": "of energy %",
-    "failure": "failure",
-    "unit": "unit",  # of the peak, whatever its column is called
-}
 _MOST_LEVELS = 4  # in the picture
 _FLOOR = 1e-12  # of a difference on a logarithmic axis
 # Okabe and Ito, and two more
@@ -63,6 +47,11 @@ class Row:
         return np.array([point.omega for point in self.points]) / (2.0 * np.pi)
 
     @property
+    def top(self) -> int:
+        """Return the point where the first output is largest."""
+        return int(np.argmax(np.abs(self.values)))
+
+    @property
     def values(self) -> np.ndarray:
         """Return what is told of the first output: the amplitude of harmonic 1, of statics the mean, (n,), in its unit."""
         return np.array([self.shown.of(point.response[0]) for point in self.points])
@@ -85,33 +74,30 @@ def energy_difference(row: Row, reference: Row) -> float:
     return float(np.abs(own[:n] - exact[:n]).max(initial=0.0) / most) if most > 0.0 and n else float("nan")
 
 
-def numbers(row: Row, reference: Row) -> dict:
-    """Return the numbers of a row by the names of ``COLUMNS``."""
-    if not row.points:
-        known = {"level_N": row.level, "method": row.method, "setup_s": row.setup, "points": 0, "failure": row.failure or ""}
-        return dict.fromkeys(COLUMNS, float("nan")) | known | {"unit": row.shown.unit}
-    top, unknowns = int(np.argmax(np.abs(row.values))), [point.unknowns for point in row.points]
-    return dict(
-        zip(
-            COLUMNS,
-            (
-                row.level,
-                row.method,
-                row.setup,
-                1e3 * np.mean([point.seconds for point in row.points]),
-                len(row.points),
-                sum(point.newton for point in row.points),
-                min(unknowns),
-                max(unknowns),
-                row.values[top],
-                row.frequency[top],
-                100.0 * differences(row, reference).max(initial=0.0),
-                100.0 * energy_difference(row, reference),
-                row.failure or "",
-                row.shown.unit,
-            ),
-        )
-    )
+COLUMNS: dict[
+    str, tuple[str, Callable[[Row, Row], Any]]
+] = {  # heading, and what it is of a row that has points and its reference
+    "level_N": ("level N", lambda row, _: row.level),
+    "method": ("method", lambda row, _: row.method),
+    "setup_s": ("set-up s", lambda row, _: row.setup),
+    "ms_a_point": ("ms a point", lambda row, _: 1e3 * float(np.mean([point.seconds for point in row.points]))),
+    "points": ("points", lambda row, _: len(row.points)),
+    "evaluations": ("Newton", lambda row, _: sum(point.newton for point in row.points)),
+    "unknowns_min": ("unknowns min", lambda row, _: min(point.unknowns for point in row.points)),
+    "unknowns_max": ("max", lambda row, _: max(point.unknowns for point in row.points)),
+    "peak_m": ("peak m", lambda row, _: float(row.values[row.top])),
+    "peak_Hz": ("at Hz", lambda row, _: float(row.frequency[row.top])),
+    "difference_percent": ("difference %", lambda row, reference: 100.0 * float(differences(row, reference).max(initial=0.0))),
+    "energy_difference_percent": ("of energy %", lambda row, reference: 100.0 * energy_difference(row, reference)),
+    "failure": ("failure", lambda row, _: row.failure or ""),
+    "unit": ("unit", lambda row, _: row.shown.unit),  # of the peak, whatever its column is called
+}
+_ALWAYS = ("level_N", "method", "setup_s", "points", "failure", "unit")  # known of a row without points
+
+
+def numbers(row: Row, reference: Row) -> dict[str, Any]:
+    """Return the numbers of a row by the names of ``COLUMNS``; NaN where it has no points to tell."""
+    return {name: of(row, reference) if row.points or name in _ALWAYS else float("nan") for name, (_, of) in COLUMNS.items()}
 
 
 def write_comparison(rows: Sequence[Row], scene: Titled, folder: str) -> str:
@@ -127,10 +113,7 @@ def write_comparison(rows: Sequence[Row], scene: Titled, folder: str) -> str:
         references.setdefault(row.level, row)
     ordered = [row for level in references for row in rows if row.level == level]
     records = [numbers(row, references[row.level]) for row in ordered]
-    with written_whole(f"{folder}/compare.csv") as path, open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({key: _number(value) for key, value in entry.items()} for entry in records)
+    write_csv(f"{folder}/compare.csv", COLUMNS, records)
     with matplotlib.rc_context(RC):
         draw_comparison(rows, references, scene, f"{folder}/compare.png")
     return table(records, next(iter(references.values())))
@@ -139,7 +122,10 @@ def write_comparison(rows: Sequence[Row], scene: Titled, folder: str) -> str:
 def table(records: Sequence[dict], reference: Row) -> str:
     """Return the records as a table for the screen; differences are from the reference."""
     shown = reference.shown
-    headings = COLUMNS | {"level_N": f"level {shown.level_unit}".removesuffix(" 1"), "peak_m": f"peak {shown.unit}"}
+    headings = {name: heading for name, (heading, _) in COLUMNS.items()} | {
+        "level_N": f"level {shown.level_unit}".removesuffix(" 1"),
+        "peak_m": f"peak {shown.unit}",
+    }
     left_out = {"unit"} if any(entry["failure"] for entry in records) else {"unit", "failure"}
     names = [name for name in COLUMNS if name not in left_out]
     rows = [(entry["level_N"], [_cell(name, entry, reference.method) for name in names]) for entry in records]
@@ -152,17 +138,11 @@ def table(records: Sequence[dict], reference: Row) -> str:
     )
 
 
-def _number(value):
-    return f"{value:.9g}" if isinstance(value, float) else value
-
-
 def _cell(name: str, entry: dict, reference: str) -> str:
     value = entry[name]
     if name in ("difference_percent", "energy_difference_percent"):
-        return "reference" if entry["method"] == reference else "\u2013" if value != value else f"{value:.2g}"
-    if isinstance(value, float):
-        return "\u2013" if value != value else f"{value:.{ {'peak_m': 5, 'peak_Hz': 7}.get(name, 3) }g}"
-    return str(value)
+        return "reference" if entry["method"] == reference else cell(value, 2)
+    return cell(value, {"peak_m": 5, "peak_Hz": 7}.get(name, 3))
 
 
 def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Titled, path: str) -> None:
@@ -190,5 +170,4 @@ def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Ti
         error.set(yscale="log", xlabel="frequency [Hz]")
     axes[0, 0].set_ylabel(f"{shown.name} [{unit}]")
     axes[1, 0].set_ylabel("difference / peak")
-    with written_whole(path) as beside:
-        page.save(beside)
+    page.save(path)

@@ -8,7 +8,6 @@ from matplotlib.lines import Line2D
 
 from ...results.measures import segments
 from ...results.style import INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
-from ...system.files import written_whole
 from .compared_levels import LevelDifference, apart_of
 from .story import Difference
 
@@ -28,10 +27,7 @@ def draw(found: Difference, path: str) -> str | None:
     if not levels:
         return None
     with matplotlib.rc_context(RC):
-        page = _page(found, levels)
-        with written_whole(path) as beside:
-            page.save(beside)
-    return path
+        return _page(found, levels).save(path)
 
 
 def _page(found: Difference, levels: list[LevelDifference]) -> Page:

@@ -19,7 +19,7 @@ from .contents import Entry
 if TYPE_CHECKING:
     from ...scene.schema import Scene
 
-SCRIPTS = ("run_nlvib.m", "nlvib_residual.m", "run_tmdsimpy.py", "run_pyharm.py")
+SCRIPTS = ("run_nlvib.m", "nlvib_residual.m", "run_tmdsimpy.py", "run_pyharm.py", "exported_model.py")
 LARGEST_MAT = 2**31 - 1  # bytes of an array in a .mat file of version 5
 
 

@@ -2,46 +2,66 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import matplotlib
 import numpy as np
 
 from ...observe.screen_table import screen_table
 from ...results.style import RC, Titled
-from ...system.files import make_folder, written_whole
+from ...system.files import make_folder
+from ..records import cell, write_csv
 from .study import COMBINED, TARGETS, Curve, Run, Score, Study, score
 
-COLUMNS = {
-    "knob": "knob",
-    "value": "value",
-    "level_N": "level N",
-    "method": "method",
-    "modes": "modes",
-    "harmonics": "H",
-    "samples": "N_t",
-    "tolerance": "tolerance",
-    "energy_tolerance_J": "eps J",
-    "accuracy": "accuracy",
-    "unknowns": "unknowns",
-    "points": "points",
-    "setup_s": "set-up s",
-    "seconds": "time s",
-    "cpu_s": "CPU s",
-    "cpu_with_bars_s": "+ bars s",
-    "error_percent": "error %",
-    "rms_percent": "rms %",
-    "own_percent": "own %",
-    "peak_percent": "peak %",
-    "frequency_percent": "frequency %",
-    "bar_percent": "bar %",
-    "covered_percent": "covered %",
-    "bar_over_error": "bar/error",
-    "on_front": "front",
-    "failure": "failure",
-    "corrected_percent": "corrected %",
+
+@dataclass(frozen=True)
+class Record:
+    """A row of trade.csv: a run at one level, or at all of them, and its errors."""
+
+    run: Run
+    level: str
+    curves: Sequence[Curve]
+    score: Score
+    own: float = np.nan
+    is_best: bool = False
+    corrected: float = np.nan  # error of the corrected amplitude
+
+
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
+COLUMNS: dict[str, tuple[str, Callable[[Record], Any]]] = {  # heading, and what it is of a record
+    "knob": ("knob", lambda of: of.run.knob),
+    "value": ("value", lambda of: of.run.value),
+    "level_N": ("level N", lambda of: of.level),
+    "method": ("method", lambda of: of.run.setting.method),
+    "modes": ("modes", lambda of: of.run.setting.modes),
+    "harmonics": ("H", lambda of: of.run.setting.harmonics),
+    "samples": ("N_t", lambda of: of.run.setting.samples),
+    "tolerance": ("tolerance", lambda of: of.run.setting.tolerance),
+    "energy_tolerance_J": ("eps J", lambda of: _or_nan(of.run.setting.energy_tolerance)),
+    "accuracy": ("accuracy", lambda of: _or_nan(of.run.setting.accuracy)),
+    "unknowns": ("unknowns", lambda of: of.run.unknowns),
+    "points": ("points", lambda of: sum(len(curve.omega) for curve in of.curves)),
+    "setup_s": ("set-up s", lambda of: of.run.setup),
+    "seconds": ("time s", lambda of: of.run.seconds),
+    "cpu_s": ("CPU s", lambda of: of.run.cpu),
+    "cpu_with_bars_s": ("+ bars s", lambda of: of.run.cpu_with_bars),
+    "error_percent": ("error %", lambda of: 100 * of.score.error),
+    "rms_percent": ("rms %", lambda of: 100 * of.score.rms),
+    "own_percent": ("own %", lambda of: 100 * of.own),
+    "peak_percent": ("peak %", lambda of: 100 * of.score.peak),
+    "frequency_percent": ("frequency %", lambda of: 100 * of.score.frequency),
+    "bar_percent": ("bar %", lambda of: 100 * of.score.bar),
+    "covered_percent": ("covered %", lambda of: 100 * of.score.coverage),
+    "bar_over_error": ("bar/error", lambda of: of.score.ratio),
+    "on_front": ("front", lambda of: "yes" if of.is_best else ""),
+    "failure": ("failure", lambda of: of.run.failure or ""),
+    "corrected_percent": ("corrected %", lambda of: 100 * of.corrected),
 }
 SHOWN = (
     "knob",
@@ -76,10 +96,7 @@ def write_trade(study: Study, scene: Titled, folder: str) -> str:
     from .speed_plots import draw_trade
 
     make_folder(folder)
-    with written_whole(f"{folder}/trade.csv") as path, open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({key: _number(value) for key, value in record.items()} for record in records(study))
+    write_csv(f"{folder}/trade.csv", COLUMNS, records(study), 6, "")
     with matplotlib.rc_context(RC):
         draw_trade(study, scene, f"{folder}/trade.png")
     return "\n".join([table(study), *failure_lines(study), "", *summary(study)])
@@ -109,63 +126,17 @@ def summary(study: Study) -> list[str]:
 
 def records(study: Study) -> list[dict]:
     """Return a record a run over all levels, by the names of ``COLUMNS``, and one a run and level where there are several."""
-    front, found = {id(run) for run in study.front()}, []
+    front, found, exact = {id(run) for run in study.front()}, list[Record](), study.reference.curves
     for run in study.ordered():
-        own = study.own(run, run.knob) if run.failure is None else np.nan
-        corrected = {"corrected_percent": 100 * study.error_of_corrected(run.corrected)}
-        found.append(_numbers(run, "all", run.curves, study.score(run), own, id(run) in front) | corrected)
-        if len(study.reference.curves) > 1:
-            for i, curve in enumerate(run.curves):
-                part = score([curve], study.reference.curves)
-                corrected = {"corrected_percent": 100 * study.error_of_corrected(run.corrected[i : i + 1])}
-                found.append(_numbers(run, f"{curve.level:g}", [curve], part, np.nan, id(run) in front) | corrected)
+        own, is_best = study.own(run, run.knob) if run.failure is None else np.nan, id(run) in front
+        found.append(Record(run, "all", run.curves, study.score(run), own, is_best, study.error_of_corrected(run.corrected)))
+        for i, curve in enumerate(run.curves if len(exact) > 1 else ()):
+            corrected = study.error_of_corrected(run.corrected[i : i + 1])
+            found.append(Record(run, f"{curve.level:g}", [curve], score([curve], exact), np.nan, is_best, corrected))
     for run in study.meshes:
         finest = {curve.level: curve for curve in study.meshes[-1].curves}
-        found.append(_numbers(run, "all", run.curves, score(run.curves, finest), np.nan, False))
-    return found
-
-
-def _numbers(run: Run, level: str, curves: Sequence[Curve], found: Score, own: float, is_best: bool) -> dict:
-    """Return a row of the table by ``COLUMNS``: a run at one level, or at all of them, and its errors.  Local."""
-    setting = run.setting
-    return dict(
-        zip(
-            COLUMNS,
-            (
-                run.knob,
-                run.value,
-                level,
-                setting.method,
-                setting.modes,
-                setting.harmonics,
-                setting.samples,
-                setting.tolerance,
-                np.nan if setting.energy_tolerance is None else setting.energy_tolerance,
-                np.nan if setting.accuracy is None else setting.accuracy,
-                run.unknowns,
-                sum(len(curve.omega) for curve in curves),
-                run.setup,
-                run.seconds,
-                run.cpu,
-                run.cpu_with_bars,
-                100 * found.error,
-                100 * found.rms,
-                100 * own,
-                100 * found.peak,
-                100 * found.frequency,
-                100 * found.bar,
-                100 * found.coverage,
-                found.ratio,
-                "yes" if is_best else "",
-                run.failure or "",
-                np.nan,
-            ),
-        )
-    )
-
-
-def _number(value):
-    return ("" if value != value else f"{value:.6g}") if isinstance(value, float) else value
+        found.append(Record(run, "all", run.curves, score(run.curves, finest)))
+    return [{name: of(record) for name, (_, of) in COLUMNS.items()} for record in found]
 
 
 # -- the table -----------------------------------------------------------------------------------------------------
@@ -199,18 +170,14 @@ def _cell(name: str, record: dict, floor: float) -> str:
     value = record[name]
     if name in ("harmonics", "samples") and np.isfinite(record["accuracy"]):
         return "chosen"
-    if not isinstance(value, float):
-        return str(value)
-    if value != value:
-        return "\u2013"
     if name in ("error_percent", "corrected_percent", "own_percent", "peak_percent", "rms_percent") and value < 100.0 * floor:
         return f"< {100.0 * floor:.2g}"
-    return f"{value:.3g}" if name in ("setup_s", "seconds", "cpu_s", "cpu_with_bars_s", "covered_percent") else f"{value:.2g}"
+    return cell(value, 3 if name in ("setup_s", "seconds", "cpu_s", "cpu_with_bars_s", "covered_percent") else 2)
 
 
 def table(study: Study) -> str:
     """Return the runs as a table for the screen."""
-    names, lines = [COLUMNS[name] for name in SHOWN], rows(study)
+    names, lines = [COLUMNS[name][0] for name in SHOWN], rows(study)
     says = "errors in % of the reference's peak; set-up: modes and reduction, beside what all runs share"
     return screen_table(says, names, [(line[0], line) for line in lines], left=("knob", "value"), close=True)
 

@@ -8,7 +8,6 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...results.style import FAINT, INK, WIDTH, Page, Titled
-from ...system.files import written_whole
 from .study import ACCURACY, BASE, COMBINED, Study
 
 # Okabe and Ito; a marker each, so that they are told apart without colour too
@@ -55,8 +54,7 @@ def draw_trade(study: Study, scene: Titled, path: str) -> None:
     left, right = page.grid(1, 2, width_ratios=(1.5, 1.0)).subplots()
     _draw_errors(left, study)
     _draw_bars(right, study)
-    with written_whole(path) as beside:
-        page.save(beside)
+    page.save(path)
 
 
 def _draw_errors(axes, study: Study) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,24 +14,25 @@ from ...observe.screen_table import screen_table
 from ...points.branch import Branch
 from ...results.measures import segments
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, some, with_prefix
-from ...system.files import make_folder, written_whole
+from ...system.files import make_folder
+from ..records import cell, write_csv
 
-COLUMNS = {
-    "level_N": "level N",
-    "frequency_Hz": "frequency Hz",
-    "peak": "",
-    "harmonic_balance_m": "harmonic balance m",
-    "time_integration_m": "time integration m",
-    "difference": "difference",
-    "difference_with_phase": "with phase",
-    "own_error": "own error",
-    "higher_harmonics": "higher harmonics",
-    "energy_closure": "energy closure",
-    "periods": "periods",
-    "change": "change a period",
-    "distance": "distance",
-    "seconds": "s",
-    "failure": "failure",
+COLUMNS = {  # of verify.csv: heading on the screen, and what it is of a check
+    "level_N": ("level N", "level"),
+    "frequency_Hz": ("frequency Hz", "frequency"),
+    "peak": ("", "mark"),
+    "harmonic_balance_m": ("harmonic balance m", "balanced"),
+    "time_integration_m": ("time integration m", "marched"),
+    "difference": ("difference", "difference"),
+    "difference_with_phase": ("with phase", "with_phase"),
+    "own_error": ("own error", "own"),
+    "higher_harmonics": ("higher harmonics", "higher"),
+    "energy_closure": ("energy closure", "closure"),
+    "periods": ("periods", "periods"),
+    "change": ("change a period", "change"),
+    "distance": ("distance", "distance"),
+    "seconds": ("s", "seconds"),
+    "failure": ("failure", "failure"),
 }
 EXPECTED = 1e-3  # difference over the peak beyond which harmonics, samples or steps are too few
 MARCHED = {"color": "#d55e00", "ls": "--", "lw": 1.0}
@@ -71,34 +71,12 @@ class Check:
     loop: Loop | None = None
 
     @property
+    def mark(self) -> str:
+        return "peak" if self.is_peak else ""
+
+    @property
     def where(self) -> str:
         return f"{self.level:g} N, {self.frequency:.6g} Hz"
-
-
-def numbers(check: Check) -> dict:
-    """Return the numbers of a check by the names of ``COLUMNS``."""
-    return dict(
-        zip(
-            COLUMNS,
-            (
-                check.level,
-                check.frequency,
-                "peak" if check.is_peak else "",
-                check.balanced,
-                check.marched,
-                check.difference,
-                check.with_phase,
-                check.own,
-                check.higher,
-                check.closure,
-                check.periods,
-                check.change,
-                check.distance,
-                check.seconds,
-                check.failure,
-            ),
-        )
-    )
 
 
 def write_verification(
@@ -111,13 +89,8 @@ def write_verification(
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(folder)
-    records = [numbers(check) for check in checks]
-    with written_whole(f"{folder}/verify.csv") as path, open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(
-            {key: f"{value:.9g}" if isinstance(value, float) else value for key, value in entry.items()} for entry in records
-        )
+    records = [{name: getattr(check, field) for name, (_, field) in COLUMNS.items()} for check in checks]
+    write_csv(f"{folder}/verify.csv", COLUMNS, records)
     with matplotlib.rc_context(RC):
         draw_verification(checks, branches, scene, f"{folder}/verify.png", settings, unit)
     return table(records) + "\n" + verdict(checks)
@@ -127,7 +100,7 @@ def table(records: Sequence[dict]) -> str:
     """Return the records as a table for the screen."""
     names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
     rows = [(entry["level_N"], [_cell(name, entry[name]) for name in names]) for entry in records]
-    head = [COLUMNS[name] for name in names]
+    head = [COLUMNS[name][0] for name in names]
     title = "harmonic 1 of the first output; differences over the peak of the curve"
     return screen_table(title, head, rows, left=("", "failure"), wraps=head)
 
@@ -151,10 +124,8 @@ def verdict(checks: Sequence[Check]) -> str:
 
 
 def _cell(name: str, value) -> str:
-    if isinstance(value, float):
-        digits = {"frequency_Hz": 7, "harmonic_balance_m": 5, "time_integration_m": 5, "level_N": 6}.get(name, 2)
-        return "\u2013" if value != value else f"{value:.{digits}g}" if name != "seconds" else f"{value:.1f}"
-    return str(value)
+    digits = {"frequency_Hz": 7, "harmonic_balance_m": 5, "time_integration_m": 5, "level_N": 6, "seconds": 3}.get(name, 2)
+    return cell(value, digits)
 
 
 def draw_verification(
@@ -190,8 +161,7 @@ def draw_verification(
     curve.set(xlabel="frequency [Hz]", ylabel=f"amplitude [{unit}]", ylim=(0.0, None))
     for number, check in enumerate(loops):
         _draw_loop(page.figure.add_subplot(grid[1 + number // columns, number % columns]), check, colours[check.level])
-    with written_whole(path) as beside:
-        page.save(beside)
+    page.save(path)
 
 
 def _draw_loop(ax, check: Check, colour) -> None:

@@ -6,86 +6,41 @@ Each pair is a node with three DOFs, x, y, z; all other coordinates are modes.  
 Jenkins elements, on a friction circle or one for each direction, all others Penalty3D.  Writes response_pyharm.csv.
 """
 
-import csv
 import logging
 import sys
-import time
 from pathlib import Path
 
 import jax
 import numpy as np
 
 jax.config.update("jax_enable_x64", True)  # its elements would compute in single precision
+from exported_model import follow, read_model, write
 from pyHarm.Maestro import Maestro
 
 logging.disable(logging.INFO)
-TOLERANCE = 1e-11  # of the residual over the load
-MOST_ITERATIONS, LEAST_STEP = 60, 1 / 64
 
 
 def main(folder: Path) -> None:
-    model = dict(np.load(folder / "model.npz"))
+    model = read_model(folder, "pyHarm")
     refuse(model)
     place, matrices = at_nodes(model)
     rows, H = [], int(model["harmonics"])
     for level in model["levels"]:
         system = Maestro(described(model, place, matrices, level)).system
         order = positions(system.expl_dofs, len(model["mu"]), len(matrices["M"]), H)
-        load = np.zeros((len(matrices["M"]), 2 * H + 1))
-        load[place] = level * model["load"]
         x = first(model, place, order, level, len(system.expl_dofs))
-        before = 2 * np.pi * model["frequency"][0]
 
         def evaluate(x, omega, system=system):
             y = np.append(x, omega)
             return system.Residual(y), system.Jacobian(y)[0]
 
-        for frequency in model["frequency"]:
-            began, omega = time.perf_counter(), 2 * np.pi * frequency
-            x = reach(evaluate, x, before, omega, np.linalg.norm(load))
-            seconds = time.perf_counter() - began
-            if x is None:
-                sys.exit(f"no solution at {level:g} N, {frequency:g} Hz")
-            before = omega
-            q = x[order][place]
-            rows.append([level, frequency, seconds, *outputs(model, q, omega).ravel()])
+        size = np.linalg.norm(level * model["load"])
+        rows += follow(model, level, evaluate, x, size, lambda x, order=order: x[order][place])
     write(model, folder / "response_pyharm.csv", rows)
-
-
-def reach(evaluate, x, before, omega, size):
-    """Return the solution at ``omega``, from ``x`` at ``before``, in one step or in as many as it takes; None: not found."""
-    for n_steps in (1, 4, 16, 64):
-        y = x
-        for w in np.linspace(before, omega, n_steps + 1)[1:]:
-            y = newton(lambda y, w=w: evaluate(y, w), y, size)
-            if y is None:
-                break
-        else:
-            return y
-    return None
-
-
-def newton(evaluate, x, size):
-    """Return where the residual is ``TOLERANCE`` of ``size`` or less, by Newton's method with steps halved; None: nowhere."""
-    residual, jacobian = evaluate(x)
-    for _ in range(MOST_ITERATIONS):
-        if np.linalg.norm(residual) <= TOLERANCE * size:
-            return x
-        step, share = np.linalg.solve(jacobian, residual), 1.0
-        new, new_jacobian = evaluate(x - step)
-        while not np.linalg.norm(new) < np.linalg.norm(residual) and share > LEAST_STEP:
-            share /= 2.0
-            new, new_jacobian = evaluate(x - share * step)
-        x, residual, jacobian = x - share * step, new, new_jacobian
-    return None
 
 
 def refuse(model) -> None:
     """End where pyHarm has nothing like it."""
-    if any(law != "elastic-coulomb" for law in model["law"]):
-        sys.exit("pairs of a law that pyHarm does not have")
-    if model["S"].size:
-        sys.exit("structural damping: this script has none")
     if model["T0"].any():
         sys.exit("friction forces at rest (T0): the elements start without any")
     if np.any(model["k_t"] != model["k_ty"]) or np.any(model["mu"] != model["mu_y"]):
@@ -178,32 +133,6 @@ def first(model, place, order, level, n):
     q = np.linalg.solve(K_L - omega**2 * model["M"] + 1j * omega * model["C"], load)
     x[order[place, 1]], x[order[place, 2]] = q.real, -q.imag
     return x
-
-
-def outputs(model, q, omega):
-    """Return the coefficients of the outputs that are displacements, velocities or accelerations, (n_outputs, 2 H + 1)."""
-    y = model["outputs"] @ q
-    for row, order in zip(y, model["output_order"]):
-        for n in range(1, (len(row) + 1) // 2):
-            amplitude = (row[2 * n - 1] - 1j * row[2 * n]) * (1j * n * omega) ** order
-            row[2 * n - 1], row[2 * n] = amplitude.real, -amplitude.imag
-        row[0] *= order == 0
-    return y[shown(model)]
-
-
-def shown(model):
-    return ~(model["output_p"].any(axis=1) | model["output_base"].any(axis=1))
-
-
-def write(model, path, rows) -> None:
-    H = int(model["harmonics"])
-    names = ["mean"] + [f"{part} {n}" for n in range(1, H + 1) for part in ("cos", "sin")]
-    with open(path, "w", newline="") as file:
-        writer = csv.writer(file)
-        own = [f"{output} {name}" for output in model["output_name"][shown(model)] for name in names]
-        writer.writerow(["level_N", "frequency_Hz", "seconds", *own])
-        writer.writerows([[f"{value:.17g}" for value in row] for row in rows])
-    print(f"{path}: {len(rows)} points in {sum(row[2] for row in rows):.3g} s")
 
 
 if __name__ == "__main__":

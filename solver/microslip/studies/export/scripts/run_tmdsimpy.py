@@ -6,23 +6,19 @@ FOLDER is where github.com/tmd-lab/tmdsimpy was cloned.  Pairs whose normal forc
 for each tangential direction, all others an ElasticDryFriction3D, which needs jax.  Writes response_tmdsimpy.csv.
 """
 
-import csv
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, sys.argv[1] if len(sys.argv) > 1 else ".")
+from exported_model import follow, read_model, write
 from tmdsimpy.nlforces.vector_jenkins import VectorJenkins
 from tmdsimpy.vibration_system import VibrationSystem
 
-TOLERANCE = 1e-11  # of the residual over the load
-MOST_ITERATIONS, LEAST_STEP = 60, 1 / 64
-
 
 def main(folder: Path) -> None:
-    model = dict(np.load(folder / "model.npz"))
+    model = read_model(folder, "TMDSimPy")
     refuse(model)
     D = 1.0 / np.sqrt(np.diag(model["K"] + model["R"].T @ (model["K_J"][:, None] * model["R"])))  # q = D x: x of one size
     system = VibrationSystem(*(D[:, None] * model[name] * D for name in ("M", "K")), C=D[:, None] * model["C"] * D)
@@ -39,57 +35,16 @@ def main(folder: Path) -> None:
         F = load.T.ravel()
         U = np.zeros(len(F))
         U[len(D) : 3 * len(D)] = level * np.concatenate([start.real, -start.imag])
-        before = 2 * np.pi * model["frequency"][0]
 
         def evaluate(x, omega, F=F):
             return system.hbm_res(np.append(x, omega), F, h, Nt=n_t)[:2]
 
-        for frequency in model["frequency"]:
-            omega, began = 2 * np.pi * frequency, time.perf_counter()
-            U = reach(evaluate, U, before, omega, np.linalg.norm(F))
-            seconds = time.perf_counter() - began
-            if U is None:
-                sys.exit(f"no solution at {level:g} N, {frequency:g} Hz")
-            before = omega
-            q = D[:, None] * U.reshape(-1, len(D)).T
-            rows.append([level, frequency, seconds, *outputs(model, q, omega).ravel()])
+        rows += follow(model, level, evaluate, U, np.linalg.norm(F), lambda U: D[:, None] * U.reshape(-1, len(D)).T)
     write(model, folder / "response_tmdsimpy.csv", rows)
-
-
-def reach(evaluate, x, before, omega, size):
-    """Return the solution at ``omega``, from ``x`` at ``before``, in one step or in as many as it takes; None: not found."""
-    for n_steps in (1, 4, 16, 64):
-        y = x
-        for w in np.linspace(before, omega, n_steps + 1)[1:]:
-            y = newton(lambda y, w=w: evaluate(y, w), y, size)
-            if y is None:
-                break
-        else:
-            return y
-    return None
-
-
-def newton(evaluate, x, size):
-    """Return where the residual is ``TOLERANCE`` of ``size`` or less, by Newton's method with steps halved; None: nowhere."""
-    residual, jacobian = evaluate(x)
-    for _ in range(MOST_ITERATIONS):
-        if np.linalg.norm(residual) <= TOLERANCE * size:
-            return x
-        step, share = np.linalg.solve(jacobian, residual), 1.0
-        new, new_jacobian = evaluate(x - step)
-        while not np.linalg.norm(new) < np.linalg.norm(residual) and share > LEAST_STEP:
-            share /= 2.0
-            new, new_jacobian = evaluate(x - share * step)
-        x, residual, jacobian = x - share * step, new, new_jacobian
-    return None
 
 
 def refuse(model) -> None:
     """End where TMDSimPy has nothing like it."""
-    if any(law != "elastic-coulomb" for law in model["law"]):
-        sys.exit("pairs of a law that TMDSimPy does not have")
-    if model["S"].size:
-        sys.exit("structural damping: TMDSimPy has none")
     if np.any(model["k_t"] != model["k_ty"]) or np.any(model["mu"] != model["mu_y"]):
         sys.exit("stiffness or friction of x and y differ: ElasticDryFriction3D has one for both")
 
@@ -121,32 +76,6 @@ def stuck(model, D, omega):
 def at(coefficients, n):
     """Return the complex amplitude of harmonic n."""
     return coefficients[:, 2 * n - 1] - 1j * coefficients[:, 2 * n]
-
-
-def outputs(model, q, omega):
-    """Return the coefficients of the outputs that are displacements, velocities or accelerations, (n_outputs, 2 H + 1)."""
-    y = model["outputs"] @ q
-    for row, order in zip(y, model["output_order"]):
-        for n in range(1, (len(row) + 1) // 2):
-            amplitude = (row[2 * n - 1] - 1j * row[2 * n]) * (1j * n * omega) ** order
-            row[2 * n - 1], row[2 * n] = amplitude.real, -amplitude.imag
-        row[0] *= order == 0
-    return y[shown(model)]
-
-
-def shown(model):
-    return ~(model["output_p"].any(axis=1) | model["output_base"].any(axis=1))
-
-
-def write(model, path, rows) -> None:
-    H = int(model["harmonics"])
-    names = ["mean"] + [f"{part} {n}" for n in range(1, H + 1) for part in ("cos", "sin")]
-    with open(path, "w", newline="") as file:
-        writer = csv.writer(file)
-        own = [f"{output} {name}" for output in model["output_name"][shown(model)] for name in names]
-        writer.writerow(["level_N", "frequency_Hz", "seconds", *own])
-        writer.writerows([[f"{value:.17g}" for value in row] for row in rows])
-    print(f"{path}: {len(rows)} points in {sum(row[2] for row in rows):.3g} s")
 
 
 if __name__ == "__main__":
