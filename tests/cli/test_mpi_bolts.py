@@ -1,5 +1,7 @@
 """A scene with a bolt from its file to log and results.h5; on one rank and on several."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from blocks import box, join
@@ -59,8 +61,9 @@ def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
 
     def check():
         results = read_results(str(folder / "out" / "results.h5"))
-        bolts, pressed = results.bolts, results.joint.N0[results.joint.N0 > 0.0].sum()
-        assert bolts.names == ("M16",) and bolts.tightened == pytest.approx([9000.0], rel=1e-8)
+        table, pressed = results.at_rest["bolts"], results.joint.N0[results.joint.N0 > 0.0].sum()
+        bolts = SimpleNamespace(**table.columns)
+        assert table.names == ("M16",) and bolts.tightened == pytest.approx([9000.0], rel=1e-8)
         assert bolts.area == pytest.approx([WIDTH**2], rel=1e-9) and bolts.shortening > 0.0
         assert 9000.0 < bolts.force < 13000.0
         assert pressed == pytest.approx(bolts.force - 4000.0, rel=1e-6)  # of the head: bolt, load and seats

@@ -54,7 +54,7 @@ def test_what_is_written_is_read_and_goes_to_matlab(path, results, tmp_path):
         for wanted, one in zip([peak(level), peak(level, 1), peak(level, mode=1)], written.peaks):
             for field in fields(Peak):
                 assert getattr(one, field.name) == pytest.approx(getattr(wanted, field.name), rel=1e-14, nan_ok=True), field
-    write_mat(str(tmp_path / "x.mat"), read_results(path), None)
+    write_mat(tmp_path / "x.mat", read_results(path), None)
     of_last = scipy.io.loadmat(tmp_path / "x.mat", simplify_cells=True)["levels"][-1]["peaks"]
     assert of_last["frequency_Hz"] == pytest.approx([98.2, 98.2, 118.2]) and of_last["damping"][0] == pytest.approx(9e-3)
 

@@ -15,10 +15,11 @@ from ..points.quantities import hertz
 from ..reduction.expand import node_fields, peak_displacements
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin
-from ..results.record import BOLT_UNITS, STATIC_TABLES, Bolts, LinearCurve, ResultFile, StaticTable, joint_of
+from ..results.record import STATIC_TABLES, LinearCurve, ResultFile, StaticTable, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
 from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
+from ..statics.bolts import BoltsAtRest
 from ..system.versions import commit, program_hash, versions
 from ..version import __version__
 from .origin_of_run import origin_of
@@ -29,7 +30,6 @@ from .settings import asks_for_bars, asks_for_fields, reduction_settings, units_
 def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
     """Return what a result file says before its levels.  Local; with the user's node numbers on rank 0 only."""
     scene, outline, curve = prepared.scene, prepared.outline, prepared.response.curve
-    bolts = outline.bolts
     units = units_of(scene)
     return ResultFile(
         path="",
@@ -43,8 +43,7 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
         mode_frequency=outline.omega_n / (2.0 * np.pi),
         joint=joint_of(prepared.pairs, outline.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
-        bolts=None if bolts is None else Bolts(bolts.names, **{name: getattr(bolts, name) for name in BOLT_UNITS}),
-        at_rest=_tables(outline.balance),
+        at_rest=_tables(outline.balance, outline.bolts),
         units=units.outputs,
         level_unit=units.level,
         asked=prepared.response.settings.levels,
@@ -53,14 +52,15 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
     )
 
 
-def _tables(balance: Balance | None) -> dict[str, StaticTable]:
+def _tables(balance: Balance | None, bolts: BoltsAtRest | None) -> dict[str, StaticTable]:
     """Return what files say of the equilibrium at rest; nothing without [statics].  Local."""
-    if balance is None:
-        return {}
-    parts: dict[str, JointsAtRest | BodiesAtRest] = {"joints": balance.joints, "bodies": balance.bodies}
+    parts: dict[str, JointsAtRest | BodiesAtRest | BoltsAtRest | None] = {"bolts": bolts}
+    if balance is not None:
+        parts |= {"joints": balance.joints, "bodies": balance.bodies}
     return {
         name: StaticTable(part.names, {column: getattr(part, column) for column in STATIC_TABLES[name]})
         for name, part in parts.items()
+        if part is not None
     }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..fourier.coefficients import amplitude
 from ..points.branch import CLOSES_TO, Branch
+from .record import LevelResult, ResultFile
 
 _NOTHING = 1e-10  # of pi F a, the most work that a load F can do per cycle at amplitude a
 
@@ -38,6 +39,13 @@ def energy_closure(branch: Branch, works: Sequence[int] | None = None) -> np.nda
         [amplitude(point.response[slice(None) if works is None else works]).max(initial=0.0) for point in branch.points]
     )
     return closure(work, damping, friction, np.pi * branch.level * largest)
+
+
+def balance(results: ResultFile, level: LevelResult) -> np.ndarray:
+    """Return the closure of the energy balance at the points of a level, (n,) [-].  Local."""
+    works = [k for k in range(len(results.outputs)) if (results.unit_of(k), results.level_unit) == ("m", "N")]
+    most = np.pi * abs(level.level) * amplitude(level.response[:, works]).max(axis=1, initial=0.0)
+    return closure(level.input, level.damping, level.friction, most)
 
 
 def audit_text(branches: list[Branch], works: Sequence[int] | None = None) -> str:

@@ -20,29 +20,11 @@ from .universal_file import write_unv
 STEPS = 32  # of a period
 
 
-def _paraview(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
-    return write_series(results, fields, folder, steps)
-
-
-def _unv(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
-    write_unv(str(folder / "results.unv"), results, fields)
-    return [folder / "results.unv"]
-
-
-def _mat(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
-    write_mat(str(folder / "results.mat"), results, fields)
-    return [folder / "results.mat"]
-
-
-def _scene(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
-    return [write_scene(results, folder)]
-
-
 FORMATS: dict[str, Callable[[ResultFile, Fields | None, Path, int], list[Path]]] = {
-    "vtkhdf": _paraview,
-    "unv": _unv,
-    "mat": _mat,
-    "scene": _scene,
+    "vtkhdf": write_series,
+    "unv": lambda results, fields, folder, _: [write_unv(folder / "results.unv", results, fields)],
+    "mat": lambda results, fields, folder, _: [write_mat(folder / "results.mat", results, fields)],
+    "scene": lambda results, fields, folder, _: [write_scene(results, folder)],
 }
 
 
@@ -67,6 +49,6 @@ def convert(path: str, folder: Path, formats: Sequence[str], steps: int = STEPS)
             name
             for name in FORMATS
             if name != "scene"
-            if FORMATS[name] is not _paraview or fields is not None or len(joint_mesh(results.joint).sizes)
+            if name != "vtkhdf" or fields is not None or len(joint_mesh(results.joint).sizes)
         ]
     return [file for name in formats for file in FORMATS[name](results, fields, folder, steps)]

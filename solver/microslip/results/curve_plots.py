@@ -10,7 +10,7 @@ from matplotlib.ticker import NullLocator
 from ..fourier.coefficients import amplitude
 from ..points.branch import CLOSES_TO
 from ..points.error_parts import PARTS, total
-from .audit import closure
+from .audit import balance
 from .measures import counts, peak, segments
 from .peak_plots import label_peaks, mark_peaks, peak_sizes
 from .record import STOPPED, LevelResult, ResultFile
@@ -95,7 +95,7 @@ def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> tuple[f
 
 def draw_states(results: ResultFile) -> Pages:
     """Draw how many pairs stick, slip and are open along the curve of each level.  Local."""
-    levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
+    levels = some(results.solved, MOST_PANELS)
     if not levels or results.joint.n_pairs == 0:
         return {}
     handles = [Line2D([], [], color=c, ls=s, lw=1.5, label=n) for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)]
@@ -128,7 +128,7 @@ def draw_rom_size(results: ResultFile) -> Pages:
 
 def draw_energy(results: ResultFile) -> Pages:
     """Draw input, damping and friction per cycle for each level, and how well they balance.  Local."""
-    levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
+    levels = some(results.solved, MOST_PANELS)
     if not levels:
         return {}
     parts = (
@@ -154,12 +154,10 @@ def _draw_closure(ax, results: ResultFile) -> None:
     """Draw the closure of all levels."""
     _decades(ax)
     drawn = [(level, colour) for level, colour in _with_colours(results) if len(level.frequency)]
-    works = [k for k in range(len(results.outputs)) if (results.unit_of(k), results.level_unit) == ("m", "N")]
     bound = max((level.closes_to for level, _ in drawn), default=CLOSES_TO)
     lowest = bound
     for level, colour in drawn:
-        most_work = np.pi * level.level * amplitude(level.response[:, works]).max(axis=1, initial=0.0)
-        gap = np.maximum(closure(level.input, level.damping, level.friction, most_work), 1e-16)
+        gap = np.maximum(balance(results, level), 1e-16)
         _curve(ax, level, gap, colour)
         lowest = min(lowest, gap.min(initial=lowest))
     ax.axhline(bound, color=FAINT, lw=0.8, ls="--")

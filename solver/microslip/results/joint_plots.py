@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import matplotlib
@@ -15,7 +15,7 @@ from matplotlib.patches import Patch as Swatch
 
 from ..contact.law import STICK
 from ..contact.laws import friction_limit
-from .measures import counts, peak
+from .measures import counts
 from .record import LevelResult, ResultFile
 from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, Pages, level_name, plain, some, with_prefix
 from .unroll import Patch, patches
@@ -28,74 +28,56 @@ _NO_LOSS = "#ececec"
 _LOSS_DECADES = 1e-4
 
 
-@dataclass(frozen=True)
-class JointMap:
-    """A quantity of the pairs as a picture shows it, level by level."""
-
-    says: str  # heading
-    colour: Callable[[LevelResult, int], np.ndarray]  # (n_pairs, 4) RGBA at a point of a level
-    level_says: Callable[[LevelResult, int], str]
-    handles: Sequence[Swatch]
-    bar: tuple | None = None  # palette, scale and text of a colour bar
-
-
 def draw_slip_map(results: ResultFile) -> Pages:
     """Draw stick, slip and separation on the contact surfaces at the peak of each level.  Local."""
-    handles = [Swatch(facecolor=c, edgecolor=FAINT, lw=0.4, label=n) for c, n in zip(STATE_COLOURS, STATE_NAMES)]
+    handles = [_swatch(colour, name) for colour, name in zip(STATE_COLOURS, STATE_NAMES)]
     colours = np.array([matplotlib.colors.to_rgba(c) for c in STATE_COLOURS])
-    n_apart = int(np.count_nonzero(results.joint.apart))
+    n_at_rest = int(np.count_nonzero(results.joint.apart))
 
-    def colour(level: LevelResult, at: int) -> np.ndarray:
-        return colours[level.state[at]]
-
-    def says(level: LevelResult, at: int) -> str:
-        _, n_slip, n_open = counts(level.state[at])
+    def says(level: LevelResult) -> str:
+        _, n_slip, n_open = counts(level.state[level.top])
         moving = [f"{n} {name}" for n, name in ((n_slip, "slip"), (n_open, "open")) if n]
-        return (", ".join(moving) or "all stick") + (f" ({n_apart} at rest)" if n_apart else "")
+        return (", ".join(moving) or "all stick") + (f" ({n_at_rest} at rest)" if n_at_rest else "")
 
-    what = "states of the contact pairs at the peak of each level"
-    return _draw(results, "slip_map.png", JointMap(what, colour, says, handles))
+    blocks = [(_at_peak(level, says(level)), colours[level.state[level.top]]) for level in some(results.solved, MOST_PANELS)]
+    what = "states of the contact pairs at the peak of each level" + _of_levels(results)
+    return _draw(results, "slip_map.png", what, blocks, handles)
 
 
 def draw_energy_map(results: ResultFile) -> Pages:
     """Draw the friction loss per area and cycle at the peak of each level, in one colour scale.  Local."""
     area = results.joint.area
     per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())  # matrices come without areas
-    share = area if per_area else np.ones_like(area)
-    unit = "J/m\u00b2" if per_area else "J"
-
-    def loss_at(level: LevelResult, at: int) -> np.ndarray:
-        # a pair that sticks loses nothing; what its record holds is rounding
-        return np.where(level.state[at] == STICK, 0.0, np.maximum(level.energy[at], 0.0)) / share
-
-    at_peaks = [loss_at(level, peak(level.response) or 0) for level in results.levels if len(level.frequency)]
+    share, unit = (area, "J/m\u00b2") if per_area else (np.ones_like(area), "J")
+    # a pair that sticks loses nothing; what its record holds is rounding
+    at_peaks = [
+        np.where(level.state[level.top] == STICK, 0.0, np.maximum(level.energy[level.top], 0.0)) / share
+        for level in results.solved
+    ]
     losses = np.concatenate([np.zeros(0), *at_peaks])
     losses = losses[losses > 0.0]
     palette = matplotlib.colormaps["inferno_r"]
     most = losses.max(initial=1e-300)
     scale = LogNorm(min(max(losses.min(initial=most), _LOSS_DECADES * most), 0.1 * most), most, clip=True)
 
-    def colour(level: LevelResult, at: int) -> np.ndarray:
-        loss = loss_at(level, at)
+    def colours(loss: np.ndarray) -> np.ndarray:
         rgba = np.tile(matplotlib.colors.to_rgba(_NO_LOSS), (len(loss), 1))
         if (loss > 0.0).any():
             rgba[loss > 0.0] = palette(0.04 + 0.92 * scale(loss[loss > 0.0]))
         return rgba
 
-    def says(level: LevelResult, at: int) -> str:
-        loss = level.energy[at][level.state[at] != STICK].sum()
+    def says(level: LevelResult) -> str:
+        loss = level.energy[level.top][level.state[level.top] != STICK].sum()
         factor, prefix = with_prefix(loss, "J")
         return f"{factor * loss:.3g} {prefix}" if loss > 0.0 else "no loss"
 
+    shown = some(list(zip(results.solved, at_peaks)), MOST_PANELS)
+    blocks = [(_at_peak(level, says(level)), colours(loss)) for level, loss in shown]
     what = "friction loss per cycle" + (" and area" if per_area else " of each pair") + " at the peak of each level"
-    bar = (
-        None
-        if len(losses) == 0
-        else (matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256))), scale, f"friction loss per cycle [{unit}]")
-    )
-    handles = [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="no loss")]
-    what = what if len(losses) else what + ": none"
-    return _draw(results, "energy_map.png", JointMap(what, colour, says, handles, bar))
+    what += ("" if len(losses) else ": none") + _of_levels(results)
+    shades = matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256)))
+    bar = (shades, scale, f"friction loss per cycle [{unit}]") if len(losses) else None
+    return _draw(results, "energy_map.png", what, blocks, [_swatch(_NO_LOSS, "no loss")], bar)
 
 
 def draw_rest(results: ResultFile) -> Pages:
@@ -103,10 +85,6 @@ def draw_rest(results: ResultFile) -> Pages:
     joint = results.joint
     if not (joint.apart.any() or joint.T0.any()):
         return {}
-    surfaces = patches(joint)
-    if not surfaces:
-        return {}
-    shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
     without = np.isnan(joint.N0)  # pairs of a law that knows no normal force
     N = np.where(without, 0.0, np.maximum(joint.N0, 0.0))
     pressure = N / joint.area / 1e6
@@ -115,30 +93,33 @@ def draw_rest(results: ResultFile) -> Pages:
     friction = np.divide(np.hypot(*joint.T0.T), limit, out=np.zeros_like(N), where=limit > 0.0)
     palette = matplotlib.colormaps["viridis_r"]
     most = max(pressure.max(initial=0.0), 1e-300)
-    layout = choose_layout(np.array([patch.size for patch in shown]), 2, len(surfaces) > 1)
-    says = "state of rest: contact pressure and friction" + (
-        f"; {len(shown)} of {len(surfaces)} surfaces" if len(shown) < len(surfaces) else ""
-    )
-    page = Page(
-        results,
-        says,
-        WIDTH,
-        layout.height(2) + 0.56,
-        [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="open, or no pressure known" if without.any() else "open")],
-    )
     known = f"pressure up to {most:.4g} MPa, {(N > 0.0).sum()} of {np.count_nonzero(~without)} pairs closed"
     heads = (
         (pressure / most, N > 0.0, "pressure: this law knows none" if without.all() else known),
         (friction, (N > 0.0) | without, f"friction over its limit: up to {friction.max(initial=0.0):.3g}"),
     )
-    for i, (share, carries, head) in enumerate(heads):
-        x, y = layout.upper_left(i, page.top)
-        page.text(x, y + 0.04, head)
-        rgba = np.where(carries[:, None], palette(np.clip(share, 0.0, 1.0)), matplotlib.colors.to_rgba(_NO_LOSS))
-        _block(page, layout, shown, rgba, i, 2)
+    grey = matplotlib.colors.to_rgba(_NO_LOSS)
+    blocks = [(head, np.where(has[:, None], palette(np.clip(share, 0.0, 1.0)), grey)) for share, has, head in heads]
     over = "" if without.all() else f"pressure over {most:.4g} MPa, "
-    _colour_bar(page, palette, matplotlib.colors.Normalize(0.0, 1.0), f"{over}friction over its limit")
-    return {"rest.png": page}
+    bar = (palette, matplotlib.colors.Normalize(0.0, 1.0), f"{over}friction over its limit")
+    handles = [_swatch(_NO_LOSS, "open, or no pressure known" if without.any() else "open")]
+    return _draw(results, "rest.png", "state of rest: contact pressure and friction", blocks, handles, bar)
+
+
+def _swatch(colour: str, label: str) -> Swatch:
+    return Swatch(facecolor=colour, edgecolor=FAINT, lw=0.4, label=label)
+
+
+def _at_peak(level: LevelResult, says: str) -> str:
+    """Return the heading of a level's block."""
+    return f"{level_name(level, short=True)}, {level.frequency[level.top]:.5g} Hz: {says}"
+
+
+def _of_levels(results: ResultFile) -> str:
+    """Return what the heading adds of the levels: whose peak it is, and how many are left out."""
+    n = len(some(results.solved, MOST_PANELS))
+    remarks = f"; peak of {plain(results.outputs[0], 30)}" if len(results.outputs) > 1 else ""
+    return remarks + (f"; {n} of {len(results.levels)} levels" if n < len(results.levels) else "")
 
 
 @dataclass(frozen=True)
@@ -220,38 +201,30 @@ def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled:
     )
 
 
-def _draw(results: ResultFile, name: str, drawn: JointMap) -> Pages:
-    """Draw every level's surfaces in the colours of a quantity."""
-    levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
+def _draw(results: ResultFile, name: str, says: str, blocks: Sequence[tuple[str, np.ndarray]], handles, bar=None) -> Pages:
+    """Draw the surfaces once for each block, a heading and the colours (n_pairs, 4) of the pairs.
+
+    ``bar`` is palette, scale and text of a colour bar.
+    """
     surfaces = patches(results.joint)
-    if not levels or not surfaces:
+    if not blocks or not surfaces:
         return {}
     shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
-    labelled = len(surfaces) > 1
-    layout = choose_layout(np.array([patch.size for patch in shown]), len(levels), labelled)
-    says = drawn.says + _remarks(results, levels, surfaces, shown, layout)
-    height = layout.height(len(levels))
-    page = Page(results, says, WIDTH, height + (0.56 if drawn.bar else 0.0), drawn.handles)
-    for i, level in enumerate(levels):
-        x, y = layout.upper_left(i, page.top)
-        at = peak(level.response) or 0
-        page.text(x, y + 0.04, f"{level_name(level, short=True)}, {level.frequency[at]:.5g} Hz: {drawn.level_says(level, at)}")
-        _block(page, layout, shown, drawn.colour(level, at), i, len(levels))
-    if drawn.bar:
-        _colour_bar(page, *drawn.bar)
-    return {name: page}
-
-
-def _remarks(results: ResultFile, levels, surfaces, shown, layout: Layout) -> str:
-    """Return what the heading adds: what is left out, and what is not to scale."""
-    remarks = f"; peak of {plain(results.outputs[0], 30)}" if len(results.outputs) > 1 else ""
+    layout = choose_layout(np.array([patch.size for patch in shown]), len(blocks), len(surfaces) > 1)
     if len(shown) < len(surfaces):
-        remarks += f"; {len(shown)} of {len(surfaces)} surfaces"
-    if len(levels) < len(results.levels):
-        remarks += f"; {len(levels)} of {len(results.levels)} levels"
+        says += f"; {len(shown)} of {len(surfaces)} surfaces"
     if not all(patch.to_scale for patch in shown):
-        return remarks + "; pairs in the order of their numbers"
-    return remarks + (f"; across stretched {layout.stretch:.2g} times" if layout.stretch > 1.01 else "")
+        says += "; pairs in the order of their numbers"
+    elif layout.stretch > 1.01:
+        says += f"; across stretched {layout.stretch:.2g} times"
+    page = Page(results, says, WIDTH, layout.height(len(blocks)) + (0.56 if bar else 0.0), handles)
+    for i, (head, rgba) in enumerate(blocks):
+        x, y = layout.upper_left(i, page.top)
+        page.text(x, y + 0.04, head)
+        _block(page, layout, shown, rgba, i, len(blocks))
+    if bar:
+        _colour_bar(page, *bar)
+    return {name: page}
 
 
 def _block(page: Page, layout: Layout, shown: list[Patch], rgba: np.ndarray, i: int, n_blocks: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,11 @@ from ..points.branch import QUANTITIES
 from ..points.quantities import TEXT
 from ..system.files import written_whole
 from .fields import Fields
-from .record import BOLT_UNITS, JOINT_QUANTITIES, LevelResult, ResultFile, peak_arrays
+from .record import JOINT_QUANTITIES, LevelResult, ResultFile, peak_arrays
 
 
-def write_mat(path: str, results: ResultFile, fields: Fields | None) -> None:
-    """Write the variables title, scene, outputs, modes, linear, joint, levels, ... and, with a mesh, mesh.  Local.
+def write_mat(path: Path, results: ResultFile, fields: Fields | None) -> Path:
+    """Write the variables title, scene, outputs, modes, linear, joint, levels, ... and, with a mesh, mesh; return the path.
 
     Names and shapes are those of results.h5; ``levels`` is a cell array with a structure a level.
 
@@ -28,12 +29,13 @@ def write_mat(path: str, results: ResultFile, fields: Fields | None) -> None:
     """
     variables = variables_of(results, fields)
     try:
-        with written_whole(path) as beside, open(beside, "wb") as file:
+        with written_whole(str(path)) as beside, open(beside, "wb") as file:
             savemat(file, variables, long_field_names=True, do_compression=True, oned_as="column")
     except MatWriteError:
         raise CaseError(
             f"{path}: an array of these results is larger than the 4 GB that the format holds; read results.h5"
         ) from None
+    return path
 
 
 def variables_of(results: ResultFile, fields: Fields | None) -> dict[str, Any]:
@@ -54,10 +56,9 @@ def variables_of(results: ResultFile, fields: Fields | None) -> dict[str, Any]:
     }
     if results.linear is not None:
         found["linear"] = {"frequency_Hz": results.linear.frequency, "response_per_N": results.linear.response}
-    if results.bolts is not None:
-        found["bolts"] = {"names": _cells(results.bolts.names), **{name: getattr(results.bolts, name) for name in BOLT_UNITS}}
     if results.at_rest:
-        found["statics"] = {name: {"names": _cells(one.names), **one.columns} for name, one in results.at_rest.items()}
+        found["statics"] = {name: {"names": _cells(part.names), **part.columns} for name, part in results.at_rest.items()}
+        found |= {name: found["statics"][name] for name in ("bolts",) if name in results.at_rest}
     if fields is not None:
         _add_fields(found, fields)
     return found

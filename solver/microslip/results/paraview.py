@@ -11,7 +11,6 @@ from ..messages.errors import CaseError
 from .fields import Fields
 from .joint_cycle import SAMPLES, joint_cycle, joint_values, rest_values
 from .joint_mesh import JointMesh, joint_mesh
-from .measures import peak
 from .record import ResultFile
 from .vtk import write_fields
 from .vtk_steps import write_joint_series, write_structure_series
@@ -75,7 +74,7 @@ def _joint(results: ResultFile, fields: Fields | None, mesh: JointMesh, folder: 
     if not solved:
         return []
     stays = {"joint": joint.joint, "node1": joint.node1, "node2": joint.node2, "area_m2": joint.area, **rest_values(joint)}
-    at = {number: peak(level.response) or 0 for number, level in solved}
+    at = {number: level.top for number, level in solved}
     by_level = [joint_values(joint, level, at[number]) for number, level in solved]
     write_joint_series(str(files[0]), mesh, [level.level for _, level in solved], lambda i: by_level[i], stays)
     for number, level in solved:

@@ -45,7 +45,7 @@ def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> lis
     """
     results = read_results(results_path, motion=False)
     make_folder(out_dir)
-    if not any(len(level.frequency) for level in results.levels):
+    if not results.solved:
         return []
     with matplotlib.rc_context(RC), said_of(out_dir):
         drawn = (named for draw in pictures_of(results)[share] for named in draw(results).items())
@@ -63,7 +63,7 @@ def draw_one(results: ResultFile, name: str) -> list[Page]:
     if name not in by_name:
         raise CaseError(f"there is no picture {name!r} of these results; there are {', '.join(by_name)}")
     with matplotlib.rc_context(RC):
-        pages = by_name[name](results) if any(len(level.frequency) for level in results.levels) else {}
+        pages = by_name[name](results) if results.solved else {}
     if not pages:
         raise CaseError(f"there is nothing to draw in {name}")
     return list(pages.values())

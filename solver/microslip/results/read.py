@@ -19,13 +19,11 @@ from .checked_datasets import Reader, attribute, opened
 from .fields import read_fields, read_run
 from .origin import InputFile, Origin
 from .record import (
-    BOLT_UNITS,
     COMPLETE,
     JOINT_QUANTITIES,
     RUNNING,
     STATIC_TABLES,
     STOPPED,
-    Bolts,
     Joint,
     LevelResult,
     LinearCurve,
@@ -89,7 +87,6 @@ def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
         joint,
         _linear(reader, len(outputs)),
         levels,
-        _bolts(reader),
         units,
         level_unit,
         int(reader.array("structure/n_dof", "i8", ())) if "structure/n_dof" in reader else 0,
@@ -106,21 +103,11 @@ def _asked(reader: Reader) -> tuple[float, ...]:
     return tuple(map(float, reader.array("scene/levels", "f8", (None,))))
 
 
-def _bolts(reader: Reader) -> Bolts | None:
-    """Return the bolts; None where there are none, or an earlier version wrote the file."""
-    if "statics/bolts" not in reader:
-        return None
-    names = tuple(reader.texts("statics/bolts/names"))
-    return Bolts(names, **{name: reader.array(f"statics/bolts/{name}", "f8", (len(names),)) for name in BOLT_UNITS})
-
-
 def _static(reader: Reader, name: str) -> StaticTable:
     """Return a table of the equilibrium at rest."""
     names = tuple(reader.texts(f"statics/{name}/names"))
-    columns = STATIC_TABLES[name].items()
-    return StaticTable(
-        names, {key: reader.array(f"statics/{name}/{key}", "f8", (len(names), width)) for key, (_, width) in columns}
-    )
+    shapes = {key: (len(names), width)[: 2 if width else 1] for key, (_, width) in STATIC_TABLES[name].items()}
+    return StaticTable(names, {key: reader.array(f"statics/{name}/{key}", "f8", shape) for key, shape in shapes.items()})
 
 
 def _origin(reader: Reader) -> Origin | None:

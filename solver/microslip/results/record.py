@@ -16,7 +16,7 @@ from ..contact.laws import ELASTIC_COULOMB
 from ..points.branch import CLOSES_TO, QUANTITIES, Branch
 from ..points.peak import PEAK_QUANTITIES, Peak
 from ..points.quantities import Quantity, axis_lengths, declared
-from .measures import Shown, shown_with
+from .measures import Shown, peak, shown_with
 from .origin import Origin
 
 if TYPE_CHECKING:
@@ -48,6 +48,11 @@ class LevelResult:
     unit: str = "N"  # of the level
     closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
     peaks: tuple[Peak, ...] | None = None  # maxima of the outputs, each solved for; None where they are not
+
+    @property
+    def top(self) -> int:
+        """The point with the largest amplitude of the first output; 0 where there is none."""
+        return peak(self.response) or 0
 
     def __getattr__(self, name: str) -> Any:
         try:
@@ -104,30 +109,19 @@ JOINT_QUANTITIES = declared(Joint)
 
 
 @dataclass(frozen=True, eq=False)
-class Bolts:
-    """The bolts of a joint at rest, (n_bolts,) each."""
-
-    names: tuple[str, ...]
-    area: np.ndarray  # m2, of the cut
-    shortening: np.ndarray  # m, held since they were tightened
-    tightened: np.ndarray  # N, before other loads came
-    force: np.ndarray  # N, at rest under all loads
-
-
-@dataclass(frozen=True, eq=False)
 class StaticTable:
     """A table of the equilibrium at rest: rows with names, columns of ``STATIC_TABLES``."""
 
     names: tuple[str, ...]
-    columns: Mapping[str, np.ndarray]  # (n_rows, width) each
+    columns: Mapping[str, np.ndarray]  # (n_rows, width) each; (n_rows,) of single numbers
 
 
-# unit and width of the columns of each table; six numbers are a force and its moment
+# unit and width of the columns of each table, width 0 of single numbers; six numbers are a force and its moment
 STATIC_TABLES: dict[str, dict[str, tuple[str, int]]] = {
+    "bolts": {"area": ("m2", 0), "shortening": ("m", 0), "tightened": ("N", 0), "force": ("N", 0)},  # before other loads; at rest
     "joints": {"about": ("m", 3), "on_first": ("N, N m", 6), "on_second": ("N, N m", 6)},
     "bodies": {"about": ("m", 3), "loads": ("N, N m", 6), "joints": ("N, N m", 6), "supports": ("N, N m", 6)},
 }
-BOLT_UNITS = {"area": "m2", "shortening": "m", "tightened": "N", "force": "N"}
 
 
 @dataclass(frozen=True)
@@ -146,13 +140,17 @@ class ResultFile:
     joint: Joint
     linear: LinearCurve | None
     levels: tuple[LevelResult, ...] = field(default_factory=tuple)
-    bolts: Bolts | None = None
     units: tuple[str, ...] = ()  # of the outputs; none given: m
     level_unit: str = "N"
     n_dof: int = 0  # of the structure; 0: an earlier version wrote the file
     origin: Origin | None = None  # None: an earlier version wrote the file
     asked: tuple[float, ...] = ()  # levels that the run is of [N]; none: an earlier version wrote the file
     at_rest: Mapping[str, StaticTable] = field(default_factory=dict)  # by keys of ``STATIC_TABLES``; none without [statics]
+
+    @property
+    def solved(self) -> list[LevelResult]:
+        """The levels that have points, in their order."""
+        return [level for level in self.levels if len(level.frequency)]
 
     @property
     def missing(self) -> tuple[float, ...]:
@@ -163,7 +161,7 @@ class ResultFile:
     @cached_property
     def shown(self) -> Shown:
         """What is told of an output: the mean where outputs move, but at no point to and fro."""
-        responses = [level.response for level in self.levels if len(level.frequency)]
+        responses = [level.response for level in self.solved]
         moves = any(response[..., 1:].any() for response in responses) or not any(
             response[..., 0].any() for response in responses
         )

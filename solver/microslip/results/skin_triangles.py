@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..elements import KINDS
 from ..mesh.data import Mesh
+from ..mesh.skin import groups_of_bodies, skin_of_mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +28,13 @@ def skin(mesh: Mesh, most: int) -> Skin:
     Middles of sides are left out.  A surface of more nodes is made coarser: the nodes in each cube of a grid become the one
     nearest to their middle, and triangles within a cube go.
     """
-    names = tuple(dict.fromkeys(block.group for block in mesh.elements))
-    triangles, edges, body = _outer(mesh, names)
+    outer = skin_of_mesh(mesh)
+    corners, names = outer.corners, tuple(groups_of_bodies(mesh))
+    is_quad = corners[:, 2] != corners[:, 3]
+    triangles, body = np.concatenate([corners[:, :3], corners[is_quad][:, [0, 2, 3]]]), np.append(outer.body, outer.body[is_quad])
+    sides = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
     nodes, triangles = _renumbered(triangles)
-    edges = np.searchsorted(nodes, edges)
+    edges = np.searchsorted(nodes, np.unique(sides[sides[:, 0] != sides[:, 1]], axis=0))
     n_outer = len(nodes)
     if n_outer > most:
         kept = _clustered(mesh.points[nodes], most)
@@ -43,28 +46,6 @@ def skin(mesh: Mesh, most: int) -> Skin:
         used, triangles = _renumbered(triangles)
         nodes = nodes[used]
     return Skin(nodes, triangles, body, names, edges, n_outer)
-
-
-def _outer(mesh: Mesh, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return triangles, sides and bodies of the faces that one element alone has; nodes are those of the mesh."""
-    found: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {3: [], 4: []}
-    for block in mesh.elements:
-        for face, local in KINDS[block.kind].faces:
-            n = 3 if face.startswith("tri") else 4
-            found[n].append((block.nodes[:, list(local[:n])], np.full(len(block.nodes), names.index(block.group))))
-    triangles, edges, body = [np.zeros((0, 3), dtype=int)], [np.zeros((0, 2), dtype=int)], [np.zeros(0, dtype=int)]
-    for n, parts in found.items():
-        if not parts:
-            continue
-        faces, own = (np.concatenate(column) for column in zip(*parts))
-        _, index, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
-        is_outer = count[index.ravel()] == 1
-        faces, own = faces[is_outer], own[is_outer]
-        for k in range(1, n - 1):
-            triangles.append(faces[:, [0, k, k + 1]])
-            body.append(own)
-        edges += [np.sort(faces[:, [k, (k + 1) % n]], axis=1) for k in range(n)]
-    return np.concatenate(triangles), np.unique(np.concatenate(edges), axis=0), np.concatenate(body)
 
 
 def _renumbered(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ _WIDTH = 4.6  # in
 
 def draw_static_response(results: ResultFile) -> Pages:
     """Draw the displacement of every output over the load.  Local."""
-    levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
+    levels = sorted(results.solved, key=lambda level: level.level)
     loads = np.array([level.level for level in levels])
     handles = [Line2D([], [], color=INK, lw=1.2, marker="o", ms=3.5, label="with slip and opening")]
     handles += [Line2D([], [], label="all stuck, linear", **LINEAR)] if results.linear else []
@@ -38,7 +38,7 @@ def draw_static_response(results: ResultFile) -> Pages:
 
 def draw_static_states(results: ResultFile) -> Pages:
     """Draw how many pairs stick, slip and are open over the load.  Local."""
-    levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
+    levels = sorted(results.solved, key=lambda level: level.level)
     if not levels or results.joint.n_pairs == 0:
         return {}
     handles = [

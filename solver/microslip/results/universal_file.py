@@ -6,6 +6,7 @@ Data sets 164 (units), 2411 (nodes), 2412 (elements), 55 (shapes) and 58 (functi
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -32,18 +33,19 @@ _OF_UNIT = {"m": 8, "m/s": 11, "m/s2": 12, "N": 9, "Pa": 2, "1": 3}  # 0, unknow
 _OF_LEVEL = {"N": _FORCE, "m/s2": 12}
 
 
-def write_unv(path: str, results: ResultFile, fields: Fields | None) -> None:
-    """Write modes and motions at the peaks, where there is a mesh, and the response functions of all outputs.  Local.
+def write_unv(path: Path, results: ResultFile, fields: Fields | None) -> Path:
+    """Write modes and motions at the peaks, where there is a mesh, and all response functions; return the path.  Local.
 
     Raises
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with written_whole(path) as beside, open(beside, "w", encoding="ascii", errors="replace") as file:
+    with written_whole(str(path)) as beside, open(beside, "w", encoding="ascii", errors="replace") as file:
         for number, lines in _data_sets(results, fields):
             file.write(f"    -1\n{number:6d}\n")
             file.writelines(line + "\n" for line in lines)
             file.write("    -1\n")
+    return path
 
 
 def _data_sets(results: ResultFile, fields: Fields | None) -> Iterator[tuple[int, Iterable[str]]]:

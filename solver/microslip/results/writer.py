@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import h5py
@@ -17,17 +16,14 @@ from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..system.files import make_folder, written_whole
 from .origin import Origin
 from .record import (
-    BOLT_UNITS,
     COMPLETE,
     JOINT_QUANTITIES,
     RUNNING,
     STATIC_TABLES,
     STOPPED,
-    Bolts,
     Joint,
     LevelResult,
     ResultFile,
-    StaticTable,
     level_result,
     peak_arrays,
 )
@@ -71,10 +67,10 @@ class ResultWriter:
         with written_whole(self.path) as beside, h5py.File(beside, "w") as file:
             _write_head(file, head)
             _write_joint(file.create_group("joint"), head.joint)
-            if head.bolts is not None:
-                _write_bolts(file.create_group("statics/bolts"), head.bolts)
             for name, static in head.at_rest.items():
-                _write_static(file.create_group(f"statics/{name}"), static, STATIC_TABLES[name])
+                write_texts(file, f"statics/{name}/names", static.names)
+                for column, (unit, _) in STATIC_TABLES[name].items():
+                    write_array(file, f"statics/{name}/{column}", static.columns[column], unit)
             file.create_group("levels")
         return table
 
@@ -173,18 +169,6 @@ def _write_joint(group: h5py.Group, joint: Joint) -> None:
     group.create_group("faces")
     for i, faces in enumerate(joint.faces):
         write_array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")
-
-
-def _write_bolts(group: h5py.Group, bolts: Bolts) -> None:
-    write_texts(group, "names", bolts.names)
-    for name, unit in BOLT_UNITS.items():
-        write_array(group, name, getattr(bolts, name), unit)
-
-
-def _write_static(group: h5py.Group, table: StaticTable, columns: Mapping[str, tuple[str, int]]) -> None:
-    write_texts(group, "names", table.names)
-    for name, (unit, _) in columns.items():
-        write_array(group, name, table.columns[name], unit)
 
 
 def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:

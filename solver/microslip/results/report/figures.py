@@ -12,7 +12,7 @@ from ...fourier.coefficients import amplitude, phase
 from ...points.error_parts import PARTS, total
 from ...points.peak import Peak
 from ...points.quantities import hertz
-from ..audit import closure
+from ..audit import balance
 from ..measures import counts, segments
 from ..peak_plots import resonances
 from ..record import LevelResult, ResultFile
@@ -183,13 +183,6 @@ def _closure(results: ResultFile, levels) -> Figure:
     return _log(_figure(traces, "frequency [Hz]", "imbalance of energy / input"))
 
 
-def balance(results: ResultFile, level: LevelResult) -> np.ndarray:
-    """Return the closure of the energy balance at the points of a level, (n,).  Local."""
-    works = [k for k in range(len(results.outputs)) if (results.unit_of(k), results.level_unit) == ("m", "N")]
-    most = np.pi * abs(level.level) * amplitude(level.response[:, works]).max(axis=1, initial=0.0)
-    return closure(level.input, level.damping, level.friction, most)
-
-
 def _error(levels) -> Figure:
     traces = []
     for level, colour in levels:
@@ -206,7 +199,7 @@ def _error(levels) -> Figure:
 
 def _static_figures(results: ResultFile) -> dict[str, Figure]:
     """Return what does not depend on frequency over the load."""
-    levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
+    levels = sorted(results.solved, key=lambda level: level.level)
     loads = np.array([level.level for level in levels])
     axis, found = f"load level [{results.level_unit}]", {}
     marked = {"mode": "lines+markers"}

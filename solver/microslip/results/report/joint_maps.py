@@ -9,7 +9,6 @@ import matplotlib
 import numpy as np
 
 from ..joint_cycle import joint_values, rest_values
-from ..measures import peak
 from ..record import Joint, ResultFile
 from ..style import STATE_COLOURS, STATE_NAMES, level_name, with_prefix
 from ..unroll import Patch, patches
@@ -33,7 +32,7 @@ _QUANTITIES = {  # name in joint_values: heading, unit, palette
 def map_data(results: ResultFile) -> dict[str, Any]:
     """Return, for JSON, what the maps show at the peak of each level: of each quantity unit and values of the pairs.  Local."""
     levels = [(number, level) for number, level in enumerate(results.levels) if len(level.frequency)]
-    at_levels = [joint_values(results.joint, level, peak(level.response) or 0) for _, level in levels]
+    at_levels = [joint_values(results.joint, level, level.top) for _, level in levels]
     at_rest = rest_values(results.joint)
     found = []
     for name, (heading, unit, palette) in _QUANTITIES.items():
@@ -57,8 +56,7 @@ def map_data(results: ResultFile) -> dict[str, Any]:
     return {
         "quantities": found,
         "levels": [
-            {"name": f"{level_name(level, short=True)}, {level.frequency[peak(level.response) or 0]:.6g} Hz", "number": n}
-            for n, level in levels
+            {"name": f"{level_name(level, short=True)}, {level.frequency[level.top]:.6g} Hz", "number": n} for n, level in levels
         ],
         "states": STATE_NAMES,
         "labels": [

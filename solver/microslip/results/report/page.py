@@ -120,7 +120,7 @@ def _sections(
     found.append(("response", "Response", _response(results, figures) + tables.solved_peaks_table(results)))
     if fields is not None:
         found.append(("motion", "Motion", _MOTION))
-    if results.joint.n_pairs and any(len(level.frequency) for level in results.levels):
+    if results.joint.n_pairs and results.solved:
         found.append(("joint", "Joint", _joint(figures, drawings)))
     found.append(("checks", "Energy and checks", tables.checks_list(results) + _places(figures, "energy", "error", "closure")))
     found.append(("modes", "Natural frequencies", tables.modes_table(results)))

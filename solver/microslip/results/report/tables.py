@@ -9,11 +9,11 @@ import numpy as np
 
 from ...points.error_parts import PARTS, total
 from ...points.quantities import hertz
+from ..audit import balance
 from ..fields import Fields, RunRecord
 from ..measures import counts, peak
-from ..record import STOPPED, Bolts, LevelResult, ResultFile
+from ..record import STOPPED, LevelResult, ResultFile, StaticTable
 from ..style import level_name, with_prefix
-from .figures import balance
 
 MOST_MODES = 60
 MOST_PEAKS = 100
@@ -97,11 +97,11 @@ def _size(results: ResultFile, level: LevelResult, at: int) -> float:
 
 def cards(results: ResultFile) -> str:
     """Return the essential numbers of the strongest level."""
-    solved = [level for level in results.levels if len(level.frequency)]
+    solved = results.solved
     if not solved:
         return '<p class="bad">No point converged.</p>'
     level = max(solved, key=lambda level: abs(level.level))
-    at = peak(level.response) or 0
+    at = level.top
     _, slip, is_open = counts(level.state[at])
     found = [
         (
@@ -162,15 +162,17 @@ def understood(results: ResultFile, fields: Fields | None) -> str:
     if results.joint.n_pairs:
         parts.append(_joints(results))
     parts.append(_outputs(results, fields))
-    if results.bolts is not None:
-        parts.append(_bolts(results.bolts))
+    if "bolts" in results.at_rest:
+        parts.append(_bolts(results.at_rest["bolts"]))
     return "".join(parts)
 
 
-def _bolts(bolts: Bolts) -> str:
+def _bolts(bolts: StaticTable) -> str:
     rows = [
         (escape(name), said(tightened, "N"), said(force, "N"), f"{1e6 * area:.4g} mm²")
-        for name, tightened, force, area in zip(bolts.names, bolts.tightened, bolts.force, bolts.area)
+        for name, tightened, force, area in zip(
+            bolts.names, *(bolts.columns[column] for column in ("tightened", "force", "area"))
+        )
     ]
     return table(("bolt", "tightened to", "at rest", "area of the cut"), rows)
 
@@ -212,7 +214,7 @@ def _outputs(results: ResultFile, fields: Fields | None) -> str:
 def checks(results: ResultFile) -> list[tuple[str, str]]:
     """Return what was looked at and how it came out, as (GOOD, LOOK or BAD, HTML).  Local."""
     found = [_complete(results)]
-    solved = [level for level in results.levels if len(level.frequency)]
+    solved = results.solved
     if not results.shown.is_static:
         found += [_balance(results, level) for level in solved]
     found += [_bar(results, level) for level in solved if level.error is not None]
@@ -243,7 +245,7 @@ def _balance(results: ResultFile, level: LevelResult) -> tuple[str, str]:
 
 def _bar(results: ResultFile, level: LevelResult) -> tuple[str, str]:
     assert level.error is not None
-    at = peak(level.response) or 0
+    at = level.top
     size, parts = _size(results, level, at), level.error[at, 0]
     share = float(total(parts)) / size if size else 0.0
     largest = ", ".join(
