@@ -2,8 +2,8 @@
 
     python jobs/bench/costs.py [SCENE.toml] [--levels 1 15] [--points 98] [--ranks 1 2] [--out DIR]
 
-SCENE is jobs/fan_paper.toml unless given.  Writes costs.json and costs.md in DIR (results/bench): the stages of the set-up and, at
-each level, the parts of the response of `receptance`.  Each measurement is a job of its own on each number of ranks (mpirun, or what
+SCENE is jobs/fan_paper.toml unless given.  Prints tables and writes costs.json in DIR (results/bench): the stages of the set-up and,
+at each level, the parts of the response of `receptance`.  Each measurement is a job of its own on each number of ranks (mpirun, or what
 $MPIRUN names).  Times of parts are processor time of rank 0.  How a point grows with the pairs of a joint: large_joint.py.
 """
 
@@ -20,6 +20,7 @@ import sys
 from pathlib import Path
 
 import machine
+from page_tables import table
 
 
 def measure(request: dict, ranks: int) -> dict:
@@ -33,14 +34,6 @@ def measure(request: dict, ranks: int) -> dict:
     result = json.loads(found.stdout.splitlines()[-1])
     print(f"{request} on {ranks}: {1e3 * result['seconds']:.3g} ms a point, {result['memory_MiB']:.0f} MiB", flush=True)
     return result
-
-
-# -- tables -----------------------------------------------------------------------------------------------------------
-
-
-def table(titles, rows) -> list[str]:
-    lines = ["| " + " | ".join(titles) + " |", "| " + " | ".join(["---"] + ["---:"] * (len(titles) - 1)) + " |"]
-    return [*lines, *("| " + " | ".join(row) + " |" for row in rows), ""]
 
 
 def ms(seconds: float) -> str:
@@ -75,33 +68,11 @@ def of_response(found: list[dict]) -> list[str]:
     return table(titles, rows)
 
 
-def meaning(found: list[dict]) -> str:
-    """Say in sentences what the tables show."""
-    low, high = ([r for r in found if r["level"] == level] for level in (found[0]["level"], found[-1]["level"]))
-    *stages, total = low[0]["stages"]
-    longest = max(stages, key=lambda stage: stage["seconds"])
-    points = (
-        f"{ms(r['seconds'])} ms at {r['level']:g} N ({r['not_sticking']:.0f} of {r['n_pairs']} pairs not sticking)"
-        for r in (low[0], high[0])
-    )
-    said = [
-        f"The set-up is paid for once: {total['seconds']:.0f} s, {100 * longest['seconds'] / total['seconds']:.0f} % of it for the stage "
-        f"'{longest['name']}'. After it a point takes {' and '.join(points)}."
-    ]
-    said += [
-        f"On {more['ranks']} ranks the set-up takes {more['stages'][-1]['seconds'] / total['seconds']:.2g} of that time, "
-        f"a point at {more['level']:g} N {more['seconds'] / high[0]['seconds']:.2g}."
-        for more in high[1:]
-    ]
-    return " ".join(said)
-
-
 def report(found: list[dict], scene: str) -> list[str]:
-    """Return the lines of the page: what it means, and the tables."""
+    """Return the lines of the tables, below what they are of."""
     one = found[0]
-    title = f"## {Path(scene).stem}: {one['n_dof']:,} DOF, {one['n_pairs']} pairs, {one['n_modes']} modes, H = {one['H']}"
-    stages = of_stages([r for r in found if r["level"] == one["level"]])
-    return [meaning(found), "", title, "", *stages, *of_response(found)]
+    title = f"{Path(scene).stem}: {one['n_dof']:,} DOF, {one['n_pairs']} pairs, {one['n_modes']} modes, H = {one['H']}"
+    return [title, "", *of_stages([r for r in found if r["level"] == one["level"]]), "", *of_response(found)]
 
 
 def main() -> None:
@@ -116,12 +87,10 @@ def main() -> None:
     found = [measure({**base, "level": level}, ranks) for level in options.levels for ranks in options.ranks]
     # last: what these take must not be in this process while it starts the others, which may count its memory as their own
     rates, facts = {"GFLOP/s": machine.matrix_product_rate(), "GB/s": machine.memory_bandwidth()}, machine.facts()
-    limits = f"Limits of one process: matrix product {rates['GFLOP/s']:.1f} GFLOP/s, memory {rates['GB/s']:.1f} GB/s."
-    page = machine.page("Where the time goes", report(found, options.scene)[:-1], [*machine.lines(facts), limits])
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "costs.json").write_text(json.dumps({"machine": facts, "rates": rates, "scene": found}, indent=1))
-    (options.out / "costs.md").write_text(page)
-    print(page)
+    limits = f"Limits of one process: matrix product {rates['GFLOP/s']:.1f} GFLOP/s, memory {rates['GB/s']:.1f} GB/s."
+    print(*report(found, options.scene), "", *machine.lines(facts), limits, sep="\n")
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 
 The joint is that of synthetic.py, 30 % of its pairs slip, H = 3.  Each measurement is a job of its own (cost_of.py; mpirun, or what
 $MPIRUN names).  The first point, at which the columns of the slipping pairs come to be, is left out of the time and is in the memory,
-which is the highest of all ranks together.  Writes large_joint.json, large_joint.md and img/large_joint.png in DIR (results/bench);
+which is the highest of all ranks together.  Writes large_joint.json and img/large_joint.png in DIR (results/bench);
 ``--draw`` does so from the file of an earlier run.
 """
 
@@ -23,7 +23,7 @@ import machine
 import matplotlib
 
 matplotlib.use("Agg")
-import numpy as np
+from page_tables import table
 
 from microslip.results import style
 
@@ -55,31 +55,17 @@ def held(n_pairs: int, share: float, n_modes: int = 20) -> float:
     return (8.0 * rows * columns + 4.0 * columns * (columns + n_modes)) / 2**20
 
 
-def exponent(found: list[dict], key: str) -> float:
-    """Return the power of the pairs with which the last two of a growth grew."""
-    one, other = found[-2:]
-    return float(np.log(other[key] / one[key]) / np.log(other["n_pairs"] / one["n_pairs"]))
-
-
-def page(found: list[dict]) -> str:
-    """Return the table as a page of Markdown."""
+def rows_of(found: list[dict]) -> list[str]:
+    """Return the table, a row a joint and number of ranks."""
     titles = ["pairs", "slipping", "ranks", "wall, s a point", "processor, s", *PARTS, "the rest", "Newton; GMRES"]
-    titles += ["MiB, all ranks", "of it columns"]
     rows = []
     for r in found:
         parts = [seconds_of(r, part) for part in PARTS]
         cells = [f"{r['n_pairs']:,}", f"{r['not_sticking']:,.0f}", str(r["ranks"]), f"{r['seconds']:.3g}", f"{r['cpu']:.3g}"]
         cells += [f"{seconds:.2g}" for seconds in (*parts, r["cpu"] - sum(parts))]
-        rows.append(
-            [*cells, f"{r['newton']:.1f}; {r['krylov']:.1f}", f"{r['memory_MiB']:,.0f}", f"{held(r['n_pairs'], SHARE):,.0f}"]
-        )
-    one = [r for r in found if r["ranks"] == found[0]["ranks"]]
-    said = f"From {one[-2]['n_pairs']:,} to {one[-1]['n_pairs']:,} pairs the processor's time grows with the power "
-    said += f"{exponent(one, 'cpu'):.2f} of the pairs, memory with {exponent(one, 'memory_MiB'):.2f}."
-    lines = machine.lines(machine.facts())
-    return machine.page(
-        "Large joints", [said, "", "![Time and memory of a point](img/large_joint.png)", "", *costs.table(titles, rows)], lines
-    )
+        memory = f"{r['memory_MiB']:,.0f}", f"{held(r['n_pairs'], SHARE):,.0f}"
+        rows.append([*cells, f"{r['newton']:.1f}; {r['krylov']:.1f}", *memory])
+    return table([*titles, "MiB, all ranks", "of it columns"], rows)
 
 
 def draw(found: list[dict], path: Path) -> None:
@@ -133,9 +119,8 @@ def main() -> None:
     file = given.out / "large_joint.json"
     found = json.loads(file.read_text()) if given.draw else measured(given)
     file.write_text(json.dumps(found, indent=1))
-    (given.out / "large_joint.md").write_text(page(found))
     draw(found, given.out / "img" / "large_joint.png")
-    print(given.out / "large_joint.md")
+    print(*rows_of(found), "", *machine.lines(machine.facts()), sep="\n")
 
 
 if __name__ == "__main__":

@@ -34,11 +34,6 @@ def lines(found: dict[str, str]) -> list[str]:
     return [f"{name[0].upper() + name[1:]}: {text}." for name, text in found.items()]
 
 
-def page(title: str, found: list[str], measured: list[str]) -> str:
-    """Return a page of Markdown: what was found, and how it was measured."""
-    return "\n".join([f"# {title}", "", *found, "", "## How it was measured", "", *(f"- {line}" for line in measured), ""])
-
-
 def processor() -> str:
     """Return the processor's general name."""
     try:

@@ -3,7 +3,7 @@
     python jobs/bench/memory.py [SCENE.toml ...] [--ranks 1 2] [--out DIR]
 
 Scenes are jobs/fan_small.toml, jobs/lap_joint.toml and jobs/fan_paper.toml unless given.  Each is checked and run on each number
-of ranks (mpirun, or what $MPIRUN names), in jobs of their own.  Writes memory.json and memory.md in DIR (results/bench_memory).
+of ranks (mpirun, or what $MPIRUN names), in jobs of their own.  Prints tables and writes memory.json in DIR (results/bench_memory).
 Both numbers are the highest resident memory of all ranks together until the end of a stage.
 """
 
@@ -23,6 +23,7 @@ import sys
 from pathlib import Path
 
 import machine
+from page_tables import table
 
 SCENES = ("jobs/fan_small.toml", "jobs/lap_joint.toml", "jobs/fan_paper.toml")
 FORESEEN = re.compile(r"^ {11}(\S.*?) {2,}(\d+) +(\d+)( measured)?$")
@@ -67,24 +68,15 @@ def measure(scene: str, ranks: int, folder: Path) -> dict:
     return {"scene": Path(scene).stem, "ranks": ranks, "stages": found}
 
 
-def page(found: list[dict]) -> str:
-    """Return the tables as a page of Markdown."""
-    lines = []
-    for one in found:
-        many = "s" * (one["ranks"] > 1)
-        lines += [
-            f"## {one['scene']}, {one['ranks']} rank{many}",
-            "",
-            "| stage | foreseen, MiB | taken | ratio | largest rank, foreseen | taken |",
-        ]
-        lines += ["| --- | ---: | ---: | ---: | ---: | ---: |"]
-        for stage in one["stages"]:
-            (all_f, most_f), (all_t, most_t) = stage["foreseen"], stage["taken"]
-            lines.append(
-                f"| {stage['stage']} | {all_f:,.0f} | {all_t:,.0f} | {all_f / all_t:.2f} | {most_f:,.0f} | {most_t:,.0f} |"
-            )
-        lines.append("")
-    return machine.page("Memory foreseen and taken", lines, machine.lines(machine.facts()))
+def rows_of(one: dict) -> list[str]:
+    """Return the table of a scene on a number of ranks."""
+    rows = [
+        [stage["stage"], *(f"{all_of:,.0f}" for all_of in of_all), f"{stage['ratio']:.2f}", *(f"{most:,.0f}" for most in of_most)]
+        for stage in one["stages"]
+        for of_all, of_most in [zip(stage["foreseen"], stage["taken"])]
+    ]
+    head = f"{one['scene']}, {one['ranks']} rank{'s' * (one['ranks'] > 1)}"
+    return ["", head, "", *table(("stage", "foreseen, MiB", "taken", "ratio", "largest rank, foreseen", "taken"), rows)]
 
 
 def main() -> int:
@@ -96,9 +88,9 @@ def main() -> int:
     asked.out.mkdir(parents=True, exist_ok=True)
     found = [measure(scene, ranks, asked.out) for scene in asked.scenes for ranks in asked.ranks]
     (asked.out / "memory.json").write_text(json.dumps(found, indent=1))
-    (asked.out / "memory.md").write_text(page(found))
+    print(*(line for one in found for line in rows_of(one)), "", *machine.lines(machine.facts()), sep="\n")
     worst = max(abs(stage["ratio"] - 1.0) for one in found for stage in one["stages"])
-    print(f"at worst {worst:.0%} off; {asked.out / 'memory.md'}")
+    print(f"at worst {worst:.0%} off")
     return int(worst > WITHIN)
 
 

@@ -22,5 +22,5 @@ def test_stages_of_both_are_compared():
     assert [one["stage"] for one in found] == ["partition", "factor of the stuck structure"]
     assert found[1]["foreseen"] == (253.0, 130.0) and found[1]["taken"] == (220.0, 120.0)
     assert found[1]["ratio"] == pytest.approx(1.15)
-    text = memory.page([{"scene": "fan_small", "ranks": 2, "stages": found}])
-    assert "## fan_small, 2 ranks" in text and "| factor of the stuck structure | 253 | 220 | 1.15 | 130 | 120 |" in text
+    lines = memory.rows_of({"scene": "fan_small", "ranks": 2, "stages": found})
+    assert "fan_small, 2 ranks" in lines and "| factor of the stuck structure | 253 | 220 | 1.15 | 130 | 120 |" in lines
