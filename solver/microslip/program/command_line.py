@@ -15,28 +15,6 @@ from ..version import __version__
 
 _SOLVE = ("run", "compare", "verify", "trade", "export")  # commands that PETSc options are for
 _SCENE = (*_SOLVE, "check")  # commands that read a scene
-_KEYS = (
-    "methods",
-    "knobs",
-    "meshes",
-    "seconds",
-    "at",
-    "levels",
-    "harmonics",
-    "samples",
-    "steps",
-    "from_rest",
-    "method",
-    "recovery",
-    "to",
-    "force",
-    "fresh",
-    "other",
-    "tolerance",
-    "bars",
-    "as_json",
-    "walltime",
-)
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
@@ -114,16 +92,8 @@ def parse(arguments: list[str]) -> Command:
         raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
     if petsc and given.command not in _SOLVE:
         raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
-    return Command(
-        given.command,
-        getattr(given, "file", ""),
-        getattr(given, "out", None),
-        petsc_options(petsc),
-        more=more,
-        groups=getattr(given, "groups", None),
-        settings=tuple(getattr(given, "settings", ())),
-        **{name: getattr(given, name) for name in _KEYS if hasattr(given, name)},
-    )
+    values = vars(given) | {"petsc": petsc_options(petsc), "more": more, "settings": tuple(getattr(given, "settings", ()))}
+    return Command(values.pop("command"), **values)
 
 
 def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
@@ -137,193 +107,20 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
     )
     parser.add_argument("--version", action="version", version=f"microslip {__version__}")
     group = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    known = {
-        "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
-        "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
-        "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
-        "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
-        "export": ("the reduced model as .npz and .mat, with scripts for other programs", "SCENE.toml", "results/NAME_export"),
-        "check": ("validate a scene, or list what a model file holds; solves nothing", "SCENE.toml", None),
-        "new": ("a first scene for a model file, with candidates for joints", "MODEL", None),
-        "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
-        "report": (
-            "everything of a run on one page that a browser opens, to be mailed",
-            "RESULTS.h5",
-            "the folder of the result file",
-        ),
-        "convert": (
-            "results for other programs: ParaView, universal files, MATLAB",
-            "RESULTS.h5",
-            "the folder of the result file",
-        ),
-        "diff": (
-            "two results compared: what was asked for, the structure, every curve; and a verdict",
-            "A.h5",
-            "neither diff.png nor diff.json is written",
-        ),
-        "doctor": ("print versions, and what is missing with the command that brings it", None, None),
-    }
     commands: dict[str, _Parser] = {}
-    for name, (summary, file, out) in known.items():
+    for name, (summary, file, out) in _COMMANDS.items():
         after = " [-- PETSc options]" if name in _SOLVE else ""
         command = group.add_parser(name, help=summary, description=summary.capitalize() + ".", allow_abbrev=False)
         if file is not None:
             command.add_argument("file", metavar=file)
         if out is not None:
             command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
-        if name in _SCENE:
-            _add_settings(command)
-        if name in _OPTIONS:
-            _OPTIONS[name](command)
+        for of, flag, how in _OPTIONS:
+            if name in of:
+                command.add_argument(flag, **how)
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
         commands[name] = command
     return parser, commands
-
-
-def _add_settings(command: _Parser) -> None:
-    """Add the option of all commands that read a scene."""
-    command.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        dest="settings",
-        action="append",
-        default=[],
-        help="a key of the scene with another value, as joints.dovetail.friction=0.2; may be given several times",
-    )
-
-
-def _add_run(command: _Parser) -> None:
-    """Add the options of ``run``."""
-    command.add_argument(
-        "more", metavar="MORE.toml", nargs="*", default=[], help="further scenes; with --out DIR each in DIR/NAME"
-    )
-    command.add_argument(
-        "--groups",
-        metavar="G",
-        type=_count,
-        help="split the ranks into G groups, each with levels of its own (default: as many as pay); "
-        "of several scenes, each with scenes of its own (default: 1)",
-    )
-    command.add_argument(
-        "--fresh",
-        action="store_true",
-        help="compute everything anew, in place of going on where an earlier run was left; its results are kept beside",
-    )
-
-    command.add_argument(
-        "--walltime",
-        metavar="T",
-        type=_time,
-        help="stop in time to save, with status 5, as 3600, 90m, 1h30m, HH:MM:SS, D-HH:MM:SS "
-        "(default: what Slurm or PBS has left for the job)",
-    )
-
-
-def _add_compare(command: _Parser) -> None:
-    """Add the options of ``compare``."""
-    command.add_argument("--methods", metavar="A,B,...", type=_words, default=(), help="their names, with commas (default: all)")
-
-
-def _add_trade(command: _Parser) -> None:
-    """Add the options of ``trade``."""
-    command.add_argument(
-        "--knobs",
-        metavar="A,B,...",
-        type=_words,
-        default=(),
-        help="what to turn, with commas: harmonics, samples, modes, tolerance, eps, method, mesh (default: all)",
-    )
-    command.add_argument(
-        "--levels",
-        metavar="A,B,...",
-        type=_numbers,
-        default=(),
-        help="forces in N, with commas (default: of the scene's the first with slip and the strongest)",
-    )
-    command.add_argument(
-        "--meshes",
-        metavar="A,B,...",
-        type=_words,
-        default=(),
-        help="further meshes of the same scene, with the same groups, to measure what the mesh costs and buys",
-    )
-    command.add_argument(
-        "--seconds",
-        metavar="S",
-        type=_above_zero,
-        help="time to spend, as far as it can be known beforehand; more makes a better reference (default: 105)",
-    )
-
-
-def _add_verify(command: _Parser) -> None:
-    """Add the options of ``verify``."""
-    command.add_argument(
-        "--at",
-        metavar="F1,F2,...",
-        type=_numbers,
-        default=(),
-        help="frequencies in Hz (default: the peak of each level and two points on each side of it)",
-    )
-    command.add_argument("--levels", metavar="A,B,...", type=_numbers, default=(), help="levels in N (default: the scene's)")
-    command.add_argument("--harmonics", metavar="H", type=_count, help="of harmonic balance (default: the scene's)")
-    command.add_argument("--samples", metavar="N", type=_count, help="of harmonic balance (default: the scene's)")
-    command.add_argument("--steps", metavar="N", type=_steps, help="time steps a period (default: 256)")
-    command.add_argument("--from-rest", action="store_true", help="march from rest, without acceleration: many periods")
-
-
-def _add_export(command: _Parser) -> None:
-    """Add the options of ``export``."""
-    command.add_argument("--method", metavar="NAME", help="the reduction method (default: the scene's, where it has matrices)")
-    command.add_argument("--recovery", action="store_true", help="write what makes full fields of the coordinates, too")
-
-
-def _add_convert(command: _Parser) -> None:
-    """Add the options of ``convert``."""
-    command.add_argument(
-        "--to", metavar="A,B,...", type=_words, default=(), help="vtkhdf, unv, mat, with commas (default: all), or scene"
-    )
-    command.add_argument("--steps", metavar="N", type=_steps, help="steps of a period in files for ParaView (default: 32)")
-
-
-def _add_check(command: _Parser) -> None:
-    """Add the options of ``check``."""
-    command.add_argument(
-        "--out", metavar="DIR", type=Path, help="draw the mesh with its sets: DIR/mesh.png (default: no picture)"
-    )
-
-
-def _add_new(command: _Parser) -> None:
-    """Add the options of ``new``."""
-    command.add_argument(
-        "--out", metavar="SCENE.toml", type=Path, help="the scene to write (default: the model's name, with .toml, where you are)"
-    )
-    command.add_argument("--force", action="store_true", help="write it even where there is a file of this name")
-
-
-def _add_diff(command: _Parser) -> None:
-    """Add the options of ``diff``."""
-    command.add_argument("other", metavar="B.h5")
-    command.add_argument(
-        "--tolerance",
-        metavar="T",
-        type=_above_zero,
-        help="largest difference of curves that are the same, over their peak (default: 1e-6, and what their points resolve)",
-    )
-    command.add_argument("--bars", action="store_true", help="curves that differ by less than their error bars are the same")
-    command.add_argument("--json", dest="as_json", action="store_true", help="print it all as JSON")
-
-
-_OPTIONS = {
-    "diff": _add_diff,
-    "check": _add_check,
-    "new": _add_new,
-    "run": _add_run,
-    "compare": _add_compare,
-    "trade": _add_trade,
-    "verify": _add_verify,
-    "export": _add_export,
-    "convert": _add_convert,
-}
 
 
 def _numbers(text: str) -> tuple[float, ...]:
@@ -419,3 +216,126 @@ def _with_prefix(name: str) -> str:
     if first in places:
         return f"; perhaps -{places[first]}{name}"
     return hint(first + "_", PREFIXES, lambda near: f"-{near}{rest}") if rest else ""
+
+
+_FOLDER = "the folder of the result file"
+_COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, what it reads, the default of --out
+    "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
+    "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
+    "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
+    "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
+    "export": ("the reduced model as .npz and .mat, with scripts for other programs", "SCENE.toml", "results/NAME_export"),
+    "check": ("validate a scene, or list what a model file holds; solves nothing", "SCENE.toml", None),
+    "new": ("a first scene for a model file, with candidates for joints", "MODEL", None),
+    "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", _FOLDER),
+    "report": ("everything of a run on one page that a browser opens, to be mailed", "RESULTS.h5", _FOLDER),
+    "convert": ("results for other programs: ParaView, universal files, MATLAB", "RESULTS.h5", _FOLDER),
+    "diff": (
+        "two results compared: what was asked for, the structure, every curve; and a verdict",
+        "A.h5",
+        "neither diff.png nor diff.json is written",
+    ),
+    "doctor": ("print versions, and what is missing with the command that brings it", None, None),
+}
+
+
+def _option(of: str | tuple[str, ...], flag: str, metavar: str | None, says: str, **how) -> tuple[tuple[str, ...], str, dict]:
+    """Return commands, flag and argparse's words of an option; one that takes no value is a switch."""
+    kind = {"metavar": metavar} if metavar is not None else {"action": "store_true"}
+    return (of,) if isinstance(of, str) else of, flag, {**kind, "help": says, **how}
+
+
+_LIST = {"type": _words, "default": ()}
+_NUMBERS = {"type": _numbers, "default": ()}
+_OPTIONS = (
+    _option(
+        _SCENE,
+        "--set",
+        "KEY=VALUE",
+        "a key of the scene with another value, as joints.dovetail.friction=0.2; may be given several times",
+        dest="settings",
+        action="append",
+        default=[],
+    ),
+    _option("run", "more", "MORE.toml", "further scenes; with --out DIR each in DIR/NAME", nargs="*", default=[]),
+    _option(
+        "run",
+        "--groups",
+        "G",
+        "split the ranks into G groups, each with levels of its own (default: as many as pay); "
+        "of several scenes, each with scenes of its own (default: 1)",
+        type=_count,
+    ),
+    _option(
+        "run",
+        "--fresh",
+        None,
+        "compute everything again, in place of going on from an earlier run; its results move to a folder earlier-N",
+    ),
+    _option(
+        "run",
+        "--walltime",
+        "T",
+        "stop in time to save, with status 5, as 3600, 90m, 1h30m, HH:MM:SS, D-HH:MM:SS "
+        "(default: what Slurm or PBS has left for the job)",
+        type=_time,
+    ),
+    _option("compare", "--methods", "A,B,...", "their names, with commas (default: all)", **_LIST),
+    _option(
+        "trade",
+        "--knobs",
+        "A,B,...",
+        "what to turn, with commas: harmonics, samples, modes, tolerance, eps, method, mesh (default: all)",
+        **_LIST,
+    ),
+    _option(
+        "trade",
+        "--levels",
+        "A,B,...",
+        "forces in N, with commas (default: of the scene's the first with slip and the strongest)",
+        **_NUMBERS,
+    ),
+    _option(
+        "trade",
+        "--meshes",
+        "A,B,...",
+        "further meshes of the same scene, with the same groups, to measure what the mesh costs and buys",
+        **_LIST,
+    ),
+    _option(
+        "trade",
+        "--seconds",
+        "S",
+        "time to spend, as far as it can be known beforehand; more makes a better reference (default: 105)",
+        type=_above_zero,
+    ),
+    _option(
+        "verify",
+        "--at",
+        "F1,F2,...",
+        "frequencies in Hz (default: the peak of each level and two points on each side of it)",
+        **_NUMBERS,
+    ),
+    _option("verify", "--levels", "A,B,...", "levels in N (default: the scene's)", **_NUMBERS),
+    _option("verify", "--harmonics", "H", "of harmonic balance (default: the scene's)", type=_count),
+    _option("verify", "--samples", "N", "of harmonic balance (default: the scene's)", type=_count),
+    _option("verify", "--steps", "N", "time steps a period (default: 256)", type=_steps),
+    _option("verify", "--from-rest", None, "march from rest, without acceleration: many periods"),
+    _option("export", "--method", "NAME", "the reduction method (default: the scene's, where it has matrices)"),
+    _option("export", "--recovery", None, "write what makes full fields of the coordinates, too"),
+    _option("convert", "--to", "A,B,...", "vtkhdf, unv, mat, with commas (default: all), or scene", **_LIST),
+    _option("convert", "--steps", "N", "steps of a period in files for ParaView (default: 32)", type=_steps),
+    _option("check", "--out", "DIR", "draw the mesh with its sets: DIR/mesh.png (default: no picture)", type=Path),
+    _option("new", "--out", "SCENE.toml", "the scene to write (default: the model's name, with .toml, where you are)", type=Path),
+    _option("new", "--force", None, "write it even where there is a file of this name"),
+    _option("diff", "other", "B.h5", ""),
+    _option(
+        "diff",
+        "--tolerance",
+        "T",
+        "largest difference of curves that are the same, over their peak (default: 1e-6, and what their points resolve)",
+        type=_above_zero,
+    ),
+    _option("diff", "--bars", None, "curves that differ by less than their error bars are the same"),
+    _option("diff", "--json", None, "print it all as JSON", dest="as_json"),
+)
