@@ -113,8 +113,8 @@ def remarks(branch: Branch) -> list[str]:
 
 def _noted(points: list[Point]) -> dict[str, list[Point]]:
     """Return the points that carry a note, by note."""
-    found: dict[str, list[Point]] = {}
+    by_note: dict[str, list[Point]] = {}
     for point in points:
         for note in point.notes:
-            found.setdefault(note, []).append(point)
-    return found
+            by_note.setdefault(note, []).append(point)
+    return by_note

@@ -59,13 +59,13 @@ class Observers:
             observer.point(number, len(points), point)
         points.append(point)
 
-    def level_finished(self, number: int, found: Branch) -> None:
+    def level_finished(self, number: int, finished: Branch) -> None:
         """Take in how a level ended; its points have been heard of."""
-        branch = self.branches[number] = replace(found, points=self.branches[number].points)
+        branch = self.branches[number] = replace(finished, points=self.branches[number].points)
         for observer in self.observers:
             observer.level_finished(number, branch)
         if not self.keeps_motion:
             light = branch.without_motion()
-            is_same = all(own is theirs for own, theirs in zip_longest(branch.points, found.points))
-            found.points[:] = light if is_same else found.without_motion()  # one object a point, if there was one
+            is_same = all(own is theirs for own, theirs in zip_longest(branch.points, finished.points))
+            finished.points[:] = light if is_same else finished.without_motion()  # one object a point, if there was one
             branch.points[:] = light

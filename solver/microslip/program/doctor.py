@@ -50,8 +50,8 @@ def examine() -> tuple[list[str], bool]:
 def faults(*names: str) -> str | None:
     """Return what is missing of the parts named, of all parts if none is named, or None.  Local."""
     wanted = [part for part in PARTS if part.name in names or not names]
-    found = [f"{part.name}: {fault}" for part in wanted if (fault := _fault(part))]
-    return "; ".join(found) + "; see: microslip doctor" if found else None
+    lines = [f"{part.name}: {fault}" for part in wanted if (fault := _fault(part))]
+    return "; ".join(lines) + "; see: microslip doctor" if lines else None
 
 
 def _fault(part: Part) -> str | None:
@@ -155,27 +155,27 @@ def _kernel() -> str:
 
 def _notes(is_well: bool) -> list[str]:
     """Return what slows the program down without stopping it, and why packages may be there but not found."""
-    found = []
+    lines = []
     if not is_well and os.path.exists("/etc/debian_version") and sys.base_prefix != "/usr":
-        found.append(
+        lines.append(
             "Debian's packages serve /usr/bin/python3, and this is another Python; start from its environment: "
             "/usr/bin/python3 -m venv --system-site-packages .venv"
         )
     loaded = loaded_libraries()
     if "libblas.so" in loaded and not re.search("openblas|mkl|blis|atlas", loaded):
-        found.append("MUMPS runs on the reference BLAS, several times slower: sudo apt-get install libopenblas0-pthread")
+        lines.append("MUMPS runs on the reference BLAS, several times slower: sudo apt-get install libopenblas0-pthread")
     if importlib.util.find_spec("plotly") is None:
-        found.append(f"without plotly there is no `microslip report`: {_pip('plotly')}")
+        lines.append(f"without plotly there is no `microslip report`: {_pip('plotly')}")
     for package, module, files in (
         ("mapdl-archive", "mapdl_archive", "Ansys archives"),
         ("pyNastran", "pyNastran", "Nastran's files"),
     ):
         if importlib.util.find_spec(module) is None:
-            found.append(f"without {package} {files} are not read: {_pip(package)}")
+            lines.append(f"without {package} {files} are not read: {_pip(package)}")
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "1")
     if threads != "1":
-        found.append(f"OPENBLAS_NUM_THREADS = {threads}: each rank uses so many threads")
-    return found
+        lines.append(f"OPENBLAS_NUM_THREADS = {threads}: each rank uses so many threads")
+    return lines
 
 
 def _debian(package: str) -> str:

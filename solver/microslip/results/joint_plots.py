@@ -168,13 +168,13 @@ def choose_layout(sizes: np.ndarray, n_levels: int, labelled: bool) -> Layout:
         for level_columns in range(1, n_levels + 1)
         for patch_columns in range(1, len(sizes) + 1)
     ]
-    found = [layout for layout in layouts if layout is not None]
+    fitting = [layout for layout in layouts if layout is not None]
 
     def rank(layout: Layout) -> tuple[float, float, float]:
         height = layout.height(n_levels)
         return round(max(0.0, height - _MOST_HEIGHT), 1), -round(layout.scale, 6), height
 
-    return min(found, key=rank)
+    return min(fitting, key=rank)
 
 
 def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled: bool) -> Layout | None:

@@ -40,7 +40,7 @@ def write_mat(path: Path, results: ResultFile, fields: Fields | None) -> Path:
 
 def variables_of(results: ResultFile, fields: Fields | None) -> dict[str, Any]:
     """Return the variables of the file.  Local."""
-    found: dict[str, Any] = {
+    variables: dict[str, Any] = {
         "title": results.title,
         "name": results.name,
         "method": results.method,
@@ -55,38 +55,38 @@ def variables_of(results: ResultFile, fields: Fields | None) -> dict[str, Any]:
         "levels": _cells([_level(level) for level in results.levels]),
     }
     if results.linear is not None:
-        found["linear"] = {"frequency_Hz": results.linear.frequency, "response_per_N": results.linear.response}
+        variables["linear"] = {"frequency_Hz": results.linear.frequency, "response_per_N": results.linear.response}
     if results.at_rest:
-        found["statics"] = {name: {"names": _cells(part.names), **part.columns} for name, part in results.at_rest.items()}
-        found |= {name: found["statics"][name] for name in ("bolts",) if name in results.at_rest}
+        variables["statics"] = {name: {"names": _cells(part.names), **part.columns} for name, part in results.at_rest.items()}
+        variables |= {name: variables["statics"][name] for name in ("bolts",) if name in results.at_rest}
     if fields is not None:
-        _add_fields(found, fields)
-    return found
+        _add_fields(variables, fields)
+    return variables
 
 
 def _level(level: LevelResult) -> dict[str, Any]:
-    found: dict[str, Any] = {"level_N": level.level, "status": level.status, "failure": level.failure}
+    variables: dict[str, Any] = {"level_N": level.level, "status": level.status, "failure": level.failure}
     for kept in QUANTITIES:
         values = level.arrays[kept.name]
         if values is not None:
-            found[kept.dataset] = _cells(values) if kept.kind == TEXT else values
+            variables[kept.dataset] = _cells(values) if kept.kind == TEXT else values
     if level.peaks is not None:
-        found["peaks"] = peak_arrays(level.peaks)
-    return found
+        variables["peaks"] = peak_arrays(level.peaks)
+    return variables
 
 
-def _add_fields(found: dict[str, Any], fields: Fields) -> None:
+def _add_fields(variables: dict[str, Any], fields: Fields) -> None:
     """Add the mesh, with elements by kind and body, and the fields at its nodes; indices of nodes count from 1."""
     blocks = [
         {"kind": block.kind, "group": block.group, "nodes": block.nodes + 1, "element": block.numbers}
         for block in fields.mesh.elements
     ]
-    found["mesh"] = {"points": fields.mesh.points, "node": fields.mesh.numbers, "elements": _cells(blocks)}
-    found["modes"]["shape"] = fields.shapes
+    variables["mesh"] = {"points": fields.mesh.points, "node": fields.mesh.numbers, "elements": _cells(blocks)}
+    variables["modes"]["shape"] = fields.shapes
     if fields.rest is not None:
-        found["rest"] = {"displacement": fields.rest}
+        variables["rest"] = {"displacement": fields.rest}
     for number, motion in fields.peaks.items():
-        found["levels"][number]["peak"] = {"point": motion.point + 1, "displacement": motion.u}
+        variables["levels"][number]["peak"] = {"point": motion.point + 1, "displacement": motion.u}
 
 
 def _cells(items) -> np.ndarray:

@@ -100,17 +100,17 @@ class _Period:
         """Return values of the pairs at a step; vectors in model axes."""
         i, joint = step * self.every, self.joint
         tangents = joint.frame[:, :2]
-        found = {
+        fields_of_step = {
             "normal_force_N": self.cycle.normal_force[:, i],
             "friction_force_N": np.einsum("nk,nki->ni", self.cycle.friction_force[:, :, i], tangents),
             "slip_m": np.einsum("nk,nki->ni", self.cycle.slip[:, :, i], tangents),
             "relative_motion_m": np.einsum("nk,nki->ni", self.cycle.du[:, :, i], joint.frame),
         }
         if np.isfinite(joint.area).all() and (joint.area > 0.0).all():
-            found["pressure_Pa"] = found["normal_force_N"] / joint.area
+            fields_of_step["pressure_Pa"] = fields_of_step["normal_force_N"] / joint.area
         if self.sampled is not None:
-            found["displacement"] = self.sampled(step)
-        return found
+            fields_of_step["displacement"] = self.sampled(step)
+        return fields_of_step
 
 
 def motion_of_pairs(fields: Fields, nodes: np.ndarray, number: int) -> np.ndarray:

@@ -24,18 +24,18 @@ Resonance = list[tuple[LevelResult, Peak]]  # a peak and its level, by rising le
 
 def resonances(levels: Sequence[LevelResult], output: int) -> list[Resonance]:
     """Return the peaks of an output, each followed from level to level by its frequency.  Local."""
-    found: list[Resonance] = []
+    lines: list[Resonance] = []
     for level in sorted((one for one in levels if one.peaks and one.level), key=lambda one: abs(one.level)):
         peaks = [peak for peak in level.peaks or () if peak.output == output]
-        ends = np.log([line[-1][1].omega for line in found])
+        ends = np.log([line[-1][1].omega for line in lines])
         apart = np.abs(np.log([[peak.omega] for peak in peaks]).reshape(-1, 1) - ends)
         follows = {i: j for i, j in zip(*linear_sum_assignment(apart)) if apart[i, j] < _SAME}
         for i, peak in enumerate(peaks):
             if i in follows:
-                found[follows[i]].append((level, peak))
+                lines[follows[i]].append((level, peak))
             else:
-                found.append([(level, peak)])
-    return found
+                lines.append([(level, peak)])
+    return lines
 
 
 def peak_sizes(level: LevelResult, output: int) -> np.ndarray:

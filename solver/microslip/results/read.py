@@ -194,18 +194,18 @@ def _peaks(reader: Reader, group: str, n_outputs: int) -> tuple[Peak, ...] | Non
     if f"{group}/peaks" not in reader:
         return None
     n = len(reader.array(f"{group}/peaks/frequency_Hz", "f8", (None,)))
-    found = {kept.dataset: reader.array(f"{group}/peaks/{kept.dataset}", kept.kind, (n,)) for kept in PEAK_QUANTITIES}
-    is_sound = np.isfinite(found["amplitude"]) & (found["frequency_Hz"] > 0.0)
-    if not is_sound.all() or not np.isin(found["output"], np.arange(n_outputs)).all():
+    columns = {kept.dataset: reader.array(f"{group}/peaks/{kept.dataset}", kept.kind, (n,)) for kept in PEAK_QUANTITIES}
+    is_sound = np.isfinite(columns["amplitude"]) & (columns["frequency_Hz"] > 0.0)
+    if not is_sound.all() or not np.isin(columns["output"], np.arange(n_outputs)).all():
         raise CaseError(f"{reader.path}: '{group}/peaks' has values that no run writes; the file is damaged or was edited")
     return tuple(
         Peak(
-            int(found["output"][i]),
-            2.0 * np.pi * float(found["frequency_Hz"][i]),
-            complex(found["amplitude"][i] * np.exp(1j * found["phase"][i])),
-            2.0 * np.pi * float(found["half_power_width_Hz"][i]),
-            2.0 * np.pi * float(found["within_Hz"][i]),
-            *(int(found[name][i]) for name in ("slipping", "newton", "segment")),
+            int(columns["output"][i]),
+            2.0 * np.pi * float(columns["frequency_Hz"][i]),
+            complex(columns["amplitude"][i] * np.exp(1j * columns["phase"][i])),
+            2.0 * np.pi * float(columns["half_power_width_Hz"][i]),
+            2.0 * np.pi * float(columns["within_Hz"][i]),
+            *(int(columns[name][i]) for name in ("slipping", "newton", "segment")),
         )
         for i in range(n)
     )

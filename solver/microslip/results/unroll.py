@@ -50,14 +50,14 @@ def patches(joint: Joint) -> list[Patch]:
 
     Pairs that no face names make one patch a joint, without cells.
     """
-    found = []
+    surfaces = []
     part = _parts(joint)
     parts = [np.flatnonzero(part == i) for i in np.unique(part)]
     parts.sort(key=lambda pairs: (joint.joint[pairs[0]], pairs[0]))
     for pairs in parts:
         siblings = [other for other in parts if joint.joint[other[0]] == joint.joint[pairs[0]]]
-        found.append(_patch(joint, pairs, joint.names[joint.joint[pairs[0]]] + _which(joint, pairs, siblings)))
-    return found
+        surfaces.append(_patch(joint, pairs, joint.names[joint.joint[pairs[0]]] + _which(joint, pairs, siblings)))
+    return surfaces
 
 
 def _which(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray]) -> str:

@@ -104,14 +104,14 @@ class ResultWriter:
 
     def _save(self, number: int, branch: Branch, status: str) -> None:
         """Replace results.h5 by itself with a level added."""
-        found = level_result(branch, self._sizes, status, self._level_unit)
+        result = level_result(branch, self._sizes, status, self._level_unit)
         name = f"levels/{number:04d}"
         with written_whole(self.path) as beside:
             shutil.copyfile(self.path, beside)
             with h5py.File(beside, "r+") as file:
                 if name in file:
                     del file[name]
-                _write_level(file.create_group(name), found, common(self._units))
+                _write_level(file.create_group(name), result, common(self._units))
 
     def close(self) -> None:
         """Close frf.csv; results.h5 is closed between the levels.  Local, so that an error of one rank may pass through."""

@@ -33,21 +33,21 @@ def figures_of(results: ResultFile) -> dict[str, Figure]:
     if results.shown.is_static:
         return _static_figures(results)
     levels = [(level, colour) for level, colour in zip(results.levels, _colours(len(results.levels))) if len(level.frequency)]
-    found: dict[str, Figure] = {}
+    figures: dict[str, Figure] = {}
     for k in range(min(len(results.outputs), MOST_OUTPUTS)):
-        found[f"response_{k}"] = _response(results, levels, k, False)
-        found[f"per_level_{k}"] = _response(results, levels, k, True)
-        found |= _peaks(results, k)
+        figures[f"response_{k}"] = _response(results, levels, k, False)
+        figures[f"per_level_{k}"] = _response(results, levels, k, True)
+        figures |= _peaks(results, k)
     if results.joint.n_pairs and levels:
-        found["states"] = _states(results, levels)
+        figures["states"] = _states(results, levels)
     if levels:
-        found["energy"], found["closure"] = _energy(levels), _closure(results, levels)
-        found["unknowns"] = _figure(
+        figures["energy"], figures["closure"] = _energy(levels), _closure(results, levels)
+        figures["unknowns"] = _figure(
             [_line(level, level.unknowns, colour, "%{y} unknowns") for level, colour in levels], "frequency [Hz]", "unknowns"
         )
     if any(level.error is not None and level.error.any() for level, _ in levels):
-        found["error"] = _error(levels)
-    return found
+        figures["error"] = _error(levels)
+    return figures
 
 
 def _colours(n: int) -> list[str]:
@@ -109,15 +109,15 @@ def _peaks(results: ResultFile, k: int) -> dict[str, Figure]:
         f"peak_frequency_{k}": ("peak frequency [Hz]", lambda peak: hertz(peak.omega)),
         f"peak_damping_{k}": ("damping ratio [%]", lambda peak: 100.0 * peak.damping),
     }
-    found = {}
+    figures = {}
     for key, (label, of) in shown.items():
         traces = [
             _trace([level.level for level, _ in line], [of(peak) for _, peak in line], "resonance", {}, mode="lines+markers")
             for line in lines
         ]
-        found[key] = _figure(traces, f"level [{results.level_unit}]", label)
-    del found[f"peak_frequency_{k}"]["layout"]["yaxis"]["rangemode"]  # a shift of a per cent is to be seen
-    return found
+        figures[key] = _figure(traces, f"level [{results.level_unit}]", label)
+    del figures[f"peak_frequency_{k}"]["layout"]["yaxis"]["rangemode"]  # a shift of a per cent is to be seen
+    return figures
 
 
 def _curve(level: LevelResult, colour: str, values, unit: str, angle, bar) -> Figure:
@@ -130,9 +130,9 @@ def _curve(level: LevelResult, colour: str, values, unit: str, angle, bar) -> Fi
     _, slip, is_open = counts(level.state).T
     said.append(f"%{{customdata[{len(columns)}]}} slip, %{{customdata[{len(columns) + 1}]}} open")
     columns += [slip, is_open]
-    found = _line(level, values, colour, "%{y:.5g} " + "<br>".join(said))
-    found["customdata"] = _cut(level, np.column_stack(columns))
-    return found
+    trace = _line(level, values, colour, "%{y:.5g} " + "<br>".join(said))
+    trace["customdata"] = _cut(level, np.column_stack(columns))
+    return trace
 
 
 def _band(level: LevelResult, values, bar, colour: str) -> Figure:
@@ -201,21 +201,21 @@ def _static_figures(results: ResultFile) -> dict[str, Figure]:
     """Return what does not depend on frequency over the load."""
     levels = sorted(results.solved, key=lambda level: level.level)
     loads = np.array([level.level for level in levels])
-    axis, found = f"load level [{results.level_unit}]", {}
+    axis, figures = f"load level [{results.level_unit}]", {}
     marked = {"mode": "lines+markers"}
     for k in range(min(len(results.outputs), MOST_OUTPUTS)):
         values = np.array([level.response[0, k, 0] for level in levels])
         factor, unit = with_prefix(values, results.unit_of(k))
         hover = f"%{{y:.5g}} {unit} at %{{x:.6g}} {results.level_unit}<extra></extra>"
         trace = _trace(loads, factor * values, "displacement", {"color": INK}, hovertemplate=hover, **marked)
-        found[f"response_{k}"] = _figure([trace], axis, f"displacement [{unit}]")
+        figures[f"response_{k}"] = _figure([trace], axis, f"displacement [{unit}]")
     if results.joint.n_pairs:
         number = counts(np.array([level.state[0] for level in levels]))
         traces = [
             _trace(loads, n, name, {"color": colour}, **marked) for n, name, colour in zip(number.T, STATE_NAMES, STATE_COLOURS)
         ]
-        found["states"] = _figure(traces, axis, "pairs")
-    return found
+        figures["states"] = _figure(traces, axis, "pairs")
+    return figures
 
 
 # -- pieces of plotly --------------------------------------------------------------------------------------------------
@@ -238,10 +238,10 @@ def _line(level: LevelResult, values, colour: str, says: str) -> Figure:
 
 def _cut(level: LevelResult, values) -> list:
     """Return the values of the points with a gap between segments."""
-    found: list = []
+    pieces: list = []
     for part in segments(level.segment):
-        found += [*(found and [None]), *_plain(values[part])]
-    return found
+        pieces += [*(pieces and [None]), *_plain(values[part])]
+    return pieces
 
 
 def _trace(x, y, name: str, line: dict, **more) -> Figure:

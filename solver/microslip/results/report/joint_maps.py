@@ -34,7 +34,7 @@ def map_data(results: ResultFile) -> dict[str, Any]:
     levels = [(number, level) for number, level in enumerate(results.levels) if len(level.frequency)]
     at_levels = [joint_values(results.joint, level, level.top) for _, level in levels]
     at_rest = rest_values(results.joint)
-    found = []
+    quantities = []
     for name, (heading, unit, palette) in _QUANTITIES.items():
         if name == "friction_loss_J" and any("friction_loss_J_m2" in values for values in at_levels):
             continue
@@ -44,7 +44,7 @@ def map_data(results: ResultFile) -> dict[str, Any]:
         if not values or not np.any(values) and name != "state":
             continue
         factor, prefixed = with_prefix(np.concatenate(values), unit) if unit else (1.0, "")
-        found.append(
+        quantities.append(
             {
                 "heading": heading,
                 "unit": prefixed,
@@ -54,7 +54,7 @@ def map_data(results: ResultFile) -> dict[str, Any]:
             }
         )
     return {
-        "quantities": found,
+        "quantities": quantities,
         "levels": [
             {"name": f"{level_name(level, short=True)}, {level.frequency[level.top]:.6g} Hz", "number": n} for n, level in levels
         ],

@@ -116,26 +116,26 @@ def _sections(
     results: ResultFile, fields: Fields | None, run: RunRecord, figures: dict, drawings: str
 ) -> list[tuple[str, str, str]]:
     """Return key, heading and HTML of the sections that there are."""
-    found = [("summary", "Summary", tables.warnings_list(run.notes) + tables.cards(results) + tables.peaks_table(results))]
-    found.append(("response", "Response", _response(results, figures) + tables.solved_peaks_table(results)))
+    sections = [("summary", "Summary", tables.warnings_list(run.notes) + tables.cards(results) + tables.peaks_table(results))]
+    sections.append(("response", "Response", _response(results, figures) + tables.solved_peaks_table(results)))
     if fields is not None:
-        found.append(("motion", "Motion", _MOTION))
+        sections.append(("motion", "Motion", _MOTION))
     if results.joint.n_pairs and results.solved:
-        found.append(("joint", "Joint", _joint(figures, drawings)))
-    found.append(("checks", "Energy and checks", tables.checks_list(results) + _places(figures, "energy", "error", "closure")))
-    found.append(("modes", "Natural frequencies", tables.modes_table(results)))
+        sections.append(("joint", "Joint", _joint(figures, drawings)))
+    sections.append(("checks", "Energy and checks", tables.checks_list(results) + _places(figures, "energy", "error", "closure")))
+    sections.append(("modes", "Natural frequencies", tables.modes_table(results)))
     mesh = _MESH if fields is not None else ""
-    found.append(
+    sections.append(
         ("model", "What was understood", f'<div class="halves"><div>{tables.understood(results, fields)}</div>{mesh}</div>')
     )
     times = f'<div class="halves"><div>{tables.times_table(results, run)}</div><div>{tables.versions_table(results)}</div></div>'
-    found.append(("times", "Times and versions", times + _places(figures, "unknowns")))
+    sections.append(("times", "Times and versions", times + _places(figures, "unknowns")))
     times += tables.origin_table(results)
     texts = f"<details><summary>the scene as it was run</summary><pre>{escape(results.scene_text)}</pre></details>"
     if run.notes:
         texts += f"<details><summary>what the run said</summary><pre>{escape(chr(10).join(run.notes))}</pre></details>"
-    found.append(("scene", "Scene and log", texts))
-    return found
+    sections.append(("scene", "Scene and log", texts))
+    return sections
 
 
 _MOTION = """
@@ -187,5 +187,5 @@ def _joint(figures: dict, drawings: str) -> str:
 
 def _places(figures: dict, *names: str) -> str:
     """Return the places of the figures that there are."""
-    found = "".join(f'<div class="figure" data-figure="{name}"></div>' for name in names if name in figures)
-    return f'<div class="figures">{found}</div>' if found else ""
+    places = "".join(f'<div class="figure" data-figure="{name}"></div>' for name in names if name in figures)
+    return f'<div class="figures">{places}</div>' if places else ""

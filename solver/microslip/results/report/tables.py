@@ -103,7 +103,7 @@ def cards(results: ResultFile) -> str:
     level = max(solved, key=lambda level: abs(level.level))
     at = level.top
     _, slip, is_open = counts(level.state[at])
-    found = [
+    entries = [
         (
             results.shown.heading,
             said(_size(results, level, at), results.unit_of(0)),
@@ -111,21 +111,21 @@ def cards(results: ResultFile) -> str:
         )
     ]
     if where := results.shown.where(level.frequency[at], 6):
-        found.append(("at", where, _shift(results, level, at)))
+        entries.append(("at", where, _shift(results, level, at)))
     if results.joint.n_pairs:
-        found.append(("pairs that slip", f"{slip} of {results.joint.n_pairs}", f"{is_open} open" if is_open else "none opens"))
+        entries.append(("pairs that slip", f"{slip} of {results.joint.n_pairs}", f"{is_open} open" if is_open else "none opens"))
     losses = float(level.friction[at] + level.damping[at])
     if losses > 0.0:
-        found.append(
+        entries.append(
             ("lost by friction", _percent(level.friction[at] / losses), said(float(level.friction[at]), "J") + " a cycle")
         )
     if level.error is not None:
         bar, size = float(total(level.error[at, 0])), _size(results, level, at)
         largest = PARTS[int(np.argmax(level.error[at, 0]))]
-        found.append(
+        entries.append(
             ("error bar", "± " + (_percent(bar / size) if size else said(bar, results.unit_of(0), 2)), f"most of it: {largest}")
         )
-    boxes = (f"<div><b>{head}</b><span>{value}</span><small>{note}</small></div>" for head, value, note in found)
+    boxes = (f"<div><b>{head}</b><span>{value}</span><small>{note}</small></div>" for head, value, note in entries)
     return f'<div class="cards">{"".join(boxes)}</div>'
 
 
@@ -213,15 +213,15 @@ def _outputs(results: ResultFile, fields: Fields | None) -> str:
 
 def checks(results: ResultFile) -> list[tuple[str, str]]:
     """Return what was looked at and how it came out, as (GOOD, LOOK or BAD, HTML).  Local."""
-    found = [_complete(results)]
+    outcomes = [_complete(results)]
     solved = results.solved
     if not results.shown.is_static:
-        found += [_balance(results, level) for level in solved]
-    found += [_bar(results, level) for level in solved if level.error is not None]
+        outcomes += [_balance(results, level) for level in solved]
+    outcomes += [_bar(results, level) for level in solved if level.error is not None]
     noted = sum(bool(note) for level in solved for note in (level.notes if level.notes is not None else ()))
     if noted:
-        found.append((LOOK, f"{noted} points carry a note; they are in the log below"))
-    return found
+        outcomes.append((LOOK, f"{noted} points carry a note; they are in the log below"))
+    return outcomes
 
 
 def _complete(results: ResultFile) -> tuple[str, str]:

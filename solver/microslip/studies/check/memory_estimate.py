@@ -62,9 +62,9 @@ def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: floa
     comm = coupling.graph.comm.tompi4py()
     factor = foreseen(coupling.graph, coupling.n_dof_each, coupling.entries_owned)
     names = _peaks(scene, coupling, n_pairs, so_far, highest, factor)
-    found = comm.allgather(list(names.values()))
+    by_rank = comm.allgather(list(names.values()))
     stages = tuple(
-        StageMemory(name, np.array(peaks), is_measured=i == 0) for i, (name, peaks) in enumerate(zip(names, zip(*found)))
+        StageMemory(name, np.array(peaks), is_measured=i == 0) for i, (name, peaks) in enumerate(zip(names, zip(*by_rank)))
     )
     return MemoryEstimate(stages, None if factor is None else tuple(comm.allgather(factor)), _n_modes(scene, coupling.n_dof))
 

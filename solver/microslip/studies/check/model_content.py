@@ -51,13 +51,13 @@ def bodies(mesh: Mesh, of_scene: Mapping[str, Body], volume: Mapping[str, float]
 
     Local, rank 0.
     """
-    found = []
+    lines = []
     for name, body in of_scene.items():
         held = ", ".join(f"{len(block.nodes)} {block.kind}" for block in mesh.elements if block.group == body.group)
         group = "" if name == body.group else f" (group {body.group})"
-        found.append(f"{name}{group}: {held}, {volume[name]:.6g} m3{_kilograms(volume[name] * density[name])}")
+        lines.append(f"{name}{group}: {held}, {volume[name]:.6g} m3{_kilograms(volume[name] * density[name])}")
     in_all = f"{sum(volume.values()):.6g} m3{_kilograms(mass(volume, density))} in all"
-    return table("bodies", found) + (table("", [in_all]) if len(found) > 1 else [])
+    return table("bodies", lines) + (table("", [in_all]) if len(lines) > 1 else [])
 
 
 def _kilograms(mass: float) -> str:
@@ -67,7 +67,7 @@ def _kilograms(mass: float) -> str:
 def groups(mesh: Mesh, of_scene: Mapping[str, Body]) -> list[str]:
     """Return a line for each named group that is no body: its nodes, and the outer faces that it names or holds.  Local."""
     skin, of_bodies = skin_of_mesh(mesh), {body.group for body in of_scene.values()}
-    found = []
+    lines = []
     for name, nodes in mesh.node_groups.items():
         if name in of_bodies or len(nodes) == 0:
             continue
@@ -78,19 +78,19 @@ def groups(mesh: Mesh, of_scene: Mapping[str, Body]) -> list[str]:
             text += f", {len(own)} outer faces of {skin.area[own].sum():.6g} m2"
         elif n_named:
             text += f", {n_named} faces, none of them outside"
-        found.append(text)
-    return table("groups", found)
+        lines.append(text)
+    return table("groups", lines)
 
 
 def materials(file: FileModel, units: Units) -> list[str]:
     """Return a line for each material of the file, in SI units.  Local."""
-    found = []
+    lines = []
     for name, one in file.materials.items():
         parts = elastic(one, units.stress)
         parts += [f"density {one.density * units.density:.6g} kg/m3" if one.density is not None else "no density"]
         parts += expansion(one)
-        found.append(f"{name}: {', '.join(parts)}")
-    return table("materials", found)
+        lines.append(f"{name}: {', '.join(parts)}")
+    return table("materials", lines)
 
 
 def elastic(one: Material, stress: float = 1.0) -> list[str]:
@@ -111,15 +111,15 @@ def expansion(one: Material) -> list[str]:
 
 def axes(orientations: Mapping[str, Orientation], bodies: Mapping[str, Body], length: float = 1.0) -> list[str]:
     """Return a line for the axes of materials and the bodies that have them; ``length`` is a unit of it [m].  Local."""
-    found = []
+    lines = []
     for name, one in orientations.items():
         of = ", ".join(body for body, own in bodies.items() if own.orientation == name)
         if one.directions is not None:
             text = f"1 along {place(one.directions[0])}, 2 towards {place(one.directions[1])}"
         else:
             text = f"around {place(one.axis or ())} through {place(np.multiply(one.axis_point or (0.0, 0.0, 0.0), length))} m"
-        found.append(f"{name}: {text}" + (f", of {of}" if of else ""))
-    return table("axes", found)
+        lines.append(f"{name}: {text}" + (f", of {of}" if of else ""))
+    return table("axes", lines)
 
 
 def _numbers(value: float | tuple[float, ...], factor: float = 1.0) -> str:

@@ -55,7 +55,7 @@ def bodies_of(file: FileModel) -> dict[str, str]:
     """
     if file.bodies:
         return {name: body.group for name, body in file.bodies.items()}
-    members = {name: found for name, group in file.groups.items() if len(found := solids_of(file, group))}
+    members = {name: solids for name, group in file.groups.items() if len(solids := solids_of(file, group))}
     n_solids = sum(len(own.nodes) for own in file.cells if _is_solid(own.kind))
     by_size = sorted(members, key=lambda name: len(members[name]))
     for names in (by_size, by_size[::-1]):

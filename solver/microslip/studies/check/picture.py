@@ -92,18 +92,18 @@ def _handles(names: Sequence[str], marks: Sequence[Mark]) -> list:
         Patch(facecolor=BODY_COLOURS[i % len(BODY_COLOURS)], edgecolor=FAINT, label=plain(name, 30))
         for i, name in enumerate(names)
     ]
-    found = bodies[:MOST_NAMED]
+    handles = bodies[:MOST_NAMED]
     if len(bodies) > MOST_NAMED:
-        found.append(Patch(facecolor="none", edgecolor="none", label=f"and {len(bodies) - MOST_NAMED} more bodies"))
+        handles.append(Patch(facecolor="none", edgecolor="none", label=f"and {len(bodies) - MOST_NAMED} more bodies"))
     for i, mark in enumerate(marks[:MOST_NAMED]):
         colour, label = SET_COLOURS[i % len(SET_COLOURS)], plain(mark.label, 40)
         if len(mark.faces):
-            found.append(Patch(facecolor=colour, alpha=0.75, label=label))
+            handles.append(Patch(facecolor=colour, alpha=0.75, label=label))
         else:
-            found.append(Line2D([], [], color=colour, marker=mark.marker, linestyle="none", markersize=5.0, label=label))
+            handles.append(Line2D([], [], color=colour, marker=mark.marker, linestyle="none", markersize=5.0, label=label))
     if len(marks) > MOST_NAMED:
-        found.append(Patch(facecolor="none", edgecolor="none", label=f"and {len(marks) - MOST_NAMED} more sets"))
-    return found
+        handles.append(Patch(facecolor="none", edgecolor="none", label=f"and {len(marks) - MOST_NAMED} more sets"))
+    return handles
 
 
 def _view(elevation: float, azimuth: float) -> np.ndarray:

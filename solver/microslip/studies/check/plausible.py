@@ -35,17 +35,17 @@ def suspicion(
         return ""
     better = better_units(diagonal, materials.values()) if odd else []
     weight = "" if np.isnan(mass) else f" and weighs {mass:.4g} kg"
-    found = (
+    symptom = (
         f"{odd[0]}, and the mesh measures {size:.4g} m across{weight}"
         if odd
         else f"the mesh measures {size:.4g} m across{weight}"
     )
     if not odd:
-        return f"units suspected: {found}; " + (
+        return f"units suspected: {symptom}; " + (
             "if it is in millimetres, state scale = 0.001" if size > _LENGTH[1] else "state [model] scale or units"
         )
     hint = " or ".join(f'units = "{name}"' for name in better) or "state [model] units, or correct the file"
-    return f"units suspected: {found}; {_as(diagonal, materials, better[0]) if better else ''}{hint}"
+    return f"units suspected: {symptom}; {_as(diagonal, materials, better[0]) if better else ''}{hint}"
 
 
 def better_units(diagonal: float, materials: Iterable[Material]) -> list[str]:

@@ -165,8 +165,8 @@ def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Ti
         for row in rows:
             if row.level == level and row.method != reference and row.points:
                 curve.plot(row.frequency, factor * row.values, color=colours[row.method], lw=0.8)
-                found = np.maximum(differences(row, exact), _FLOOR)
-                error.plot(exact.frequency[: len(found)], found, color=colours[row.method], lw=0.8)
+                gap = np.maximum(differences(row, exact), _FLOOR)
+                error.plot(exact.frequency[: len(gap)], gap, color=colours[row.method], lw=0.8)
         error.set(yscale="log", xlabel="frequency [Hz]")
     axes[0, 0].set_ylabel(f"{shown.name} [{unit}]")
     axes[1, 0].set_ylabel("difference / peak")

@@ -22,10 +22,10 @@ def compare_files(a: str, b: str, tolerance: float | None, bars: bool, out: Path
     CaseError : a file cannot be read or written
     ResourceError : the disk is full
     """
-    found = diff(a, b, tolerance, bars)
+    comparison = diff(a, b, tolerance, bars)
     if out is not None:
         make_folder(str(out))
-        draw(found, str(out / "diff.png"))
+        draw(comparison, str(out / "diff.png"))
         with written_whole(str(out / "diff.json")) as beside:
-            Path(beside).write_text(json_of(found) + "\n", encoding="utf-8")
-    return (json_of(found) if as_json else text_of(found)), 0 if found.is_same else DIFFERENT
+            Path(beside).write_text(json_of(comparison) + "\n", encoding="utf-8")
+    return (json_of(comparison) if as_json else text_of(comparison)), 0 if comparison.is_same else DIFFERENT

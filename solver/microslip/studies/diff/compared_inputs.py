@@ -35,19 +35,19 @@ def keys_changed(a: ResultFile, b: ResultFile) -> list[Change]:
 
 def flattened(tables: Mapping[str, Any], before: str = "") -> dict[str, str]:
     """Return the values of a scene as texts by their keys: ``joints.dovetail.friction``; entries by name, or number from 1."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for key, value in tables.items():
         name = before + (key if "." not in key else json.dumps(key))
         if isinstance(value, Mapping):
-            found |= flattened(value, f"{name}.")
+            values |= flattened(value, f"{name}.")
         elif isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
             names = [entry.get("name") for entry in value]
             by_name = all(isinstance(one, str) for one in names) and len(set(names)) == len(names)
             for number, entry in enumerate(value, 1):
-                found |= flattened(entry, f"{name}.{entry['name'] if by_name else number}.")
+                values |= flattened(entry, f"{name}.{entry['name'] if by_name else number}.")
         else:
-            found[name] = value_text(_frozen(value))
-    return found
+            values[name] = value_text(_frozen(value))
+    return values
 
 
 def _frozen(value: Any) -> Any:
@@ -69,13 +69,13 @@ def facts_changed(a: ResultFile, b: ResultFile) -> list[Change]:
 
 
 def _facts(results: ResultFile) -> dict[str, str]:
-    found = {"method": results.method, "PETSc options": " ".join(results.options) or "none"}
-    found |= {f"version of {name}": version for name, version in results.versions.items()}
+    facts = {"method": results.method, "PETSc options": " ".join(results.options) or "none"}
+    facts |= {f"version of {name}": version for name, version in results.versions.items()}
     origin = results.origin
     if origin is None:
-        return found
-    found |= {"ranks": str(origin.n_ranks), "groups": str(origin.n_groups), "hosts": ", ".join(sorted(set(origin.hosts)))}
-    return found | origin.environment
+        return facts
+    facts |= {"ranks": str(origin.n_ranks), "groups": str(origin.n_groups), "hosts": ", ".join(sorted(set(origin.hosts)))}
+    return facts | origin.environment
 
 
 def inputs_changed(a: ResultFile, b: ResultFile) -> list[Change] | None:
@@ -87,8 +87,8 @@ def inputs_changed(a: ResultFile, b: ResultFile) -> list[Change] | None:
 
 def _inputs(results: ResultFile) -> list[tuple[str, str]]:
     assert results.origin is not None, "asked for where it is known"
-    found = []
+    entries = []
     for one in results.origin.inputs:
         name = f"{one.key}, {Path(one.path).name}" if one.key.startswith(("included", "beside")) else one.key
-        found.append((name, f"{one.size} bytes, SHA-256 {one.sha256[:12]}\u2026"))
-    return found
+        entries.append((name, f"{one.size} bytes, SHA-256 {one.sha256[:12]}\u2026"))
+    return entries

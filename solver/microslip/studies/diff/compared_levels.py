@@ -78,12 +78,12 @@ def compare_level(
     outputs : name, unit and number in A and B of those that both have
     """
     n = len(a.frequency), len(b.frequency)
-    found: list[OutputDifference] = []
+    differences: list[OutputDifference] = []
     same, is_whole = _has_same_points(a, b, shown), True
     if min(n):
         for name, unit, i, j in outputs:
             one, whole = _compare_output(_Output(a, i, shown), _Output(b, j, shown), same, name, unit)
-            found.append(one)
+            differences.append(one)
             is_whole = is_whole and whole
     first = (outputs[0][2], outputs[0][3]) if outputs else (0, 0)
     tops = [_Output(level, output, shown).top for level, output in zip((a, b), first)]
@@ -97,7 +97,7 @@ def compare_level(
         failure=(a.failure, b.failure),
         same_points=same,
         ends=None if is_whole else (_range(a), _range(b)),
-        outputs=tuple(found),
+        outputs=tuple(differences),
         friction=(friction[0], friction[1]),
         damping=(damping[0], damping[1]),
         slip=(int(states[0][1]), int(states[1][1])),
@@ -168,7 +168,7 @@ def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...]
     width = half_width(a.frequency, a.size)
     curves = [Curve(np.column_stack([one.frequency / width, x / scale]), one.level.segment) for one, x in zip((a, b), padded)]
     feet = [curves[1].nearest(curves[0].X), curves[0].nearest(curves[1].X)]
-    found = []
+    distances = []
     for own, (side, other) in enumerate(((a, b), (b, a))):
         foot, there = feet[own], _both_there(curves, feet, own)
         difference, place = foot.distance[there], foot.place[there]
@@ -177,8 +177,8 @@ def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...]
         bars = None if side.bar is None else side.bar[there], None if other.bar is None else _between(other.bar, place)
         inside = _inside(scale * np.maximum(first - resolved, 0.0), *bars, scale)
         beyond = np.maximum(difference - resolved, 0.0)
-        found.append(Apart(side.frequency[there], side.level.segment[there], difference, beyond, inside, bool(there.all())))
-    return tuple(found), curves
+        distances.append(Apart(side.frequency[there], side.level.segment[there], difference, beyond, inside, bool(there.all())))
+    return tuple(distances), curves
 
 
 def _scale(a: _Output, b: _Output) -> float:
@@ -202,7 +202,7 @@ def _compare_output(a: _Output, b: _Output, same_points: bool, name: str, unit: 
         tops = [_top_between(curve, one, half_width(a.frequency, a.size), _scale(a, b)) for curve, one in zip(curves, (a, b))]
     bars = [None if one.bar is None else float(one.bar[i]) for one, i in zip((a, b), highest)]
     inside = [side.inside_bars for side in sides]
-    found = OutputDifference(
+    result = OutputDifference(
         name=name,
         unit=unit,
         difference=0.0 if worst is None else float(difference[worst]),
@@ -213,7 +213,7 @@ def _compare_output(a: _Output, b: _Output, same_points: bool, name: str, unit: 
         peak_at=(tops[0][0], tops[1][0]),
         bar=(bars[0], bars[1]),
     )
-    return found, all(side.is_whole for side in sides)
+    return result, all(side.is_whole for side in sides)
 
 
 def _between(values: np.ndarray, place: np.ndarray) -> np.ndarray:

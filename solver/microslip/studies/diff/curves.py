@@ -128,8 +128,8 @@ class _Piece:
             curvature = square + (apart * self.bend(s)).sum(axis=1)
             step = (apart * slope).sum(axis=1) / np.where(curvature > 0.1 * square, curvature, square)
             s = np.clip(s - np.clip(step, -reach, reach), self.knots[0], self.knots[-1])
-            found = np.linalg.norm(self.at(s) - points, axis=1)
-            best, least = np.where(found < least, s, best), np.minimum(found, least)
+            distance = np.linalg.norm(self.at(s) - points, axis=1)
+            best, least = np.where(distance < least, s, best), np.minimum(distance, least)
         return best
 
     def place(self, s: np.ndarray) -> np.ndarray:
@@ -143,11 +143,11 @@ class _Piece:
     def missed(self) -> np.ndarray:
         """Return how far each point lies from the line through every second one, (n,); of ends as of their neighbours."""
         n = len(self.X)
-        found = np.zeros(n)
+        missed = np.zeros(n)
         if n < _FEWEST:
-            return found
+            return missed
         for first in (0, 1):
             half = Curve(self.X[first::2], np.zeros(len(self.X[first::2])))
-            found[1 - first :: 2] = half.nearest(self.X[1 - first :: 2]).distance
-        found[[0, -1]] = found[[1, -2]]
-        return found
+            missed[1 - first :: 2] = half.nearest(self.X[1 - first :: 2]).distance
+        missed[[0, -1]] = missed[[1, -2]]
+        return missed

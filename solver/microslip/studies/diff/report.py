@@ -38,45 +38,45 @@ _HEAD = (
 )
 
 
-def text_of(found: Difference) -> str:
+def text_of(comparison: Difference) -> str:
     """Return all that there is to say, the verdict in the last line.  Local."""
-    parts = [_heads(found), _asked(found), _structure(found)]
-    if found.levels:
-        parts.append(_table(found))
-    notes = _notes(found)
-    return "\n\n".join([*(part for part in (*parts, notes) if part), verdict(found)])
+    parts = [_heads(comparison), _asked(comparison), _structure(comparison)]
+    if comparison.levels:
+        parts.append(_table(comparison))
+    notes = _notes(comparison)
+    return "\n\n".join([*(part for part in (*parts, notes) if part), verdict(comparison)])
 
 
-def verdict(found: Difference) -> str:
+def verdict(comparison: Difference) -> str:
     """Return in one line whether two results are the same, and to what."""
-    largest = max((level.difference for level in found.levels), default=0.0)
+    largest = max((level.difference for level in comparison.levels), default=0.0)
     says = f"the curves differ by up to {_percent(largest)} % of the peak" if largest > _ROUNDING else "the curves are equal"
-    if not found.levels:
+    if not comparison.levels:
         return "different: no level is in both"
-    if found.is_same:
-        return f"the same: {says}{_by(found)}"
+    if comparison.is_same:
+        return f"the same: {says}{_by(comparison)}"
     why = [
-        *(f"{', '.join(names)} in {side} alone" for side, names in zip("AB", found.only) if names),
-        *(f"{side} is not complete" for side in found.incomplete),
+        *(f"{', '.join(names)} in {side} alone" for side, names in zip("AB", comparison.only) if names),
+        *(f"{side} is not complete" for side in comparison.incomplete),
     ]
-    if all(map(found.is_level_same, found.levels)):
+    if all(map(comparison.is_level_same, comparison.levels)):
         ranges = [] if why else ["one runs over a wider range than the other"]
-        return f"different: {'; '.join([*why, *ranges])}; where both are, {says}{_by(found)}"
-    worst = max(found.levels, key=lambda level: level.difference)
-    return f"different: {'; '.join([*why, f'{says}, at {worst.level:g} {worst.unit}'.removesuffix(' 1')])}{_by(found)}"
+        return f"different: {'; '.join([*why, *ranges])}; where both are, {says}{_by(comparison)}"
+    worst = max(comparison.levels, key=lambda level: level.difference)
+    return f"different: {'; '.join([*why, f'{says}, at {worst.level:g} {worst.unit}'.removesuffix(' 1')])}{_by(comparison)}"
 
 
-def _by(found: Difference) -> str:
+def _by(comparison: Difference) -> str:
     """Return which bound was held, or not."""
-    tolerance = max(map(found.bound, found.levels))
+    tolerance = max(map(comparison.bound, comparison.levels))
     says = f" (tolerance {100.0 * tolerance:.2g} %"
-    if found.tolerance is None and not all(level.same_points for level in found.levels):
+    if comparison.tolerance is None and not all(level.same_points for level in comparison.levels):
         says += " beyond what the points resolve"
-    return says + (", or the error bars)" if found.bars else ")")
+    return says + (", or the error bars)" if comparison.bars else ")")
 
 
-def _heads(found: Difference) -> str:
-    return "\n".join(f"{side}  {_head(one)}" for side, one in (("A", found.a), ("B", found.b)))
+def _heads(comparison: Difference) -> str:
+    return "\n".join(f"{side}  {_head(one)}" for side, one in (("A", comparison.a), ("B", comparison.b)))
 
 
 def _head(one: ResultFile) -> str:
@@ -87,16 +87,16 @@ def _head(one: ResultFile) -> str:
     return _short(", ".join(parts), 200)
 
 
-def _asked(found: Difference) -> str:
+def _asked(comparison: Difference) -> str:
     """Return the keys, facts and files that differ."""
-    lines = _changes("asked for", found.keys) or ["asked for: the same keys and values"]
-    lines += _changes("computed with", found.facts)
-    if found.inputs is None:
-        old = [side for side, one in (("A", found.a), ("B", found.b)) if one.origin is None]
+    lines = _changes("asked for", comparison.keys) or ["asked for: the same keys and values"]
+    lines += _changes("computed with", comparison.facts)
+    if comparison.inputs is None:
+        old = [side for side, one in (("A", comparison.a), ("B", comparison.b)) if one.origin is None]
         lines.append(f"files read: {listed(old)} was written by an earlier version and does not say")
     else:
-        n = len(found.a.origin.inputs) if found.a.origin else 0
-        lines += _changes("files read", found.inputs) or [f"files read: the same {n}, by their hashes"]
+        n = len(comparison.a.origin.inputs) if comparison.a.origin else 0
+        lines += _changes("files read", comparison.inputs) or [f"files read: the same {n}, by their hashes"]
     return "\n".join(lines)
 
 
@@ -105,8 +105,8 @@ def _changes(head: str, changes: Sequence[Change]) -> list[str]:
     return [head] * bool(changes) + [f"  {change.key:<{width}}  {_short(change.a)}  ->  {_short(change.b)}" for change in changes]
 
 
-def _structure(found: Difference) -> str:
-    one = found.structure
+def _structure(comparison: Difference) -> str:
+    one = comparison.structure
     parts = []
     if any(one.n_dof):
         parts.append(_counted("DOF", one.n_dof))
@@ -126,8 +126,8 @@ def _counted(what: str, n: tuple[int, int]) -> str:
     return f"{n[0]} {what}" if n[0] == n[1] else f"{n[0]} -> {n[1]} {what}"
 
 
-def _table(found: Difference) -> str:
-    rows = [row for level in found.levels for row in _rows(level)]
+def _table(comparison: Difference) -> str:
+    rows = [row for level in comparison.levels for row in _rows(level)]
     title = "difference: of mean and all harmonics, in % of the peak of A; peaks, losses, states: where harmonic 1 is largest"
     return screen_table(title, _HEAD, rows, left=("level", "output"), wraps=("output",), close=True)
 
@@ -161,10 +161,10 @@ def _rows(level: LevelDifference) -> list[tuple[float, list[str]]]:
     return rows
 
 
-def _notes(found: Difference) -> str:
+def _notes(comparison: Difference) -> str:
     """Return what is to be known of levels: those that ended early, other points, pairs in other states."""
     lines = []
-    for level in found.levels:
+    for level in comparison.levels:
         name = f"{level.level:g} {level.unit}".removesuffix(" 1")
         for side, status, failure, n in zip("AB", level.status, level.failure, level.n_points):
             if status != COMPLETE:
@@ -181,8 +181,8 @@ def _notes(found: Difference) -> str:
             )
         if level.n_other_state:
             lines.append(f"{name}: {level.n_other_state} pairs are in another state where the response is largest")
-    for side, one in (("A", found.a), ("B", found.b)):
-        known = {level.level for level in found.levels}
+    for side, one in (("A", comparison.a), ("B", comparison.b)):
+        known = {level.level for level in comparison.levels}
         lines += [
             f"{level.level:g} {level.unit}: {side} {level.status}"
             for level in one.levels
@@ -191,7 +191,7 @@ def _notes(found: Difference) -> str:
     return "\n".join(lines)
 
 
-def json_of(found: Difference) -> str:
+def json_of(comparison: Difference) -> str:
     """Return the comparison as JSON: numbers as they are, null where one is not known.  Local."""
     levels = [
         {
@@ -200,26 +200,26 @@ def json_of(found: Difference) -> str:
             "beyond": level.beyond,
             "inside_bars": level.inside_bars,
             "is_whole": level.is_whole,
-            "is_same": found.is_level_same(level),
+            "is_same": comparison.is_level_same(level),
         }
-        for level in found.levels
+        for level in comparison.levels
     ]
     content: dict[str, Any] = {
-        "a": found.a.path,
-        "b": found.b.path,
-        "is_same": found.is_same,
-        "verdict": verdict(found),
-        "tolerance": max(map(found.bound, found.levels), default=None),
-        "beyond_resolution": found.tolerance is None,
-        "bars": found.bars,
-        "incomplete": found.incomplete,
-        "asked": [asdict(change) for change in found.keys],
-        "computed_with": [asdict(change) for change in found.facts],
-        "inputs": None if found.inputs is None else [asdict(change) for change in found.inputs],
-        "structure": asdict(found.structure),
+        "a": comparison.a.path,
+        "b": comparison.b.path,
+        "is_same": comparison.is_same,
+        "verdict": verdict(comparison),
+        "tolerance": max(map(comparison.bound, comparison.levels), default=None),
+        "beyond_resolution": comparison.tolerance is None,
+        "bars": comparison.bars,
+        "incomplete": comparison.incomplete,
+        "asked": [asdict(change) for change in comparison.keys],
+        "computed_with": [asdict(change) for change in comparison.facts],
+        "inputs": None if comparison.inputs is None else [asdict(change) for change in comparison.inputs],
+        "structure": asdict(comparison.structure),
         "levels": levels,
-        "only_a": found.only[0],
-        "only_b": found.only[1],
+        "only_a": comparison.only[0],
+        "only_b": comparison.only[1],
     }
     return json.dumps(_finite(content), indent=2, allow_nan=False)
 

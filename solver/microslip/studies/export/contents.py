@@ -34,9 +34,9 @@ def contents(
     scene: Scene, structure: Structure, reduction: Reduction, model: InterfaceModel, K_J: np.ndarray
 ) -> dict[str, Entry]:
     """Return the arrays of an export by their names.  Local."""
-    found = {**_matrices(model, K_J), **_pairs(structure.pairs)}
-    found |= _loads(scene, model) | _outputs(scene, reduction, model) | _asked(scene, structure)
-    return found
+    entries = {**_matrices(model, K_J), **_pairs(structure.pairs)}
+    entries |= _loads(scene, model) | _outputs(scene, reduction, model) | _asked(scene, structure)
+    return entries
 
 
 def _matrices(model: InterfaceModel, K_J: np.ndarray) -> dict[str, Entry]:
@@ -60,7 +60,7 @@ def _pairs(pairs: ContactPairs) -> dict[str, Entry]:
     k_ty = pairs.own.get("k_ty", np.full(pairs.n_pairs, np.nan))
     mu_y = pairs.own.get("mu_y", np.full(pairs.n_pairs, np.nan))
     each = "(n_pairs,)"
-    found = {
+    entries = {
         "mu": Entry(pairs.mu, each, "-", "friction coefficient"),
         "mu_y": Entry(np.where(np.isnan(mu_y), pairs.mu, mu_y), each, "-", "the same along y"),
         "k_t": Entry(pairs.k_t, each, "N/m", "tangential stiffness"),
@@ -78,12 +78,12 @@ def _pairs(pairs: ContactPairs) -> dict[str, Entry]:
         "law": Entry(np.array(pairs.laws, dtype=str), each, "", f'contact law; the scripts know "{ELASTIC_COULOMB}"'),
     }
     others = {name: values for name, values in pairs.own.items() if name not in ("k_ty", "mu_y")}
-    found |= {
+    entries |= {
         f"law_{name}": Entry(values, each, "SI", "of a law other than that; nan: not of this pair")
         for name, values in others.items()
     }
     sliders = sliders_of(pairs.laws, pairs.columns)
-    return found | {f"slider_{name}": Entry(values, *_SLIDERS[name]) for name, values in sliders.items()}
+    return entries | {f"slider_{name}": Entry(values, *_SLIDERS[name]) for name, values in sliders.items()}
 
 
 _SLIDERS = {  # shape, unit and meaning

@@ -117,9 +117,9 @@ def signs(model: InterfaceModel) -> np.ndarray:
     seen = np.vstack([model.M[: model.n_b], model.F.T, model.outputs])
     largest = np.abs(seen).max(axis=1, initial=0.0)
     weight = np.divide(1.0 + np.cos(np.arange(len(seen))) / 2.0, largest, out=np.zeros(len(seen)), where=largest > 0.0)
-    found = np.where(weight @ seen < 0.0, -1.0, 1.0)
-    found[: model.n_b] = 1.0
-    return found
+    sign = np.where(weight @ seen < 0.0, -1.0, 1.0)
+    sign[: model.n_b] = 1.0
+    return sign
 
 
 def turned(model: InterfaceModel, sign: np.ndarray) -> InterfaceModel:

@@ -24,7 +24,7 @@ LARGEST_MAT = 2**31 - 1  # bytes of an array in a .mat file of version 5
 
 
 def write_export(
-    found: Mapping[str, Entry], fields: Mapping[str, Entry] | None, method: str, note: str, scene: Scene, folder: str
+    arrays: Mapping[str, Entry], fields: Mapping[str, Entry] | None, method: str, note: str, scene: Scene, folder: str
 ) -> str:
     """Write everything into ``folder`` and return what is said of it.  Local.
 
@@ -33,29 +33,29 @@ def write_export(
     CaseError, ResourceError : a file cannot be written, or an array is too large for a .mat file
     """
     make_folder(folder)
-    _refuse_too_large(found)
-    _write_arrays(f"{folder}/model", found)
+    _refuse_too_large(arrays)
+    _write_arrays(f"{folder}/model", arrays)
     if fields is not None:
         _write_arrays(f"{folder}/recovery", fields, has_mat=_largest(fields) <= LARGEST_MAT)
-    limits = what_differs(found, scene)
+    limits = what_differs(arrays, scene)
     with written_whole(f"{folder}/README.txt") as path:
-        Path(path).write_text(readme(found, fields, note, limits, str(scene.path)), encoding="utf-8")
+        Path(path).write_text(readme(arrays, fields, note, limits, str(scene.path)), encoding="utf-8")
     for name in SCRIPTS:
         with written_whole(f"{folder}/{name}") as path:
             shutil.copyfile(Path(__file__).parent / "scripts" / name, path)
-    return "\n".join([_size(found, method), *(f"  {line}" for line in limits)])
+    return "\n".join([_size(arrays, method), *(f"  {line}" for line in limits)])
 
 
-def _size(found: Mapping[str, Entry], method: str) -> str:
-    n, n_b = len(found["M"].values), len(found["independent"].values)
-    n_pairs, H = len(found["mu"].values), int(found["harmonics"].values)
+def _size(arrays: Mapping[str, Entry], method: str) -> str:
+    n, n_b = len(arrays["M"].values), len(arrays["independent"].values)
+    n_pairs, H = len(arrays["mu"].values), int(arrays["harmonics"].values)
     unknowns = f"{n * (2 * H + 1)} unknowns with H = {H}"
     return f"{method}: {n} coordinates, {n_b} of them relative displacements of {n_pairs} pairs; {unknowns}"
 
 
-def what_differs(found: Mapping[str, Entry], scene: Scene) -> list[str]:
+def what_differs(arrays: Mapping[str, Entry], scene: Scene) -> list[str]:
     """Return where the scripts, or the laws of the other programs, are not what this program solves; empty: nowhere.  Local."""
-    value = {name: entry.values for name, entry in found.items()}
+    value = {name: entry.values for name, entry in arrays.items()}
     lines = []
     if scene.solver.between_samples == "path":
         lines.append(
@@ -102,26 +102,26 @@ def _of_laws(value: Mapping[str, np.ndarray]) -> list[str]:
     return lines
 
 
-def _refuse_too_large(found: Mapping[str, Entry]) -> None:
-    if _largest(found) > LARGEST_MAT:
-        n = len(found["M"].values)
+def _refuse_too_large(arrays: Mapping[str, Entry]) -> None:
+    if _largest(arrays) > LARGEST_MAT:
+        n = len(arrays["M"].values)
         raise CaseError(
-            f"export: {n} coordinates make matrices of {_largest(found) / 1e9:.3g} GB, and a .mat of version 5 holds 2.1 GB; "
+            f"export: {n} coordinates make matrices of {_largest(arrays) / 1e9:.3g} GB, and a .mat of version 5 holds 2.1 GB; "
             "ask for fewer modes or interface shapes, or for another --method"
         )
 
 
-def _largest(found: Mapping[str, Entry]) -> int:
-    return max(entry.values.nbytes for entry in found.values())
+def _largest(arrays: Mapping[str, Entry]) -> int:
+    return max(entry.values.nbytes for entry in arrays.values())
 
 
-def _write_arrays(path: str, found: Mapping[str, Entry], has_mat: bool = True) -> None:
+def _write_arrays(path: str, arrays: Mapping[str, Entry], has_mat: bool = True) -> None:
     """Write the arrays as .npz and, unless they are too large, as .mat of version 5; text is text in both, never an object."""
     with written_whole(f"{path}.npz") as beside, open(beside, "wb") as file:
-        np.savez_compressed(file, **{name: entry.values for name, entry in found.items()})
+        np.savez_compressed(file, **{name: entry.values for name, entry in arrays.items()})
     if has_mat:
         with written_whole(f"{path}.mat") as beside, open(beside, "wb") as file:
-            scipy.io.savemat(file, {name: _as_mat(entry.values) for name, entry in found.items()}, oned_as="column")
+            scipy.io.savemat(file, {name: _as_mat(entry.values) for name, entry in arrays.items()}, oned_as="column")
 
 
 def _as_mat(values: np.ndarray) -> np.ndarray:
@@ -131,10 +131,13 @@ def _as_mat(values: np.ndarray) -> np.ndarray:
     return values.astype(float)
 
 
-def readme(found: Mapping[str, Entry], fields: Mapping[str, Entry] | None, note: str, limits: Sequence[str], scene: str) -> str:
+def readme(arrays: Mapping[str, Entry], fields: Mapping[str, Entry] | None, note: str, limits: Sequence[str], scene: str) -> str:
     """Return README.txt: the equation, signs, every array with shape and unit, how to run the scripts, what differs.  Local."""
     laws = "\n".join(_law(name, kind.exported) for name, kind in LAWS.items() if kind.exported)
-    parts = [TEXT.format(scene=scene, note=note, laws=laws), "model.npz and model.mat\n-----------------------\n" + _table(found)]
+    parts = [
+        TEXT.format(scene=scene, note=note, laws=laws),
+        "model.npz and model.mat\n-----------------------\n" + _table(arrays),
+    ]
     if fields is not None:
         size = sum(entry.values.nbytes for entry in fields.values()) / 1e6
         mat = (
@@ -154,10 +157,10 @@ def _law(name: str, exported: str) -> str:
     return "\n".join(f"    {head:<10}{line}" for head, line in zip([f'"{name}"', *[""] * len(lines)], lines))
 
 
-def _table(found: Mapping[str, Entry]) -> str:
-    names = max(map(len, found))
+def _table(arrays: Mapping[str, Entry]) -> str:
+    names = max(map(len, arrays))
     lines = []
-    for name, entry in found.items():
+    for name, entry in arrays.items():
         stands = "x".join(map(str, entry.values.shape)) or "a number"
         unit = f" [{entry.unit}]" if entry.unit not in ("", "-") else ""
         lines.append(f"{name:{names}}  {entry.shape}, here {stands}{unit}: {entry.meaning}")

@@ -59,10 +59,10 @@ def export(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
         with log.stage("matrices"):
             K_J = joint_stiffness(structure.pairs)
             model = on_root(comm, lambda: interface_model(reduction.structure.receptance_of(1).modes, K_J))
-            found = contents(scene, structure, reduction, model, K_J)
+            arrays = contents(scene, structure, reduction, model, K_J)
             fields = recovered(structure, reduction, model.T) if asked.recovery else None
         log.note(note)
-        log.note(on_root(comm, write_export, found, fields, settings.method, note, scene, str(folder)))
+        log.note(on_root(comm, write_export, arrays, fields, settings.method, note, scene, str(folder)))
         log.note(f"results in {folder}")
         structure.close()
 

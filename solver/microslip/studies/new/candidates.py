@@ -71,12 +71,12 @@ def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> l
     joined = {frozenset(names[i] for i in pair) for one in together for pair in _bodies_of(skin, *one)}
     rough = np.abs(rest.gap) > _APART * np.maximum(skin.size[rest.face], skin.size[rest.other])
     taken = set(mesh.node_groups)
-    found = [
+    unnamed = [
         replace(one, is_likely=frozenset(one.made[0].bodies) not in joined)
         for is_apart in (False, True)
         for one in _unnamed(mesh, skin, _some(rest, rough == is_apart), names, taken, not is_apart)
     ]
-    order = sorted([*named, *found], key=lambda one: (one.is_apart, not one.is_likely, bool(one.made), -one.area))
+    order = sorted([*named, *unnamed], key=lambda one: (one.is_apart, not one.is_likely, bool(one.made), -one.area))
     return [replace(one, name=name) for one, name in zip(order, _distinct([one.name for one in order]), strict=True)]
 
 
@@ -124,8 +124,8 @@ def _named(
     meets = (pairs @ members.T).astype(bool).astype(float)  # (n_faces, n_groups)
     area = members @ sp.diags(skin.area)
     share = sp.diags(1.0 / np.maximum(np.asarray(area.sum(axis=1)).ravel(), 1e-300)) @ (area @ meets)
-    found = sp.coo_matrix(share)
-    mutual = {(i, j): (value, share[j, i]) for i, j, value in zip(found.row, found.col, found.data) if i < j}
+    overlap = sp.coo_matrix(share)
+    mutual = {(i, j): (value, share[j, i]) for i, j, value in zip(overlap.row, overlap.col, overlap.data) if i < j}
     wanted = {frozenset(pair) for pair in asked}
 
     def rank(pair: tuple[int, int]) -> tuple:
@@ -186,7 +186,7 @@ def _unnamed(mesh: Mesh, skin: Skin, touching: Touching, names: list[str], taken
 
     ``names`` are those of the bodies, ``taken`` those that surfaces have already.
     """
-    found = []
+    candidates = []
     pairs = np.unique(np.sort(np.stack([skin.body[touching.face], skin.body[touching.other]], axis=1), axis=1), axis=0)
     for a, b in pairs.tolist():
         first = np.unique(touching.face[(skin.body[touching.face] == a) & (skin.body[touching.other] == b)])
@@ -201,8 +201,8 @@ def _unnamed(mesh: Mesh, skin: Skin, touching: Touching, names: list[str], taken
                 Surface.of_file(name=surfaces[0], bodies=(names[a], names[b]), normal=normal),
                 Surface.of_file(name=surfaces[1], bodies=(names[b], names[a]), normal=back),
             )
-            found.append(_candidate(skin, touching, surfaces, side, other, made))
-    return found
+            candidates.append(_candidate(skin, touching, surfaces, side, other, made))
+    return candidates
 
 
 def _sides(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray, is_one_body: bool, splits: bool):
@@ -253,8 +253,8 @@ def _new_names(stems: tuple[str, str], taken: set[str]) -> tuple[str, str]:
 
 def _distinct(names: list[str]) -> list[str]:
     """Return names that are all different: those that come again with a number."""
-    found: list[str] = []
+    distinct: list[str] = []
     for name in names:
-        number = 1 + sum(one == name or one.startswith(f"{name} ") for one in found)
-        found.append(name if number == 1 else f"{name} {number}")
-    return found
+        number = 1 + sum(one == name or one.startswith(f"{name} ") for one in distinct)
+        distinct.append(name if number == 1 else f"{name} {number}")
+    return distinct

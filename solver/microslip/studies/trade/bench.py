@@ -101,15 +101,15 @@ class Bench:
         """
         key = (setting.method, setting.modes)
         if key not in self._prepared:
-            found = self._prepare(setting)
-            if found.reduction.leaves_out == "basis":
-                return found
-            self._prepared[key] = found
-        found = self._prepared[key]
+            ready = self._prepare(setting)
+            if ready.reduction.leaves_out == "basis":
+                return ready
+            self._prepared[key] = ready
+        ready = self._prepared[key]
         if setting.energy_tolerance is None:
-            return found
-        selection = replace(found.reduction.selection, energy_tolerance=setting.energy_tolerance)  # type: ignore[type-var]
-        return replace(found, reduction=replace(found.reduction, selection=selection))
+            return ready
+        selection = replace(ready.reduction.selection, energy_tolerance=setting.energy_tolerance)  # type: ignore[type-var]
+        return replace(ready, reduction=replace(ready.reduction, selection=selection))
 
     def _prepare(self, setting: Setting) -> Prepared:
         if setting.modes not in self._first:
@@ -246,8 +246,8 @@ def not_run(knob: str, value: str, setting: Setting, why: str) -> Run:
 def curve_of(branch: Branch, is_corrected: bool = False) -> Curve:
     """Return the amplitude of harmonic 1 of the first output along a branch, cos - i sin, or the corrected one.  Local."""
     omega = np.array([point.omega for point in branch.points])
-    found = [amplitude_of(point, is_corrected) for point in branch.points]
-    return Curve(branch.level, omega, np.array([u for u, _ in found], dtype=complex), np.array([bar for _, bar in found]))
+    values = [amplitude_of(point, is_corrected) for point in branch.points]
+    return Curve(branch.level, omega, np.array([u for u, _ in values], dtype=complex), np.array([bar for _, bar in values]))
 
 
 def amplitude_of(point: Point, is_corrected: bool) -> tuple[complex, float]:

@@ -46,7 +46,7 @@ def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) 
     CaseError : the first output does not move in harmonic 1; on every rank
     ConvergenceError : no level has a curve; on every rank
     """
-    prepared, found, most, failures, any_slips = bench.prepared(setting), {}, 0.0, [], False
+    prepared, by_level, most, failures, any_slips = bench.prepared(setting), {}, 0.0, [], False
     response = bench.response(prepared, setting)
     response = replace(response, settings=replace(response.settings, points=STEPS))
     strongest = max(levels or bench.scene.response.levels)
@@ -58,13 +58,13 @@ def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) 
         elif levels or slips or level == strongest:
             check_moves(bench, branch)
             any_slips = any_slips or slips
-            found[level] = thinned(omegas, curve_of(branch))
+            by_level[level] = thinned(omegas, curve_of(branch))
             most = max([most, *(float(point.energy.max(initial=0.0)) for point in branch.points)])
-        if not levels and (len(found) == 2 or (level == strongest and found and not slips)):
+        if not levels and (len(by_level) == 2 or (level == strongest and by_level and not slips)):
             break
-    if not found:
+    if not by_level:
         raise ConvergenceError("no level has a curve to compare on: " + "; ".join(failures))
-    return bench.comm.bcast((dict(sorted(found.items())), most, any_slips))
+    return bench.comm.bcast((dict(sorted(by_level.items())), most, any_slips))
 
 
 def check_moves(bench: Bench, branch: Branch) -> None:
@@ -126,7 +126,7 @@ class Ladder:
     def _from(self, motions, prepared, setting: Setting, level: float, omegas) -> tuple[Branch | None, list[Iterate]]:
         """Return the points found from solutions of another setting; None where one is not found so."""
         problem, selection = self.bench.response(prepared, setting).at_level(level), prepared.reduction.selection
-        workspace, branch, found = Workspace(problem.equation), Branch(level), []
+        workspace, branch, iterates = Workspace(problem.equation), Branch(level), []
         solver = PointSolver(problem, selection, range_of(omegas), setting.tolerance, workspace)
         try:
             for motion in motions:
@@ -135,10 +135,10 @@ class Ladder:
                 if at_point[0].failure:
                     return None, []
                 branch.points.append(point_record(problem, selection, at_point, asked=True)[0])
-                found.append(at_point[0].iterate)
+                iterates.append(at_point[0].iterate)
         finally:
             workspace.destroy()
-        return branch, found
+        return branch, iterates
 
     def _anew(self, prepared, setting: Setting, level: float, omegas) -> tuple[Branch, list[Iterate]]:
         """Return the points, each found from those before it."""

@@ -126,17 +126,17 @@ def summary(study: Study) -> list[str]:
 
 def records(study: Study) -> list[dict]:
     """Return a record a run over all levels, by the names of ``COLUMNS``, and one a run and level where there are several."""
-    front, found, exact = {id(run) for run in study.front()}, list[Record](), study.reference.curves
+    front, table_rows, exact = {id(run) for run in study.front()}, list[Record](), study.reference.curves
     for run in study.ordered():
         own, is_best = study.own(run, run.knob) if run.failure is None else np.nan, id(run) in front
-        found.append(Record(run, "all", run.curves, study.score(run), own, is_best, study.error_of_corrected(run.corrected)))
+        table_rows.append(Record(run, "all", run.curves, study.score(run), own, is_best, study.error_of_corrected(run.corrected)))
         for i, curve in enumerate(run.curves if len(exact) > 1 else ()):
             corrected = study.error_of_corrected(run.corrected[i : i + 1])
-            found.append(Record(run, f"{curve.level:g}", [curve], score([curve], exact), np.nan, is_best, corrected))
+            table_rows.append(Record(run, f"{curve.level:g}", [curve], score([curve], exact), np.nan, is_best, corrected))
     for run in study.meshes:
         finest = {curve.level: curve for curve in study.meshes[-1].curves}
-        found.append(Record(run, "all", run.curves, score(run.curves, finest)))
-    return [{name: of(record) for name, (_, of) in COLUMNS.items()} for record in found]
+        table_rows.append(Record(run, "all", run.curves, score(run.curves, finest)))
+    return [{name: of(record) for name, (_, of) in COLUMNS.items()} for record in table_rows]
 
 
 # -- the table -----------------------------------------------------------------------------------------------------
@@ -226,23 +226,23 @@ def reference_lines(study: Study) -> list[str]:
 
 def validation_lines(study: Study) -> list[str]:
     """Say how the error bars did."""
-    found = study.validation()
-    if not found.n_above:
+    validation = study.validation()
+    if not validation.n_above:
         return ["error bars: no error above what the reference is known to; nothing to judge them by"]
-    covered = f"{100.0 * found.coverage:.1f} %"
+    covered = f"{100.0 * validation.coverage:.1f} %"
     return [
-        f"error bars: of {found.n_above} points with an error above that, {covered} lie under their bar; the bar is "
-        f"{found.ratio:.2g} times the error in the median"
+        f"error bars: of {validation.n_above} points with an error above that, {covered} lie under their bar; the bar is "
+        f"{validation.ratio:.2g} times the error in the median"
     ]
 
 
 def sentences(study: Study) -> list[str]:
     """Say of each knob what a step of it costs and buys."""
-    found = []
+    lines = []
     for knob in ("harmonics", "samples", "modes", "tolerance", "eps"):
         for before, after in pairwise(study.sweep(knob)):
-            found.append(step_sentence(study, knob, before, after))
-    found += method_sentences(study)
+            lines.append(step_sentence(study, knob, before, after))
+    lines += method_sentences(study)
     for run in study.complete:
         if run.setting.accuracy is not None:
             error = study.score(run).error
@@ -254,8 +254,8 @@ def sentences(study: Study) -> list[str]:
                 else "missed"
             )
             cost = f"{run.cost:.2g} s{_beside_fixed(study, run)}"
-            found.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {cost}")
-    return found
+            lines.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {cost}")
+    return lines
 
 
 def method_sentences(study: Study) -> list[str]:
@@ -272,7 +272,7 @@ def method_sentences(study: Study) -> list[str]:
 
 def corrected_sentences(study: Study) -> list[str]:
     """Say of every number of harmonics what its corrected amplitude is off by, and which one is as good without."""
-    sweep, found = study.sweep("harmonics"), []
+    sweep, lines = study.sweep("harmonics"), []
     for run in sweep:
         error = study.error_of_corrected(run.corrected)
         if not np.isfinite(error) or study.score(run).error < study.reference.floor:
@@ -281,8 +281,8 @@ def corrected_sentences(study: Study) -> list[str]:
         as_good = next((one for one in sweep if study.score(one).error <= max(error, study.reference.floor)), None)
         beside = "" if as_good is None else f"; without it takes {as_good.setting.harmonics}, {as_good.cost / run.cost:.2g}x"
         said = f"harmonics {run.setting.harmonics}, corrected: error {errors}"
-        found.append(f"{said} for {run.cpu_with_bars / run.cost:.2g}x the time{beside}")
-    return found
+        lines.append(f"{said} for {run.cpu_with_bars / run.cost:.2g}x the time{beside}")
+    return lines
 
 
 def _beside_fixed(study: Study, run: Run) -> str:
@@ -360,7 +360,7 @@ def mesh_lines(study: Study) -> list[str]:
     finest = {curve.level: curve for curve in study.meshes[-1].curves}
     lines = [f"meshes, against the finest, {study.meshes[-1].value}; bars say nothing of the mesh:"]
     for run in study.meshes:
-        found = score(run.curves, finest)
-        errors = f"peak {percent(found.peak)} and frequency {percent(found.frequency)} off, curve {percent(found.error)}"
+        scored = score(run.curves, finest)
+        errors = f"peak {percent(scored.peak)} and frequency {percent(scored.frequency)} off, curve {percent(scored.error)}"
         lines.append(f"  {run.value}: set-up {run.setup:.2g} s, response {run.seconds:.2g} s, {run.failure or errors}")
     return [*lines, ""]

@@ -118,7 +118,7 @@ def _name(axes, study: Study, shown: dict) -> None:
 
 def _draw_bars(axes, study: Study) -> None:
     """Draw the bar of every point against its error."""
-    found = study.validation()
+    score = study.validation()
     pairs = []
     for run in study.runs:
         for curve in run.curves:
@@ -139,7 +139,7 @@ def _draw_bars(axes, study: Study) -> None:
         axes.plot(error, bar, ".", ms=1.8, mew=0, color=LOOKS.get(knob, (FAINT, ""))[0], zorder=3, rasterized=True)
     axes.set(xscale="log", yscale="log", xlim=ends, ylim=ends, xlabel="error of a point / peak [-]", ylabel="its bar / peak [-]")
     axes.set_title(
-        f"{100 * found.coverage:.1f} % of {found.n_above} points under their bar,\nbar / error {found.ratio:.2g} in the median"
+        f"{100 * score.coverage:.1f} % of {score.n_above} points under their bar,\nbar / error {score.ratio:.2g} in the median"
     )
     axes.text(0.03, 0.97, "shaded: bar up to 10 times the error", transform=axes.transAxes, va="top", fontsize=6, color=INK)
 

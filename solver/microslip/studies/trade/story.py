@@ -178,15 +178,15 @@ def linear_trade(bench: Bench, knobs: Sequence[str], base: Setting, levels: list
     ------
     CaseError : the command line asks for none of them
     """
-    found = tuple(knob for knob in knobs if knob in OF_LINEAR)
-    if not found:
+    effective = tuple(knob for knob in knobs if knob in OF_LINEAR)
+    if not effective:
         raise CaseError(
             f"--knobs {','.join(knobs)}: no pair slips or opens at {', '.join(f'{level:g}' for level in levels)} N, "
             f"and of a linear response none of these changes anything; turn some of {', '.join(OF_LINEAR)}, or raise "
             "--levels or [response] levels until something slips"
         )
     H = bench.least_harmonics
-    return found, replace(base, harmonics=H, samples=max(BASE_SAMPLES, 16 * H))
+    return effective, replace(base, harmonics=H, samples=max(BASE_SAMPLES, 16 * H))
 
 
 def cheap(bench: Bench, base: Setting) -> Setting:
@@ -221,7 +221,7 @@ def settings(
     for H in turned.pop("harmonics", []):
         setting = replace(base, harmonics=H, samples=max(base.samples, 4 * (H + 1)))
         (first if H < MANY else last).append(("harmonics", f"{H}", setting))
-    for row in zip_longest(*([(knob, value) for value in ends_first(found)] for knob, found in turned.items())):
+    for row in zip_longest(*([(knob, value) for value in ends_first(options)] for knob, options in turned.items())):
         settings_of_row = [(knob, f"{value:g}", base.turned(knob, value)) for knob, value in filter(None, row)]
         first += [entry for entry in settings_of_row if entry[2].samples > 2 * entry[2].harmonics]
     later += [(ACCURACY, f"{target:g}", replace(base, accuracy=target)) for target in TARGETS[:2]]
@@ -237,9 +237,9 @@ def settings(
     return first, [*later, *last[:1], (ACCURACY, f"{TARGETS[2]:g}", replace(base, accuracy=TARGETS[2])), *last[1:]]
 
 
-def ends_first(found: list) -> list:
+def ends_first(entries: list) -> list:
     """Return a list with its first and last entries first: where time runs out these say most.  Local."""
-    return [*found[:1], *found[1:][-1:], *found[1:-1]]
+    return [*entries[:1], *entries[1:][-1:], *entries[1:-1]]
 
 
 def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
@@ -293,7 +293,7 @@ def log_run(log: RunLog, study: Study, run: Run) -> None:
 def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: RunLog) -> list[Run]:
     """Return a run of the base a mesh, coarse to fine, all at the frequencies that any of them needs.  Collective."""
     assert scene.model.mesh is not None, "other meshes belong to a scene with one"
-    found: list[tuple[int, Run]] = []
+    runs: list[tuple[int, Run]] = []
     benches = []
     omegas: dict[float, list[float]] = {}
     for mesh in dict.fromkeys([str(scene.folder / scene.model.mesh), *(str(Path(mesh).absolute()) for mesh in asked.meshes)]):
@@ -306,12 +306,12 @@ def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: Ru
             own, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
             benches.append((mesh, bench, setup))
         except MicroslipError as problem:
-            found.append((0, not_run("mesh", Path(mesh).name, replace(base, mesh=mesh), str(problem))))
+            runs.append((0, not_run("mesh", Path(mesh).name, replace(base, mesh=mesh), str(problem))))
             continue
         for level, points in own.items():
             omegas[level] = sorted({*omegas.get(level, ()), *points}, reverse=bench.sweep.direction < 0)
     for mesh, bench, setup in benches:
         run = bench.run("mesh", Path(mesh).name, replace(base, mesh=mesh), omegas, bars=False)
-        found.append((bench.structure.n_dof, replace(run, setup=setup)))
+        runs.append((bench.structure.n_dof, replace(run, setup=setup)))
         bench.structure.close()
-    return [run for _, run in sorted(found, key=lambda entry: entry[0])]
+    return [run for _, run in sorted(runs, key=lambda entry: entry[0])]

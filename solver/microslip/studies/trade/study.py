@@ -139,7 +139,7 @@ def uncertainty(rungs: Sequence[Sequence[Sequence[Curve]]], reference: Sequence[
     ``rungs`` are the curves of each sequence of refinements.  The last change at a point or one beside it, whichever is largest,
     goes on falling by the gain of the level; the sequences add up.
     """
-    found = []
+    curves = []
     for i, curve in enumerate(reference):
         known = ROUNDING * curve.peak * np.ones(len(curve.omega))
         for sequence in rungs:
@@ -148,8 +148,8 @@ def uncertainty(rungs: Sequence[Sequence[Sequence[Curve]]], reference: Sequence[
                 last = np.pad(steps[-1], 1, mode="edge")
                 widest = np.maximum(last[1:-1], np.maximum(last[:-2], last[2:]))
                 known += widest / (gain_of([step.max(initial=0.0) for step in steps]) - 1.0)
-        found.append(replace(curve, bar=known))
-    return tuple(found)
+        curves.append(replace(curve, bar=known))
+    return tuple(curves)
 
 
 @dataclass(frozen=True)
@@ -322,10 +322,10 @@ def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
 
 def difference(curves: Sequence[Curve], others: Sequence[Curve]) -> float:
     """Return the largest difference of curves at the points both have, over the peak of the others; nan without one."""
-    found = {curve.level: curve for curve in others}
+    by_level = {curve.level: curve for curve in others}
     worst = [np.nan]
     for curve in curves:
-        other = found.get(curve.level)
+        other = by_level.get(curve.level)
         if other is not None and (n := min(len(curve.omega), len(other.omega))):
             worst.append(float(np.abs(curve.u[:n] - other.u[:n]).max() / (other.peak or 1.0)))
     return float(np.nanmax(worst)) if len(worst) > 1 else np.nan
@@ -367,27 +367,27 @@ def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, 
     base = study.run_of_base
     if base is None:
         return []
-    found = [(study.base, base.cost, 0.0)]
+    combinations = [(study.base, base.cost, 0.0)]
     for knob in knobs:
         sweep = study.sweep(knob)
         if not sweep:
             continue
         options = [(getattr(run.setting, KEYS[knob]), run.cost / base.cost, study.own(run, knob)) for run in sweep]
-        found = [
+        combinations = [
             (setting.turned(knob, value), seconds * factor, error + own)
-            for setting, seconds, error in found
+            for setting, seconds, error in combinations
             for value, factor, own in options
         ]
-    return [entry for entry in found if entry[0].samples > 2 * entry[0].harmonics]
+    return [entry for entry in combinations if entry[0].samples > 2 * entry[0].harmonics]
 
 
 def promising(study: Study, knobs: Sequence[str], most: int) -> list[Setting]:
     """Return at most ``most`` combinations not run yet: the cheapest expected to reach each of ``TARGETS``, then of the front."""
-    found = predicted(study, knobs)
-    if not found:
+    combinations = predicted(study, knobs)
+    if not combinations:
         return []
-    seconds, error = np.array([entry[1] for entry in found]), np.array([entry[2] for entry in found])
-    front = [found[i] for i in np.flatnonzero(pareto(seconds, error))]
+    seconds, error = np.array([entry[1] for entry in combinations]), np.array([entry[2] for entry in combinations])
+    front = [combinations[i] for i in np.flatnonzero(pareto(seconds, error))]
     front.sort(key=lambda entry: entry[1])
     first = [
         min(good, key=lambda entry: entry[1])

@@ -104,15 +104,15 @@ def forces(coordinate, coefficients, n_pairs):
     """Return the loads of one coordinate: an element for each harmonic that acts on it."""
     is_node = coordinate < 3 * n_pairs
     node, dirs = (coordinate // 3, [coordinate % 3]) if is_node else (n_pairs + coordinate - 3 * n_pairs, [-1])
-    found = {}
+    connectors = {}
     for n in range((len(coefficients) + 1) // 2):
         cos, sin = (coefficients[0], 0.0) if n == 0 else coefficients[2 * n - 1 : 2 * n + 1]
         if cos or sin:
             own = {"type": "GOForcing", "connect": {"body": [int(node)]}, "dirs": [int(d) for d in dirs], "dto": 0, "ho": n}
-            found[f"load {coordinate} {n}"] = {**own, "amp": float(np.hypot(cos, sin)), "phi": float(np.arctan2(sin, cos))}
+            connectors[f"load {coordinate} {n}"] = {**own, "amp": float(np.hypot(cos, sin)), "phi": float(np.arctan2(sin, cos))}
             if n == 0:
-                found[f"load {coordinate} {n}"]["amp"] = float(cos)
-    return found
+                connectors[f"load {coordinate} {n}"]["amp"] = float(cos)
+    return connectors
 
 
 def positions(dofs, n_pairs, size, H):
