@@ -25,7 +25,7 @@ Resonance = list[tuple[LevelResult, Peak]]  # a peak and its level, by rising le
 def resonances(levels: Sequence[LevelResult], output: int) -> list[Resonance]:
     """Return the peaks of an output, each followed from level to level by its frequency.  Local."""
     lines: list[Resonance] = []
-    for level in sorted((one for one in levels if one.peaks and one.level), key=lambda one: abs(one.level)):
+    for level in sorted((level for level in levels if level.peaks and level.level), key=lambda one: abs(one.level)):
         peaks = [peak for peak in level.peaks or () if peak.output == output]
         ends = np.log([line[-1][1].omega for line in lines])
         apart = np.abs(np.log([[peak.omega] for peak in peaks]).reshape(-1, 1) - ends)

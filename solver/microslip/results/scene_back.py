@@ -47,7 +47,7 @@ def said_of_run(results: ResultFile) -> list[str]:
     if origin is not None:
         ranks = f"{origin.n_ranks} rank{'s' if origin.n_ranks > 1 else ''} in {origin.n_groups} groups"
         lines.append(f"{origin.started}, {ranks.removesuffix(' in 1 groups')}: {origin.command}")
-        lines += [f"{one.key}: {one.size} bytes, SHA-256 {one.sha256}, {fate(one)}" for one in origin.inputs]
+        lines += [f"{entry.key}: {entry.size} bytes, SHA-256 {entry.sha256}, {fate(entry)}" for entry in origin.inputs]
     if results.options:
         lines.append(f"PETSc options: -- {shlex.join(results.options)}")
     return [" ".join("".join(c if c.isprintable() else " " for c in line).split()) for line in lines]
@@ -75,7 +75,7 @@ def relocated(results: ResultFile, folder: Path) -> str:
     if origin is None:
         return text
     home = Path(origin.scene_path).parent
-    known = {os.path.normpath(one.path) for one in origin.inputs}
+    known = {os.path.normpath(entry.path) for entry in origin.inputs}
 
     def moved(stated: str) -> str:
         """Return a path of the scene, or a matrix in a file, as seen from the new folder; other texts as they are."""

@@ -149,8 +149,8 @@ def _write_origin(group: h5py.Group, origin: Origin) -> None:
     write_texts(group, "environment/name", origin.environment.keys())
     write_texts(group, "environment/value", origin.environment.values())
     for name in ("key", "path", "sha256"):
-        write_texts(group, f"inputs/{name}", [getattr(one, name) for one in origin.inputs])
-    write_array(group, "inputs/size", np.array([one.size for one in origin.inputs], dtype="i8"), "bytes")
+        write_texts(group, f"inputs/{name}", [getattr(entry, name) for entry in origin.inputs])
+    write_array(group, "inputs/size", np.array([entry.size for entry in origin.inputs], dtype="i8"), "bytes")
 
 
 def common(units: list[str]) -> str:

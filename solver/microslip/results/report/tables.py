@@ -131,7 +131,7 @@ def cards(results: ResultFile) -> str:
 
 def _shift(results: ResultFile, level: LevelResult, at: int) -> str:
     """Return how far the peak lies from that of the lowest level."""
-    low = min((one for one in results.levels if len(one.frequency)), key=lambda one: abs(one.level))
+    low = min((level for level in results.levels if len(level.frequency)), key=lambda one: abs(one.level))
     if low is level:
         return ""
     reference = low.frequency[peak(low.response) or 0]
@@ -309,7 +309,10 @@ def origin_table(results: ResultFile) -> str:
         ("scene", escape(origin.scene_path)),
         ("ranks", f"{origin.n_ranks} in {origin.n_groups} group{'s' if origin.n_groups > 1 else ''}, on {escape(hosts)}"),
         *((escape(name), escape(value)) for name, value in origin.environment.items()),
-        *((escape(one.key), f"{escape(one.path)}<br>{one.size} bytes, SHA-256 {escape(one.sha256)}") for one in origin.inputs),
+        *(
+            (escape(entry.key), f"{escape(entry.path)}<br>{entry.size} bytes, SHA-256 {escape(entry.sha256)}")
+            for entry in origin.inputs
+        ),
     ]
     return table(("origin", ""), rows, of_numbers=False)
 

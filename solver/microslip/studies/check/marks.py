@@ -17,21 +17,21 @@ from .picture import Mark
 
 def marks_of_scene(mesh: Mesh, settings: StructureTables) -> list[Mark]:
     """Return joints, ties, bolts, supports, points, loads and outputs of a scene.  Local, rank 0."""
-    marks = [Mark(label=f"joint {one.name}", faces=_faces(mesh, one.groups)) for one in settings.joints]
+    marks = [Mark(label=f"joint {joint.name}", faces=_faces(mesh, joint.groups)) for joint in settings.joints]
     if settings.ties:
         named = settings.ties[0].label if len(settings.ties) == 1 else f"{len(settings.ties)} of them"
-        marks.append(Mark(label=f"ties: {named}", faces=[own for one in settings.ties for own in _faces(mesh, one.surfaces[:1])]))
+        marks.append(Mark(label=f"ties: {named}", faces=[faces for tie in settings.ties for faces in _faces(mesh, tie.surfaces[:1])]))
     bolts = () if settings.statics is None else settings.statics.bolts
     for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
         marks.append(Mark(label=f"cut of {bolt.label}", points=mesh.points[cut.nodes], marker="s"))
-    held = [mesh.node_groups[one.group] for one in settings.supports if one.group in mesh.node_groups]
+    held = [mesh.node_groups[support.group] for support in settings.supports if support.group in mesh.node_groups]
     if held:
-        names = ", ".join(dict.fromkeys(str(one.group) for one in settings.supports if one.group is not None))
+        names = ", ".join(dict.fromkeys(str(support.group) for support in settings.supports if support.group is not None))
         marks.append(Mark(label=f"held: {names}", points=mesh.points[np.unique(np.concatenate(held))], marker="^"))
-    places = {one.name: one.position for one in settings.points}
+    places = {point.name: point.position for point in settings.points}
     marks += [Mark(label=f"point {name}", points=np.array([at]), marker="D") for name, at in places.items()]
     loads = [(f"load {i}", one) for i, one in enumerate(settings.loads, 1)]
-    outputs = [(f"output {one.name}", one) for one in settings.outputs]
+    outputs = [(f"output {output.name}", output) for output in settings.outputs]
     return marks + [mark for label, one in loads + outputs if (mark := _mark_at(mesh, label, one, places)) is not None]
 
 
@@ -54,7 +54,7 @@ def _mark_at(mesh: Mesh, label: str, one: Load | Output, places: dict) -> Mark |
 
 def marks_of_file(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Mark]:
     """Return the groups of faces, what is held, and the points of a model file.  Local, rank 0."""
-    skin, of_bodies, held = skin_of_mesh(mesh), set(settings.body_of), {one.group for one in file.supports}
+    skin, of_bodies, held = skin_of_mesh(mesh), set(settings.body_of), {support.group for support in file.supports}
     marks = []
     for name, nodes in mesh.node_groups.items():
         own = faces_of_group(mesh, skin, name) if name not in of_bodies and len(nodes) else np.zeros(0, dtype=np.int64)

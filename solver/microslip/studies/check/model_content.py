@@ -129,22 +129,22 @@ def _numbers(value: float | tuple[float, ...], factor: float = 1.0) -> str:
 
 def attached(file: FileModel, units: Units) -> list[str]:
     """Return lines for supports, ties, joints, points, masses, springs, equations and bolts of the file, in SI units.  Local."""
-    lines = table("supports", [f"{one.group or one.point}: {', '.join(one.fix)}" for one in file.supports])
-    lines += table("ties", [f"{one.name + ': ' if one.name else ''}{' on '.join(one.surfaces)}" for one in file.ties])
-    lines += table("joints", [_joint(one, units) for one in file.joints])
+    lines = table("supports", [f"{support.group or support.point}: {', '.join(support.fix)}" for support in file.supports])
+    lines += table("ties", [f"{ty.name + ': ' if ty.name else ''}{' on '.join(ty.surfaces)}" for ty in file.ties])
+    lines += table("joints", [_joint(joint, units) for joint in file.joints])
     points = [
         f"{one.name}: {one.connection}, {one.group}, at {place(np.multiply(one.position, units.length))} m"
         + (f", {one.mass * units.mass:.6g} kg" if one.mass else "")
         for one in file.connected
     ]
     lines += table("points", points)
-    lines += table("masses", [f"{one.group}: {one.mass * units.mass:.6g} kg a node" for one in file.masses])
-    springs = [(one.groups, one.stiffness * units.stiffness, one.damping * units.damping) for one in file.springs]
+    lines += table("masses", [f"{mass.group}: {mass.mass * units.mass:.6g} kg a node" for mass in file.masses])
+    springs = [(spring.groups, spring.stiffness * units.stiffness, spring.damping * units.damping) for spring in file.springs]
     lines += table("springs", [spring(*one) for one in springs])
     if file.equations is not None:
         where = file.equations.where
         lines += table("equations", [f"{len(where)}, the first of them {where[0]}" if where else "none"])
-    return lines + table("bolts", [f"{one.name}: a cut, {one.group}" for one in file.bolts])
+    return lines + table("bolts", [f"{bolt.name}: a cut, {bolt.group}" for bolt in file.bolts])
 
 
 def spring(groups: tuple[str, ...], stiffness: float, damping: float) -> str:
@@ -166,11 +166,11 @@ def _joint(one: Joint, units: Units) -> str:
 
 def passed_over(findings: tuple[Finding, ...]) -> list[str]:
     """Return a line for each thing that is not taken over, those that change the answer first.  Local."""
-    counts = Counter((one.word, one.effect, one.changes) for one in findings)
+    counts = Counter((finding.word, finding.effect, finding.changes) for finding in findings)
     first: dict[tuple[str, str, bool], str] = {}
     lines = []
-    for one in findings:
-        first.setdefault((one.word, one.effect, one.changes), one.where)
+    for finding in findings:
+        first.setdefault((finding.word, finding.effect, finding.changes), finding.where)
     for heading, changes in (("to answer", True), ("left out", False)):
         own = [key for key in counts if key[2] is changes]
         rows = [f"{first[key]}: {key[0]}: {key[1]}{f' ({counts[key]} times)' if counts[key] > 1 else ''}" for key in own]

@@ -56,10 +56,10 @@ def bodies_of(file: FileModel) -> dict[str, str]:
     if file.bodies:
         return {name: body.group for name, body in file.bodies.items()}
     members = {name: solids for name, group in file.groups.items() if len(solids := solids_of(file, group))}
-    n_solids = sum(len(own.nodes) for own in file.cells if _is_solid(own.kind))
+    n_solids = sum(len(cell.nodes) for cell in file.cells if _is_solid(cell.kind))
     by_size = sorted(members, key=lambda name: len(members[name]))
     for names in (by_size, by_size[::-1]):
-        taken = np.zeros(sum(len(own.nodes) for own in file.cells), dtype=bool)
+        taken = np.zeros(sum(len(cell.nodes) for cell in file.cells), dtype=bool)
         chosen = set()
         for name in names:
             if not taken[members[name]].any():
@@ -72,7 +72,7 @@ def bodies_of(file: FileModel) -> dict[str, str]:
 
 def solids_of(file: FileModel, group: Group) -> np.ndarray:
     """Return the volume elements of a group, counted over all cells of the file, rising.  Local."""
-    start = np.cumsum([0, *(len(own.nodes) for own in file.cells)])
+    start = np.cumsum([0, *(len(cell.nodes) for cell in file.cells)])
     rows = [start[i] + own for i, own in group.cells.items() if _is_solid(file.cells[i].kind)]
     return np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *rows]))
 
@@ -83,7 +83,7 @@ def _is_solid(kind: str) -> bool:
 
 def _no_bodies(file: FileModel) -> str:
     """Say why there is no body."""
-    kinds = {own.kind: len(own.nodes) for own in file.cells if len(own.nodes)}
+    kinds = {cell.kind: len(cell.nodes) for cell in file.cells if len(cell.nodes)}
     if any(_is_solid(kind) for kind in kinds):
         return (
             "its volume elements are in no named group, and a body is a named group of them (in Gmsh a Physical Volume with a "

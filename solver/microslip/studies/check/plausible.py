@@ -50,7 +50,7 @@ def suspicion(
 
 def better_units(diagonal: float, materials: Iterable[Material]) -> list[str]:
     """Return the units in which materials and length are plausible, those with the likelier lengths first.  Local."""
-    known = [one for one in materials if one.modulus is not None or one.density is not None]
+    known = [material for material in materials if material.modulus is not None or material.density is not None]
     fitting = [
         name
         for name, units in UNITS.items()

@@ -56,8 +56,8 @@ def description(
         *content.axes(scene.orientations, scene.bodies),
         *content.groups(mesh, scene.bodies),
         *_supports(mesh, scene),
-        *content.table("masses", [_mass(one) for one in scene.masses]),
-        *content.table("springs", [content.spring(_ends(one), one.stiffness, one.damping) for one in scene.springs]),
+        *content.table("masses", [_mass(mass) for mass in scene.masses]),
+        *content.table("springs", [content.spring(_ends(spring), spring.stiffness, spring.damping) for spring in scene.springs]),
         *content.table("equations", [] if mesh.equations is None else [f"{len(mesh.equations.where)} of the file"]),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
@@ -103,9 +103,9 @@ def _materials(scene: Scene) -> list[str]:
 def _supports(mesh: Mesh, scene: Scene) -> list[str]:
     """Return a line for each support."""
     held = [
-        f"{one.point or one.group}: {', '.join(one.fix)}"
-        + (f", {len(mesh.node_groups[one.group])} nodes" if one.group in mesh.node_groups else "")
-        for one in scene.supports
+        f"{support.point or support.group}: {', '.join(support.fix)}"
+        + (f", {len(mesh.node_groups[support.group])} nodes" if support.group in mesh.node_groups else "")
+        for support in scene.supports
     ]
     return content.table("supports", held)
 

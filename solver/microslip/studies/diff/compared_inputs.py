@@ -42,7 +42,7 @@ def flattened(tables: Mapping[str, Any], before: str = "") -> dict[str, str]:
             values |= flattened(value, f"{name}.")
         elif isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
             names = [entry.get("name") for entry in value]
-            by_name = all(isinstance(one, str) for one in names) and len(set(names)) == len(names)
+            by_name = all(isinstance(name, str) for name in names) and len(set(names)) == len(names)
             for number, entry in enumerate(value, 1):
                 values |= flattened(entry, f"{name}.{entry['name'] if by_name else number}.")
         else:
@@ -88,7 +88,7 @@ def inputs_changed(a: ResultFile, b: ResultFile) -> list[Change] | None:
 def _inputs(results: ResultFile) -> list[tuple[str, str]]:
     assert results.origin is not None, "asked for where it is known"
     entries = []
-    for one in results.origin.inputs:
-        name = f"{one.key}, {Path(one.path).name}" if one.key.startswith(("included", "beside")) else one.key
-        entries.append((name, f"{one.size} bytes, SHA-256 {one.sha256[:12]}\u2026"))
+    for entry in results.origin.inputs:
+        name = f"{entry.key}, {Path(entry.path).name}" if entry.key.startswith(("included", "beside")) else entry.key
+        entries.append((name, f"{entry.size} bytes, SHA-256 {entry.sha256[:12]}\u2026"))
     return entries

@@ -52,15 +52,15 @@ class LevelDifference:
 
     @property
     def difference(self) -> float:
-        return max((one.difference for one in self.outputs), default=0.0)
+        return max((output.difference for output in self.outputs), default=0.0)
 
     @property
     def beyond(self) -> float:
-        return max((one.beyond for one in self.outputs), default=0.0)
+        return max((output.beyond for output in self.outputs), default=0.0)
 
     @property
     def inside_bars(self) -> bool:
-        return bool(self.outputs) and all(one.inside_bars is True for one in self.outputs)
+        return bool(self.outputs) and all(output.inside_bars is True for output in self.outputs)
 
     @property
     def is_whole(self) -> bool:

@@ -63,8 +63,8 @@ def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> l
         name: faces_of_group(mesh, skin, name) for name, nodes in mesh.node_groups.items() if name not in bodies and len(nodes)
     }
     faces = {name: own for name, own in faces.items() if len(own)}
-    tied = [(faces[a], faces[b]) for a, b in (one.surfaces for one in file.ties) if a in faces and b in faces]
-    asked = [one.surfaces for one in file.findings if len(one.surfaces) == 2]
+    tied = [(faces[a], faces[b]) for a, b in (ty.surfaces for ty in file.ties) if a in faces and b in faces]
+    asked = [finding.surfaces for finding in file.findings if len(finding.surfaces) == 2]
     named, rest = _named(mesh, skin, _without(touching, skin, tied), faces, asked)
     names = [settings.body_of[group] for group in groups_of_bodies(mesh)]
     together = [*tied, *((faces[a], faces[b]) for a, b in (one.surfaces for one in named))]
@@ -116,7 +116,7 @@ def _named(
     Of several groups of the same faces those that the file itself has in contact count, then the first.
     """
     names = list(faces)
-    at = np.repeat(np.arange(len(names)), [len(own) for own in faces.values()])
+    at = np.repeat(np.arange(len(names)), [len(face) for face in faces.values()])
     members = sp.csr_matrix(
         (np.ones(len(at)), (at, np.concatenate([*faces.values(), np.zeros(0, dtype=np.int64)]))), (len(names), skin.n_faces)
     )

@@ -34,7 +34,7 @@ def held_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: It
     if file.supports or any(one.stiffness or one.rotational_stiffness for one in file.connected):
         return [], []
     others = {*settings.body_of, *used, *(name for tie in file.ties for name in tie.surfaces)}
-    others |= {one.group for one in file.bolts} | {one.group for one in file.masses if one.group is not None}
+    others |= {bolt.group for bolt in file.bolts} | {mass.group for mass in file.masses if mass.group is not None}
     free = [name for name, nodes in mesh.node_groups.items() if name not in others and len(nodes) >= 3]
     sure = [name for name in free if any(word in name.lower() for word in _HELD)]
     return sure, [name for name in free if name not in sure]
@@ -47,7 +47,7 @@ def farthest(mesh: Mesh, file: FileModel, held: Iterable[str]) -> Place:
     them the first mode takes nobody knows before it is computed.
     """
     groups = [mesh.node_groups[name] for name in held if name in mesh.node_groups]
-    groups += [mesh.node_groups[one.group] for one in file.supports if one.group in mesh.node_groups]
+    groups += [mesh.node_groups[support.group] for support in file.supports if support.group in mesh.node_groups]
     nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *groups]))
     from_there = mesh.points[nodes] if len(nodes) else mesh.points.mean(axis=0)[None]
     apart = cKDTree(from_there).query(mesh.points)[0]

@@ -36,19 +36,19 @@ class First:
     @property
     def joints(self) -> list[Candidate]:
         """The candidates that the scene takes for joints."""
-        return [one for one in self.candidates if one.is_likely and not one.is_apart]
+        return [candidate for candidate in self.candidates if candidate.is_likely and not candidate.is_apart]
 
     @property
     def open_findings(self) -> list[Finding]:
         """What of the file changes the answer and is not answered by the scene."""
-        joined = [frozenset(one.surfaces) for one in self.joints]
+        joined = [frozenset(joint.surfaces) for joint in self.joints]
         answered = set() if self.loads_at_rest is None else {self.loads_at_rest.word, self.loads_at_rest.large}
         return [
-            one
-            for one in self.file.findings
-            if one.changes
-            and not (one.surfaces and frozenset(one.surfaces) in joined)
-            and not (one.part == "statics" and (self.states_bolts or one.word in answered))
+            finding
+            for finding in self.file.findings
+            if finding.changes
+            and not (finding.surfaces and frozenset(finding.surfaces) in joined)
+            and not (finding.part == "statics" and (self.states_bolts or finding.word in answered))
         ]
 
     @property
@@ -71,7 +71,7 @@ def text_of(first: First) -> str:
         _materials(first),
         _bodies(first),
         _supports(first),
-        *(_joint(one, first) for one in first.joints),
+        *(_joint(joint, first) for joint in first.joints),
         _further(first),
         _statics(first),
         _loads(first),
@@ -108,8 +108,8 @@ def _model(first: First) -> str:
     open_findings = first.open_findings
     if open_findings:
         lines.append("# The file holds what would change the answer and is not taken over. State what it means, or waive it:")
-        lines += [f"#   {one.where}: {one.word}: {one.effect}" for one in open_findings[:MOST]]
-        words = list(dict.fromkeys(one.word for one in open_findings))
+        lines += [f"#   {finding.where}: {finding.word}: {finding.effect}" for finding in open_findings[:MOST]]
+        words = list(dict.fromkeys(finding.word for finding in open_findings))
         lines.append(f"#> ignore = [{', '.join(map(_quoted, words))}]")
     return "\n".join([*lines, ""])
 
@@ -152,7 +152,7 @@ def _bodies(first: First) -> str:
 def _supports(first: First) -> str:
     file = first.file
     if file.supports:
-        held = ", ".join(f"{one.group or one.point} ({''.join(one.fix)})" for one in file.supports[:5])
+        held = ", ".join(f"{support.group or support.point} ({''.join(support.fix)})" for support in file.supports[:5])
         return f"# held by the file: {held}\n"
     lines = [
         line
@@ -243,7 +243,7 @@ def _surface(one: Surface) -> str:
 
 def _further(first: First) -> str:
     """Return the other candidates, as comments."""
-    others = [one for one in first.candidates if one not in first.joints]
+    others = [candidate for candidate in first.candidates if candidate not in first.joints]
     if not first.candidates:
         return (
             "# No surfaces of different bodies lie on each other: this scene has no joint, and its curves are linear. Surfaces\n"
@@ -253,11 +253,11 @@ def _further(first: First) -> str:
     if not others:
         return ""
     lines = ["# Further surfaces that lie on each other, of bodies that are joined above or tied, or with room between them:"]
-    for one in others[:MOST]:
-        lines.append(f"#   {one.text if not one.made else _without_names(one)}")
+    for other in others[:MOST]:
+        lines.append(f"#   {other.text if not other.made else _without_names(other)}")
     if len(others) > MOST:
         lines.append(f"#   and {len(others) - MOST} more")
-    if any(one.made for one in others):
+    if any(other.made for other in others):
         lines.append(
             '# A joint of such faces takes two tables [[surfaces]] with name = "..." and bodies = ["A", "B"], and ["B", "A"].'
         )

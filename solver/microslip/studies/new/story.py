@@ -77,7 +77,7 @@ def _first(model: str, out: Path, file: FileModel) -> First:
     mesh, settings = whole_mesh(model, file, UNITS[units])
     states_scale = units != SI and not file.materials
     candidates = find_candidates(mesh, file, settings)
-    likely = [name for one in candidates if one.is_likely and not one.is_apart for name in one.surfaces]
+    likely = [name for candidate in candidates if candidate.is_likely and not candidate.is_apart for name in candidate.surfaces]
     held, may_be = held_groups(mesh, file, settings, likely)
     return First(
         model=Path(os.path.relpath(model, out.parent)).as_posix(),
@@ -95,11 +95,11 @@ def _first(model: str, out: Path, file: FileModel) -> First:
 
 def _lines(model: str, out: Path, first: First) -> list[str]:
     """Return what was found and what is to be done, in lines."""
-    joints = [f"{one.name}: {one.text}" for one in first.joints]
-    others = [one.text for one in first.candidates if one not in first.joints]
+    joints = [f"{joint.name}: {joint.text}" for joint in first.joints]
+    others = [candidate.text for candidate in first.candidates if candidate not in first.joints]
     place = first.place
     where = f"point {place.point}" if place.point else f"node {place.node}"
-    holds = [f"{one.group or one.point}, by the file" for one in first.file.supports] + [
+    holds = [f"{support.group or support.point}, by the file" for support in first.file.supports] + [
         f"{name}, by its name" for name in first.held
     ]
     units = first.units or (f"scale = {first.scale:g}" if first.scale else "SI, as it seems")
@@ -110,6 +110,6 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         *table("or", others, 10),
         *table("supports", holds or ["none known: fill in [[supports]]"]),
         f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is there, too",
-        *table("to answer", [f"{one.where}: {one.word}: {one.effect}" for one in first.open_findings]),
+        *table("to answer", [f"{finding.where}: {finding.word}: {finding.effect}" for finding in first.open_findings]),
         f"next       fill in what begins with #> in {out}, then: microslip check {out}",
     ]

@@ -169,7 +169,7 @@ class Bench:
         failure = "; ".join(branch.why_ended for branch in timed.branches if branch.failure)
         unknowns = max((point.unknowns for branch in timed.branches for point in branch.points), default=0)
         curves, corrected = self.comm.bcast(
-            tuple(tuple(curve_of(one, of) for one in timed.branches) for of in (setting.is_corrected, True))
+            tuple(tuple(curve_of(branch, of) for branch in timed.branches) for of in (setting.is_corrected, True))
         )
         has_bars = bars or setting.accuracy is not None
         return Run(

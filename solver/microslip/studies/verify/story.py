@@ -191,7 +191,7 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
     if not chosen:
         return []
     clock = time.perf_counter()
-    omega, level = (np.array([getattr(one, name) for one in chosen]) for name in ("omega", "level"))
+    omega, level = (np.array([getattr(point, name) for point in chosen]) for name in ("omega", "level"))
     start, most = from_rest(transient, len(chosen)), MOST_FROM_REST
     if not asked.from_rest:
         start, most = start_of(transient, model, chosen, asked.steps), MOST_PERIODS
@@ -205,7 +205,7 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
     except ConvergenceError as problem:
         if len(chosen) == 1:
             return [failed_check(chosen[0], str(problem))]
-        return [check for one in chosen for check in checks_of(transient, model, [one], asked)]  # the others come through
+        return [check for point in chosen for check in checks_of(transient, model, [point], asked)]  # the others come through
     seconds = (time.perf_counter() - clock) / len(chosen)
     work, damping, friction = energies(transient, omega, level, founds[-1].cycle)
     closure = (work - damping - friction) / np.where(work != 0.0, work, 1.0)
@@ -242,10 +242,10 @@ def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen
     """Return the motions of harmonic balance at t = 0: among steady states that differ by residual tractions, theirs."""
     N_H = chosen[0].p.shape[-1]
     model = model.with_harmonics(Harmonics.full(N_H))
-    motions = [modal_motion(model, one.level, one.omega, one.p.reshape(-1, N_H)) for one in chosen]
+    motions = [modal_motion(model, point.level, point.omega, point.p.reshape(-1, N_H)) for point in chosen]
     eta = [to_real(of_family, N_H) for (of_family,) in motions]
     return from_harmonics(
-        transient, np.array([one.omega for one in chosen]), np.array(eta), np.array([one.U for one in chosen]), n_steps
+        transient, np.array([point.omega for point in chosen]), np.array(eta), np.array([point.U for point in chosen]), n_steps
     )
 
 
