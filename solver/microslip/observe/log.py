@@ -151,8 +151,8 @@ class RunLog:
 
     def _measure(self, seconds: float) -> tuple[float, float, float]:
         """Return peak memory summed and of the largest rank [MiB], and the time of the slowest rank.  Collective."""
-        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB / 1024.0
-        memory, times = zip(*self.comm.allgather((own, seconds)))
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB / 1024.0
+        memory, times = zip(*self.comm.allgather((peak, seconds)))
         return sum(memory), max(memory), max(times)
 
     def _begin_line(self, name: str) -> None:

@@ -66,6 +66,6 @@ class Observers:
             observer.level_finished(number, branch)
         if not self.keeps_motion:
             light = branch.without_motion()
-            is_same = all(own is theirs for own, theirs in zip_longest(branch.points, finished.points))
+            is_same = all(point is theirs for point, theirs in zip_longest(branch.points, finished.points))
             finished.points[:] = light if is_same else finished.without_motion()  # one object a point, if there was one
             branch.points[:] = light

@@ -74,17 +74,17 @@ def parse(arguments: list[str]) -> Command:
     SystemExit : after --help and --version
     """
     cut = arguments.index("--") if "--" in arguments else len(arguments)
-    own, petsc = arguments[:cut], arguments[cut + 1 :]
+    words, petsc = arguments[:cut], arguments[cut + 1 :]
     parser, commands = _parsers()
-    word = next((argument for argument in own if not argument.startswith("-")), None)
-    if word is None and not {"-h", "--help", "--version"} & set(own):
+    word = next((argument for argument in words if not argument.startswith("-")), None)
+    if word is None and not {"-h", "--help", "--version"} & set(words):
         raise CaseError(f"a command is missing: {listed(commands, 'or')}; try: microslip --help")
     if word is not None and word not in commands:
         raise CaseError(f"unknown command {word!r}{hint(word, commands, str)}; commands are {listed(commands)}")
-    for argument in own:
+    for argument in words:
         if argument.startswith(tuple(f"-{prefix}" for prefix in PREFIXES)):
             raise CaseError(f"{argument}: PETSc options follow --, as in: microslip run SCENE.toml -- {argument}")
-    given, unknown = parser.parse_known_args(own)
+    given, unknown = parser.parse_known_args(words)
     more = tuple(getattr(given, "more", ()))
     if given.command == "run" and not any(argument.startswith("-") for argument in unknown):
         more, unknown = (*more, *unknown), []  # scenes on both sides of an option

@@ -75,9 +75,12 @@ def draw_response(results: ResultFile) -> Pages:
 
 def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> tuple[float, str]:
     """Draw output k into two axes, the second per unit of the level; return factor and unit of the first."""
-    curves, own = [amplitude(level.response[:, k]) for level, _ in drawn], results.unit_of(k)
+    curves, output_unit = [amplitude(level.response[:, k]) for level, _ in drawn], results.unit_of(k)
     per_level = [1.0 / abs(level.level) if level.level else np.nan for level, _ in drawn]
-    for ax, unit, shares in ((row[0], own, np.ones(len(drawn))), (row[1], own + results.shown.per_level, per_level)):
+    for ax, unit, shares in (
+        (row[0], output_unit, np.ones(len(drawn))),
+        (row[1], output_unit + results.shown.per_level, per_level),
+    ):
         values = [share * a for share, a in zip(shares, curves)]
         linear = [amplitude(results.linear.response[:, k])] if results.linear and ax is row[1] else []
         factor, unit_name = with_prefix(_joined([*values, *linear]), unit)
@@ -90,7 +93,7 @@ def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> tuple[f
         ax.set_ylabel(f"{plain(name, 24) + ', ' if name else ''}amplitude [{unit_name}]")
         seen = [np.append(a, share * peak_sizes(level, k)) for a, share, (level, _) in zip(values, shares, drawn)]
         _choose_scale(ax, [factor * a for a in (*seen, *linear)], compare=ax is row[0])
-    return with_prefix(_joined(curves), own)
+    return with_prefix(_joined(curves), output_unit)
 
 
 def draw_states(results: ResultFile) -> Pages:

@@ -31,10 +31,10 @@ def joint_mesh(joint: Joint) -> JointMesh:
     """Return the joint as polygons, and points for pairs that have no area; those without a position are left out.  Local."""
     position = np.where(np.isfinite(joint.position), joint.position, 0.0)
     parts = [_of_faces(faces, position) for faces in joint.faces if len(faces) and faces.shape[1] in RINGS]
-    own = np.flatnonzero(has_cell(joint))
-    if len(own):
-        corners = joint.cells[own].reshape(-1, 3)
-        parts.append((corners, _rows(np.repeat(own, 4), joint.n_pairs), np.full(len(own), 4), own))
+    with_cell = np.flatnonzero(has_cell(joint))
+    if len(with_cell):
+        corners = joint.cells[with_cell].reshape(-1, 3)
+        parts.append((corners, _rows(np.repeat(with_cell, 4), joint.n_pairs), np.full(len(with_cell), 4), with_cell))
     done = np.concatenate([np.zeros(0, dtype=int), *(pair for *_, pair in parts)])
     bare = np.setdiff1d(np.flatnonzero(np.isfinite(joint.position).all(axis=1)), done)
     parts.append((position[bare], _rows(bare, joint.n_pairs), np.ones(len(bare), dtype=int), bare))

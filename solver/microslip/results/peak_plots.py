@@ -25,7 +25,7 @@ Resonance = list[tuple[LevelResult, Peak]]  # a peak and its level, by rising le
 def resonances(levels: Sequence[LevelResult], output: int) -> list[Resonance]:
     """Return the peaks of an output, each followed from level to level by its frequency.  Local."""
     lines: list[Resonance] = []
-    for level in sorted((level for level in levels if level.peaks and level.level), key=lambda one: abs(one.level)):
+    for level in sorted((level for level in levels if level.peaks and level.level), key=lambda level: abs(level.level)):
         peaks = [peak for peak in level.peaks or () if peak.output == output]
         ends = np.log([line[-1][1].omega for line in lines])
         apart = np.abs(np.log([[peak.omega] for peak in peaks]).reshape(-1, 1) - ends)
@@ -98,7 +98,7 @@ def label_peaks(ax, levels: Sequence[LevelResult], output: int, factor: float, u
     """
     taken: list[np.ndarray] = []
     peaks = [peak for level in levels for peak in level.peaks or () if peak.output == output]
-    for peak in sorted(peaks, key=lambda one: -abs(one.amplitude)):
+    for peak in sorted(peaks, key=lambda peak: -abs(peak.amplitude)):
         at = (hertz(peak.omega), factor * abs(peak.amplitude))
         here = ax.transAxes.inverted().transform(ax.transData.transform(at))
         is_clear = all(np.any(np.abs(here - other) > _ROOM) for other in taken)

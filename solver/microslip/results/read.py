@@ -143,14 +143,14 @@ def _joint(reader: Reader) -> Joint:
     names = tuple(reader.texts("joint/names"))
     faces = tuple(reader.array(f"joint/faces/{name}", "i8", (None, None)) for name in sorted(reader.group("joint/faces")))
     laws = tuple(reader.texts("joint/laws")) if "joint/laws" in reader else (ELASTIC_COULOMB,)
-    own = {name: reader.array(f"joint/own/{name}", "f8", (n_pairs,)) for name in _names(reader, "joint/own")}
+    of_laws = {name: reader.array(f"joint/own/{name}", "f8", (n_pairs,)) for name in _names(reader, "joint/own")}
     if (
         any(len(part) and not 0 <= part.min() <= part.max() < n_pairs for part in (*faces,))
         or not all(0 <= i < len(names) for i in columns["joint"])
         or not all(0 <= i < len(laws) for i in columns["laws"])
     ):
         raise CaseError(f"{reader.path}: the joint names pairs that are not there; the file is damaged or was edited")
-    return Joint(names=names, faces=faces, law_names=laws, own=own, **columns)
+    return Joint(names=names, faces=faces, law_names=laws, of_laws=of_laws, **columns)
 
 
 def _names(reader: Reader, group: str) -> list[str]:

@@ -169,19 +169,19 @@ class ResultFile:
 
     def of_output(self, k: int) -> ResultFile:
         """Return the results of one output alone, with their title and levels; arrays are views.  Local."""
-        one, linear = slice(k, k + 1), self.linear
+        which, linear = slice(k, k + 1), self.linear
         axes = {kept.name: kept.axes for kept in QUANTITIES}
 
         def of_level(level: LevelResult) -> LevelResult:
-            arrays = {name: a if a is None or "outputs" not in axes[name] else a[:, one] for name, a in level.arrays.items()}
-            own = [replace(peak, output=0) for peak in level.peaks or () if peak.output == k]
-            return replace(level, arrays=arrays, peaks=None if level.peaks is None else tuple(own))
+            arrays = {name: a if a is None or "outputs" not in axes[name] else a[:, which] for name, a in level.arrays.items()}
+            peaks = [replace(peak, output=0) for peak in level.peaks or () if peak.output == k]
+            return replace(level, arrays=arrays, peaks=None if level.peaks is None else tuple(peaks))
 
         return replace(
             self,
-            outputs=self.outputs[one],
-            units=self.units[one],
-            linear=None if linear is None else LinearCurve(linear.frequency, linear.response[:, one]),
+            outputs=self.outputs[which],
+            units=self.units[which],
+            linear=None if linear is None else LinearCurve(linear.frequency, linear.response[:, which]),
             levels=tuple(map(of_level, self.levels)),
         )
 

@@ -53,15 +53,15 @@ def said_of_run(results: ResultFile) -> list[str]:
     return [" ".join("".join(c if c.isprintable() else " " for c in line).split()) for line in lines]
 
 
-def fate(one: InputFile) -> str:
+def fate(file: InputFile) -> str:
     """Return what became of a file since it was read: SAME, CHANGED or GONE.  Local."""
     try:
-        if not os.path.isfile(one.path):  # a path of a file from anywhere: a pipe would not end
+        if not os.path.isfile(file.path):  # a path of a file from anywhere: a pipe would not end
             return GONE
-        if os.path.getsize(one.path) != one.size:
+        if os.path.getsize(file.path) != file.size:
             return CHANGED
-        with open(one.path, "rb") as file:
-            return SAME if hashlib.file_digest(file, "sha256").hexdigest() == one.sha256 else CHANGED
+        with open(file.path, "rb") as content:
+            return SAME if hashlib.file_digest(content, "sha256").hexdigest() == file.sha256 else CHANGED
     except (OSError, ValueError):
         return GONE
 

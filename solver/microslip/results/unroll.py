@@ -81,8 +81,8 @@ def _parts(joint: Joint) -> np.ndarray:
     a, b = np.concatenate(ends).T
     lonely = np.setdiff1d(np.arange(n), np.concatenate([a, b]))
     for name in np.unique(joint.joint[lonely]):
-        own = lonely[joint.joint[lonely] == name]
-        a, b = np.concatenate([a, own[:1].repeat(len(own))]), np.concatenate([b, own])
+        members = lonely[joint.joint[lonely] == name]
+        a, b = np.concatenate([a, members[:1].repeat(len(members))]), np.concatenate([b, members])
     return connected_components(sp.coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)[1]
 
 

@@ -75,12 +75,12 @@ def _write_polygons(root: h5py.Group, joint: JointMesh, order: np.ndarray) -> No
     corners = np.split(np.arange(len(joint.points)), joint.offsets[1:-1]) if len(joint.sizes) else []
     is_point = joint.sizes[order] == 1
     for name in _TOPOLOGIES:
-        own = order[is_point] if name == "Vertices" else order[~is_point] if name == "Polygons" else order[:0]
-        ids = np.concatenate([np.zeros(0, dtype=int), *(corners[i] for i in own)])
-        pack(root, f"{name}/NumberOfCells", np.array([len(own)], dtype="i8"))
+        cells = order[is_point] if name == "Vertices" else order[~is_point] if name == "Polygons" else order[:0]
+        ids = np.concatenate([np.zeros(0, dtype=int), *(corners[i] for i in cells)])
+        pack(root, f"{name}/NumberOfCells", np.array([len(cells)], dtype="i8"))
         pack(root, f"{name}/NumberOfConnectivityIds", np.array([len(ids)], dtype="i8"))
         pack(root, f"{name}/Connectivity", ids.astype("i8"))
-        pack(root, f"{name}/Offsets", np.concatenate([[0], np.cumsum(joint.sizes[own])]).astype("i8"))
+        pack(root, f"{name}/Offsets", np.concatenate([[0], np.cumsum(joint.sizes[cells])]).astype("i8"))
 
 
 def _write_steps(root: h5py.Group, times: Sequence[float] | np.ndarray, n_topologies: int) -> None:

@@ -54,8 +54,8 @@ def _run(scene: Scene, groups: Groups, folder: Path, asked: RunOptions) -> int:
     is_alone, began = groups.n == 1, time.perf_counter()
     if groups.is_root and not is_alone:
         print(f"{scene.name}: begun on {groups.where}", flush=True)
-    own = replace(asked, n_groups=None if is_alone else 1, screen=is_alone)
-    status = conclude_part(groups.comm, scene.name, lambda: run(scene, groups.comm, folder, own))
+    options = replace(asked, n_groups=None if is_alone else 1, screen=is_alone)
+    status = conclude_part(groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options))
     if groups.is_root and not is_alone:
         how = "done" if status == 0 else f"ended with status {status}"
         print(f"{scene.name}: {how} after {time.perf_counter() - began:.3g} s, see {folder}", flush=True)

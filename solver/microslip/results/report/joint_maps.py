@@ -50,7 +50,7 @@ def map_data(results: ResultFile) -> dict[str, Any]:
                 "unit": prefixed,
                 "colours": _palette(palette) if palette else STATE_COLOURS,
                 "is_state": not palette,
-                "values": [[float(f"{factor * value:.4g}") for value in own] for own in values],
+                "values": [[float(f"{factor * value:.4g}") for value in of_level] for of_level in values],
             }
         )
     return {

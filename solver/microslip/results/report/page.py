@@ -72,7 +72,7 @@ def page_of(results: ResultFile, fields: Fields | None, run: RunRecord, library:
         "maps": map_data(results) if results.joint.n_pairs else None,
         "view": None if fields is None else view_data(results, fields),
     }
-    own = files(__package__)
+    folder = files(__package__)
     title, version = escape(results.title), escape(results.versions.get("microslip", ""))
     sections = _sections(results, fields, run, figures, drawings)
     links = "".join(f'<a href="#{key}">{head}</a>' for key, head, _ in sections)
@@ -81,12 +81,12 @@ def page_of(results: ResultFile, fields: Fields | None, run: RunRecord, library:
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{title}</title>\n'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<style>{own.joinpath('report.css').read_text(encoding='utf-8')}</style>\n</head>\n<body>\n"
+        f"<style>{folder.joinpath('report.css').read_text(encoding='utf-8')}</style>\n</head>\n<body>\n"
         f"<header><h1>{title}</h1><p>{_subtitle(results, run)}</p><nav>{links}</nav></header>\n<main>{body}</main>\n"
         f"<footer>Made by microslip {version} from results.h5. This page needs no network.</footer>\n"
         f'<div id="tip" hidden></div>\n<noscript>Curves, maps and views need JavaScript; tables do not.</noscript>\n'
         f'<script type="application/json" id="data">{_json(data)}</script>\n'
-        f"<script>{library}</script>\n<script>{own.joinpath('report.js').read_text(encoding='utf-8')}</script>\n</body>\n</html>\n"
+        f"<script>{library}</script>\n<script>{folder.joinpath('report.js').read_text(encoding='utf-8')}</script>\n</body>\n</html>\n"
     )
 
 

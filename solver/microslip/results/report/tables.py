@@ -131,7 +131,7 @@ def cards(results: ResultFile) -> str:
 
 def _shift(results: ResultFile, level: LevelResult, at: int) -> str:
     """Return how far the peak lies from that of the lowest level."""
-    low = min((level for level in results.levels if len(level.frequency)), key=lambda one: abs(one.level))
+    low = min((level for level in results.levels if len(level.frequency)), key=lambda level: abs(level.level))
     if low is level:
         return ""
     reference = low.frequency[peak(low.response) or 0]
@@ -180,17 +180,17 @@ def _bolts(bolts: StaticTable) -> str:
 def _joints(results: ResultFile) -> str:
     joint, rows = results.joint, []
     for i, name in enumerate(joint.names):
-        own = joint.joint == i
-        area, N = joint.area[own].sum(), np.maximum(joint.N0[own], 0.0)
-        n_gap = int(np.count_nonzero(joint.N0[own] < 0.0))
-        laws = ", ".join(joint.law_names[k] for k in np.unique(joint.laws[own]))
-        mu = joint.mu[own]
+        of_joint = joint.joint == i
+        area, N = joint.area[of_joint].sum(), np.maximum(joint.N0[of_joint], 0.0)
+        n_gap = int(np.count_nonzero(joint.N0[of_joint] < 0.0))
+        laws = ", ".join(joint.law_names[k] for k in np.unique(joint.laws[of_joint]))
+        mu = joint.mu[of_joint]
         friction = "" if np.isnan(mu).any() else f"{mu.min():.3g}" + (f" to {mu.max():.3g}" if np.ptp(mu) > 1e-9 else "")
         rows.append(
             (
                 escape(name),
                 escape(laws),
-                str(int(own.sum())),
+                str(int(of_joint.sum())),
                 f"{1e6 * area:.5g} mm²" if np.isfinite(area) else "",
                 said(float(N.sum()), "N") if np.isfinite(N).all() else "",
                 friction,

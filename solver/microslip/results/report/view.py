@@ -53,8 +53,14 @@ def view_data(results: ResultFile, fields: Fields) -> dict[str, Any]:
 
 
 def _body(surface, k: int, name: str, colour: str) -> dict[str, Any]:
-    nodes, own = np.unique(surface.triangles[surface.body == k], return_inverse=True)
-    return {"name": name, "colour": colour, "n": len(own) // 3, "nodes": _packed(nodes, "i4"), "triangles": _packed(own, "i4")}
+    nodes, corners = np.unique(surface.triangles[surface.body == k], return_inverse=True)
+    return {
+        "name": name,
+        "colour": colour,
+        "n": len(corners) // 3,
+        "nodes": _packed(nodes, "i4"),
+        "triangles": _packed(corners, "i4"),
+    }
 
 
 def _of_level(results: ResultFile, fields: Fields, number: int, nodes: np.ndarray) -> dict[str, Any]:
@@ -106,11 +112,11 @@ def _joint(results: ResultFile, fields: Fields, peaks: Sequence[int]) -> dict[st
     """Return the polygons of the joint as triangles, with the pair of each, and their motions; None where there are none."""
     mesh = joint_mesh(results.joint)
     first, last, pair = [], [], []
-    for start, size, own in zip(mesh.offsets[:-1], mesh.sizes, mesh.pair):
+    for start, size, of_pair in zip(mesh.offsets[:-1], mesh.sizes, mesh.pair):
         for k in range(1, size - 1):
             first.append(start)
             last.append(start + k)
-            pair.append(own)
+            pair.append(of_pair)
     if not pair or len(pair) > _MOST_TRIANGLES:
         return None
     triangles = np.column_stack([first, last, np.array(last) + 1])

@@ -20,7 +20,9 @@ def marks_of_scene(mesh: Mesh, settings: StructureTables) -> list[Mark]:
     marks = [Mark(label=f"joint {joint.name}", faces=_faces(mesh, joint.groups)) for joint in settings.joints]
     if settings.ties:
         named = settings.ties[0].label if len(settings.ties) == 1 else f"{len(settings.ties)} of them"
-        marks.append(Mark(label=f"ties: {named}", faces=[faces for tie in settings.ties for faces in _faces(mesh, tie.surfaces[:1])]))
+        marks.append(
+            Mark(label=f"ties: {named}", faces=[faces for tie in settings.ties for faces in _faces(mesh, tie.surfaces[:1])])
+        )
     bolts = () if settings.statics is None else settings.statics.bolts
     for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
         marks.append(Mark(label=f"cut of {bolt.label}", points=mesh.points[cut.nodes], marker="s"))
@@ -30,26 +32,26 @@ def marks_of_scene(mesh: Mesh, settings: StructureTables) -> list[Mark]:
         marks.append(Mark(label=f"held: {names}", points=mesh.points[np.unique(np.concatenate(held))], marker="^"))
     places = {point.name: point.position for point in settings.points}
     marks += [Mark(label=f"point {name}", points=np.array([at]), marker="D") for name, at in places.items()]
-    loads = [(f"load {i}", one) for i, one in enumerate(settings.loads, 1)]
+    loads = [(f"load {i}", table) for i, table in enumerate(settings.loads, 1)]
     outputs = [(f"output {output.name}", output) for output in settings.outputs]
-    return marks + [mark for label, one in loads + outputs if (mark := _mark_at(mesh, label, one, places)) is not None]
+    return marks + [mark for label, table in loads + outputs if (mark := _mark_at(mesh, label, table, places)) is not None]
 
 
 def _faces(mesh: Mesh, groups: tuple[str, ...]) -> list[np.ndarray]:
     return [faces for group in groups for faces in outward_faces(mesh, group).values()]
 
 
-def _mark_at(mesh: Mesh, label: str, one: Load | Output, places: dict) -> Mark | None:
+def _mark_at(mesh: Mesh, label: str, entry: Load | Output, places: dict) -> Mark | None:
     """Return where a load acts or an output is; None of what acts everywhere, or on a joint."""
-    group = getattr(one, "group", None)
-    if one.point is not None:
-        points = np.array([places[one.point]])
-    elif one.position is None and one.node is None and group is None:
+    group = getattr(entry, "group", None)
+    if entry.point is not None:
+        points = np.array([places[entry.point]])
+    elif entry.position is None and entry.node is None and group is None:
         return None
     else:
-        points = mesh.points[find_node(mesh, position=one.position, node=one.node, group=group)]
-    is_load = isinstance(one, Load)
-    return Mark(label=label, points=points, marker="*" if is_load else "o", direction=one.direction if is_load else None)
+        points = mesh.points[find_node(mesh, position=entry.position, node=entry.node, group=group)]
+    is_load = isinstance(entry, Load)
+    return Mark(label=label, points=points, marker="*" if is_load else "o", direction=entry.direction if is_load else None)
 
 
 def marks_of_file(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Mark]:
@@ -57,12 +59,12 @@ def marks_of_file(mesh: Mesh, file: FileModel, settings: StructureTables) -> lis
     skin, of_bodies, held = skin_of_mesh(mesh), set(settings.body_of), {support.group for support in file.supports}
     marks = []
     for name, nodes in mesh.node_groups.items():
-        own = faces_of_group(mesh, skin, name) if name not in of_bodies and len(nodes) else np.zeros(0, dtype=np.int64)
+        outer = faces_of_group(mesh, skin, name) if name not in of_bodies and len(nodes) else np.zeros(0, dtype=np.int64)
         if name in held:
             marks.append(Mark(label=f"held: {name}", points=mesh.points[nodes], marker="^"))
-        elif len(own) and skin.area[own].sum() < 0.5 * skin.area.sum():
-            marks.append(Mark(label=name, faces=list(skin.by_kind(own).values())))
+        elif len(outer) and skin.area[outer].sum() < 0.5 * skin.area.sum():
+            marks.append(Mark(label=name, faces=list(skin.by_kind(outer).values())))
     metres = settings.model.metres
     return marks + [
-        Mark(label=f"point {one.name}", points=np.array([one.position]) * metres, marker="D") for one in file.connected
+        Mark(label=f"point {point.name}", points=np.array([point.position]) * metres, marker="D") for point in file.connected
     ]

@@ -76,5 +76,5 @@ def _factor(estimate: MemoryEstimate) -> str:
     """Return what the factor takes, in words."""
     if estimate.factor is None:
         return "the factor, by the number of DOF alone: this PETSc does not analyse without factoring"
-    memory, on_disk = (sum(getattr(one, name) for one in estimate.factor) for name in ("in_core", "on_disk"))
+    memory, on_disk = (sum(getattr(rank, name) for rank in estimate.factor) for name in ("in_core", "on_disk"))
     return f"{gigabytes(memory)} for the factor, or with {gigabytes(on_disk)} of it on disk, less"

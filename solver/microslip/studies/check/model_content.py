@@ -71,60 +71,58 @@ def groups(mesh: Mesh, of_scene: Mapping[str, Body]) -> list[str]:
     for name, nodes in mesh.node_groups.items():
         if name in of_bodies or len(nodes) == 0:
             continue
-        own = faces_of_group(mesh, skin, name)
+        outer = faces_of_group(mesh, skin, name)
         text = f"{name}: {len(nodes)} nodes"
         n_named = sum(len(block.nodes) for block in mesh.faces if block.group == name)
-        if len(own):
-            text += f", {len(own)} outer faces of {skin.area[own].sum():.6g} m2"
+        if len(outer):
+            text += f", {len(outer)} outer faces of {skin.area[outer].sum():.6g} m2"
         elif n_named:
             text += f", {n_named} faces, none of them outside"
         lines.append(text)
     return table("groups", lines)
 
 
-def materials(file: FileModel, units: Units) -> list[str]:
-    """Return a line for each material of the file, in SI units.  Local."""
+def materials(of: Mapping[str, Material]) -> list[str]:
+    """Return a line for each material, in SI units.  Local."""
     lines = []
-    for name, one in file.materials.items():
-        parts = elastic(one, units.stress)
-        parts += [f"density {one.density * units.density:.6g} kg/m3" if one.density is not None else "no density"]
-        parts += expansion(one)
-        lines.append(f"{name}: {', '.join(parts)}")
+    for name, material in of.items():
+        density = f"density {material.density:.6g} kg/m3" if material.density is not None else "no density"
+        lines.append(f"{name}: {', '.join([*elastic(material), density, *expansion(material)])}")
     return table("materials", lines)
 
 
-def elastic(one: Material, stress: float = 1.0) -> list[str]:
-    """Return the elastic constants of a material in words; ``stress`` is a unit of it [Pa].  Local."""
-    if one.elasticity is not None:
-        return [
-            f"elasticity along its axes {_numbers(tuple(one.elasticity[i][i] for i in range(6)), stress)} Pa and between them"
-        ]
-    parts = [f"young {_numbers(one.young, stress)} Pa"] if one.young is not None else ["no young"]
-    parts += [f"poisson {_numbers(one.poisson)}" if one.poisson is not None else "no poisson"]
-    return parts + ([f"shear {_numbers(one.shear, stress)} Pa"] if one.shear is not None else [])
+def elastic(material: Material) -> list[str]:
+    """Return the elastic constants of a material in SI units, in words.  Local."""
+    if material.elasticity is not None:
+        along_axes = _numbers(tuple(material.elasticity[i][i] for i in range(6)))
+        return [f"elasticity along its axes {along_axes} Pa and between them"]
+    parts = [f"young {_numbers(material.young)} Pa"] if material.young is not None else ["no young"]
+    parts += [f"poisson {_numbers(material.poisson)}" if material.poisson is not None else "no poisson"]
+    return parts + ([f"shear {_numbers(material.shear)} Pa"] if material.shear is not None else [])
 
 
-def expansion(one: Material) -> list[str]:
+def expansion(material: Material) -> list[str]:
     """Return how a material expands, in words; nothing where that is not stated.  Local."""
-    return [f"expansion {_numbers(one.expansion)} 1/K"] if one.expansion is not None else []
+    return [f"expansion {_numbers(material.expansion)} 1/K"] if material.expansion is not None else []
 
 
 def axes(orientations: Mapping[str, Orientation], bodies: Mapping[str, Body], length: float = 1.0) -> list[str]:
     """Return a line for the axes of materials and the bodies that have them; ``length`` is a unit of it [m].  Local."""
     lines = []
-    for name, one in orientations.items():
-        of = ", ".join(body for body, own in bodies.items() if own.orientation == name)
-        if one.directions is not None:
-            text = f"1 along {place(one.directions[0])}, 2 towards {place(one.directions[1])}"
+    for name, orientation in orientations.items():
+        of = ", ".join(body for body, properties in bodies.items() if properties.orientation == name)
+        if orientation.directions is not None:
+            text = f"1 along {place(orientation.directions[0])}, 2 towards {place(orientation.directions[1])}"
         else:
-            text = f"around {place(one.axis or ())} through {place(np.multiply(one.axis_point or (0.0, 0.0, 0.0), length))} m"
+            point = np.multiply(orientation.axis_point or (0.0, 0.0, 0.0), length)
+            text = f"around {place(orientation.axis or ())} through {place(point)} m"
         lines.append(f"{name}: {text}" + (f", of {of}" if of else ""))
     return table("axes", lines)
 
 
-def _numbers(value: float | tuple[float, ...], factor: float = 1.0) -> str:
-    """Return a number, or several, times a factor."""
-    return " ".join(f"{factor * one:.6g}" for one in (value if isinstance(value, tuple) else (value,)))
+def _numbers(value: float | tuple[float, ...]) -> str:
+    """Return a number, or several."""
+    return " ".join(f"{number:.6g}" for number in (value if isinstance(value, tuple) else (value,)))
 
 
 def attached(file: FileModel, units: Units) -> list[str]:
@@ -133,14 +131,14 @@ def attached(file: FileModel, units: Units) -> list[str]:
     lines += table("ties", [f"{ty.name + ': ' if ty.name else ''}{' on '.join(ty.surfaces)}" for ty in file.ties])
     lines += table("joints", [_joint(joint, units) for joint in file.joints])
     points = [
-        f"{one.name}: {one.connection}, {one.group}, at {place(np.multiply(one.position, units.length))} m"
-        + (f", {one.mass * units.mass:.6g} kg" if one.mass else "")
-        for one in file.connected
+        f"{point.name}: {point.connection}, {point.group}, at {place(np.multiply(point.position, units.length))} m"
+        + (f", {point.mass * units.mass:.6g} kg" if point.mass else "")
+        for point in file.connected
     ]
     lines += table("points", points)
     lines += table("masses", [f"{mass.group}: {mass.mass * units.mass:.6g} kg a node" for mass in file.masses])
     springs = [(spring.groups, spring.stiffness * units.stiffness, spring.damping * units.damping) for spring in file.springs]
-    lines += table("springs", [spring(*one) for one in springs])
+    lines += table("springs", [spring(*point) for point in springs])
     if file.equations is not None:
         where = file.equations.where
         lines += table("equations", [f"{len(where)}, the first of them {where[0]}" if where else "none"])
@@ -154,14 +152,14 @@ def spring(groups: tuple[str, ...], stiffness: float, damping: float) -> str:
     return f"{' to '.join(groups)}: {', '.join(parts)}"
 
 
-def _joint(one: Joint, units: Units) -> str:
+def _joint(joint: Joint, units: Units) -> str:
     """Return what a file says of two surfaces in contact, in SI units."""
-    known = one.in_si(units)
-    parts = [f"friction {one.friction:g}"] if one.friction is not None else ["no friction coefficient"]
+    known = joint.in_si(units)
+    parts = [f"friction {joint.friction:g}"] if joint.friction is not None else ["no friction coefficient"]
     for which in ("tangential", "normal"):
         value = known.get(f"{which}_stiffness")
         parts.append(f"no {which} stiffness" if value is None else f"{which} stiffness {value:.6g} N/m3")
-    return f"{one.name}: {' on '.join(one.surfaces or ())}, {', '.join(parts)}"
+    return f"{joint.name}: {' on '.join(joint.surfaces or ())}, {', '.join(parts)}"
 
 
 def passed_over(findings: tuple[Finding, ...]) -> list[str]:
@@ -172,8 +170,8 @@ def passed_over(findings: tuple[Finding, ...]) -> list[str]:
     for finding in findings:
         first.setdefault((finding.word, finding.effect, finding.changes), finding.where)
     for heading, changes in (("to answer", True), ("left out", False)):
-        own = [key for key in counts if key[2] is changes]
-        rows = [f"{first[key]}: {key[0]}: {key[1]}{f' ({counts[key]} times)' if counts[key] > 1 else ''}" for key in own]
+        keys = [key for key in counts if key[2] is changes]
+        rows = [f"{first[key]}: {key[0]}: {key[1]}{f' ({counts[key]} times)' if counts[key] > 1 else ''}" for key in keys]
         lines += table(heading, rows)
     return lines
 

@@ -59,7 +59,9 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTab
         *(f"           {note}" for note in mesh.notes),
         *content.facts(file),
         *content.bodies(mesh, settings.bodies, volume, densities_of(file, UNITS[units])),
-        *content.materials(file, UNITS[units]),
+        *content.materials(
+            {name: material.model_copy(update=material.in_si(UNITS[units])) for name, material in file.materials.items()}
+        ),
         *content.axes(file.orientations, file.bodies, UNITS[units].length),
         *content.groups(mesh, settings.bodies),
         *content.attached(file, UNITS[units]),
@@ -70,4 +72,4 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTab
 
 def _mass_in_si(volume: Mapping[str, float], file: FileModel, metres: float) -> float:
     """Return the mass that the file would have if its numbers were SI [kg]; NaN where a density is not known."""
-    return content.mass({name: own / metres**3 for name, own in volume.items()}, densities_of(file, UNITS[SI]))
+    return content.mass({name: value / metres**3 for name, value in volume.items()}, densities_of(file, UNITS[SI]))

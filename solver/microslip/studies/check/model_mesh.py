@@ -32,7 +32,7 @@ def whole_mesh(path: str, file: FileModel, units: Units) -> tuple[Mesh, Structur
 def densities_of(file: FileModel, units: Units) -> dict[str, float]:
     """Return the density of each body in kg/m3, NaN where the file does not state it.  Local."""
     known = {name: file.materials.get(body.material) for name, body in file.bodies.items()}
-    stated = {name: None if one is None else one.density for name, one in known.items()}
+    stated = {name: None if material is None else material.density for name, material in known.items()}
     return {name: np.nan if (rho := stated.get(name)) is None else rho * units.density for name in bodies_of(file)}
 
 
@@ -73,7 +73,7 @@ def bodies_of(file: FileModel) -> dict[str, str]:
 def solids_of(file: FileModel, group: Group) -> np.ndarray:
     """Return the volume elements of a group, counted over all cells of the file, rising.  Local."""
     start = np.cumsum([0, *(len(cell.nodes) for cell in file.cells)])
-    rows = [start[i] + own for i, own in group.cells.items() if _is_solid(file.cells[i].kind)]
+    rows = [start[i] + rows_of_block for i, rows_of_block in group.cells.items() if _is_solid(file.cells[i].kind)]
     return np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *rows]))
 
 

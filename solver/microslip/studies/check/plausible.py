@@ -26,7 +26,7 @@ def suspicion(
     mass : of all bodies [kg], as the units make it; NaN: not known
     by_scene : they are the scene's own, in SI units by definition
     """
-    odd = [text for name, one in materials.items() if (text := _odd_material(name, one, stated))]
+    odd = [text for name, material in materials.items() if (text := _odd_material(name, material, stated))]
     if odd and by_scene:
         return f"units suspected: {odd[0]}; materials of a scene are in Pa and kg/m3"
     size = diagonal * stated.length
@@ -54,24 +54,26 @@ def better_units(diagonal: float, materials: Iterable[Material]) -> list[str]:
     fitting = [
         name
         for name, units in UNITS.items()
-        if known and not any(_odd_material("", one, units) for one in known) and _within(diagonal * units.length, _LENGTH)
+        if known
+        and not any(_odd_material("", material, units) for material in known)
+        and _within(diagonal * units.length, _LENGTH)
     ]
     return sorted(fitting, key=lambda name: abs(np.log10(diagonal * UNITS[name].length / 0.3)))
 
 
 def _as(diagonal: float, materials: Mapping[str, Material], name: str) -> str:
     """Say what some units would make of the file."""
-    units, (material, one) = UNITS[name], next(iter(materials.items()))
+    units, (label, material) = UNITS[name], next(iter(materials.items()))
     parts = [f"{diagonal * units.length:.4g} m across"]
-    parts += [f"young {one.modulus * units.stress:.4g} Pa"] if one.modulus is not None else []
-    parts += [f"density {one.density * units.density:.4g} kg/m3"] if one.density is not None else []
-    return f'in "{name}" it is {parts[0]}, {material!r} has {" and ".join(parts[1:])}: '
+    parts += [f"young {material.modulus * units.stress:.4g} Pa"] if material.modulus is not None else []
+    parts += [f"density {material.density * units.density:.4g} kg/m3"] if material.density is not None else []
+    return f'in "{name}" it is {parts[0]}, {label!r} has {" and ".join(parts[1:])}: '
 
 
-def _odd_material(name: str, one: Material, units: Units) -> str:
+def _odd_material(name: str, material: Material, units: Units) -> str:
     """Say what no material has; empty where it is plausible."""
-    young = None if one.modulus is None else one.modulus * units.stress
-    density = None if one.density is None else one.density * units.density
+    young = None if material.modulus is None else material.modulus * units.stress
+    density = None if material.density is None else material.density * units.density
     if young is not None and not _within(young, _YOUNG):
         return f"{name!r} has young = {young:.4g} Pa"
     if density is not None and not _within(density, _DENSITY):

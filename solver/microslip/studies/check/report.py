@@ -64,26 +64,29 @@ def description(
         *_joints(pairs),
         *(f"           {note}" for note in (*pairs.notes, *whole.notes)),
         *_bolts(mesh, scene),
-        *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, whole.loads), 1)),
+        *(
+            f"load {i}     {_load_at(mesh, load, applied.nodes)}"
+            for i, (load, applied) in enumerate(zip(scene.loads, whole.loads), 1)
+        ),
         *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, whole.outputs)),
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
     return lines
 
 
-def _mass(one: Mass) -> str:
-    return f"{one.group}: {one.mass:.6g} kg a node" if one.point is None else f"point {one.point}: {one.mass:.6g} kg"
+def _mass(mass: Mass) -> str:
+    return f"{mass.group}: {mass.mass:.6g} kg a node" if mass.point is None else f"point {mass.point}: {mass.mass:.6g} kg"
 
 
-def _ends(one: Spring) -> tuple[str, ...]:
-    return (*one.groups, *(f"point {name}" for name in one.points))
+def _ends(spring: Spring) -> tuple[str, ...]:
+    return (*spring.groups, *(f"point {name}" for name in spring.points))
 
 
 def _suspected(scene: Scene, file: FileModel, mesh: Mesh, stated: Container[str], mass: float) -> list[str]:
     """Say which units are suspected in place of the scene's: those of the file, or of materials that the scene states."""
     units, used = UNITS[scene.model.units or SI], {body.material for body in scene.bodies.values()}
-    of_file = {name: one for name, one in file.materials.items() if name in used and name not in stated}
-    of_scene = {name: one for name, one in scene.materials.items() if name in used and name in stated}
+    of_file = {name: material for name, material in file.materials.items() if name in used and name not in stated}
+    of_scene = {name: material for name, material in scene.materials.items() if name in used and name in stated}
     text = suspicion(mesh.diagonal / units.length, of_file, units, mass)
     text = text or suspicion(mesh.diagonal, of_scene, UNITS[SI], mass, by_scene=True)
     return [f"           {text}"] if text else []
@@ -92,12 +95,7 @@ def _suspected(scene: Scene, file: FileModel, mesh: Mesh, stated: Container[str]
 def _materials(scene: Scene) -> list[str]:
     """Return a line for each material that a body has."""
     used = dict.fromkeys(body.material for body in scene.bodies.values())
-    lines = [
-        f"{name}: {', '.join([*content.elastic(one), f'density {one.density:.6g} kg/m3', *content.expansion(one)])}"
-        for name, one in scene.materials.items()
-        if name in used
-    ]
-    return content.table("materials", lines)
+    return content.materials({name: material for name, material in scene.materials.items() if name in used})
 
 
 def _supports(mesh: Mesh, scene: Scene) -> list[str]:
@@ -182,12 +180,12 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
 def _joints(pairs: ContactPairs) -> list[str]:
     lines = []
     for name in dict.fromkeys(pairs.joint):
-        own = np.array([joint == name for joint in pairs.joint])
-        N0, area = pairs.N0[own], pairs.area[own].sum()
+        of_joint = np.array([joint == name for joint in pairs.joint])
+        N0, area = pairs.N0[of_joint], pairs.area[of_joint].sum()
         where = f" on {area:.6g} m2" if np.isfinite(area) else ""  # matrices come without areas
-        law = "" if pairs.laws[own][0] == ELASTIC_COULOMB else f', law "{pairs.laws[own][0]}"'
+        law = "" if pairs.laws[of_joint][0] == ELASTIC_COULOMB else f', law "{pairs.laws[of_joint][0]}"'
         lines.append(
-            f"joint      {name}: {own.sum()} pairs{where}{law}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
+            f"joint      {name}: {of_joint.sum()} pairs{where}{law}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
             f"{np.count_nonzero(N0 < 0)} with a gap"
         )
     return lines

@@ -62,16 +62,16 @@ def differences(row: Solved, reference: Solved) -> np.ndarray:
     n = min(len(row.points), len(reference.points))
     exact = np.array([point.response for point in reference.points])
     peak = np.abs(exact).max(axis=(0, 2), initial=0.0)[:, None]
-    own = np.array([point.response for point in row.points[:n]])
-    return (np.abs(own - exact[:n]) / np.where(peak > 0.0, peak, 1.0)).max(axis=(1, 2)) if n else np.empty(0)
+    values = np.array([point.response for point in row.points[:n]])
+    return (np.abs(values - exact[:n]) / np.where(peak > 0.0, peak, 1.0)).max(axis=(1, 2)) if n else np.empty(0)
 
 
 def energy_difference(row: Row, reference: Row) -> float:
     """Return the largest difference of the friction loss over the largest of the reference; nan where that loses nothing."""
     exact = np.array([point.friction for point in reference.points])
-    own = np.array([point.friction for point in row.points])
-    n, most = min(len(own), len(exact)), np.abs(exact).max(initial=0.0)
-    return float(np.abs(own[:n] - exact[:n]).max(initial=0.0) / most) if most > 0.0 and n else float("nan")
+    values = np.array([point.friction for point in row.points])
+    n, most = min(len(values), len(exact)), np.abs(exact).max(initial=0.0)
+    return float(np.abs(values[:n] - exact[:n]).max(initial=0.0) / most) if most > 0.0 and n else float("nan")
 
 
 COLUMNS: dict[

@@ -82,8 +82,8 @@ def compare_level(
     same, is_whole = _has_same_points(a, b, shown), True
     if min(n):
         for name, unit, i, j in outputs:
-            one, whole = _compare_output(_Output(a, i, shown), _Output(b, j, shown), same, name, unit)
-            differences.append(one)
+            output, whole = _compare_output(_Output(a, i, shown), _Output(b, j, shown), same, name, unit)
+            differences.append(output)
             is_whole = is_whole and whole
     first = (outputs[0][2], outputs[0][3]) if outputs else (0, 0)
     tops = [_Output(level, output, shown).top for level, output in zip((a, b), first)]
@@ -151,14 +151,14 @@ class Apart:
 
 def apart_of(a: LevelResult, b: LevelResult, i: int, j: int, shown: Shown = AMPLITUDE) -> tuple[Apart, ...]:
     """Return how far output ``i`` of A and ``j`` of B lie apart: once with the same points, else from each curve.  Local."""
-    one, other = _Output(a, i, shown), _Output(b, j, shown)
-    return _apart(one, other, _has_same_points(a, b, shown))[0]
+    curve, other = _Output(a, i, shown), _Output(b, j, shown)
+    return _apart(curve, other, _has_same_points(a, b, shown))[0]
 
 
 def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...], list[Curve]]:
     """Return the differences as in ``apart_of``, and the two curves, none with the same points."""
     N_H = max(a.response.shape[1], b.response.shape[1])
-    padded = [np.pad(one.response, [(0, 0), (0, N_H - one.response.shape[1])]) for one in (a, b)]
+    padded = [np.pad(output.response, [(0, 0), (0, N_H - output.response.shape[1])]) for output in (a, b)]
     scale = _scale(a, b)
     if same_points:
         delta = padded[0] - padded[1]
@@ -166,14 +166,16 @@ def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...]
         inside = _inside(np.hypot(*delta[:, 1:3].T), a.bar, b.bar, scale)
         return (Apart(a.frequency, a.level.segment, difference, difference, inside, True),), []
     width = half_width(a.frequency, a.size)
-    curves = [Curve(np.column_stack([one.frequency / width, x / scale]), one.level.segment) for one, x in zip((a, b), padded)]
+    curves = [
+        Curve(np.column_stack([output.frequency / width, x / scale]), output.level.segment) for output, x in zip((a, b), padded)
+    ]
     feet = [curves[1].nearest(curves[0].X), curves[0].nearest(curves[1].X)]
     distances = []
-    for own, (side, other) in enumerate(((a, b), (b, a))):
-        foot, there = feet[own], _both_there(curves, feet, own)
+    for i, (side, other) in enumerate(((a, b), (b, a))):
+        foot, there = feet[i], _both_there(curves, feet, i)
         difference, place = foot.distance[there], foot.place[there]
-        resolved = curves[1 - own].resolution(place)
-        first = np.hypot(*(foot.at - curves[own].X)[there, 2:4].T)
+        resolved = curves[1 - i].resolution(place)
+        first = np.hypot(*(foot.at - curves[i].X)[there, 2:4].T)
         bars = None if side.bar is None else side.bar[there], None if other.bar is None else _between(other.bar, place)
         inside = _inside(scale * np.maximum(first - resolved, 0.0), *bars, scale)
         beyond = np.maximum(difference - resolved, 0.0)
@@ -186,9 +188,9 @@ def _scale(a: _Output, b: _Output) -> float:
     return a.scale or b.scale or 1.0
 
 
-def _inside(apart: np.ndarray, own: np.ndarray | None, other: np.ndarray | None, scale: float) -> bool | None:
+def _inside(apart: np.ndarray, bar: np.ndarray | None, other: np.ndarray | None, scale: float) -> bool | None:
     """Tell whether amplitudes differ by less than both error bars; None where one has none."""
-    return None if own is None or other is None else bool(np.all(apart <= own + other + 1e-12 * scale))
+    return None if bar is None or other is None else bool(np.all(apart <= bar + other + 1e-12 * scale))
 
 
 def _compare_output(a: _Output, b: _Output, same_points: bool, name: str, unit: str) -> tuple[OutputDifference, bool]:
@@ -196,11 +198,13 @@ def _compare_output(a: _Output, b: _Output, same_points: bool, name: str, unit: 
     sides, curves = _apart(a, b, same_points)
     difference, frequency = (np.concatenate([getattr(side, what) for side in sides]) for what in ("difference", "frequency"))
     worst = int(np.argmax(difference)) if len(difference) else None
-    highest = [one.top for one in (a, b)]
-    tops = [(float(one.frequency[i]), float(one.size[i])) for one, i in zip((a, b), highest)]
+    highest = [output.top for output in (a, b)]
+    tops = [(float(output.frequency[i]), float(output.size[i])) for output, i in zip((a, b), highest)]
     if curves:
-        tops = [_top_between(curve, one, half_width(a.frequency, a.size), _scale(a, b)) for curve, one in zip(curves, (a, b))]
-    bars = [None if one.bar is None else float(one.bar[i]) for one, i in zip((a, b), highest)]
+        tops = [
+            _top_between(curve, output, half_width(a.frequency, a.size), _scale(a, b)) for curve, output in zip(curves, (a, b))
+        ]
+    bars = [None if output.bar is None else float(output.bar[i]) for output, i in zip((a, b), highest)]
     inside = [side.inside_bars for side in sides]
     result = OutputDifference(
         name=name,
@@ -238,13 +242,13 @@ def _at(values: np.ndarray, i: int) -> float:
     return float(values[i]) if len(values) else 0.0
 
 
-def _both_there(curves: Sequence[Curve], feet: Sequence[Foot], own: int) -> np.ndarray:
+def _both_there(curves: Sequence[Curve], feet: Sequence[Foot], i: int) -> np.ndarray:
     """Return which points of one of two curves lie where the other one runs, (n,) bool.
 
     Of curves in one piece each it is what lies between the ends of the other; those in several pieces are compared whole.
     """
-    number = np.arange(len(curves[own].X))
+    number = np.arange(len(curves[i].X))
     if any(curve.n_segments != 1 or len(curve.X) < 2 for curve in curves):
         return np.ones(len(number), dtype=bool)
-    ends = np.sort(feet[1 - own].place[[0, -1]])  # of the other curve, on this one
+    ends = np.sort(feet[1 - i].place[[0, -1]])  # of the other curve, on this one
     return (number >= ends[0] - _ENDS) & (number <= ends[1] + _ENDS)

@@ -68,11 +68,11 @@ class Curve:
         first = np.atleast_1d(self._tree.query(points)[1])
         foot = Foot(np.empty(len(points)), np.empty(len(points)), np.empty_like(points))
         for i, piece in enumerate(self.pieces):
-            own = self._of[first] == i
-            if own.any():
-                s = piece.nearest(points[own], self._s[first[own]])
-                foot.at[own], foot.place[own] = piece.at(s), piece.place(s)
-                foot.distance[own] = np.linalg.norm(foot.at[own] - points[own], axis=1)
+            of_piece = self._of[first] == i
+            if of_piece.any():
+                s = piece.nearest(points[of_piece], self._s[first[of_piece]])
+                foot.at[of_piece], foot.place[of_piece] = piece.at(s), piece.place(s)
+                foot.distance[of_piece] = np.linalg.norm(foot.at[of_piece] - points[of_piece], axis=1)
         return foot
 
     def resolution(self, place: np.ndarray) -> np.ndarray:

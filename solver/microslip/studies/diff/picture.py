@@ -33,17 +33,17 @@ def draw(comparison: Difference, path: str) -> str | None:
 def _page(comparison: Difference, levels: list[LevelDifference]) -> Page:
     """Return a column a level, and for each output a row with both curves and one with their difference."""
     outputs = levels[0].outputs[:_MOST_OUTPUTS]
-    names = [plain(one.path, 50) for one in (comparison.a, comparison.b)]
+    names = [plain(results.path, 50) for results in (comparison.a, comparison.b)]
     handles = [Line2D([], [], label=f"{side}: {name}", **looks) for side, name, looks in zip("AB", names, (LINEAR, _B))]
     handles.append(Line2D([], [], color=INK, lw=0.8, marker=".", ms=2.0, label="difference"))
     says = f"two results: {comparison.shown}; and the difference of mean and all harmonics, over the peak of A"
     page = Page(comparison.a, says, WIDTH, 0.4 + 3.6 * len(outputs), handles)
     axes = page.grid(2 * len(outputs), len(levels)).subplots(sharex="col", sharey="row", squeeze=False)
-    for k, one in enumerate(outputs):
-        factor, unit = with_prefix([size for level in levels for size in level.outputs[k].peak], one.unit)
+    for k, results in enumerate(outputs):
+        factor, unit = with_prefix([size for level in levels for size in level.outputs[k].peak], results.unit)
         for level, curve, error in zip(levels, axes[2 * k], axes[2 * k + 1]):
             _draw_output(comparison, level, k, factor, curve, error)
-        axes[2 * k, 0].set_ylabel(f"{plain(one.name, 20)} [{unit}]")
+        axes[2 * k, 0].set_ylabel(f"{plain(results.name, 20)} [{unit}]")
         axes[2 * k + 1, 0].set_ylabel("difference / peak")
     for level, top, bottom in zip(levels, axes[0], axes[-1]):
         top.set_title(level_name(comparison.of_level(level)[0], short=True))
@@ -54,11 +54,11 @@ def _page(comparison: Difference, levels: list[LevelDifference]) -> Page:
 def _draw_output(comparison: Difference, level: LevelDifference, k: int, factor: float, curve, error) -> None:
     """Draw an output of a level into two axes."""
     a, b = comparison.of_level(level)
-    i, j = (one.outputs.index(level.outputs[k].name) for one in (comparison.a, comparison.b))
-    for own, number, looks in ((a, i, LINEAR), (b, j, _B)):
-        values = factor * comparison.shown.size(own.response[:, number])
-        for part in segments(own.segment):
-            curve.plot(own.frequency[part], values[part], **looks)
+    i, j = (results.outputs.index(level.outputs[k].name) for results in (comparison.a, comparison.b))
+    for of_side, number, looks in ((a, i, LINEAR), (b, j, _B)):
+        values = factor * comparison.shown.size(of_side.response[:, number])
+        for part in segments(of_side.segment):
+            curve.plot(of_side.frequency[part], values[part], **looks)
     for side in apart_of(a, b, i, j, comparison.shown):
         for part in segments(side.segment):
             error.plot(side.frequency[part], np.maximum(side.difference[part], _FLOOR), color=INK, lw=0.8, marker=".", ms=2.0)

@@ -76,12 +76,12 @@ def _by(comparison: Difference) -> str:
 
 
 def _heads(comparison: Difference) -> str:
-    return "\n".join(f"{side}  {_head(one)}" for side, one in (("A", comparison.a), ("B", comparison.b)))
+    return "\n".join(f"{side}  {_head(results)}" for side, results in (("A", comparison.a), ("B", comparison.b)))
 
 
-def _head(one: ResultFile) -> str:
-    origin = one.origin
-    parts = [one.path, f"scene {one.name}"]
+def _head(results: ResultFile) -> str:
+    origin = results.origin
+    parts = [results.path, f"scene {results.name}"]
     if origin is not None:
         parts += [origin.started, f"{origin.n_ranks} rank{'s' if origin.n_ranks > 1 else ''}", origin.command]
     return _short(", ".join(parts), 200)
@@ -92,7 +92,7 @@ def _asked(comparison: Difference) -> str:
     lines = _changes("asked for", comparison.keys) or ["asked for: the same keys and values"]
     lines += _changes("computed with", comparison.facts)
     if comparison.inputs is None:
-        old = [side for side, one in (("A", comparison.a), ("B", comparison.b)) if one.origin is None]
+        old = [side for side, results in (("A", comparison.a), ("B", comparison.b)) if results.origin is None]
         lines.append(f"files read: {listed(old)} was written by an earlier version and does not say")
     else:
         n = len(comparison.a.origin.inputs) if comparison.a.origin else 0
@@ -106,19 +106,23 @@ def _changes(head: str, changes: Sequence[Change]) -> list[str]:
 
 
 def _structure(comparison: Difference) -> str:
-    one = comparison.structure
+    structure = comparison.structure
     parts = []
-    if any(one.n_dof):
-        parts.append(_counted("DOF", one.n_dof))
-    parts.append(_counted("pairs", one.n_pairs))
-    if one.joints[0] != one.joints[1]:
-        parts.append(f"joints {listed(one.joints[0]) or 'none'} -> {listed(one.joints[1]) or 'none'}")
-    elif one.n_pairs[0] == one.n_pairs[1] and not one.same_pairs:
+    if any(structure.n_dof):
+        parts.append(_counted("DOF", structure.n_dof))
+    parts.append(_counted("pairs", structure.n_pairs))
+    if structure.joints[0] != structure.joints[1]:
+        parts.append(f"joints {listed(structure.joints[0]) or 'none'} -> {listed(structure.joints[1]) or 'none'}")
+    elif structure.n_pairs[0] == structure.n_pairs[1] and not structure.same_pairs:
         parts.append("the pairs lie elsewhere or between other nodes")
-    parts += [f"{name} of the pairs by up to {_percent(apart)} %" for name, apart in one.pairs.items() if apart > 1e-12]
-    parts.append(_counted("modes", one.n_modes))
-    if one.mode:
-        parts.append(f"their frequencies differ by up to {_percent(one.modes)} %, mode {one.mode}" if one.modes else "equal")
+    parts += [f"{name} of the pairs by up to {_percent(apart)} %" for name, apart in structure.pairs.items() if apart > 1e-12]
+    parts.append(_counted("modes", structure.n_modes))
+    if structure.mode:
+        parts.append(
+            f"their frequencies differ by up to {_percent(structure.modes)} %, mode {structure.mode}"
+            if structure.modes
+            else "equal"
+        )
     return f"structure: {', '.join(parts)}"
 
 
@@ -138,7 +142,7 @@ def _rows(level: LevelDifference) -> list[tuple[float, list[str]]]:
     if not level.outputs:
         return [(level.level, [name, "\u2013", n, *["\u2013"] * (len(_HEAD) - 3)])]
     rows = []
-    for k, one in enumerate(level.outputs):
+    for k, output in enumerate(level.outputs):
         both = [
             *(f"{value:.4g}" for value in level.friction),
             f"{level.slip[0]}, {level.slip[1]}",
@@ -146,16 +150,16 @@ def _rows(level: LevelDifference) -> list[tuple[float, list[str]]]:
         ]
         cells = [
             name if k == 0 else "",
-            one.name,
+            output.name,
             n if k == 0 else "",
-            _percent(one.difference),
-            f"{one.at:.6g}",
-            *(f"{value:.5g}" for value in one.peak),
-            _percent(_relative(*one.peak)),
-            *(f"{value:.7g}" for value in one.peak_at),
-            _percent(_relative(*one.peak_at)),
+            _percent(output.difference),
+            f"{output.at:.6g}",
+            *(f"{value:.5g}" for value in output.peak),
+            _percent(_relative(*output.peak)),
+            *(f"{value:.7g}" for value in output.peak_at),
+            _percent(_relative(*output.peak_at)),
             *(both if k == 0 else [""] * len(both)),
-            "\u2013" if one.inside_bars is None else "yes" if one.inside_bars else "no",
+            "\u2013" if output.inside_bars is None else "yes" if output.inside_bars else "no",
         ]
         rows.append((level.level, cells))
     return rows
@@ -181,11 +185,11 @@ def _notes(comparison: Difference) -> str:
             )
         if level.n_other_state:
             lines.append(f"{name}: {level.n_other_state} pairs are in another state where the response is largest")
-    for side, one in (("A", comparison.a), ("B", comparison.b)):
+    for side, results in (("A", comparison.a), ("B", comparison.b)):
         known = {level.level for level in comparison.levels}
         lines += [
             f"{level.level:g} {level.unit}: {side} {level.status}"
-            for level in one.levels
+            for level in results.levels
             if level.status != COMPLETE and level.level not in known
         ]
     return "\n".join(lines)

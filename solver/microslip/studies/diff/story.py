@@ -60,7 +60,7 @@ class Difference:
     def incomplete(self) -> tuple[str, ...]:
         """Return which results have levels that ended early, or that were at work when the file was written."""
         return tuple(
-            name for name, one in (("A", self.a), ("B", self.b)) if any(level.status != COMPLETE for level in one.levels)
+            name for name, results in (("A", self.a), ("B", self.b)) if any(level.status != COMPLETE for level in results.levels)
         )
 
     def is_level_same(self, level: LevelDifference) -> bool:
@@ -94,12 +94,14 @@ def diff(path_a: str, path_b: str, tolerance: float | None = None, bars: bool = 
 
 def compared(a: ResultFile, b: ResultFile, tolerance: float | None = None, bars: bool = False) -> Difference:
     """Return how two results differ.  Local."""
-    if a.shown.is_static != b.shown.is_static and all(any(len(level.frequency) for level in one.levels) for one in (a, b)):
+    if a.shown.is_static != b.shown.is_static and all(
+        any(len(level.frequency) for level in results.levels) for results in (a, b)
+    ):
         raise CaseError(f"{a.path} and {b.path}: one of them is of statics alone, and the other of vibration")
     structure = _structure(a, b)
     outputs, only_outputs = _outputs(a, b)
     pairs, only_levels = _levels(a, b)
-    levels = tuple(compare_level(one, other, outputs, structure.same_pairs, a.shown) for one, other in pairs)
+    levels = tuple(compare_level(results, other, outputs, structure.same_pairs, a.shown) for results, other in pairs)
     only = [(*levels_of, *outputs_of) for levels_of, outputs_of in zip(only_levels, only_outputs)]
     asked = keys_changed(a, b), facts_changed(a, b), inputs_changed(a, b)
     return Difference(a, b, tolerance, bars, *asked, structure, levels, (only[0], only[1]))
@@ -107,11 +109,11 @@ def compared(a: ResultFile, b: ResultFile, tolerance: float | None = None, bars:
 
 def _outputs(a: ResultFile, b: ResultFile) -> tuple[list[tuple[str, str, int, int]], tuple[list[str], list[str]]]:
     """Return name, unit and numbers of the outputs that both have, and the names of the others."""
-    of_a, of_b = ({(name, one.unit_of(k)): k for k, name in enumerate(one.outputs)} for one in (a, b))
+    of_a, of_b = ({(name, results.unit_of(k)): k for k, name in enumerate(results.outputs)} for results in (a, b))
     both = [(name, unit, k, of_b[name, unit]) for (name, unit), k in of_a.items() if (name, unit) in of_b]
     only = tuple(
-        [f'output "{name}" in {unit}' for name, unit in one if (name, unit) not in other]
-        for one, other in ((of_a, of_b), (of_b, of_a))
+        [f'output "{name}" in {unit}' for name, unit in results if (name, unit) not in other]
+        for results, other in ((of_a, of_b), (of_b, of_a))
     )
     return both, only  # type: ignore[return-value]
 

@@ -62,22 +62,28 @@ def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> l
     faces = {
         name: faces_of_group(mesh, skin, name) for name, nodes in mesh.node_groups.items() if name not in bodies and len(nodes)
     }
-    faces = {name: own for name, own in faces.items() if len(own)}
+    faces = {name: of_group for name, of_group in faces.items() if len(of_group)}
     tied = [(faces[a], faces[b]) for a, b in (ty.surfaces for ty in file.ties) if a in faces and b in faces]
     asked = [finding.surfaces for finding in file.findings if len(finding.surfaces) == 2]
     named, rest = _named(mesh, skin, _without(touching, skin, tied), faces, asked)
     names = [settings.body_of[group] for group in groups_of_bodies(mesh)]
-    together = [*tied, *((faces[a], faces[b]) for a, b in (one.surfaces for one in named))]
-    joined = {frozenset(names[i] for i in pair) for one in together for pair in _bodies_of(skin, *one)}
+    together = [*tied, *((faces[a], faces[b]) for a, b in (candidate.surfaces for candidate in named))]
+    joined = {frozenset(names[i] for i in pair) for candidate in together for pair in _bodies_of(skin, *candidate)}
     rough = np.abs(rest.gap) > _APART * np.maximum(skin.size[rest.face], skin.size[rest.other])
     taken = set(mesh.node_groups)
     unnamed = [
-        replace(one, is_likely=frozenset(one.made[0].bodies) not in joined)
+        replace(candidate, is_likely=frozenset(candidate.made[0].bodies) not in joined)
         for is_apart in (False, True)
-        for one in _unnamed(mesh, skin, _some(rest, rough == is_apart), names, taken, not is_apart)
+        for candidate in _unnamed(mesh, skin, _some(rest, rough == is_apart), names, taken, not is_apart)
     ]
-    order = sorted([*named, *unnamed], key=lambda one: (one.is_apart, not one.is_likely, bool(one.made), -one.area))
-    return [replace(one, name=name) for one, name in zip(order, _distinct([one.name for one in order]), strict=True)]
+    order = sorted(
+        [*named, *unnamed],
+        key=lambda candidate: (candidate.is_apart, not candidate.is_likely, bool(candidate.made), -candidate.area),
+    )
+    return [
+        replace(candidate, name=name)
+        for candidate, name in zip(order, _distinct([candidate.name for candidate in order]), strict=True)
+    ]
 
 
 def _bodies_of(skin: Skin, first: np.ndarray, second: np.ndarray) -> list[list[int]]:
@@ -146,12 +152,12 @@ def _named(
     return candidates, touching
 
 
-def _in_order(skin: Skin, one: tuple[int, float], other: tuple[int, float], faces: list[np.ndarray]) -> tuple[int, int]:
+def _in_order(skin: Skin, first: tuple[int, float], other: tuple[int, float], faces: list[np.ndarray]) -> tuple[int, int]:
     """Return first the surface that lies on the other with all of it; of two that do, the finer one."""
-    if min(one[1], other[1]) > 0.98:
-        finer = skin.area[faces[one[0]]].mean() <= 1.001 * skin.area[faces[other[0]]].mean()
-        return (one[0], other[0]) if finer else (other[0], one[0])
-    return (one[0], other[0]) if one[1] >= other[1] else (other[0], one[0])
+    if min(first[1], other[1]) > 0.98:
+        finer = skin.area[faces[first[0]]].mean() <= 1.001 * skin.area[faces[other[0]]].mean()
+        return (first[0], other[0]) if finer else (other[0], first[0])
+    return (first[0], other[0]) if first[1] >= other[1] else (other[0], first[0])
 
 
 def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, second: np.ndarray, made=()) -> Candidate:
@@ -255,6 +261,6 @@ def _distinct(names: list[str]) -> list[str]:
     """Return names that are all different: those that come again with a number."""
     distinct: list[str] = []
     for name in names:
-        number = 1 + sum(one == name or one.startswith(f"{name} ") for one in distinct)
+        number = 1 + sum(other == name or other.startswith(f"{name} ") for other in distinct)
         distinct.append(name if number == 1 else f"{name} {number}")
     return distinct

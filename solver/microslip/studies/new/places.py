@@ -31,7 +31,7 @@ def held_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: It
 
     Both are empty where the file itself holds something.  ``used`` are groups that do something else.
     """
-    if file.supports or any(one.stiffness or one.rotational_stiffness for one in file.connected):
+    if file.supports or any(point.stiffness or point.rotational_stiffness for point in file.connected):
         return [], []
     others = {*settings.body_of, *used, *(name for tie in file.ties for name in tie.surfaces)}
     others |= {bolt.group for bolt in file.bolts} | {mass.group for mass in file.masses if mass.group is not None}
@@ -55,6 +55,8 @@ def farthest(mesh: Mesh, file: FileModel, held: Iterable[str]) -> Place:
     across = np.ones(3)
     across[int(np.argmax(np.ptp(mesh.points, axis=0)))] = 0.0
     direction = (float(across[0]), float(across[1]), float(across[2]))
-    leading = [one.name for one in file.connected if one.group in mesh.node_groups and node in mesh.node_groups[one.group]]
+    leading = [
+        point.name for point in file.connected if point.group in mesh.node_groups and node in mesh.node_groups[point.group]
+    ]
     position = tuple(float(x) + 0.0 for x in np.round(mesh.points[node] / mesh.diagonal, 9) * mesh.diagonal)
     return Place(None if leading else int(mesh.numbers[node]), leading[0] if leading else None, position, direction)

@@ -117,8 +117,8 @@ def _model(first: First) -> str:
 def _materials(first: First) -> str:
     file, lacking = first.file, []
     for name in dict.fromkeys(body.material for body in file.bodies.values()):
-        one = file.materials.get(name)
-        if one is None or one.lacking:
+        material = file.materials.get(name)
+        if material is None or material.lacking:
             lacking.append(name)
     if not file.bodies:
         lacking = ["steel"]
@@ -126,10 +126,10 @@ def _materials(first: First) -> str:
     units = UNITS[first.units or "m-kg-s"]
     for name in lacking:
         lines.append(f"[materials.{key_text(name)}]")
-        one = file.materials.get(name, Material.of_file())
-        known = one.in_si(units)
+        material = file.materials.get(name, Material.of_file())
+        known = material.in_si(units)
         for key in ("young", "poisson", "shear", "elasticity", "density", "expansion"):
-            if key in one.lacking:
+            if key in material.lacking:
                 lines.append(_line(key, _STEEL[key][0], f"{_STEEL[key][1]}: steel's; the file does not state it"))
             elif key in known:
                 lines.append(_line(key, value_text(known[key]), "as in the file"))
@@ -159,7 +159,7 @@ def _supports(first: First) -> str:
         for name in first.held
         for line in ("[[supports]]", _line("group", _quoted(name), "by its name; is it held?"), _FIX, "")
     ]
-    if not first.held and not any(one.stiffness for one in file.connected):
+    if not first.held and not any(point.stiffness for point in file.connected):
         names = ", ".join(first.may_be_held[:MOST]) or "none; name one in the program that wrote the file"
         lines += [
             "# Nothing in the file says what is held. Groups that may be: " + names,
@@ -175,24 +175,24 @@ _STEEL = {"young": ("2.1e11", "Pa"), "poisson": ("0.3", "-"), "density": ("7850.
 _FIX = 'fix = ["x", "y", "z"]'
 
 
-def _joint(one: Candidate, first: First) -> str:
+def _joint(candidate: Candidate, first: First) -> str:
     """Return a joint with its numbers as comments, after the surfaces that it needs; a tie where the file glues them."""
     for finding in first.file.findings:
-        if finding.is_glued and frozenset(finding.surfaces) == frozenset(one.surfaces):
-            return _tie(one, finding)
-    lines = [_surface(surface) for surface in one.made]
+        if finding.is_glued and frozenset(finding.surfaces) == frozenset(candidate.surfaces):
+            return _tie(candidate, finding)
+    lines = [_surface(surface) for surface in candidate.made]
     preload = (
         _line("preload", '"static"', "what [statics] finds")
         if first.states_bolts or first.loads_at_rest
         else "#> preload = 1e6                # Pa at rest: 1e5 to 1e8; bolts: force / area"
     )
-    note = f"# {one.text}"
+    note = f"# {candidate.text}"
     lines += [
         note,
         "[[joints]]",
-        _line("name", _quoted(one.name)),
-        _line("surfaces", f"[{', '.join(map(_quoted, one.surfaces))}]"),
-        *_contact(one, first),
+        _line("name", _quoted(candidate.name)),
+        _line("surfaces", f"[{', '.join(map(_quoted, candidate.surfaces))}]"),
+        *_contact(candidate, first),
         preload,
         "",
     ]
@@ -207,10 +207,12 @@ _ASKED = {
 }
 
 
-def _contact(one: Candidate, first: First) -> list[str]:
+def _contact(candidate: Candidate, first: First) -> list[str]:
     """Return friction and stiffnesses of a joint: those of the file, as comments what it does not state."""
     known = first.file.joints if first.scale is None else ()
-    of_file = next((joint for joint in known if frozenset(joint.surfaces or ()) == frozenset(one.surfaces)), Joint.of_file())
+    of_file = next(
+        (joint for joint in known if frozenset(joint.surfaces or ()) == frozenset(candidate.surfaces)), Joint.of_file()
+    )
     stated = of_file.in_si(UNITS[first.units or "m-kg-s"])
     lines = []
     for key, asked in _ASKED.items():
@@ -218,10 +220,10 @@ def _contact(one: Candidate, first: First) -> list[str]:
     return lines
 
 
-def _tie(one: Candidate, finding: Finding) -> str:
+def _tie(candidate: Candidate, finding: Finding) -> str:
     """Return a tie, with the way to a joint in its place."""
     lines = [
-        f"# {one.text}; bonded in the file",
+        f"# {candidate.text}; bonded in the file",
         "# where they may slip: [[joints]] with friction, two stiffnesses and a preload in place of [[ties]]",
         "[[ties]]",
         _line("surfaces", f"[{', '.join(map(_quoted, finding.surfaces))}]"),
@@ -230,14 +232,14 @@ def _tie(one: Candidate, finding: Finding) -> str:
     return "\n".join(lines)
 
 
-def _surface(one: Surface) -> str:
+def _surface(surface: Surface) -> str:
     lines = [
         "[[surfaces]]",
-        _line("name", _quoted(one.name)),
-        _line("bodies", f"[{', '.join(map(_quoted, one.bodies))}]", "faces of the first that lie on the second"),
+        _line("name", _quoted(surface.name)),
+        _line("bodies", f"[{', '.join(map(_quoted, surface.bodies))}]", "faces of the first that lie on the second"),
     ]
-    if one.normal is not None:
-        lines.append(_line("normal", f"[{', '.join(map(repr, one.normal))}]", "and look there"))
+    if surface.normal is not None:
+        lines.append(_line("normal", f"[{', '.join(map(repr, surface.normal))}]", "and look there"))
     return "\n".join([*lines, ""])
 
 
@@ -264,9 +266,9 @@ def _further(first: First) -> str:
     return "\n".join([*lines, ""])
 
 
-def _without_names(one: Candidate) -> str:
+def _without_names(candidate: Candidate) -> str:
     """Say what a candidate is by its bodies."""
-    return f"{' on '.join(one.made[0].bodies)}: {one.text.partition(': ')[2]}"
+    return f"{' on '.join(candidate.made[0].bodies)}: {candidate.text.partition(': ')[2]}"
 
 
 def _statics(first: First) -> str:

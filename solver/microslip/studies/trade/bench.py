@@ -58,14 +58,14 @@ class Bench:
     def __init__(self, scene: Scene, structure: Structure):
         self.scene, self.structure = scene, structure
         self.comm = structure.comm
-        own = response_settings(scene)
-        self.sweep = frequency_sweep(own, structure.modes.omega_n)
-        self.least_harmonics = own.loaded
+        settings = response_settings(scene)
+        self.sweep = frequency_sweep(settings, structure.modes.omega_n)
+        self.least_harmonics = settings.loaded
         self.modes: Modes = structure.modes
         self.has_all_modes = len(structure.modes.omega_n) == structure.n_dof
         highest = max(self.sweep.start, self.sweep.stop)
         in_range = int(np.count_nonzero(structure.modes.omega_n <= highest))
-        self.least_modes = self.comm.bcast(max(own.band.mode or 1, in_range))  # fewer leave a resonance out
+        self.least_modes = self.comm.bcast(max(settings.band.mode or 1, in_range))  # fewer leave a resonance out
         self.modes_seconds: dict[int, float] = {}  # measured, by number
         self._first: dict[int, Structure] = {}  # with so many modes
         self._prepared: dict[tuple, Prepared] = {}
@@ -145,8 +145,8 @@ class Bench:
         """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""
         if setting.accuracy is None:
             return None
-        own = response_settings(self.scene)
-        free = replace(own, accuracy=setting.accuracy, keeps=frozenset(), tolerance=ResponseSettings.tolerance)
+        settings = response_settings(self.scene)
+        free = replace(settings, accuracy=setting.accuracy, keeps=frozenset(), tolerance=ResponseSettings.tolerance)
         return accuracy_of(replace(free, is_corrected=setting.is_corrected), problem.equation)
 
     def run(self, knob: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True) -> Run:

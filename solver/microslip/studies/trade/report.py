@@ -128,8 +128,10 @@ def records(study: Study) -> list[dict]:
     """Return a record a run over all levels, by the names of ``COLUMNS``, and one a run and level where there are several."""
     front, table_rows, exact = {id(run) for run in study.front()}, list[Record](), study.reference.curves
     for run in study.ordered():
-        own, is_best = study.own(run, run.knob) if run.failure is None else np.nan, id(run) in front
-        table_rows.append(Record(run, "all", run.curves, study.score(run), own, is_best, study.error_of_corrected(run.corrected)))
+        knob_error, is_best = study.own(run, run.knob) if run.failure is None else np.nan, id(run) in front
+        table_rows.append(
+            Record(run, "all", run.curves, study.score(run), knob_error, is_best, study.error_of_corrected(run.corrected))
+        )
         for i, curve in enumerate(run.curves if len(exact) > 1 else ()):
             corrected = study.error_of_corrected(run.corrected[i : i + 1])
             table_rows.append(Record(run, f"{curve.level:g}", [curve], score([curve], exact), np.nan, is_best, corrected))
@@ -277,8 +279,8 @@ def corrected_sentences(study: Study) -> list[str]:
         error = study.error_of_corrected(run.corrected)
         if not np.isfinite(error) or study.score(run).error < study.reference.floor:
             continue
-        errors = " -> ".join(_known(one, study) for one in (study.score(run).error, error))
-        as_good = next((one for one in sweep if study.score(one).error <= max(error, study.reference.floor)), None)
+        errors = " -> ".join(_known(value, study) for value in (study.score(run).error, error))
+        as_good = next((value for value in sweep if study.score(value).error <= max(error, study.reference.floor)), None)
         beside = "" if as_good is None else f"; without it takes {as_good.setting.harmonics}, {as_good.cost / run.cost:.2g}x"
         said = f"harmonics {run.setting.harmonics}, corrected: error {errors}"
         lines.append(f"{said} for {run.cpu_with_bars / run.cost:.2g}x the time{beside}")
@@ -302,11 +304,13 @@ def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
     first, second = (_value(knob, run) for run in (before, after))
     text = f"{name} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
     text += _more_setup(before, after) if knob == "modes" else ""
-    own = study.own(before, knob), study.own(after, knob)
+    knob_errors = study.own(before, knob), study.own(after, knob)
     if knob == "harmonics":
-        return f"{text}, error {_known(own[0], study)} -> {_known(own[1], study)}"
-    last = own[1] == 0.0 and knob != "eps"
-    of_it = f"changes {percent(own[0])}" if last else f"its own error {percent(own[0])} -> {percent(own[1])}"
+        return f"{text}, error {_known(knob_errors[0], study)} -> {_known(knob_errors[1], study)}"
+    last = knob_errors[1] == 0.0 and knob != "eps"
+    of_it = (
+        f"changes {percent(knob_errors[0])}" if last else f"its own error {percent(knob_errors[0])} -> {percent(knob_errors[1])}"
+    )
     errors = " -> ".join(_known(study.score(run).error, study) for run in (before, after))
     return f"{text}, {of_it} (with all others of the base: {errors})"
 

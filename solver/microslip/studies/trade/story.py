@@ -303,12 +303,12 @@ def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: Ru
             structure = build(of_mesh, comm, log)
             setup = clock.spent
             bench = Bench(of_mesh, structure)
-            own, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
+            of_mesh_omegas, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
             benches.append((mesh, bench, setup))
         except MicroslipError as problem:
             runs.append((0, not_run("mesh", Path(mesh).name, replace(base, mesh=mesh), str(problem))))
             continue
-        for level, points in own.items():
+        for level, points in of_mesh_omegas.items():
             omegas[level] = sorted({*omegas.get(level, ()), *points}, reverse=bench.sweep.direction < 0)
     for mesh, bench, setup in benches:
         run = bench.run("mesh", Path(mesh).name, replace(base, mesh=mesh), omegas, bars=False)

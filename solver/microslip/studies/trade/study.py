@@ -60,9 +60,9 @@ class Setting:
     def __str__(self) -> str:
         if self.accuracy is not None:
             return f"accuracy {self.accuracy:g}{' of the corrected amplitude' if self.is_corrected else ''}"
-        own = "" if self.method == "receptance" else f"{self.method}, "
-        own += "" if self.energy_tolerance is None else f"eps {self.energy_tolerance:g} J, "
-        return f"{own}{self.modes} modes, H = {self.harmonics}, N_t = {self.samples}, tolerance {self.tolerance:g}"
+        head = "" if self.method == "receptance" else f"{self.method}, "
+        head += "" if self.energy_tolerance is None else f"eps {self.energy_tolerance:g} J, "
+        return f"{head}{self.modes} modes, H = {self.harmonics}, N_t = {self.samples}, tolerance {self.tolerance:g}"
 
 
 @dataclass(frozen=True)
@@ -374,9 +374,9 @@ def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, 
             continue
         options = [(getattr(run.setting, KEYS[knob]), run.cost / base.cost, study.own(run, knob)) for run in sweep]
         combinations = [
-            (setting.turned(knob, value), seconds * factor, error + own)
+            (setting.turned(knob, value), seconds * factor, error + added)
             for setting, seconds, error in combinations
-            for value, factor, own in options
+            for value, factor, added in options
         ]
     return [entry for entry in combinations if entry[0].samples > 2 * entry[0].harmonics]
 

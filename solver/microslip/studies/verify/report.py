@@ -111,10 +111,10 @@ def verdict(checks: Sequence[Check]) -> str:
     if not good:
         return "no point could be compared"
     worst = max(good, key=lambda check: check.with_phase)
-    own = max(check.own for check in good)
+    own_error = max(check.own for check in good)
     said = (
         f"largest difference {worst.with_phase:.1e} of the peak ({worst.where}; amplitude and phase); "
-        f"time integration's own error is about {own:.1e}"
+        f"time integration's own error is about {own_error:.1e}"
     )
     if worst.with_phase <= EXPECTED:
         return said

@@ -213,16 +213,16 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
     periods = founds[0].periods + founds[1].periods
     return [
         replace(
-            compared(one, responses[1][i], responses[0][i]),
+            compared(point, responses[1][i], responses[0][i]),
             closure=float(closure[i]),
             periods=int(periods[i]),
             change=float(founds[-1].change[i]),
             distance=float(founds[-1].distance[i]),
             seconds=seconds,
             failure=unsteady(founds[-1].distance[i], int(periods[i])),
-            loop=loop_of(transient, one, du[:, i], founds[-1].cycle.p[:, i]) if one.is_peak else None,
+            loop=loop_of(transient, point, du[:, i], founds[-1].cycle.p[:, i]) if point.is_peak else None,
         )
-        for i, one in enumerate(chosen)
+        for i, point in enumerate(chosen)
     ]
 
 
@@ -249,18 +249,18 @@ def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen
     )
 
 
-def compared(one: Chosen, fine: np.ndarray, coarse: np.ndarray) -> Check:
+def compared(point: Chosen, fine: np.ndarray, coarse: np.ndarray) -> Check:
     """Return what harmonic balance and the march with all steps and with half of them say, of coefficients (N_H,).  Local."""
-    scale = one.peak or 1.0
-    marched, balanced = float(amplitude(fine)), float(amplitude(one.response))
+    scale = point.peak or 1.0
+    marched, balanced = float(amplitude(fine)), float(amplitude(point.response))
     return Check(
-        level=one.level,
-        frequency=one.omega / (2.0 * np.pi),
-        is_peak=one.is_peak,
+        level=point.level,
+        frequency=point.omega / (2.0 * np.pi),
+        is_peak=point.is_peak,
         balanced=balanced,
         marched=marched,
         difference=(balanced - marched) / scale,
-        with_phase=float(np.hypot(*(one.response[1:3] - fine[1:3]))) / scale,
+        with_phase=float(np.hypot(*(point.response[1:3] - fine[1:3]))) / scale,
         own=float(np.hypot(*(fine[1:3] - coarse[1:3]))) / scale,
         higher=float(np.linalg.norm(fine[3:])) / (marched or 1.0),
         closure=np.nan,
@@ -271,9 +271,9 @@ def compared(one: Chosen, fine: np.ndarray, coarse: np.ndarray) -> Check:
     )
 
 
-def failed_check(one: Chosen, why: str) -> Check:
+def failed_check(point: Chosen, why: str) -> Check:
     nothing = np.full(3, np.nan)
-    return replace(compared(one, nothing, nothing), failure=why)
+    return replace(compared(point, nothing, nothing), failure=why)
 
 
 def unsteady(distance: float, periods: int) -> str:
@@ -283,14 +283,14 @@ def unsteady(distance: float, periods: int) -> str:
     return f"no steady state after {periods} periods: {distance:.1e} of the motion away"
 
 
-def loop_of(transient: TransientModel, one: Chosen, du: np.ndarray, p: np.ndarray) -> Loop | None:
+def loop_of(transient: TransientModel, point: Chosen, du: np.ndarray, p: np.ndarray) -> Loop | None:
     """Return the loop of the pair that loses most, of du and p (n_steps, 3 n_pairs); None where nothing is lost.  Local."""
-    if not np.any(one.energy > 0.0):
+    if not np.any(point.energy > 0.0):
         return None
-    pair = int(np.argmax(one.energy))
-    direction = int(np.argmax(cycle_work(one.p[pair, :2], one.U[pair, :2])))
+    pair = int(np.argmax(point.energy))
+    direction = int(np.argmax(cycle_work(point.p[pair, :2], point.U[pair, :2])))
     k_t, row = transient.law.stiffness[pair, direction], 3 * pair + direction
-    balanced = [synthesise(x[pair, direction], len(du)) for x in (one.U, one.p)]
+    balanced = [synthesise(x[pair, direction], len(du)) for x in (point.U, point.p)]
     return Loop(
         pair,
         "xy"[direction],

@@ -86,7 +86,7 @@ def write(model, path, rows) -> None:
     names = ["mean"] + [f"{part} {n}" for n in range(1, H + 1) for part in ("cos", "sin")]
     with open(path, "w", newline="") as file:
         writer = csv.writer(file)
-        own = [f"{output} {name}" for output in model["output_name"][shown(model)] for name in names]
-        writer.writerow(["level_N", "frequency_Hz", "seconds", *own])
+        heads = [f"{output} {name}" for output in model["output_name"][shown(model)] for name in names]
+        writer.writerow(["level_N", "frequency_Hz", "seconds", *heads])
         writer.writerows([[f"{value:.17g}" for value in row] for row in rows])
     print(f"{path}: {len(rows)} points in {sum(row[2] for row in rows):.3g} s")

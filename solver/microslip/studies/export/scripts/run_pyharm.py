@@ -94,10 +94,10 @@ def contact(model, i):
     x, y, z = moves(model)[i]
     if z:
         return {f"pair {i}": {**at, "type": "Penalty3D", "dirs": [2, 0, 1], "g": 0.0, "k_n": k_n, "k_t": k_t}}
-    own = {**at, "type": "Jenkins", "k": k_t}
+    jenkins = {**at, "type": "Jenkins", "k": k_t}
     if x and y and not model["separate"][i]:
-        return {f"pair {i}": {**own, "dirs": [0, 1]}}
-    return {f"pair {i} {axis}": {**own, "dirs": [axis]} for axis in (0, 1) if (x, y)[axis]}
+        return {f"pair {i}": {**jenkins, "dirs": [0, 1]}}
+    return {f"pair {i} {axis}": {**jenkins, "dirs": [axis]} for axis in (0, 1) if (x, y)[axis]}
 
 
 def forces(coordinate, coefficients, n_pairs):
@@ -108,8 +108,12 @@ def forces(coordinate, coefficients, n_pairs):
     for n in range((len(coefficients) + 1) // 2):
         cos, sin = (coefficients[0], 0.0) if n == 0 else coefficients[2 * n - 1 : 2 * n + 1]
         if cos or sin:
-            own = {"type": "GOForcing", "connect": {"body": [int(node)]}, "dirs": [int(d) for d in dirs], "dto": 0, "ho": n}
-            connectors[f"load {coordinate} {n}"] = {**own, "amp": float(np.hypot(cos, sin)), "phi": float(np.arctan2(sin, cos))}
+            element = {"type": "GOForcing", "connect": {"body": [int(node)]}, "dirs": [int(d) for d in dirs], "dto": 0, "ho": n}
+            connectors[f"load {coordinate} {n}"] = {
+                **element,
+                "amp": float(np.hypot(cos, sin)),
+                "phi": float(np.arctan2(sin, cos)),
+            }
             if n == 0:
                 connectors[f"load {coordinate} {n}"]["amp"] = float(cos)
     return connectors
@@ -118,10 +122,10 @@ def forces(coordinate, coefficients, n_pairs):
 def positions(dofs, n_pairs, size, H):
     """Return where mean, cos 1, sin 1, ... of each DOF stand in pyHarm's vector, (size, 2 H + 1)."""
     node, direction = dofs["node_num"].to_numpy(), dofs["dof_num"].to_numpy()
-    own = np.where(node < n_pairs, 3 * node + direction, 2 * n_pairs + node)
+    row = np.where(node < n_pairs, 3 * node + direction, 2 * n_pairs + node)
     column = np.where(dofs["harm"] == 0, 0, 2 * dofs["harm"] - (dofs["cs"] == "c"))
     order = np.empty((size, 2 * H + 1), dtype=int)
-    order[own, column] = dofs.index.to_numpy()
+    order[row, column] = dofs.index.to_numpy()
     return order
 
 
