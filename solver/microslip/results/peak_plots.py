@@ -86,7 +86,7 @@ def mark_peaks(ax, level: LevelResult, output: int, factor: float, colour) -> No
     places = [(hertz(peak.omega), abs(peak.amplitude)) for peak in level.peaks or () if peak.output == output]
     top = highest(level.response, output)
     if level.peaks is None and top is not None:
-        places = [(level.frequency[top], amplitude(level.response[top, output]))]
+        places = [(float(level.frequency[top]), float(amplitude(level.response[top, output])))]
     for frequency, size in places:
         ax.plot(frequency, factor * size, "o", ms=4.0, mfc="white", mec=colour, mew=1.1, zorder=4)
 

@@ -150,7 +150,7 @@ def _joint(reader: Reader) -> Joint:
         or not all(0 <= i < len(laws) for i in columns["laws"])
     ):
         raise CaseError(f"{reader.path}: the joint names pairs that are not there; the file is damaged or was edited")
-    return Joint(names=names, faces=faces, law_names=laws, of_laws=of_laws, **columns)
+    return Joint(names=names, faces=faces, law_names=laws, own=of_laws, **columns)
 
 
 def _names(reader: Reader, group: str) -> list[str]:
