@@ -21,13 +21,19 @@ def draw(comm: MPI.Comm, folder: Path, write: Callable[[], None] | None = None) 
     ------
     CaseError, ResourceError : on every rank, if results cannot be read or a picture cannot be written
     """
-    on_each(comm, draw_share, folder, slice(comm.size - 1 - comm.rank, None, comm.size), write if comm.rank == 0 else None)
+    share = slice(comm.size - 1 - comm.rank, None, comm.size)
+    on_each(comm, write_and_draw, write if comm.rank == 0 else None, folder, share)
 
 
-def draw_share(folder: Path, share: slice, write: Callable[[], None] | None) -> None:
+def write_and_draw(write: Callable[[], None] | None, folder: Path, share: slice) -> None:
     """Write, and draw a share of the pictures of the results in a folder.  Local."""
     if write is not None:
         write()
+    draw_share(folder, share)
+
+
+def draw_share(folder: Path, share: slice) -> None:
+    """Draw a share of the pictures of the results in a folder.  Local."""
     from .plots import draw_all  # not before: matplotlib takes a fifth of a second
 
     draw_all(str(folder / "results.h5"), str(folder), share)
