@@ -15,7 +15,7 @@ from .measures import peak as highest
 from .record import LevelResult, ResultFile
 from .style import INK, WIDTH, Page, Pages, outputs_by_page, plain, with_prefix
 
-_SAME = np.log(1.1)  # of the frequencies of one resonance at two levels that follow each other
+_SAME = np.log(1.25)  # of the frequencies of one resonance at two levels that follow each other
 _WIDE = 30.0  # ratio of the levels beyond which their axis is logarithmic
 _ROOM = (0.16, 0.07)  # of the axes, between two labels
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
