@@ -125,7 +125,9 @@ class ReducedModel(ReducedStructure):
     ) -> list[Flexibility]:
         """Return the rates of c_n of each group, as :meth:`DynamicFlexibility.rate` has them; ``d_C`` of each group."""
         c_n = self.flexibilities(omega)
-        return [c.rate(d_omega, d_sigma, of_group) for c, of_group in zip(c_n, d_C or [None] * len(c_n))]
+        if d_C is None:
+            return [c.rate(d_omega, d_sigma) for c in c_n]
+        return [c.rate(d_omega, d_sigma, of_group) for c, of_group in zip(c_n, d_C)]
 
     def joined(self, terms: Sequence[np.ndarray]) -> np.ndarray:
         """Return terms of the groups, each (..., N_H of its own), as one array (..., N_H); the term itself of one.  Local."""
