@@ -12,7 +12,7 @@ from verification import extreme_structures as structures
 
 from microslip.contact.law import SLIP
 from microslip.continuation import acceptance, corrector
-from microslip.continuation.unbounded import BEYOND
+from microslip.continuation.ways_out import BEYOND
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD

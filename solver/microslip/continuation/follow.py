@@ -10,8 +10,6 @@ import numpy as np
 from ..messages.errors import ConvergenceError
 from ..points.branch import NOTHING, Branch, Point
 from .acceptance import Accepted, accept
-from .first_point import reach_first
-from .hold import MOSTLY, MOVED, hold, let_go
 from .iterate import Iterate, PointState, interpolate
 from .keeper import KEEPS_NOTHING, Begun, Keeper
 from .point_record import Unbalanced
@@ -20,7 +18,7 @@ from .state import BranchState
 from .stepping import message, second, step
 from .steps import ArcLength
 from .task import Advanced, BranchTask
-from .unbounded import BEYOND, places_beyond
+from .ways_out import MOSTLY, Stuck, WayOn, regularised, ways_on
 from .widen import widened
 
 FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
@@ -61,17 +59,35 @@ def advance(task: BranchTask, state: BranchState, on_point: Emit = lambda point:
 
 def to_first(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     """Solve the first point.  Collective."""
-    first, solver, notes = reach_first(task, state.solver, advance)
-    found = accept(task, replace(state, solver=solver), first, asked=task.sweep.start in task.sweep.at, notes=notes)
-    emit(found.point)
-    return replace(found.state, now=found.now, is_done=task.problem.is_constant)
+    after = first_point(task, state, asked=task.sweep.start in task.sweep.at)
+    emit(after.point)
+    return replace(after.state, now=after.now, is_done=task.problem.is_constant)
+
+
+def first_point(task: BranchTask, state: BranchState, asked: bool) -> Accepted:
+    """Return the first point, from the linear response or else by a way out.  Collective.
+
+    Raises
+    ------
+    ConvergenceError : none leads there; on every rank
+    """
+    solver, found = state.solver, state.solver.first()
+    ways = (
+        iter((WayOn(solver, found),))
+        if found[0].failure is None
+        else ways_on(Stuck("first", solver, task.steps, task.may_hold, task=task, advance=advance))
+    )
+    for on in ways:
+        return accept(task, replace(state, solver=on.solver), on.solution, asked=asked, notes=on.notes)
+    raise ConvergenceError(task.problem.without_solution(task.sweep.start, str(found[0].failure)))
 
 
 def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     """Solve the second point, and what is asked for before it.  Collective."""
     assert state.now is not None
     before = state.now
-    found, ds, notes = second(state.solver, state.solver.carried(before), task.steps)
+    stepped = second(state.solver, state.solver.carried(before), task.steps)
+    found, ds, notes = stepped.solution, stepped.ds, stepped.notes
     was, after = state.solver, _arrive(Leg(task, state, before, emit), found, notes)
     if after.state.solver.resolution != was.resolution:
         before = after.state.solver.again(before)
@@ -90,13 +106,10 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     assert state.before is not None and state.now is not None
     was, now, sweep = state.solver, state.solver.carried(state.now), task.sweep
     leg = Leg(task, state, now, emit)
-    try:
-        found, ds, notes = step(was, state.earlier, state.before, now, state.ds, task.steps)
-    except ConvergenceError:
-        held = hold(was, now.moved, MOVED, now.sticks) if task.may_hold else None
-        if held is None:
-            raise
-        return replace(state, solver=held, now=now, ds=0.25 * task.steps.ds)
+    stepped = step(was, state.earlier, state.before, now, state.ds, task.steps, task.may_hold)
+    if stepped.found is None:
+        return replace(state, solver=stepped.solver, now=now, ds=0.25 * task.steps.ds)
+    found, ds, notes = stepped.solution, stepped.ds, stepped.notes
     if sweep.before(found[0].iterate.parameter):
         _to_limit(leg, found, sweep.start)
         where = task.problem.where(sweep.start)
@@ -113,8 +126,8 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
         return beyond
     ds = next_step(task, after.state, ds, found[0].newton, (state.before, now, after.now))
     if after.state.solver.equation.held is not None and after.now.sliding < MOSTLY:
-        after = let_go(after, task.steps)
-    elif task.may_hold and (held := hold(after.state.solver, after.now.sliding, MOSTLY)):
+        after = released(after, task.steps)
+    elif task.may_hold and (held := regularised(after.state.solver, after.now.sliding, MOSTLY)):
         after = replace(after, state=replace(after.state, solver=held))
     if after.state.solver.resolution == was.resolution:
         return after.state.after(now, after.now, ds, earlier=state.before)
@@ -122,21 +135,32 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
 
 
 def _begun_beyond(leg: Leg) -> BranchState | None:
-    """Return the state at a first point beyond a resonance that nothing holds; None where none is found.  Collective."""
+    """Return the state at a first point beyond a resonance that nothing holds; None where there is none.  Collective."""
     state, solver = leg.state, leg.state.solver
     assert state.before is not None
-    for there in places_beyond(solver, solver.carried(state.before), leg.now):
-        guess = solver.on_curve(there)
-        found = solver.solve_at(guess, solver.norm(guess.U), solver.selection.first(solver.equation.model.n_pairs))
-        if found[0].failure:
-            continue
+    for on in ways_on(Stuck("unbalanced", solver, leg.task.steps, before=solver.carried(state.before), now=leg.now)):
         try:
-            after = accept(leg.task, state, found, notes=(BEYOND,))
+            after = accept(leg.task, state, on.solution, notes=on.notes)
         except Unbalanced:  # still too near
             continue
         leg.emit(after.point)
         return after.state.after(None, after.now, 0.0)
     return None
+
+
+def released(after: Accepted, steps: ArcLength) -> Accepted:
+    """Return a point with the mean slip no longer held; still held where Newton does not find it so.  Collective.
+
+    It is solved for from the mean of the linear motion, from which the springs may have let it drift.
+    """
+    solver, now = after.state.solver.holding(None), after.now
+    at_rest, mean = now.iterate.U.copy(), solver.harmonics.mean
+    at_rest[..., mean] = solver.on_curve(now.iterate.parameter).U[..., mean]
+    found, selected = solver.solve_near(replace(now.iterate, U=at_rest), now)
+    if found.failure is not None or solver.distance(now, found.iterate) > steps.ds_max:
+        return after
+    free = replace(now, iterate=found.iterate, selected=selected)
+    return replace(after, state=replace(after.state, solver=solver), now=free)
 
 
 def next_step(

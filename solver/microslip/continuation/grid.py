@@ -14,8 +14,7 @@ from ..points.selection import Selection
 from ..points.sweep import Sweep
 from .acceptance import Accepted, accept
 from .accuracy import Accuracy
-from .first_point import reach_first
-from .follow import Leg, advance, solved
+from .follow import Leg, first_point, solved
 from .iterate import Iterate, PointState, interpolate
 from .problems import Problem
 from .state import BranchState
@@ -112,8 +111,7 @@ def range_of(omegas: Sequence[float]) -> Sweep:
 
 def _points(task: BranchTask, state: BranchState, omegas: Sequence[float]) -> Iterator[Point]:
     """Yield the point at each frequency."""
-    first, solver, notes = reach_first(task, state.solver, advance)
-    found = accept(task, replace(state, solver=solver), first, asked=True, notes=notes)
+    found = first_point(task, state, asked=True)
     yield found.point
     before: PointState | None = None
     for omega in omegas[1:]:
@@ -142,9 +140,10 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
     solver = replace(state.solver, sweep=Sweep(start, start + float(np.copysign(scale, way))))
     state, direction = replace(state, solver=solver), solver.sweep.direction
     if before is None or (start - before.iterate.parameter) * way <= 0.0:
-        before, (found, _, _) = None, second(solver, solver.carried(now), GRID_STEPS)
+        before, found = None, second(solver, solver.carried(now), GRID_STEPS).solution
     else:
-        found, ds, _ = step(solver, None, before, now, ds, GRID_STEPS)
+        stepped = step(solver, None, before, now, ds, GRID_STEPS)
+        found, ds = stepped.solution, stepped.ds
     for _ in range(MOST_STEPS):
         there = found[0].iterate
         if (start - there.parameter) * direction > scale:
@@ -159,7 +158,8 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
         if before is not None:
             ds = GRID_STEPS.next(ds, found[0].newton, solver.turn(before.iterate, now.iterate, after.now.iterate, now.size))
         earlier, before, now = before, now, after.now
-        found, ds, _ = step(solver, earlier, before, now, ds, GRID_STEPS)
+        stepped = step(solver, earlier, before, now, ds, GRID_STEPS)
+        found, ds = stepped.solution, stepped.ds
     where = (task.problem.where(parameter) for parameter in (omega, start))
     raise ConvergenceError("hb: {} not reached along the branch from {}; ask for frequencies closer to each other".format(*where))
 

@@ -152,7 +152,11 @@ class _Search:
     def direction(self, rates: Rates) -> np.ndarray:
         """Return the direction of the curve in the scaled parameters, (k,), towards higher frequencies; other rows stay."""
         k = len(rates.V)
-        rows = [[self.dot(row.n_U, V) + n for V, n in zip(rates.V, row.n_nu)] for row in self.system.constraints]
+        rows = [
+            [self.dot(row.n_U, V) + n for V, n in zip(rates.V, row.n_nu)]
+            for row in self.system.constraints
+            if isinstance(row, Plane)
+        ]
         d_nu = np.linalg.svd(np.array(rows).reshape(k - 1, k))[2][-1]
         return self.corrector.comm.bcast(d_nu * (np.sign(d_nu[self.row.omega]) or 1.0))
 
@@ -165,24 +169,34 @@ class _Search:
 
     def ahead(self, rates: Rates, d_nu: np.ndarray) -> float:
         """Return how far a change of the parameters leads along the coordinate."""
-        return self.dot(self.normal.n_U, np.tensordot(d_nu, rates.V, 1)) + float(np.dot(self.normal.n_nu, d_nu))
+        return self.dot(self.coordinate_plane.n_U, np.tensordot(d_nu, rates.V, 1)) + float(
+            np.dot(self.coordinate_plane.n_nu, d_nu)
+        )
+
+    @property
+    def coordinate_plane(self) -> Plane:
+        """The plane of the coordinate, once the first solution is known."""
+        assert self.normal is not None
+        return self.normal
 
     def dot(self, a: np.ndarray, b: np.ndarray) -> float:
         return self.corrector.comm.allreduce(float(np.vdot(a, b)))
 
     def place(self, there: Iterate) -> float:
         """Return the coordinate of a place."""
-        about, scaling = self.normal.about, self.system.scaling
+        about, scaling = self.coordinate_plane.about, self.system.scaling
         d_nu = np.subtract(there.parameters, about.parameters) / scaling.parameters
-        return self.dot(self.normal.n_U, (there.U - about.U) / scaling.U) + float(np.dot(self.normal.n_nu, d_nu))
+        return self.dot(self.coordinate_plane.n_U, (there.U - about.U) / scaling.U) + float(
+            np.dot(self.coordinate_plane.n_nu, d_nu)
+        )
 
     def at(self, t: float, guess: Iterate) -> Sample | None:
         """Return the solution at a coordinate."""
-        return self.sample(guess, replace(self.normal, about=self.moved(self.normal.about, t)), t)[0]
+        return self.sample(guess, replace(self.coordinate_plane, about=self.moved(self.coordinate_plane.about, t)), t)[0]
 
     def moved(self, there: Iterate, way: float) -> Iterate:
         """Return a place further along the normal."""
-        scaling, normal = self.system.scaling, self.normal
+        scaling, normal = self.system.scaling, self.coordinate_plane
         parameters = there.parameters + way * np.array(normal.n_nu) * scaling.parameters
         return Iterate(there.U + way * scaling.U * normal.n_U, tuple(map(float, parameters)), there.harmonics)
 
@@ -213,7 +227,8 @@ class _Search:
         On to the secant of the slopes, which meets a zero, or to where the tangents cross, which meets a corner: a corner it is
         where the slopes at the ends stay as different as they were while these draw together.
         """
-        first, tolerance, lengths, jumps = high.t - low.t, self.corrector.tolerance, [], []
+        first, tolerance = high.t - low.t, self.corrector.tolerance
+        lengths, jumps = list[float](), list[float]()
         for _ in range(MOST_SOLUTIONS):
             length, jump, corner = high.t - low.t, low.rise - high.rise, crossing(low, high)
             flattest = min(low, high, key=lambda end: abs(end.rise))

@@ -66,7 +66,7 @@ class PeakOver(ProblemBase):
         return (
             replace(at, law=((self.varies, value),))
             if isinstance(self.varies, LawParameter)
-            else replace(at, **{self.varies: value})
+            else (replace(at, level=value) if self.varies == "level" else replace(at, sigma=value))
         )
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:

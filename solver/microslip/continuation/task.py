@@ -10,14 +10,12 @@ from ..points.branch import Point
 from ..points.selection import Selection
 from ..points.sweep import Sweep
 from .accuracy import Accuracy, Memory
-from .point_solver import Found, PointSolver, Workspace
+from .point_solver import PointSolver, Workspace
 from .problems import Problem
 from .state import BranchState
 from .steps import ArcLength
 
-Reached = tuple[Found, PointSolver]
 Advance = Callable[["BranchTask", BranchState], "Advanced"]  # takes a branch one step on: follow.advance
-Way = Callable[["BranchTask", PointSolver], Reached | None]  # collective; None in vain
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +31,7 @@ class BranchTask:
     accuracy: Accuracy | None = None
     is_linear: bool = False  # known to stay on the linear curve: scaled, not solved
     may_hold: bool = True  # the mean slip, by springs
-    ways: tuple[Way, ...] | None = None  # to a first point that Newton does not reach at once; None: all there are
-    ahead: Advance | None = None  # how a homotopy is followed on the way to a first point, which itself begins with one
+    is_homotopy: bool = False  # on the way to a first point
 
     def workspace(self) -> Workspace:
         """Return what makes solves of this branch quick; to be destroyed.  Collective."""
