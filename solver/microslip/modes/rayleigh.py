@@ -7,6 +7,7 @@ number of ranks.  The vector is good enough: its error enters squared.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,14 +34,16 @@ def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray
     return scipy.linalg.solve_triangular(factor, phi_owned.T, trans="T").T
 
 
-def iterated_once(linearised: Linearised, phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (eigenvalues, phi) after a step of subspace iteration whose solves are checked and refined, values rising.
+def iterated_once(
+    linearised: Linearised, phi_owned: np.ndarray, solve: Callable[[np.ndarray], np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (eigenvalues, phi) after a step of subspace iteration, omega_n^2 rising [rad2/s2], phi^T M phi = I.
 
-    Collective: one block of solves.  Where joints are far stiffer than bodies those of a search, which are not refined, leave
-    residuals above the limit.
+    Collective: one block of solves, by default checked and refined.  Where joints are far stiffer than bodies, solves without
+    refinement leave residuals above the limit.
     """
-    comm = linearised.system.comm
-    X_owned = orthonormalised(linearised, linearised.factor.solve(multiply(linearised.M, phi_owned)))
+    comm, solve = linearised.system.comm, solve or linearised.factor.solve
+    X_owned = orthonormalised(linearised, solve(multiply(linearised.M, phi_owned)))
     eigenvalues, rotation = comm.bcast(np.linalg.eigh(gram(comm, X_owned, multiply(linearised.K_L, X_owned))))
     return eigenvalues, X_owned @ rotation
 

@@ -1,8 +1,8 @@
 """The lowest modes by SLEPc: an eigensolver of K_L^-1 M, shift-invert at 0, that solves with the factor of K_L.
 
-docs/theory.md, section 4.  Krylov-Schur takes the fewest solves.  Where the factor lies on disk a pass over it costs more than
-the vectors, and subspace iteration solves for all its vectors in one pass.  It also takes over where the proof by inertia misses
-modes: it converges to all copies of a multiple eigenvalue together, of which a Krylov space holds one.
+docs/theory.md, section 4.  Krylov-Schur takes the fewest solves.  Where the factor lies on disk, a pass over it costs more than
+the vectors, and subspace iteration solves for all its vectors in one pass.  Subspace iteration also takes over where the proof by
+inertia misses modes: it converges to all copies of a multiple eigenvalue together, of which a Krylov space holds one.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
 from ..system.watchdog import moved, patient
+from .rayleigh import iterated_once
 
 if TYPE_CHECKING:
     from ..linear.factor import Factor
@@ -24,10 +25,10 @@ if TYPE_CHECKING:
 
 PREFIX = "modes_"  # of the PETSc options
 _TRIES = 3  # each in a space twice as large as the last
-_TOLERANCE = {"krylovschur": 1e-8, "subspace": 1e-5}  # |K_L^-1 M phi - theta phi| / theta; the error of theta is the square of it
+_TOLERANCE = 5e-7  # |K_L^-1 M phi - theta phi| / theta before the block of solves that ends a search
 _MOST_ITERATIONS = 200
-_MORE = (12, 0.75)  # vectors of a Krylov space beyond the modes wanted: at least, and a mode
-_MORE_IN_BLOCKS = (24, 96)  # the same of subspace iteration, as many as modes: at least, at most
+_MORE = (12, 1.0)  # vectors of a Krylov space beyond the modes wanted: at least, and a mode
+_MORE_IN_BLOCKS = (12, 1.5, 96)  # the same of subspace iteration, and the most: each pass converges by the ratio of theta
 _BLOCKS = 3  # of the size of the subspace that SLEPc keeps
 _KEEP = 0.85  # part of the Krylov space that a restart keeps: the test of convergence comes often, and little is lost
 _KEY = 40  # of the random start vectors
@@ -41,7 +42,8 @@ def basis_size(n_wanted: int, n_dof: int) -> int:
 def _subspace_size(kind: str, n_wanted: int, n_dof: int) -> int:
     """Return the dimension of the space in which an eigensolver looks for so many modes.  Local."""
     if kind == "subspace":
-        return min(n_dof, n_wanted + int(np.clip(n_wanted, *_MORE_IN_BLOCKS)))
+        least, a_mode, most = _MORE_IN_BLOCKS
+        return min(n_dof, n_wanted + int(np.clip(a_mode * n_wanted, least, most)))
     return min(n_dof, n_wanted + max(_MORE[0], int(_MORE[1] * n_wanted)))
 
 
@@ -73,8 +75,7 @@ class ModeSearch:
         n_wanted = max(n_wanted, self._least)
         if n_wanted > len(self._theta) and not self._info["complete"]:
             theta, phi_owned, info = self._more(n_wanted)
-            order = np.argsort(-theta, kind="stable")
-            self._theta, self._phi_owned = theta[order], np.asfortranarray(phi_owned[:, order])
+            self._theta, self._phi_owned = theta, np.asfortranarray(phi_owned)
             self._info = info | {"said": (*self._info["said"], *info["said"])}
         return self._theta, self._phi_owned, self._info
 
@@ -100,7 +101,7 @@ class ModeSearch:
         eps.setTarget(0.0)
         eps.setPurify(False)  # a solve a mode
         eps.setDimensions(n_sought, _subspace_size(kind, n_sought, n_dof))
-        eps.setTolerances(_TOLERANCE.get(kind, min(_TOLERANCE.values())), _MOST_ITERATIONS)
+        eps.setTolerances(_TOLERANCE, _MOST_ITERATIONS)
         if kind == "krylovschur":
             eps.setKrylovSchurRestart(_KEEP)
         eps.setInitialSpace([start] if is_deflated else [*before, start])
@@ -113,14 +114,15 @@ class ModeSearch:
         eps.setFromOptions()
         try:
             said = _solve_with_room(eps, n_sought, n_dof - n_before * is_deflated)
-            theta, phi_owned, info = _converged(eps, linearised)
+            phi_owned, info = _converged(eps, linearised)
         finally:
             for each in (start, *before, ksp, eps):
                 each.destroy()
             solves.factor = None  # petsc4py may not free what holds this
         if is_deflated:
-            theta, phi_owned = np.append(self._theta, theta), np.hstack([self._phi_owned, phi_owned])
-        return theta, phi_owned, info | {"said": said}
+            phi_owned = np.hstack([self._phi_owned, phi_owned])
+        eigenvalues, phi_owned = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)
+        return 1.0 / eigenvalues, phi_owned, info | {"said": said}
 
     def _start(self) -> np.ndarray:
         """Return a start vector, (n_owned,): random signs, and loads over masses, of which K_L^-1 M makes static motions.
@@ -210,14 +212,13 @@ def _has_modes(eps: SLEPc.EPS, n_wanted: int) -> bool:
     return eps.getConverged() >= n_wanted or eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN
 
 
-def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return (theta, phi) of what converged, theta falling, and what is worth knowing of the search.  Collective."""
+def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, dict]:
+    """Return the converged modes, (n_owned, n), and a report of the search.  Collective."""
     n_modes = eps.getConverged()
     phi_owned = np.zeros((linearised.M.getLocalSize()[0], n_modes), order="F")
     vector = linearised.M.createVecRight()
-    eigenvalues = np.zeros(n_modes)
     for k in range(n_modes):
-        eigenvalues[k] = complex(eps.getEigenpair(k, vector)).real
+        eps.getEigenvector(k, vector)
         phi_owned[:, k] = vector.getArray()
     vector.destroy()
     info = {
@@ -226,5 +227,4 @@ def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, np.n
         "restarts": eps.getIterationNumber(),
         "complete": eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN,
     }
-    order = np.argsort(eigenvalues)
-    return 1.0 / eigenvalues[order], np.asfortranarray(phi_owned[:, order]), info
+    return phi_owned, info
