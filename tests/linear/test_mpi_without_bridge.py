@@ -13,6 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse.linalg import spsolve
 
+from microslip.guards import memory
 from microslip.linear import bridge, direct, other_package
 from microslip.linear.factor import Factor
 from microslip.messages.errors import CaseError, ConvergenceError, ResourceError
@@ -22,6 +23,7 @@ from microslip.restart import cache
 from microslip.results.read import read_results
 from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
+from microslip.system.memory import Limit
 
 pytestmark = pytest.mark.ranks(1, 2)
 comm = MPI.COMM_WORLD
@@ -64,7 +66,6 @@ def test_solves_and_what_is_not_to_be_had(by_petsc, empty):
     np.testing.assert_allclose(factor.solve(B[owned]), X[owned], atol=1e-11 * abs(X).max())
     np.testing.assert_allclose(factor.solve_sparse(sp.csc_matrix(B)), X[owned], atol=1e-11 * abs(X).max())
     assert factor.inverse_entries(np.arange(3), np.arange(3)) is None and factor.solver.order is None
-    assert direct.foreseen(A, 3, 100) is None
     factor.destroy()
 
 
@@ -95,6 +96,37 @@ def test_too_little_workspace_is_asked_for_again(by_petsc, monkeypatch):
     monkeypatch.setattr(other_package, "RELAXATION", (-70,))
     with pytest.raises(ResourceError, match="not enough memory for its factor"):
         Factor(matrix(large))
+
+
+def test_memory_is_foreseen(by_petsc, monkeypatch):
+    """As by the bridge, whose order is another; where it lacks, nothing is factored."""
+    A = matrix(lattices.lattice_stiffness((30, 12, 10)))
+    needed, factor = other_package.foreseen(A, "static_"), Factor(A)
+    info = factor.info
+    assert needed == info["memory"] and info["memory_MB"] > 0 and needed.entries == pytest.approx(info["entries"], rel=0.2)
+    assert comm.allreduce(needed.in_core) == pytest.approx(1e6 * info["memory_MB"], rel=0.5)
+    of_nodes = [direct.foreseen(A, 3, 10_000)]
+    monkeypatch.delenv(bridge.VARIABLE)
+    of_nodes.append(direct.foreseen(A, 3, 10_000))
+    assert of_nodes[0].entries == pytest.approx(of_nodes[1].entries, rel=0.5)
+    monkeypatch.setenv(bridge.VARIABLE, "petsc")
+    monkeypatch.setattr(memory, "limits_here", lambda machine, process, resident: [Limit("the test", machine, 1e6)])
+    monkeypatch.setattr(other_package, "_attempt", None)
+    with pytest.raises(ResourceError, match="its factor .* unknowns.: not enough memory"):
+        Factor(A)
+    factor.destroy()
+
+
+def test_an_order_by_metis_is_asked_of_mumps(by_petsc, options):
+    """MUMPS takes another where it was built without METIS; an order that the user names goes first."""
+    A = matrix()
+    with_metis, _ = other_package.factorise(A, "static_", "A", None)
+    assert with_metis.ksp.getPC().getFactorMatrix().getMumpsIcntl(7) == 5
+    options("static_mat_mumps_icntl_7", 4)
+    with_pord, info = other_package.factorise(A, "static_", "A", None)
+    assert info["ordering"] == "PORD"
+    with_metis.destroy()
+    with_pord.destroy()
 
 
 def test_a_factor_on_disk_is_refused(by_petsc, options):
@@ -148,7 +180,7 @@ def test_a_run_gives_the_same_curve_and_modes(shared_path, monkeypatch):
     assert list((shared_path / "two").glob("setup-*/model")) and not list((shared_path / "two").glob("setup-*/factor-*"))
     curve, frequencies, shapes = results_in(shared_path / "bridge")
     for name in ("petsc", "petsc_later"):
-        assert "factor by mumps, which PETSc calls" in (shared_path / name / "run.log").read_text()
+        assert "factor by PETSc's interface to MUMPS: " in (shared_path / name / "run.log").read_text()
         curve_here, frequencies_here, shapes_here = results_in(shared_path / name)
         np.testing.assert_allclose(curve_here, curve, rtol=0, atol=1e-8 * np.abs(curve).max())
         np.testing.assert_allclose(frequencies_here, frequencies, rtol=1e-9)

@@ -160,12 +160,13 @@ def factor_in_words(info: dict[str, Any]) -> str:
     memory = info.get("memory")
     if memory is None:
         return f"factor by {info['package']}, which PETSc calls"
+    by = f" by {info['interface']}'s interface to MUMPS" if "interface" in info else ""
     if "kept_in" in info:
         size = gigabytes(1e6 * info["memory_MB"])
         return f"factor: that of an earlier run, {info['entries']} entries, {size} in {info['kept_in']}"
     foreseen = memory.out_of_core if info["out_of_core"] else memory.in_core
     return (
-        f"factor: {info['entries']} entries, ordered by {info['ordering']}; memory {info['memory_MB']} MB on all ranks, "
+        f"factor{by}: {info['entries']} entries, ordered by {info['ordering']}; memory {info['memory_MB']} MB on all ranks, "
         f"{info['memory_max_MB']} MB on the largest (foreseen on rank 0: {foreseen / 1e6:.0f} MB)"
     )
 

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from ._mumps import Instance
+from typing import Protocol
 
 _MB = 1e6  # bytes of what MUMPS calls a megabyte
 _BYTES_AN_ENTRY = 12.0  # of a matrix: its value and its place
+
+
+class Reports(Protocol):
+    """MUMPS' reports by their numbers in its guide: INFO of this rank, INFOG and RINFOG of all."""
+
+    def info(self, number: int) -> int: ...
+
+    def infog(self, number: int) -> int: ...
+
+    def rinfog(self, number: int) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -22,7 +29,7 @@ class FactorMemory:
     entries: int  # of the factor
 
 
-def factor_memory(mumps: Instance) -> FactorMemory:
+def factor_memory(mumps: Reports) -> FactorMemory:
     """Return the memory that the numbers of an analysed factor will take on this rank.  Local."""
     return FactorMemory(
         in_core=_MB * mumps.info(15),
@@ -32,12 +39,12 @@ def factor_memory(mumps: Instance) -> FactorMemory:
     )
 
 
-def saved_size(mumps: Instance) -> float:
+def saved_size(mumps: Reports) -> float:
     """Return what this rank's part of a factor takes in a file [bytes], a tenth of it for places and the like.  Local."""
     return 1.1 * 8.0 * count(mumps.info(9))
 
 
-def scaled_memory(mumps: Instance, n_dof_each: int, entries_owned: int) -> FactorMemory:
+def scaled_memory(mumps: Reports, n_dof_each: int, entries_owned: int) -> FactorMemory:
     """Return the memory of a factor on this rank from the analysed graph of its nodes, of ``n_dof_each`` unknowns each.  Local.
 
     Fronts have as many times the rows, and so the square of it of entries; to them come the entries of the matrix itself, half of

@@ -56,12 +56,17 @@ def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMem
     """Return the memory of a factor on this rank, from the coupling of nodes with ``n_dof_each`` unknowns each.
 
     Collective on the graph's communicator; nothing is solved.  ``entries_owned`` of the matrix lie on this rank.  None, on every
-    rank, where the options name another package than MUMPS, the bridge to it is missing, or MUMPS refuses.
+    rank, where the options name another package than MUMPS, or its analysis fails.
     """
-    if other_package.is_asked_for("static_") or not bridge.is_there(graph.comm.tompi4py()):
+    if other_package.is_asked_for("static_"):
         return None
-    analysed = mumps.analysed(graph, "static_", "the coupling of nodes")
+    analysed: mumps.MumpsFactor | other_package.PackageFactor
+    if bridge.is_there(graph.comm.tompi4py()):
+        analysed = mumps.analysed(graph, "static_", "the coupling of nodes")
+    else:
+        analysed = other_package.PackageFactor(other_package.analyse(graph, "static_"))
     try:
-        return scaled_memory(analysed.mumps, n_dof_each, entries_owned) if analysed.mumps.infog(1) >= 0 else None
+        reports = analysed.reports
+        return scaled_memory(reports, n_dof_each, entries_owned) if reports.infog(20) else None
     finally:
         analysed.destroy()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ._mumps import Instance
-    from .analysis import FactorMemory
+    from .analysis import FactorMemory, Reports
 
 _ON_DISK = 22  # ICNTL: 1: so
 ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
@@ -67,6 +67,11 @@ class MumpsFactor:
     prefix: str
     order: Order | None = None
     _to_owners: ToOwners | None = field(default=None, repr=False)
+
+    @property
+    def reports(self) -> Reports:
+        """Reports of MUMPS."""
+        return self.mumps
 
     @property
     def n_owned(self) -> int:
@@ -429,14 +434,6 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     return {"memory": memory, "out_of_core": True, "said": [said]}
 
 
-class Reports(Protocol):
-    """What gives MUMPS' reports by their numbers."""
-
-    def infog(self, number: int) -> int: ...
-
-    def rinfog(self, number: int) -> float: ...
-
-
 _ORDERINGS = {0: "AMD", 1: "METIS", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS", 6: "QAMD"}
 
 
@@ -446,7 +443,7 @@ def _report(factor: MumpsFactor) -> dict[str, Any]:
 
 
 def report(mumps: Reports) -> dict[str, Any]:
-    """Return the same from what gives MUMPS' INFOG and RINFOG.  Local."""
+    """Return the same from MUMPS' INFOG and RINFOG.  Local."""
     ordering = {1: "PT-Scotch", 2: "ParMETIS"} if mumps.infog(32) == 2 else _ORDERINGS
     return {
         "package": "mumps",

@@ -5,6 +5,8 @@ It is MUMPS where the program was built without the bridge to it, or another pac
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -13,17 +15,20 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..guards.memory import refuse_beyond
 from ..messages.errors import CaseError
 from ..system.watchdog import patient
+from .analysis import FactorMemory, factor_memory
 from .bridge import VARIABLE
 from .dense import wrap
-from .mumps import RELAXATION, RHS_BLOCK, SINGULAR, WORKSPACE_TOO_SMALL, failure, report
+from .mumps import ADVICE, RELAXATION, RHS_BLOCK, SINGULAR, WORKSPACE_TOO_SMALL, failure, report
 
 _OURS = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 _SINGULAR = -10  # as MUMPS has it
 _ZERO_PIVOT = (71, 81)  # errors of PETSc
-_WORKSPACE, _ON_DISK = 14, 22  # ICNTL
+_WORKSPACE, _ON_DISK, _MOST_MEMORY = 14, 22, 23  # ICNTL
 CONTROLS = ((27, RHS_BLOCK),)
+_ORDER, _BY_METIS = "mat_mumps_icntl_7", 5  # MUMPS takes another order where it was built without METIS
 _FOR_INERTIA = ((13, 1), (24, 1))  # no ScaLAPACK at the root, which counts no signs; null pivots are counted
 
 
@@ -33,6 +38,11 @@ class PackageFactor:
 
     ksp: PETSc.KSP
     order: None = None
+
+    @property
+    def reports(self) -> Reports:
+        """Reports of MUMPS, where that is the package."""
+        return Reports(self.ksp.getPC().getFactorMatrix())
 
     def destroy(self) -> None:
         """Free the factor.  Collective."""
@@ -82,13 +92,17 @@ def factorise(
             f"doctor says why); install MUMPS' headers and microslip again, or let {VARIABLE} go"
         )
     matrix = A if shift is None else _shifted(A, *shift)
+    memory = None if is_asked_for(prefix) else foreseen(matrix, prefix)
+    if memory is not None:
+        refuse_beyond(A.comm.tompi4py(), memory.in_core, f"{what}: its factor ({A.getSize()[0]} unknowns)", ADVICE)
     more: int | None = None
     while True:
         ksp = _chosen(matrix, prefix)
         info = _attempt(ksp, prefix, what, is_inertia=shift is not None, more=more)
         code = info["code"]
         if code >= 0 or code in SINGULAR:
-            return PackageFactor(ksp), info | {"said": tuple(said), "seconds": perf_counter() - start}
+            known = {} if memory is None else {"memory": memory, "out_of_core": False, "interface": "PETSc"}
+            return PackageFactor(ksp), info | known | {"said": tuple(said), "seconds": perf_counter() - start}
         ksp.destroy()
         more = next(relaxations, None) if code in WORKSPACE_TOO_SMALL else None
         if more is None:
@@ -97,6 +111,48 @@ def factorise(
             f"{what}: MUMPS ended its factorisation with INFOG(1) = {code}, INFOG(2) = {info['detail']}; again with {more} % of "
             "workspace beyond its estimate"
         )
+
+
+def foreseen(A: PETSc.Mat, prefix: str) -> FactorMemory | None:
+    """Return the memory of a factor by MUMPS on this rank, from an analysis; None, on every rank, where options limit it.
+
+    Collective on A's communicator.
+    """
+    if PETSc.Options(prefix).hasName(f"mat_mumps_icntl_{_MOST_MEMORY}"):
+        return None
+    analysed = PackageFactor(analyse(A, prefix))
+    try:
+        return factor_memory(analysed.reports)
+    finally:
+        analysed.destroy()
+
+
+def analyse(A: PETSc.Mat, prefix: str) -> PETSc.KSP:
+    """Return a KSP in which MUMPS has analysed a matrix.  Collective.
+
+    petsc4py has no call for the analysis alone: a limit of 1 MB ends the factorisation that follows before it takes memory.
+    """
+    ksp = _chosen(A, prefix)
+    ksp.getPC().setFactorSetUpSolverType()
+    for number, value in (*CONTROLS, (_MOST_MEMORY, 1)):
+        ksp.getPC().getFactorMatrix().setMumpsIcntl(number, value)
+    with patient(), _ordered_by_metis(ksp):
+        ksp.setUp()
+    return ksp
+
+
+@contextmanager
+def _ordered_by_metis(ksp: PETSc.KSP) -> Iterator[None]:
+    """Ask MUMPS for METIS' order in the block, unless options name an order: PETSc overwrites the control itself.  Local."""
+    options = PETSc.Options(ksp.getOptionsPrefix())
+    is_ours = not options.hasName(_ORDER)
+    if is_ours:
+        options[_ORDER] = _BY_METIS
+    try:
+        yield
+    finally:
+        if is_ours:
+            options.delValue(_ORDER)
 
 
 def _attempt(ksp: PETSc.KSP, prefix: str, what: str, *, is_inertia: bool, more: int | None) -> dict[str, Any]:
@@ -116,10 +172,10 @@ def _attempt(ksp: PETSc.KSP, prefix: str, what: str, *, is_inertia: bool, more: 
                 pc.getFactorMatrix().setMumpsIcntl(number, value)
             if more is not None:
                 pc.getFactorMatrix().setMumpsIcntl(_WORKSPACE, more)
-        with patient():
+        with patient(), _ordered_by_metis(ksp):
             ksp.setUp()
         if is_signed:
-            return report(_Reports(pc.getFactorMatrix()))
+            return report(Reports(pc.getFactorMatrix()))
         negative = pc.getFactorMatrix().getInertia()[0] if is_inertia else 0
     except PETSc.Error as error:
         code = _SINGULAR
@@ -131,10 +187,13 @@ def _attempt(ksp: PETSc.KSP, prefix: str, what: str, *, is_inertia: bool, more: 
 
 
 @dataclass(frozen=True)
-class _Reports:
+class Reports:
     """MUMPS' reports by their numbers, as PETSc hands them on."""
 
     factor: PETSc.Mat
+
+    def info(self, number: int) -> int:
+        return int(self.factor.getMumpsInfo(number))
 
     def infog(self, number: int) -> int:
         return int(self.factor.getMumpsInfog(number))
