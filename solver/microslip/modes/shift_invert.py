@@ -59,7 +59,9 @@ class ModeSearch:
         self._theta = np.zeros(0)  # falling
         self._phi_owned = np.zeros((linearised.M.getLocalSize()[0], 0), order="F")
         self._least = 0  # modes to compute, whatever is wanted
-        self._kind = "subspace" if linearised.factor.info.get("out_of_core") else "krylovschur"
+        has_rows = np.diff(linearised.M.getOwnershipRanges()).min() > 0
+        self._in_blocks = "subspace" if has_rows else "krylovschur"  # SLEPc 3.18 cannot normalise a block without rows
+        self._kind = self._in_blocks if linearised.factor.info.get("out_of_core") else "krylovschur"
         self._info: dict = {"basis": 0, "restarts": 0, "complete": False, "said": ()}
         self._n_solves = 0  # of SLEPc, each with its start vector
 
@@ -82,7 +84,7 @@ class ModeSearch:
     def renew(self, n_missing: int) -> None:
         """Compute ``n_missing`` modes more at the next call, copies of a multiple one together: a proof missed them."""
         self._least = len(self._theta) + n_missing
-        self._kind = "subspace"
+        self._kind = self._in_blocks
 
     def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
         """Return at least ``n_wanted`` (theta, phi), more than there are, and what is worth knowing of the search."""
