@@ -103,17 +103,17 @@ def test_exodus_files_that_refer_to_others_or_are_damaged_are_refused(tmp_path):
     with h5py.File(path, "a") as file:
         del file["coordx"]
         file["coordx"] = h5py.ExternalLink("other.e", "coordx")
-    with pytest.raises(CaseError, match="coordx is a link to another place"):
+    with pytest.raises(CaseError, match="coordx is a link to other.e; links are not followed"):
         read_model(path)
     with h5py.File(path, "a") as file:
         del file["coordx"]
         file.create_dataset("coordx", (4,), dtype="f8", external=[(str(tmp_path / "raw"), 0, 32)])
-    with pytest.raises(CaseError, match="coordx lies in another file"):
+    with pytest.raises(CaseError, match="the numbers of coordx lie in another file"):
         read_model(path)
     with h5py.File(path, "a") as file:
         del file["coordx"]
         file.create_dataset("coordx", (10**12,), dtype="f8", chunks=(1000,))
-    with pytest.raises(CaseError, match="coordx has 1000000000000 values"):
+    with pytest.raises(CaseError, match="coordx claims 8000000000000 bytes and holds 0"):
         read_model(path)
     path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(CaseError, match="truncated or damaged"):

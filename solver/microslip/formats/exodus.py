@@ -45,7 +45,6 @@ _SIDES = {
     "pyramid": ((0, 1, 4), (1, 2, 4), (2, 3, 4), (0, 3, 4), (0, 1, 2, 3)),
 }
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_MOST_BYTES = 2**33  # of one variable
 _PARTS = (FileModel, Cells, Group, Finding)
 
 
@@ -117,20 +116,14 @@ class _Bounded(io.BufferedReader):
 
 def _dataset(hdf: h5py.File, name: str, storage: Storage) -> Any:
     """Return a data set of the file itself; MeshError where it lies elsewhere or is too large."""
-    link = hdf.get(name, getlink=True)
-    if link is None:
+    if hdf.get(name, getlink=True) is None:
         return None
-    if not isinstance(link, h5py.HardLink):
-        raise MeshError(f"{name} is a link to another place; only files that hold their data are read")
-    found = hdf[name]
-    if not isinstance(found, h5py.Dataset) or found.is_virtual or found.external:
-        raise MeshError(f"{name} lies in another file; only files that hold their data are read")
-    if found.size * found.dtype.itemsize > _MOST_BYTES:
-        raise MeshError(f"{name} has {found.size} values, more than this program reads")
-    fault = storage.fault(found, name)
+    fault = storage.link_fault(hdf, name)
+    if fault is None and not isinstance(hdf[name], h5py.Dataset):
+        fault = f"{name} is a group where numbers are due"
     if fault is not None:
-        raise MeshError(f"{fault}; the file is damaged")
-    return found
+        raise MeshError(f"{fault}; the file is damaged or refers to others")
+    return hdf[name]
 
 
 def _array(variable: Any) -> np.ndarray:

@@ -17,6 +17,23 @@ class Storage:
         self.names: dict[int, str] = {}  # by the address of the data set
         self.taken = 0
 
+    def link_fault(self, group: Any, name: str) -> str | None:
+        """Return what is wrong with an item of a group before anything of it is read, its storage included.  Local.
+
+        What is wrong: it is a link to another place, its numbers lie in another file, or a fault of its storage.
+        """
+        import h5py
+
+        link = group.get(name, getlink=True)
+        if not isinstance(link, h5py.HardLink):
+            return f"{name} is a link to {getattr(link, 'filename', 'another place')}; links are not followed"
+        item = group[name]
+        if not isinstance(item, h5py.Dataset):
+            return None
+        if item.external or item.is_virtual:
+            return f"the numbers of {name} lie in another file; they are not read"
+        return self.fault(item, name)
+
     def fault(self, dataset: Any, name: str) -> str | None:
         """Return what is wrong with a data set before one of its values is read; None where nothing is.  Local.
 

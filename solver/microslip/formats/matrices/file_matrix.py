@@ -130,3 +130,20 @@ def from_coordinates(
             raise wanted.error(f"{name} index exceeds matrix dimensions ({places.max() + 1} of {n})")
     kind = np.int32 if max(*shape, len(values)) < 2**31 else np.int64
     return sp.csr_matrix((values, (rows.astype(kind), columns.astype(kind))), shape)
+
+
+def checked(matrix: sp.spmatrix, wanted: Wanted) -> sp.spmatrix:
+    """Return a matrix that SciPy has read, its indices checked: the conversions of SciPy do not, and crash.  Local.
+
+    Raises
+    ------
+    CaseError, ValueError : rows or columns that the matrix does not have, starts of rows that fall
+    """
+    wanted.check_rows(max(matrix.shape))
+    if matrix.format not in ("csr", "csc", "bsr"):
+        entries = matrix.tocoo()
+        return from_coordinates(entries.row, entries.col, entries.data, entries.shape, wanted)
+    if (np.diff(matrix.indptr) < 0).any():  # which SciPy lets pass where the last of them is 0
+        raise wanted.error("its rows or columns do not have the entries that they say")
+    matrix.check_format(full_check=True)
+    return matrix

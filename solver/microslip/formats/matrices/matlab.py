@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ...messages.errors import MicroslipError
 from ...system.sandbox import SandboxError, read_file
 from ..hdf5 import MOST_GAIN
-from .file_matrix import FileMatrix, Wanted, from_coordinates
+from .file_matrix import FileMatrix, Wanted, checked
 from .matlab_hdf5 import is_hdf5, read_hdf5
 
 _NUMBERS = ("sparse", "double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "logical")
@@ -49,12 +49,4 @@ def _by_scipy(wanted: Wanted) -> FileMatrix:
     if kinds[name] not in _NUMBERS:
         raise wanted.error(f"its variable {name} is of the class {kinds[name]}; a matrix of numbers is needed")
     matrix = scipy.io.loadmat(wanted.path, appendmat=False, variable_names=[name])[name]
-    if sp.issparse(matrix):
-        wanted.check_rows(max(matrix.shape))
-        matrix = matrix if matrix.format in ("csc", "csr") else _checked(matrix.tocoo(), wanted)
-        matrix.check_format(full_check=True)
-    return FileMatrix(matrix)
-
-
-def _checked(matrix: sp.coo_matrix, wanted: Wanted) -> sp.csr_matrix:
-    return from_coordinates(matrix.row, matrix.col, matrix.data, matrix.shape, wanted)
+    return FileMatrix(checked(matrix, wanted) if sp.issparse(matrix) else matrix)

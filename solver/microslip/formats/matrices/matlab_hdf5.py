@@ -9,7 +9,6 @@ from ..hdf5 import Storage
 from .file_matrix import FileMatrix, Wanted
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_MOST_DEFLATED = 1040
 _OWN = ("#refs#", "#subsystem#")
 
 
@@ -41,21 +40,10 @@ def read_hdf5(wanted: Wanted) -> FileMatrix:
 
 def _inside(group, name: str, wanted: Wanted):
     """Return an item that lies in this file; CaseError for a link to another one, or into nothing."""
-    import h5py
-
-    link = group.get(name, getlink=True)
-    if not isinstance(link, h5py.HardLink):
-        raise wanted.error(f"{name} is a link to {getattr(link, 'filename', 'another place')}; links are not followed")
-    item = group[name]
-    if isinstance(item, h5py.Dataset):
-        if item.external or item.is_virtual:
-            raise wanted.error(f"the numbers of {name} lie in another file; they are not read")
-        if item.nbytes > _MOST_DEFLATED * max(item.id.get_storage_size(), 1):
-            raise wanted.error(f"{name} claims {item.nbytes} bytes, and the file has {item.id.get_storage_size()} of it")
-        fault = Storage(wanted.size).fault(item, name)
-        if fault is not None:
-            raise wanted.error(fault)
-    return item
+    fault = Storage(wanted.size).link_fault(group, name)
+    if fault is not None:
+        raise wanted.error(fault)
+    return group[name]
 
 
 def _array(item, name: str, wanted: Wanted) -> np.ndarray:

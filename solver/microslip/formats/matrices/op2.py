@@ -1,4 +1,7 @@
-"""Nastran's OUTPUT2, .op2: matrices among the data blocks of a file, 32-bit words."""
+"""Nastran's OUTPUT2, .op2: matrices among the data blocks of a file, 32-bit words.
+
+pyNastran reads matrices whose names it knows, and none of the others.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from typing import IO
 import numpy as np
 
 from .file_matrix import FileMatrix, Wanted, from_coordinates
+from .fortran_records import Records
 
 _NUMBERS = {1: "f4", 2: "f8"}  # by the code of the trailer; 3 and 4 are complex
 
@@ -39,41 +43,28 @@ class _Block:
     strings: list[tuple[int, int, int]] = field(default_factory=list)  # column, position, bytes
 
 
-class _Walk:
-    """The way through a file: Fortran records, of one integer (a marker) or of data."""
+class _Walk(Records):
+    """The way through a file: records of a single integer (a marker) or of data."""
 
     def __init__(self, file: IO[bytes], wanted: Wanted) -> None:
-        self.file, self.wanted = file, wanted
         head = file.read(4)
         file.seek(0)
-        self.order = "<" if head == struct.pack("<i", 4) else ">"
+        super().__init__(file, "<" if head == struct.pack("<i", 4) else ">", wanted)
         if head != struct.pack(f"{self.order}i", 4):
             raise wanted.error("it does not begin as OUTPUT2 with words of 32 bits does")
 
     def record(self) -> tuple[int, int]:
-        """Return position and length of the next record, and pass over it."""
-        mark = self.file.read(4)
-        (n,) = struct.unpack(f"{self.order}i", mark.ljust(4, b"\0"))
-        start = self.file.tell()
-        if len(mark) < 4 or n < 0 or start + n + 4 > self.wanted.size:
-            raise self.wanted.error(f"it is truncated at byte {start}")
-        self.file.seek(start + n)
-        if self.file.read(4) != mark:
-            raise self.wanted.error(f"the record at byte {start} does not end where it says")
-        return start, n
-
-    def data(self, at: tuple[int, int]) -> bytes:
-        here = self.file.tell()
-        self.file.seek(at[0])
-        found = self.file.read(at[1])
-        self.file.seek(here)
-        return found
+        """Return position and bytes of the next record, and pass over it."""
+        at = self.skip()
+        if at is None:
+            raise self.wanted.error("it is truncated at its end")
+        return at
 
     def marker(self) -> int:
         at = self.record()
         if at[1] != 4:
             raise self.wanted.error(f"a marker is missing at byte {at[0]}")
-        return struct.unpack(f"{self.order}i", self.data(at))[0]
+        return struct.unpack(f"{self.order}i", self.content(at))[0]
 
     def blocks(self) -> Iterator[_Block]:
         """Return the data blocks of the file, one after the other."""
@@ -93,11 +84,11 @@ class _Walk:
 
     def block(self) -> _Block:
         """Return the data block whose name comes next."""
-        name = self.data(self.record())[:8].decode("latin-1").strip()
+        name = self.content(self.record())[:8].decode("latin-1").strip()
         if self.marker() != -1:
             raise self.wanted.error(f"data block {name} has no trailer")
         self.marker()
-        trailer = self.data(self.record())
+        trailer = self.content(self.record())
         block = _Block(name, struct.unpack(f"{self.order}{len(trailer) // 4}i", trailer[: len(trailer) // 4 * 4]), self.order)
         while (marker := self.marker()) < 0:
             self.part(block, -marker - 3)

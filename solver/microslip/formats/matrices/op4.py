@@ -1,18 +1,37 @@
-"""Nastran's OUTPUT4, .op4: text or binary, full columns or strings of them (BIGMAT or not)."""
+"""Nastran's OUTPUT4, .op4: text or binary, full columns or strings of them (BIGMAT or not).
+
+pyNastran makes a full matrix of columns that are written from their first to their last entry: 3.2 GB of a file of 1.4 MB.
+"""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from typing import IO
+from dataclasses import dataclass
+from typing import IO, Any
 
 import numpy as np
 
 from .file_matrix import FileMatrix, Wanted, from_coordinates
+from .fortran_records import Records
 from .text import fixed_width, fortran_format
 
 _WORDS = {1: 1, 2: 2, 3: 1, 4: 2}  # 32-bit words of a real number, by the code of its type; 3 and 4 are complex: two of them
 _HEAD = 24  # bytes of the head of a binary matrix
+
+
+@dataclass(frozen=True)
+class _Head:
+    """What stands before the columns of a matrix."""
+
+    n_columns: int
+    n_rows: int
+    is_big: bool  # BIGMAT: strings begin with two words
+    form: int  # 6: symmetric
+    kind: int  # key of _WORDS
+    name: str
+    per_line: int = 0  # numbers of a line of text, and how wide each is
+    width: int = 0
 
 
 def read_op4(wanted: Wanted) -> FileMatrix:
@@ -23,137 +42,115 @@ def read_op4(wanted: Wanted) -> FileMatrix:
     CaseError, ResourceError : the file is at fault
     """
     with open(wanted.path, "rb") as file:
-        head = file.read(8)
-        order = next((order for order in "<>" if head and struct.unpack(f"{order}i", head[:4].ljust(4))[0] == _HEAD), None)
-        if struct.pack("<i", 48) == head[:4] or struct.pack(">i", 48) == head[:4]:
+        reader, positions = _reader(file, wanted), dict[str, int]()
+        position = file.tell()
+        while (head := reader.head()) is not None:
+            positions.setdefault(head.name, position)
+            for _ in reader.parts(head):
+                pass
+            position = file.tell()
+        file.seek(positions[wanted.choose(list(positions))])
+        head = reader.head()
+        assert head is not None, "read before"
+        _check_head(head, wanted)
+        return _matrix(reader, head, wanted)
+
+
+def _reader(file: IO[bytes], wanted: Wanted) -> _Binary | _Text:
+    """Return the reader of a file by its first word: the length of a head, in either byte order, or text."""
+    first = file.read(4)
+    file.seek(0)
+    for order in "<>":
+        (n,) = struct.unpack(f"{order}i", first.ljust(4, b" "))
+        if n == 2 * _HEAD:
             raise wanted.error("it has words of 64 bits; write it with words of 32, or as text (FORM=FORMATTED)")
-        file.seek(0)
-        reader = _Text(file, wanted) if order is None else _Binary(file, order, wanted)
-        names: dict[str, int] = {}
-        for name, position in reader.matrices():
-            names.setdefault(name, position)
-        position = names[wanted.choose(list(names))]
-        return reader.read(position)
+        if n == _HEAD:
+            return _Binary(file, order, wanted)
+    return _Text(file, wanted)
 
 
-class _Parts:
-    """Entries of a matrix, collected string by string."""
-
-    def __init__(self) -> None:
-        self.rows: list[int] = []
-        self.columns: list[int] = []
-        self.values: list[np.ndarray] = []
-
-    def add(self, column: int, row: int, values: np.ndarray) -> None:
-        self.columns.append(column)
-        self.rows.append(row)
-        self.values.append(values)
-
-    def matrix(self, n_rows: int, n_columns: int, form: int, wanted: Wanted) -> FileMatrix:
-        lengths = np.array([len(values) for values in self.values], dtype=np.int64)
-        values = np.concatenate([np.empty(0), *self.values])
-        within = np.arange(len(values)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
-        rows = np.repeat(np.array(self.rows, dtype=np.int64), lengths) - 1 + within
-        columns = np.repeat(np.array(self.columns, dtype=np.int64), lengths) - 1
-        is_triangle = form == 6 and not ((rows > columns).any() and (rows < columns).any())
-        matrix = from_coordinates(rows, columns, values, (n_rows, n_columns), wanted)
-        matrix.eliminate_zeros()
-        return FileMatrix(matrix, is_triangle=is_triangle)
-
-
-def _check_head(n_columns: int, n_rows: int, kind: int, wanted: Wanted) -> None:
+def _check_head(head: _Head, wanted: Wanted) -> None:
     """Raise CaseError for complex numbers and for sizes that no file of this length has."""
-    if kind in (3, 4):
+    if head.kind in (3, 4):
         raise wanted.error("it is complex; microslip takes real matrices")
-    if kind not in _WORDS:
-        raise wanted.error(f"its numbers are of the type {kind}; 1 and 2 are real")
-    wanted.check_rows(max(n_columns, abs(n_rows)))
-    if n_columns < 1 or n_rows == 0:
-        raise wanted.error(f"it has {abs(n_rows)} rows and {n_columns} columns")
+    if head.kind not in _WORDS:
+        raise wanted.error(f"its numbers are of the type {head.kind}; 1 and 2 are real")
+    wanted.check_rows(max(head.n_columns, head.n_rows))
+    if head.n_columns < 1 or head.n_rows == 0:
+        raise wanted.error(f"it has {head.n_rows} rows and {head.n_columns} columns")
 
 
-def _strings(words: np.ndarray, is_big: bool, wanted: Wanted) -> Iterator[tuple[int, int, int]]:
-    """Return first row, position and length in words of each string of a column."""
-    at = 0
-    while at < len(words):
-        length, row = (int(words[at]) - 1, int(words[at + 1])) if is_big and at + 1 < len(words) else _packed(int(words[at]))
-        at += 2 if is_big else 1
-        if length < 1 or at + length > len(words):
-            raise wanted.error("a string of a column is longer than the column")
-        yield row, at, length
-        at += length
+def _matrix(reader: _Binary | _Text, head: _Head, wanted: Wanted) -> FileMatrix:
+    """Return the matrix whose columns come next."""
+    places, parts = [], [np.empty(0)]
+    for column, row, part in reader.parts(head):
+        for first, numbers in reader.strings(row, part, head):
+            places.append((first - 1, column - 1, len(numbers)))
+            parts.append(numbers)
+    first, column, lengths = np.array(places, dtype=np.int64).reshape(-1, 3).T
+    values = np.concatenate(parts)
+    rows = np.repeat(first - np.cumsum(lengths) + lengths, lengths) + np.arange(len(values))
+    columns = np.repeat(column, lengths)
+    is_triangle = head.form == 6 and not ((rows > columns).any() and (rows < columns).any())
+    matrix = from_coordinates(rows, columns, values, (head.n_rows, head.n_columns), wanted)
+    matrix.eliminate_zeros()
+    return FileMatrix(matrix, is_triangle=is_triangle)
 
 
-def _packed(word: int) -> tuple[int, int]:
-    """Return length in words and first row of a string whose head is one word."""
-    length = word // 65536 - 1
-    return length, word - 65536 * (length + 1)
+def _string(words: list[int]) -> tuple[int, int]:
+    """Return length in words and first row of a string, of its head of one word or, BIGMAT, two."""
+    if len(words) == 2:
+        return words[0] - 1, words[1]
+    length = words[0] // 65536 - 1
+    return length, words[0] - 65536 * (length + 1)
 
 
 class _Binary:
     """A binary file: records of Fortran, one a column."""
 
     def __init__(self, file: IO[bytes], order: str, wanted: Wanted) -> None:
-        self.file, self.order, self.wanted = file, order, wanted
-        self.word, self.number = np.dtype(f"{order}i4"), {1: np.dtype(f"{order}f4"), 2: np.dtype(f"{order}f8")}
+        self.records, self.order, self.wanted = Records(file, order, wanted), order, wanted
 
-    def record(self, reads: bool = True) -> bytes:
-        """Return the next record, or its first 12 bytes; none at the end of the file."""
-        mark = self.file.read(4)
-        if not mark:
-            return b""
-        (n,) = struct.unpack(f"{self.order}i", mark.ljust(4, b"\0"))
-        start = self.file.tell()
-        if len(mark) < 4 or n < 12 or start + n + 4 > self.wanted.size:
-            raise self.wanted.error(f"it is truncated: a record of {n} bytes begins at byte {start}")
-        data = self.file.read(n if reads else 12)
-        self.file.seek(start + n)
-        if self.file.read(4) != mark:
-            raise self.wanted.error(f"the record at byte {start} does not end where it says")
-        return data
-
-    def head(self) -> tuple[int, int, int, int, str] | None:
-        """Return columns, rows, form, type and name; None at the end of the file."""
-        data = self.record()
-        if not data:
+    def head(self) -> _Head | None:
+        """Return the head of the next matrix; None at the end of the file."""
+        at = self.records.skip()
+        if at is None:
             return None
-        if len(data) != _HEAD:
+        if at[1] != _HEAD:
             raise self.wanted.error("a matrix begins with something else than a head")
+        data = self.records.content(at)
         n_columns, n_rows, form, kind = struct.unpack(f"{self.order}4i", data[:16])
-        return n_columns, n_rows, form, kind, data[16:].decode("latin-1").strip()
+        return _Head(n_columns, abs(n_rows), n_rows < 0, form, kind, data[16:].decode("latin-1").strip())
 
-    def matrices(self) -> Iterator[tuple[str, int]]:
-        """Return name and position of each matrix."""
-        position = self.file.tell()
-        while (head := self.head()) is not None:
-            yield head[4], position
-            column = 0
-            while column <= head[0]:
-                data = self.record(reads=False)
-                if not data:
-                    raise self.wanted.error(f"it is truncated in its matrix {head[4]}")
-                (column,) = struct.unpack(f"{self.order}i", data[:4])
-            position = self.file.tell()
-
-    def read(self, position: int) -> FileMatrix:
-        self.file.seek(position)
-        n_columns, n_rows, form, kind, _ = self.head()  # type: ignore[misc]
-        _check_head(n_columns, n_rows, kind, self.wanted)
-        parts = _Parts()
+    def parts(self, head: _Head) -> Iterator[tuple[int, int, Any]]:
+        """Yield the columns: number, first row (0: strings), and where the record is; pass over the record that ends them."""
         while True:
-            data = self.record()
-            column, row, n_words = struct.unpack(f"{self.order}3i", data[:12])
-            if column > n_columns:
-                return parts.matrix(abs(n_rows), n_columns, form, self.wanted)
-            if len(data) != 12 + 4 * n_words or column < 1:
+            at = self.records.skip()
+            if at is None or at[1] < 12:
+                raise self.wanted.error(f"it is truncated in its matrix {head.name}")
+            column, row, n_words = struct.unpack(f"{self.order}3i", self.records.content(at, 12))
+            if column > head.n_columns:
+                return
+            if column < 1 or at[1] != 12 + 4 * n_words:
                 raise self.wanted.error(f"column {column} does not have the {n_words} words that it says")
-            if row > 0:
-                parts.add(column, row, np.frombuffer(data, self.number[kind], offset=12).astype(float))
-                continue
-            words = np.frombuffer(data, self.word, offset=12)
-            for row, at, length in _strings(words, n_rows < 0, self.wanted):
-                values = np.frombuffer(words[at : at + length].tobytes(), self.number[kind])
-                parts.add(column, row, values.astype(float))
+            yield column, row, at
+
+    def strings(self, row: int, at: tuple[int, int], head: _Head) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield first row and numbers of each string of a column."""
+        number, words = np.dtype(f"{self.order}f{4 * _WORDS[head.kind]}"), np.frombuffer(
+            self.records.content(at), f"{self.order}i4", offset=12
+        )
+        if row > 0:
+            yield row, np.frombuffer(words, number).astype(float)
+            return
+        start, n_head = 0, 1 + head.is_big
+        while start < len(words):
+            length, first = _string(words[start : start + n_head].tolist()) if start + n_head < len(words) else (0, 0)
+            start += n_head
+            if length < 1 or start + length > len(words):
+                raise self.wanted.error("a string of a column is longer than the column")
+            yield first, np.frombuffer(words[start : start + length].tobytes(), number).astype(float)
+            start += length
 
 
 class _Text:
@@ -165,95 +162,54 @@ class _Text:
     def line(self) -> bytes:
         return self.file.readline(4096)
 
-    def head(self) -> tuple[int, int, int, int, str, tuple[int, int]] | None:
-        """Return columns, rows, form, type, name and format; None at the end of the file."""
+    def head(self) -> _Head | None:
+        """Return the head of the next matrix; None at the end of the file."""
         line = self.line()
         while line and not line.strip():
             line = self.line()
         if not line:
             return None
-        numbers = _integers(line[:32], 4)
-        form = fortran_format(line[40:].decode("latin-1"))
-        if numbers is None or form is None:
+        n_columns, n_rows, form, kind = self.integers(line[:32], 4, "the head of a matrix of OUTPUT4")
+        layout = fortran_format(line[40:].decode("latin-1"))
+        if layout is None:
             raise self.wanted.error(f"'{line[:60].decode('latin-1').strip()}' is not the head of a matrix of OUTPUT4")
-        return (*numbers, line[32:40].decode("latin-1").strip(), form)  # type: ignore[return-value]
+        return _Head(n_columns, abs(n_rows), n_rows < 0, form, kind, line[32:40].decode("latin-1").strip(), *layout)
 
-    def column(self, kind: int, form: tuple[int, int]) -> tuple[int, int, int]:
-        """Return number, first row and length of the next column."""
-        line = self.line()
-        found = _integers(line, 3)
-        if found is None:
+    def integers(self, line: bytes, n: int, what: str) -> list[int]:
+        """Return the integers of a line, between blanks or else in fields of eight; CaseError where it is not ``what``."""
+        fields = line.split()
+        if len(fields) != n:
+            fields = [line[8 * i : 8 * i + 8].strip() for i in range(n)]
+        if not all(field.lstrip(b"-").isdigit() for field in fields):
             raise self.wanted.error(
-                f"'{line[:60].decode('latin-1').strip()}' is not the head of a column" if line else "it is truncated"
+                f"'{line[:60].decode('latin-1').strip()}' is not {what}" if line.strip() else "it is truncated"
             )
-        return found  # type: ignore[return-value]
+        return [int(field) for field in fields]
 
-    def matrices(self) -> Iterator[tuple[str, int]]:
-        """Return name and position of each matrix."""
-        position = self.file.tell()
-        while (head := self.head()) is not None:
-            n_columns, n_rows, _, kind, name, form = head
-            yield name, position
-            column = 0
-            while column <= n_columns:
-                column, row, length = self.column(kind, form)
-                self.skip(row, length, n_rows < 0, kind, form)
-            position = self.file.tell()
-
-    def skip(self, row: int, length: int, is_big: bool, kind: int, form: tuple[int, int]) -> None:
-        """Pass over the lines of a column."""
-        if row > 0:
-            self.numbers(length, form, reads=False)
-            return
-        for _ in self.strings(length, is_big, kind, form, reads=False):
-            pass
-
-    def strings(self, length: int, is_big: bool, kind: int, form: tuple[int, int], reads: bool = True):
-        """Return first row and numbers of each string of a column of so many words."""
-        words = _WORDS.get(kind, 1)
-        while length > 0:
-            head = _integers(self.line(), 2 if is_big else 1)
-            if head is None:
-                raise self.wanted.error("it is truncated, or a string of a column has no head")
-            n, row = (head[0] - 1, head[1]) if is_big else _packed(head[0])
-            length -= n + (2 if is_big else 1)
-            if n < 1 or length < 0:
-                raise self.wanted.error("a string of a column is longer than the column")
-            yield row, self.numbers(n // words, form, reads)
-
-    def numbers(self, n: int, form: tuple[int, int], reads: bool = True) -> np.ndarray:
-        """Return the next numbers, so many a line and so wide."""
-        per_line, width = form
-        self.wanted.check_entries(n, 1.0)
-        lines = [self.line() for _ in range(-(-n // per_line))]
-        if not reads:
-            return np.empty(0)
-        found = fixed_width(lines, width, n)
-        if found is None:
-            raise self.wanted.error("it is truncated, or has a field that is no number")
-        return found
-
-    def read(self, position: int) -> FileMatrix:
-        self.file.seek(position)
-        n_columns, n_rows, form, kind, _, width = self.head()  # type: ignore[misc]
-        _check_head(n_columns, n_rows, kind, self.wanted)
-        parts = _Parts()
-        while True:
-            column, row, length = self.column(kind, width)
-            if column > n_columns:
-                return parts.matrix(abs(n_rows), n_columns, form, self.wanted)
+    def parts(self, head: _Head) -> Iterator[tuple[int, int, Any]]:
+        """Yield the strings: column, first row, and how many numbers stand on which lines; pass over the end of the columns."""
+        column = 0
+        while column <= head.n_columns:
+            column, row, length = self.integers(self.line(), 3, "the head of a column")
             if row > 0:
-                parts.add(column, row, self.numbers(length, width))
-                continue
-            for first, values in self.strings(length, n_rows < 0, kind, width):
-                parts.add(column, first, values)
+                lines = self.lines(length, head)
+                if column <= head.n_columns:
+                    yield column, row, lines
+            while row <= 0 < length:
+                n, first = _string(self.integers(self.line(), 1 + head.is_big, "the head of a string"))
+                length -= n + 1 + head.is_big
+                if n < 1 or length < 0:
+                    raise self.wanted.error("a string of a column is longer than the column")
+                yield column, first, self.lines(n // _WORDS.get(head.kind, 1), head)
 
+    def lines(self, n: int, head: _Head) -> tuple[int, list[bytes]]:
+        """Return ``n`` and the next lines, which hold so many numbers."""
+        self.wanted.check_entries(n, 1.0)
+        return n, [self.line() for _ in range(-(-n // head.per_line))]
 
-def _integers(line: bytes, n: int) -> list[int] | None:
-    """Return the integers of a line, between blanks or else in fields of eight; None where it does not have so many."""
-    fields = line.split()
-    if len(fields) != n:
-        fields = [line[8 * i : 8 * i + 8].strip() for i in range(n)]
-    if not all(field.lstrip(b"-").isdigit() for field in fields):
-        return None
-    return [int(field) for field in fields]
+    def strings(self, row: int, part: tuple[int, list[bytes]], head: _Head) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield first row and numbers of a string."""
+        numbers = fixed_width(part[1], head.width, part[0])
+        if numbers is None:
+            raise self.wanted.error("it is truncated, or has a field that is no number")
+        yield row, numbers

@@ -105,15 +105,20 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
 def _plain_and_others(text: bytes) -> tuple[Plain, Any]:
     """Return the plain cards of a file, and pyNastran's reading of the others."""
     plain = take_plain(text)
-    cards = _cards(plain.rest)
+    cards = cards_of(plain.rest)
     if plain.meets(cards.nodes, cards.elements):  # a number that stands twice: pyNastran says where
         plain = none_plain(text)
-        cards = _cards(plain.rest)
+        cards = cards_of(plain.rest)
     return plain, cards
 
 
-def _cards(text: str) -> Any:
-    """Return pyNastran's reading of the text of a file."""
+def cards_of(text: str) -> Any:
+    """Return pyNastran's reading of bulk data, with or without the words before it.  Local.
+
+    Raises
+    ------
+    MeshError : pyNastran is missing, or does not read it
+    """
     try:
         with streams_kept():
             from pyNastran.bdf.bdf import BDF
