@@ -611,7 +611,10 @@ BAD = {
         "the two points of its axis of rotation are",
     ),
     "a rotation cut short": (PART + TWO.replace(", 1., 90.", ""), "expected a line of 3 numbers, its translation, and one of 7"),
-    "a file that is not there": (CUBE + "*INCLUDE, INPUT=none.inp\n", "line 12: it includes 'none.inp': there is no such file"),
+    "a file that is not there": (
+        CUBE + "*INCLUDE, INPUT=none.inp\n",
+        "line 12: it includes 'none.inp', and there is no such file",
+    ),
     "an include without a name": (CUBE + "*INCLUDE\n", "line 12: .INCLUDE names no file"),
     "an include of itself": (CUBE + "*INCLUDE, INPUT=job.inp\n", "line 12: .* the files go round in a circle"),
     "an include outside": (

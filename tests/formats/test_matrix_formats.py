@@ -236,7 +236,7 @@ HUGE = "999999999999"
         ("K.petsc", "nothing", "is not a matrix of PETSc"),
         ("K.pch", "GRID,1\n", "holds no DMIG entries"),
         ("K.pch", "DMIG,K,0,6,1,0\nDMIG,K,1,1,,1,1,abc\n", "must be a float"),
-        ("K.pch", "DMIG,K,0,6,3,0\nDMIG,K,1,1,,1,1,1.0\n", "is complex"),
+        ("K.pch", "DMIG,K,0,6,3,0\nDMIG,K,1,1,,1,1,1.0,0.5\n", "is complex"),
         ("K.op4", "       2       2       6       2K       1P,3E23.16\n", "it is truncated"),
         ("K.op4", f"{99999999:8d}{99999999:8d}       6       2K       1P,3E23.16\n", "truncated"),
         ("K.op2", "nothing", "does not begin as OUTPUT2"),

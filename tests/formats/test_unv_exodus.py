@@ -39,6 +39,13 @@ def test_a_universal_file_of_gmsh_is_the_unit_cube():
     assert {"face", "solid"} <= set(found.groups)
 
 
+def test_pyuff_reads_no_groups_that_gmsh_writes():
+    """Why universal files have a reader of this program."""
+    file = pytest.importorskip("pyuff").UFF(str(DATA / "gmsh_hex20.unv"))
+    types = list(file.get_set_types())
+    assert 2477 in types and list(file.read_sets(types.index(2477))) == ["type"]
+
+
 @pytest.mark.parametrize("hdf5", [False, True])
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet4", "tet10"])
 def test_exodus_files_keep_nodes_numbers_and_sets(tmp_path, kind, hdf5):

@@ -46,3 +46,21 @@ def test_a_version_without_its_table_is_refused_in_words(tmp_path, monkeypatch):
     monkeypatch.delattr(meshio._mesh, "topological_dimension")
     with pytest.raises(MeshError, match=r"meshio [\d.]+ has no cells wedge15; install meshio 5.3"):
         read_model(path)
+
+
+def test_meshio_keeps_no_numbers_of_a_gmsh_file(tmp_path):
+    """Why Gmsh's format has a reader of its own: numbers of nodes and elements do not begin with 1."""
+    nodes = "4\n11 0 0 0\n12 1 0 0\n13 0 1 0\n14 0 0 1\n"
+    elements = "2\n7 4 2 1 1 11 12 13 14\n8 4 2 2 1 11 12 13 14\n"
+    names = '2\n3 1 "block"\n3 2 "all"\n'
+    path = tmp_path / "m.msh"
+    path.write_text(
+        f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n{names}$EndPhysicalNames\n"
+        f"$Nodes\n{nodes}$EndNodes\n$Elements\n{elements}$EndElements\n"
+    )
+    model = read_model(path)
+    assert model.numbers.tolist() == [11, 12, 13, 14] and model.cells[0].numbers.tolist() == [7, 8]
+    assert {"block", "all"} <= set(model.groups)
+    mesh = meshio.read(path, file_format="gmsh")
+    kept = [*mesh.point_data.values(), *(part for parts in mesh.cell_data.values() for part in parts)]
+    assert not any({11, 7} & set(np.ravel(values).tolist()) for values in kept)

@@ -1,4 +1,4 @@
-"""Which files a model file includes, found without reading it as a model."""
+"""Files that a model file includes: which they are, without reading it as a model, and one after the other while it is read."""
 
 from __future__ import annotations
 
@@ -7,14 +7,74 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from ..messages.errors import MeshError
+
 _BLOCK, _LONGEST = 2**20, 2**13  # bytes: read at a time, and the longest keyword with its parameters
-_DEEPEST = 100  # files within each other
+_DEEPEST, _MOST_FILES = 50, 10_000  # files within each other, and all together
+_REPEATED, _OF_ANY = 8, 2**24  # times that files may be read, all together, and bytes that they may have whatever their size
 _KEYWORD = rb"^[ \t]*\*(?!\*)(?:[^\n]*,[ \t]*\r?\n){0,20}"  # a comma at the end of its line continues it
 _ABAQUS = re.compile(
     _KEYWORD + rb'[^\n]*?(?<=[,\n])[ \t]*INPUT[ \t]*=[ \t]*("[^"\n]*"|[^,\r\n]*)(?=[,\r\n])', re.IGNORECASE | re.MULTILINE
 )
 _NASTRAN = re.compile(rb"^[ \t]*INCLUDE[ \t]*([^\r\n$]*)(?=[\r\n$])", re.IGNORECASE | re.MULTILINE)
 _OF_ENDING = {".inp": (b"INPUT", _ABAQUS), **dict.fromkeys((".bdf", ".nas", ".fem", ".dat"), (b"INCLUDE", _NASTRAN))}
+
+
+def place(file: str, line: int) -> str:
+    """Return "line 12" or "bolts.inc, line 3"."""
+    return f"{file}, line {line}" if file else f"line {line}"
+
+
+class Includes:
+    """The files of one model while they are read: all in its folder, none within itself, not too often.  Local."""
+
+    def __init__(self, path: str):
+        self.path = os.path.realpath(path)
+        self.folder = os.path.dirname(self.path)
+        self.sizes: dict[str, int] = {}  # bytes of each file
+        self.n_files = self.n_bytes = 0  # read so far
+
+    def label(self, path: str) -> str:
+        """Return how messages name a file: as it lies in the folder, "" for the model file itself."""
+        return "" if path == self.path else os.path.relpath(path, self.folder)
+
+    def read(self, path: str) -> bytes:
+        """Return the content of a file.
+
+        Raises
+        ------
+        MeshError : files are included too often
+        """
+        with open(path, "rb") as file:
+            content = file.read()
+        self.sizes[path] = len(content)
+        self.n_files, self.n_bytes = self.n_files + 1, self.n_bytes + len(content)
+        if self.n_files > _MOST_FILES or self.n_bytes > max(_OF_ANY, _REPEATED * sum(self.sizes.values())):
+            what = f"{self.label(path)}: files are included again and again"
+            raise MeshError(f"{what}, {self.n_files} files and {self.n_bytes} bytes in all")
+        return content
+
+    def find(self, name: str, within: tuple[str, ...], where: str) -> str:
+        """Return the path of a file that the last one of ``within`` includes at ``where``, for messages.
+
+        Raises
+        ------
+        MeshError : it is not there, not in the folder, one of ``within``, or within too many
+        """
+        relative = os.path.realpath(os.path.join(os.path.dirname(within[-1]), name))
+        path = relative if os.path.exists(relative) else os.path.realpath(os.path.join(self.folder, name))
+        cause = ""
+        if os.path.commonpath([path, self.folder]) != self.folder:
+            cause = f"which lies outside of {self.folder}; copy it beside the input file"
+        elif not os.path.isfile(path):
+            cause = "and there is no such file"
+        elif path in within:
+            cause = "which includes this file again: the files go round in a circle"
+        elif len(within) > _DEEPEST:
+            cause = f"and more than {_DEEPEST} files are included within each other"
+        if cause:
+            raise MeshError(f"{where}: it includes {name!r}, {cause}")
+        return path
 
 
 def included_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
@@ -30,20 +90,22 @@ def included_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     path = Path(os.path.realpath(path))
     if path.suffix.lower() not in _OF_ENDING:
         return ()
-    found: dict[Path, None] = {}
-    _follow(path, path.parent, *_OF_ENDING[path.suffix.lower()], found)
-    found.pop(path, None)
-    return tuple(found)
+    included: dict[Path, None] = {}
+    _follow(path, path.parent, *_OF_ENDING[path.suffix.lower()], included)
+    included.pop(path, None)
+    return tuple(included)
 
 
-def _follow(path: Path, folder: Path, word: bytes, pattern: re.Pattern[bytes], found: dict[Path, None], depth: int = 0) -> None:
+def _follow(
+    path: Path, folder: Path, word: bytes, pattern: re.Pattern[bytes], included: dict[Path, None], depth: int = 0
+) -> None:
     """Add what a file includes, in depth, unless it is known; the readers refuse what lies deeper than here."""
     for name in _names(path, word, pattern):
-        beside = [Path(os.path.realpath(place / name)) for place in (path.parent, folder)]
-        inner = next((one for one in beside if one.is_file() and one.is_relative_to(folder)), None)
-        if inner is not None and inner not in found and depth < _DEEPEST:
-            found[inner] = None
-            _follow(inner, folder, word, pattern, found, depth + 1)
+        tried = [Path(os.path.realpath(place / name)) for place in (path.parent, folder)]
+        inner = next((place for place in tried if place.is_file() and place.is_relative_to(folder)), None)
+        if inner is not None and inner not in included and depth < 2 * _DEEPEST:
+            included[inner] = None
+            _follow(inner, folder, word, pattern, included, depth + 1)
 
 
 def _names(path: Path, word: bytes, pattern: re.Pattern[bytes]) -> Iterator[str]:

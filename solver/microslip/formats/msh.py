@@ -1,15 +1,19 @@
-"""Read Gmsh's own format, versions 2.2 and 4.1, text and binary, with the user's numbers and all groups."""
+"""Read Gmsh's own format, versions 2.2 and 4.1, text and binary, with the user's numbers and all groups.
+
+meshio, which reads it as well, keeps no numbers of nodes and elements.
+"""
 
 from __future__ import annotations
 
 import re
-import warnings
 from dataclasses import replace
 
 import numpy as np
 
 from ..messages.errors import MeshError
-from .model import KINDS, Cells, FileModel, Group, index_of, names_of_tags
+from .draft import cells_of
+from .model import KINDS, FileModel, Group, index_of, names_of_tags
+from .numbers import numbers_of
 
 # Gmsh's element types; where its order of mid-side nodes is not VTK's, the permutation to VTK's.
 _TYPES = {
@@ -54,28 +58,28 @@ def read_msh(path: str) -> FileModel:
     """
     with open(path, "rb") as file:
         content = file.read()
-    version, is_binary, order = _format(content)
+    version, order = _format(content)
     names = _physical_names(content)
     if version == "2.2":
-        numbers, points = _nodes_2(_section(content, "Nodes"), is_binary, order)
-        blocks = _elements_2(_section(content, "Elements"), is_binary, order)
+        numbers, points = _nodes_2(_section(content, "Nodes"), order)
+        blocks = _elements_2(_section(content, "Elements"), order)
     else:
         physical = {}
         if b"$Entities" in content:
-            physical = _entities_4(_cursor(_section(content, "Entities"), is_binary, order, "Entities"))
-        numbers, points = _nodes_4(_cursor(_section(content, "Nodes"), is_binary, order, "Nodes"))
-        blocks = _elements_4(_cursor(_section(content, "Elements"), is_binary, order, "Elements"), physical)
-    found = _compose(points, numbers, blocks, names)
-    return replace(found, fields=_fields(content, found.numbers, is_binary, order))
+            physical = _entities_4(_Cursor(_section(content, "Entities"), "Entities", order))
+        numbers, points = _nodes_4(_Cursor(_section(content, "Nodes"), "Nodes", order))
+        blocks = _elements_4(_Cursor(_section(content, "Elements"), "Elements", order), physical)
+    model = _compose(points, numbers, blocks, names)
+    return replace(model, fields=_fields(content, model.numbers, order))
 
 
-def _fields(content: bytes, numbers: np.ndarray, is_binary: bool, order: str) -> dict[str, np.ndarray]:
+def _fields(content: bytes, numbers: np.ndarray, order: str) -> dict[str, np.ndarray]:
     """Return the views of one number a node, $NodeData, (n_points,) each; the last one of a name counts."""
     fields, at = {}, content.find(b"$NodeData")
     while at >= 0:
         name, n, header = _field_header(content[content.find(b"\n", at) + 1 : at + _LONGEST_HEADER])
         if name is not None:
-            if is_binary:  # what looks like its end may be part of a number
+            if order:  # what looks like its end may be part of a number
                 start = content.find(b"\n", at) + 1 + header
                 kind = np.dtype([("node", order + "i4"), ("value", order + "f8")])
                 rows = np.frombuffer(content[start : start + n * kind.itemsize], dtype=kind)
@@ -100,7 +104,7 @@ def _fields(content: bytes, numbers: np.ndarray, is_binary: bool, order: str) ->
 
 def _field_header(section: bytes) -> tuple[str | None, int, int]:
     """Return the name of a view, its nodes and the length of its header; no name of vectors and tensors."""
-    lines, at = [], 0
+    at = 0
 
     def line() -> str:
         nonlocal at
@@ -117,8 +121,8 @@ def _field_header(section: bytes) -> tuple[str | None, int, int]:
     return lines[0][0].strip('"') if whole[1] == 1 else None, whole[2], at
 
 
-def _format(content: bytes) -> tuple[str, bool, str]:
-    """Return version, whether the file is binary, and its byte order."""
+def _format(content: bytes) -> tuple[str, str]:
+    """Return version and byte order of a file, "" where it is text."""
     before = _COMMENTS.match(content)
     start = before.end() if before else 0
     if not content.startswith(b"$MeshFormat", start):
@@ -136,7 +140,7 @@ def _format(content: bytes) -> tuple[str, bool, str]:
         raise MeshError(f"a binary Gmsh file with {size.decode(errors='replace')}-byte numbers is not read, only 8")
     if b"\n$PartitionedEntities" in content:
         raise MeshError("the mesh is partitioned already; save it whole (this program partitions it by itself)")
-    return version, is_binary, "<" if not is_binary or lines[2][:4] == b"\1\0\0\0" else ">"
+    return version, "" if not is_binary else "<" if lines[2][:4] == b"\1\0\0\0" else ">"
 
 
 def _section(content: bytes, name: str, first: int = 0) -> bytes:
@@ -162,87 +166,53 @@ def _physical_names(content: bytes) -> dict[tuple[int, int], str]:
     return names
 
 
-class _Text:
-    """Numbers of a text section, taken in order."""
-
-    def __init__(self, section: bytes, name: str):
-        self.values, self.name, self.at = _numbers(section, name), name, 0
-
-    def doubles(self, n: int) -> np.ndarray:
-        taken = self.values[self.at : self.at + n]
-        if n < 0 or len(taken) < n:
-            raise MeshError(f"${self.name} ends early: it announces more than it holds; the file is damaged")
-        self.at += n
-        return taken
-
-    def ints(self, n: int) -> np.ndarray:
-        taken = self.doubles(n)
-        if not np.isfinite(taken).all():
-            raise MeshError(f"${self.name} holds a number that is not finite where a count or a tag is due")
-        return taken.astype(np.int64)
-
-    sizes = ints
-
-    def finish(self) -> None:
-        _check_end(self.name, len(self.values) - self.at)
-
-
-class _Binary:
-    """Numbers of a binary section, taken in order."""
+class _Cursor:
+    """Numbers of a section, taken in order: of one kind in text (byte order ""), of three in binary files."""
 
     def __init__(self, section: bytes, name: str, order: str):
-        self.section, self.name, self.order, self.at = section, name, order, 0
-
-    def _take(self, n: int, code: str) -> np.ndarray:
-        n_bytes = int(n) * np.dtype(code).itemsize
-        taken = self.section[self.at : self.at + n_bytes]
-        if n < 0 or len(taken) < n_bytes:
-            raise MeshError(f"${self.name} ends early: it announces more than it holds; the file is damaged")
-        self.at += n_bytes
-        return np.frombuffer(taken, dtype=self.order + code)
+        self.name, self.order, self.at = name, order, 0
+        self.content = np.frombuffer(section, dtype=np.uint8) if order else _numbers(section, name)
 
     def doubles(self, n: int) -> np.ndarray:
         return self._take(n, "f8").astype(float)
 
     def ints(self, n: int) -> np.ndarray:
-        return self._take(n, "i4").astype(np.int64)
+        return self._whole(n, "i4")
 
     def sizes(self, n: int) -> np.ndarray:
-        return self._take(n, "i8").astype(np.int64)
+        return self._whole(n, "i8")
+
+    def _whole(self, n: int, code: str) -> np.ndarray:
+        taken = self._take(n, code)
+        if not np.isfinite(taken).all():
+            raise MeshError(f"${self.name} holds a number that is not finite where a count or a tag is due")
+        return taken.astype(np.int64)
+
+    def _take(self, n: int, code: str) -> np.ndarray:
+        length = int(n) * (np.dtype(code).itemsize if self.order else 1)
+        taken = self.content[self.at : self.at + length]
+        if n < 0 or len(taken) < length:
+            raise MeshError(f"${self.name} ends early: it announces more than it holds; the file is damaged")
+        self.at += length
+        return taken.view(self.order + code) if self.order else taken
 
     def finish(self) -> None:
-        _check_end(self.name, len(self.section[self.at :].strip()))
-
-
-def _check_end(name: str, n_left: int) -> None:
-    if n_left:
-        raise MeshError(f"${name} holds more than it announces; the file is damaged")
-
-
-def _cursor(section: bytes, is_binary: bool, order: str, name: str) -> _Text | _Binary:
-    return _Binary(section, name, order) if is_binary else _Text(section, name)
+        """Raise MeshError where numbers are left."""
+        left = self.content[self.at :]
+        if len(left.tobytes().strip() if self.order else left):
+            raise MeshError(f"${self.name} holds more than it announces; the file is damaged")
 
 
 def _numbers(section: bytes, name: str) -> np.ndarray:
     """Return all numbers of a text section."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")  # older NumPy only warns where the text stops being numbers
-        try:
-            return np.fromstring(section, sep=" ")
-        except (ValueError, DeprecationWarning):
-            word = next((word for word in section.split() if not _is_number(word)), b"")
-            raise MeshError(f"${name} holds {word.decode(errors='replace')[:40]!r} where a number is due") from None
+    values = numbers_of(section)
+    if values is None:
+        word = next((word for word in section.split() if numbers_of(word) is None), b"")
+        raise MeshError(f"${name} holds {word.decode(errors='replace')[:40]!r} where a number is due")
+    return values
 
 
-def _is_number(word: bytes) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def _entities_4(cursor: _Text | _Binary) -> dict[tuple[int, int], np.ndarray]:
+def _entities_4(cursor: _Cursor) -> dict[tuple[int, int], np.ndarray]:
     """Return the physical tags of every entity, by dimension and tag."""
     physical = {}
     for dimension, n_entities in enumerate(cursor.sizes(4)):
@@ -255,7 +225,7 @@ def _entities_4(cursor: _Text | _Binary) -> dict[tuple[int, int], np.ndarray]:
     return physical
 
 
-def _nodes_4(cursor: _Text | _Binary) -> tuple[np.ndarray, np.ndarray]:
+def _nodes_4(cursor: _Cursor) -> tuple[np.ndarray, np.ndarray]:
     """Return node numbers and coordinates."""
     n_blocks, n_nodes = cursor.sizes(4)[:2]
     numbers, points = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
@@ -271,7 +241,7 @@ def _nodes_4(cursor: _Text | _Binary) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(numbers), np.concatenate(points)
 
 
-def _elements_4(cursor: _Text | _Binary, physical: dict[tuple[int, int], np.ndarray]) -> list[tuple]:
+def _elements_4(cursor: _Cursor, physical: dict[tuple[int, int], np.ndarray]) -> list[tuple]:
     """Return (kind, element numbers, node numbers, physical tags) of every entity's elements."""
     n_blocks, n_elements = cursor.sizes(4)[:2]
     blocks = []
@@ -288,11 +258,11 @@ def _elements_4(cursor: _Text | _Binary, physical: dict[tuple[int, int], np.ndar
     return blocks
 
 
-def _nodes_2(section: bytes, is_binary: bool, order: str) -> tuple[np.ndarray, np.ndarray]:
+def _nodes_2(section: bytes, order: str) -> tuple[np.ndarray, np.ndarray]:
     """Return node numbers and coordinates."""
     count, _, rest = section.partition(b"\n")
     n = _count(count, "Nodes")
-    if is_binary:
+    if order:
         record = np.dtype([("number", order + "i4"), ("point", order + "f8", 3)])
         if len(rest) < n * record.itemsize:
             raise MeshError(f"$Nodes announces {n} nodes and holds fewer; the file is damaged")
@@ -306,13 +276,13 @@ def _nodes_2(section: bytes, is_binary: bool, order: str) -> tuple[np.ndarray, n
     return values[0::4].astype(np.int64), values.reshape(n, 4)[:, 1:]
 
 
-def _elements_2(section: bytes, is_binary: bool, order: str) -> list[tuple]:
+def _elements_2(section: bytes, order: str) -> list[tuple]:
     """Return (kind, element numbers, node numbers, physical tags) of every run of like elements."""
     count, _, rest = section.partition(b"\n")
     n, blocks = _count(count, "Elements"), []
-    cursor = _cursor(rest, is_binary, order, "Elements")
+    cursor = _Cursor(rest, "Elements", order)
     while n > 0:
-        kind, n_tags, rows = _run_in_text(cursor, n) if isinstance(cursor, _Text) else _run_in_binary(cursor)
+        kind, n_tags, rows = _run_in_binary(cursor) if order else _run_in_text(cursor, n)
         numbers, tags, nodes = rows[:, 0], rows[:, 1 : 1 + n_tags], rows[:, 1 + n_tags :]
         n -= max(len(rows), 1)
         physical = np.abs(tags[:, 0]) if n_tags else np.zeros(len(rows), dtype=np.int64)
@@ -323,14 +293,14 @@ def _elements_2(section: bytes, is_binary: bool, order: str) -> list[tuple]:
     return blocks
 
 
-def _run_in_binary(cursor: _Binary) -> tuple[str, int, np.ndarray]:
+def _run_in_binary(cursor: _Cursor) -> tuple[str, int, np.ndarray]:
     """Return kind, number of tags and rows (number, tags, nodes) of the next block of elements."""
     gmsh_type, n_run, n_tags = (int(value) for value in cursor.ints(3))
     kind, n_nodes = _kind(gmsh_type)
     return kind, n_tags, cursor.ints(n_run * (1 + n_tags + n_nodes)).reshape(n_run, 1 + n_tags + n_nodes)
 
 
-def _run_in_text(cursor: _Text, n_left: int) -> tuple[str, int, np.ndarray]:
+def _run_in_text(cursor: _Cursor, n_left: int) -> tuple[str, int, np.ndarray]:
     """Return kind, number of tags and rows (number, tags, nodes) of the next elements of one type."""
     start = cursor.at
     _, gmsh_type, n_tags = (int(value) for value in cursor.ints(3))
@@ -339,7 +309,7 @@ def _run_in_text(cursor: _Text, n_left: int) -> tuple[str, int, np.ndarray]:
     cursor.at = start
     rows, n_try = cursor.ints(width).reshape(1, width), 64
     while len(rows) < n_left:
-        n_ready = min(n_try, n_left - len(rows), (len(cursor.values) - cursor.at) // width)
+        n_ready = min(n_try, n_left - len(rows), (len(cursor.content) - cursor.at) // width)
         ahead = cursor.ints(n_ready * width).reshape(n_ready, width)
         alike = (ahead[:, 1] == gmsh_type) & (ahead[:, 2] == n_tags)
         n_alike = n_ready if alike.all() else int(np.argmin(alike))
@@ -381,10 +351,8 @@ def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names
     for kind in dict.fromkeys(block[0] for block in blocks):
         mine = [block for block in blocks if block[0] == kind]
         nodes = np.concatenate([block[2] for block in mine])
-        index, missing = index_of(numbers, nodes)
-        if len(missing):
-            raise MeshError(f"$Elements names node {missing[0]}, which $Nodes does not hold")
-        cells.append(Cells(kind, index[:, _TO_VTK.get(kind, slice(None))], np.concatenate([b[1] for b in mine])))
+        elements = np.concatenate([block[1] for block in mine])
+        cells.append(cells_of(kind, elements, nodes[:, _TO_VTK.get(kind, slice(None))], numbers))
         rows: dict[str, list[np.ndarray]] = {}
         start = 0
         for _, own, _, physical in mine:

@@ -1,4 +1,7 @@
-"""Read I-deas universal files: nodes (data sets 2411, 781, 15), elements (2412, 780), groups (2467, 2477, 2452, 2435, ...)."""
+"""Read I-deas universal files: nodes (data sets 2411, 781, 15), elements (2412, 780), groups (2467, 2477, 2452, 2435, ...).
+
+pyuff reads nodes and elements, but of the groups that programs write today (2477) none.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..messages.errors import MeshError
+from .draft import cells_of
 from .model import KINDS, Cells, FileModel, Finding, Group, index_of
 
 _KINDS = {
@@ -227,12 +231,7 @@ def _composed(points: dict, rows: dict, named: list, findings: list[Finding]) ->
     groups: dict[str, Group] = {}
     for kind, own in rows.items():
         elements, properties, wanted = (np.concatenate(column) for column in zip(*own, strict=True))
-        index, missing = index_of(numbers, wanted)
-        if len(missing):
-            element = elements[np.argmax(np.isin(wanted, missing).any(axis=1))]
-            raise MeshError(f"element {element} names node {missing[0]}, which the file does not hold")
-        index = index[:, _ORDER[kind]] if kind in _ORDER else index
-        cells.append(Cells(kind, index, elements))
+        cells.append(cells_of(kind, elements, wanted[:, _ORDER[kind]] if kind in _ORDER else wanted, numbers))
         for one in np.unique(properties):
             groups.setdefault(f"property {one}", Group()).add_cells(len(cells) - 1, np.flatnonzero(properties == one))
     for name, nodes, members in named:

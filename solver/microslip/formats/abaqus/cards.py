@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ...messages.errors import MeshError
+from ..includes import Includes, place
+from ..numbers import numbers_of
 
 _OTHER_INPUT = ("SUBMODEL", "MATRIXINPUT")  # whose INPUT is no text of cards and their data
-_MOST_FILES = 10_000  # included, one by one
-_DEEPEST = 50
 _BLANKS = bytes.maketrans(b",\t\r", b"   ")
 _FORTRAN = bytes.maketrans(b"dD", b"ee")
-_REPEATED = 8  # times that included files may be read, all together, ...
-_OF_ANY = 2**24  # ... and bytes that they may have whatever their size
 _IS_SEPARATOR = np.isin(np.arange(256), list(b", \t\r\n"))
 
 
@@ -81,11 +77,6 @@ class Card:
         return f"{self.where}: *{self.keyword} holds something else than numbers"
 
 
-def place(file: str, line: int) -> str:
-    """Return "line 12" or "bolts.inc, line 3"."""
-    return f"{file}, line {line}" if file else f"line {line}"
-
-
 def read_cards(path: str) -> list[Card]:
     """Return the cards of an input file and of those that it includes, in their order.  Local.
 
@@ -93,32 +84,21 @@ def read_cards(path: str) -> list[Card]:
     ------
     MeshError without the file's name : no input file; includes that are missing, leave its folder or go round in a circle
     """
-    return _Reader(path).read()
+    reader = _Reader(path)
+    reader.read(reader.includes.path, ())
+    return reader.cards
 
 
 class _Reader:
-    """What is known while files are read."""
+    """The cards of files, one after the other."""
 
     def __init__(self, path: str):
-        self.path = path
-        self.folder = os.path.realpath(os.path.dirname(path) or ".")
+        self.includes = Includes(path)
         self.cards: list[Card] = []
-        self.n_files = 0
-        self.sizes: dict[str, int] = {}  # bytes of each file
-        self.n_bytes = 0  # read so far
 
-    def read(self) -> list[Card]:
-        self._read(os.path.realpath(self.path), "", ())
-        return self.cards
-
-    def _read(self, path: str, label: str, within: tuple[str, ...]) -> None:
+    def read(self, path: str, within: tuple[str, ...]) -> None:
         """Add the cards of one file; data lines before its first keyword belong to the card before."""
-        with open(path, "rb") as file:
-            text = file.read()
-        self.sizes[path] = len(text)
-        self.n_bytes += len(text)
-        if self.n_bytes > max(_OF_ANY, _REPEATED * sum(self.sizes.values())):
-            raise MeshError(f"{label}: files are included again and again, {self.n_bytes} bytes in all")
+        text, label = self.includes.read(path), self.includes.label(path)
         at, line = 0, 1
         for start, end in _star_lines(text):
             if start < at:
@@ -128,44 +108,25 @@ class _Reader:
             at = end
             if not text[start:end].lstrip().startswith(b"**"):
                 at = _continued(text, start, end)
-                self._take_card(_card(text[start:at], label, line), path, (*within, path))
+                self._take_card(_card(text[start:at], label, line), (*within, path))
             line += text.count(b"\n", start, at)
         self._take_data(text[at:], label, line)
 
-    def _take_card(self, card: Card, path: str, within: tuple[str, ...]) -> None:
+    def _take_card(self, card: Card, within: tuple[str, ...]) -> None:
         if card.keyword != "INCLUDE":
             self.cards.append(card)
         if "INPUT" in card.parameters and "".join(card.keyword.split()) not in _OTHER_INPUT:
-            self._include(card, path, within)
+            name = card.parameters["INPUT"]
+            if "PASSWORD" in card.parameters:
+                raise MeshError(f"{card.where}: {name!r} is encrypted and cannot be read here")
+            self.read(self.includes.find(name, within, card.where), within)
         elif card.keyword == "INCLUDE":
             raise MeshError(f"{card.where}: *INCLUDE names no file: INPUT = is missing")
 
     def _take_data(self, text: bytes, label: str, line: int) -> None:
-        """Keep data lines; what stands before the first keyword is a title."""
+        """Take data lines; what stands before the first keyword is a title."""
         if self.cards and text.strip():
             self.cards[-1].pieces.append(Piece(text, label, line))
-
-    def _include(self, card: Card, including: str, within: tuple[str, ...]) -> None:
-        """Read a file that a card names."""
-        name = card.parameters["INPUT"]
-        if "PASSWORD" in card.parameters:
-            raise MeshError(f"{card.where}: {name!r} is encrypted and cannot be read here")
-        beside = os.path.realpath(os.path.join(os.path.dirname(including), name))
-        path = beside if os.path.exists(beside) else os.path.realpath(os.path.join(self.folder, name))
-        if os.path.commonpath([path, self.folder]) != self.folder:
-            raise MeshError(
-                f"{card.where}: it includes {name!r}, which lies outside of {self.folder}; copy it beside the input file"
-            )
-        if not os.path.isfile(path):
-            raise MeshError(f"{card.where}: it includes {name!r}: there is no such file")
-        if path in within:
-            raise MeshError(f"{card.where}: it includes {name!r}, which includes this file again: the files go round in a circle")
-        self.n_files += 1
-        if self.n_files > _MOST_FILES or len(within) > _DEEPEST:
-            raise MeshError(
-                f"{card.where}: more than {_MOST_FILES} files are included, or more than {_DEEPEST} within each other"
-            )
-        self._read(path, os.path.relpath(path, self.folder), within)
 
 
 def _star_lines(text: bytes) -> Iterator[tuple[int, int]]:
@@ -232,11 +193,5 @@ def _fields_per_line(text: bytes) -> np.ndarray:
 def values_of(text: bytes) -> np.ndarray | None:
     """Return the numbers of a text; None where something else is among them."""
     plain = text.translate(_BLANKS)
-    for tried in (plain, None):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            try:
-                return np.fromstring(plain.translate(_FORTRAN) if tried is None else tried, sep=" ")  # type: ignore[arg-type]
-            except (ValueError, DeprecationWarning):
-                continue
-    return None
+    values = numbers_of(plain)
+    return numbers_of(plain.translate(_FORTRAN)) if values is None else values

@@ -8,6 +8,7 @@ from ...messages.errors import MeshError
 from ...messages.words import hint
 from ...tables.constant_loads import Bolt
 from ...tables.structure import Point, Tie
+from ..draft import vector
 from ..model import Finding
 from .cards import Card, number, values_of
 from .gathered import Gathered
@@ -132,9 +133,8 @@ def _add_point(model: Gathered, node: int, nodes: np.ndarray, group: str, connec
         group = f"{first.group} and {group}"
     taken = {point.name for other, point in model.points.items() if other != node}
     name = name if name and name not in taken else f"node {number}"
-    x, y, z = (float(value) for value in model.mesh.points[node])
-    kept = model.grouped.node_group(group, nodes)
-    model.points[node] = Point.of_file(name=plain(name), position=(x, y, z), group=kept, connection=connection)
+    group, position = model.grouped.node_group(group, nodes), vector(model.mesh.points[node])
+    model.points[node] = Point.of_file(name=plain(name), position=position, group=group, connection=connection)
 
 
 def plain(name: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...messages.errors import MeshError
 from ...tables.structure import Mass, Spring
+from ..draft import grounded, vector
 from .cards import Card, values_of
 from .gathered import Gathered
 from .scopes import Scope
@@ -119,7 +120,8 @@ def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines:
     of_points = [int(node) in model.points or int(node) in model.turns for node in ends]
     numbers = " and ".join(str(model.mesh.numbers[node]) for node in ends)
     if word == "SPRING1" and of_points == [True] and len(dofs) == 1 and 1 <= dofs[0] <= 6:
-        _ground_point(model, int(ends[0]), dofs[0], spring.stiffness)
+        node = model.turns.get(int(ends[0]), int(ends[0]))
+        model.points[node] = grounded(model.points[node], dofs[0], spring.stiffness)
         return
     if any(of_points) or (dofs and not all(1 <= dof <= 3 for dof in dofs)) or len(set(dofs)) > 1:
         effect = f"a {card.keyword.lower()} at {numbers} on rotations, on a reference node or between different directions"
@@ -127,20 +129,10 @@ def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines:
         return
     direction = None
     if dofs:
-        along = model.axes.get(int(ends[0]), np.eye(3))[dofs[0] - 1]
-        direction = float(along[0]), float(along[1]), float(along[2])
+        direction = vector(model.axes.get(int(ends[0]), np.eye(3))[dofs[0] - 1])
     groups = tuple(model.grouped.node_group(f"node {model.mesh.numbers[node]}", np.array([node])) for node in ends)
     model.attached.update(ends.tolist())
     model.springs.append(spring.with_keys(groups=groups, direction=direction))
-
-
-def _ground_point(model: Gathered, node: int, dof: int, stiffness: float) -> None:
-    """Add a spring to ground to a point."""
-    node = model.turns.get(node, node)
-    point = model.points[node]
-    known = (point.stiffness if dof <= 3 else point.rotational_stiffness) or (0.0, 0.0, 0.0)
-    x, y, z = (value + stiffness * (axis == (dof - 1) % 3) for axis, value in enumerate(known))
-    model.points[node] = point.with_keys(stiffness=(x, y, z)) if dof <= 3 else point.with_keys(rotational_stiffness=(x, y, z))
 
 
 _TAKEN = {"MASS": _take_mass, "ROTARY INERTIA": _take_inertia, "SPRING": _take_spring, "DASHPOT": _take_dashpot}

@@ -10,6 +10,7 @@ import numpy as np
 from ...messages.errors import MeshError
 from ...tables.structure import Orientation
 from ...tables.table import Vector
+from ..draft import vector
 from .cards import Card, number
 from .scopes import Scope, rotation_about
 
@@ -69,7 +70,7 @@ def orientation_of(scope: Scope, card: Card) -> Orientation | None:
         axis = points[1] - points[0]
         if not axis.any():
             raise MeshError(f"{card.where}: *ORIENTATION: the two points of its axis are one")
-        return Orientation.of_file(axis=_vector(axis), axis_point=_vector(points[0])) if angle == 0.0 else None
+        return Orientation.of_file(axis=vector(axis), axis_point=vector(points[0])) if angle == 0.0 else None
     x, y = points[0] - points[2], points[1] - points[2]
     if not np.cross(x, y).any():
         raise MeshError(f"{card.where}: *ORIENTATION: its points lie on one line and span no plane")
@@ -90,9 +91,4 @@ def _turned(x: np.ndarray, y: np.ndarray, k: int, angle: float, scope: Scope, ca
     axes = np.stack([x, np.cross(third, x), third])
     axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)
     axes = axes @ (scope.rotation @ rotation_about(axes[k], angle, card.where)).T
-    return _vector(axes[0]), _vector(axes[1])
-
-
-def _vector(values: np.ndarray) -> Vector:
-    x, y, z = values.tolist()
-    return x, y, z
+    return vector(axes[0]), vector(axes[1])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...messages.errors import MeshError
+from ..draft import Term
 from .cards import Card, number
 from .gathered import Gathered, along_axis
 from .scopes import Scope
@@ -59,7 +60,7 @@ def _add_equation(model: Gathered, scope: Scope, words: list[str], where: str) -
         model.findings.add("*EQUATION", where, effect, True, "equations")
         return
     for i in range(n):
-        terms: list[tuple[int, int, float]] = []
+        terms: list[Term] = []
         for nodes, axis, factor in parts:
             node = int(nodes[min(i, len(nodes) - 1)])
             terms += along_axis(model, node, axis, factor)

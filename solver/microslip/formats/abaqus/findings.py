@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-
 from ...messages.words import nearest
-from ..model import Finding
+from ..draft import Findings
 from .cards import Card
 
 # taken over by the other files of this folder
@@ -97,34 +95,14 @@ def known(keyword: str) -> str:
     return _KNOWN.get(_bare(keyword), keyword)
 
 
-@dataclass(eq=False)
-class Findings:
-    """What has been found that is not taken over; like entries count once, with the place of the first."""
-
-    _found: dict[Finding, list[str]] = field(default_factory=dict)  # the places of each, which itself has none
-
-    def add(self, word: str, where: str, effect: str, changes: bool, part: str = "") -> None:
-        self.take(Finding(word=word, where=where, effect=effect, changes=changes, part=part))
-
-    def take(self, finding: Finding) -> None:
-        self._found.setdefault(replace(finding, where=""), []).append(finding.where)
-
-    def add_card(self, card: Card) -> None:
-        """Add what a card does that nothing here takes over."""
-        word = _bare(card.keyword)
-        if word in _QUIET:
-            return
-        if word in _EFFECTS:
-            effect, changes = _EFFECTS[word]
-        else:
-            near = nearest(card.keyword, _KNOWN.values())
-            effect, changes = "not known to this program" + (f"; the nearest that is known is *{near}" if near else ""), True
-        self.add(f"*{card.keyword}", card.where, effect, changes)
-
-    def all(self) -> tuple[Finding, ...]:
-        """Return the findings, those that change the answer first."""
-        made = [
-            replace(one, where=places[0] + (f" and {len(places) - 1} more" if len(places) > 1 else ""))
-            for one, places in self._found.items()
-        ]
-        return tuple(sorted(made, key=lambda one: not one.changes))
+def add_card(findings: Findings, card: Card) -> None:
+    """Add a finding of what a card does that nothing here takes over.  Local."""
+    word = _bare(card.keyword)
+    if word in _QUIET:
+        return
+    if word in _EFFECTS:
+        effect, changes = _EFFECTS[word]
+    else:
+        near = nearest(card.keyword, _KNOWN.values())
+        effect, changes = "not known to this program" + (f"; the nearest that is known is *{near}" if near else ""), True
+    findings.add(f"*{card.keyword}", card.where, effect, changes)

@@ -11,9 +11,9 @@ from ...messages.words import place
 from ...tables.constant_loads import Bolt
 from ...tables.joint import Joint
 from ...tables.structure import Body, Mass, Material, Orientation, Point, Spring, Support, Tie
+from ..draft import Findings, Term, Terms
 from ..model import LoadsAtRest
 from .cards import Card
-from .findings import Findings
 from .groups import Grouped
 from .mesh import FileMesh
 from .scopes import Scope
@@ -35,28 +35,6 @@ class Step:
     @property
     def is_perturbation(self) -> bool:
         return "PERTURBATION" in self.cards[0][1].parameters
-
-
-@dataclass(eq=False)
-class Terms:
-    """Linear equations while they are gathered."""
-
-    equation: list[int] = field(default_factory=list)
-    nodes: list[int] = field(default_factory=list)
-    axes: list[int] = field(default_factory=list)
-    coefficients: list[float] = field(default_factory=list)
-    where: list[str] = field(default_factory=list)
-
-    def add(self, terms: list[tuple[int, int, float]], where: str) -> None:
-        """Add one equation of terms (node, axis, coefficient); what has no coefficient is left out."""
-        terms = [term for term in terms if term[2] != 0.0]
-        if not terms:
-            return
-        self.equation += [len(self.where)] * len(terms)
-        self.nodes += [node for node, _, _ in terms]
-        self.axes += [axis for _, axis, _ in terms]
-        self.coefficients += [coefficient for _, _, coefficient in terms]
-        self.where.append(where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +97,7 @@ class Gathered:
         return next((step for step in self.steps if step.is_frequency), self.steps[0] if self.steps else None)
 
 
-def along_axis(model: Gathered, node: int, direction: int, factor: float) -> list[tuple[int, int, float]]:
+def along_axis(model: Gathered, node: int, direction: int, factor: float) -> list[Term]:
     """Return the displacement of a node along one of its axes, from 1, times a factor, as terms in model axes, largest first."""
     along = model.axes.get(node, np.eye(3))[direction - 1]
     if np.isnan(along).any():

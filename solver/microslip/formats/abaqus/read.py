@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ...messages.errors import MeshError
-from ..model import Equations, FileModel
+from ..draft import Findings
+from ..model import FileModel
 from .cards import Card, read_cards
 from .connections import take_connections
 from .contact import take_contact
 from .discrete import take_discrete
 from .equations import take_equations
-from .findings import REFUSED, TAKEN, Findings, known
+from .findings import REFUSED, TAKEN, add_card, known
 from .gathered import Gathered, Step
 from .generated import take_generated
 from .groups import grouped
@@ -111,7 +110,7 @@ def _find_rest(model: Gathered) -> None:
         if card.keyword == "INITIAL CONDITIONS":
             _find_initial(model, card)
         elif card.keyword not in _TAKEN:
-            model.findings.add_card(card)
+            add_card(model.findings, card)
     last = model.first_vibration
     if model.steps and model.steps[-1].cards[-1][1].keyword != "END STEP":
         effect = "it is not there: what follows in a file that was cut is missing"
@@ -120,7 +119,7 @@ def _find_rest(model: Gathered) -> None:
         for _, card in step.cards:
             counts = last is not None and step.number <= last.number
             if card.keyword not in _TAKEN and card not in model.loading and (counts or not _is_known_to_change(card)):
-                model.findings.add_card(card)
+                add_card(model.findings, card)
 
 
 def _is_known_to_change(card: Card) -> bool:
@@ -145,15 +144,6 @@ def _composed(model: Gathered) -> FileModel:
         for _, block, nodes in mesh.blocks
         if block.kind is None
     )
-    terms = model.terms
-    equations = Equations(
-        np.array(terms.equation, dtype=np.int64),
-        np.array(terms.nodes, dtype=np.int64),
-        np.array(terms.axes, dtype=np.int64),
-        np.array(terms.coefficients),
-        tuple(terms.where),
-        np.array([where.startswith("*BOUNDARY") for where in terms.where], dtype=bool),
-    )
     return FileModel(
         mesh.points,
         mesh.numbers,
@@ -169,7 +159,7 @@ def _composed(model: Gathered) -> FileModel:
         connected=tuple(model.points.values()),
         masses=tuple(model.masses),
         springs=tuple(model.springs),
-        equations=equations if terms.where else None,
+        equations=model.terms.equations(),
         bolts=tuple(model.bolts),
         statics=model.statics,
         findings=model.findings.all(),

@@ -10,6 +10,7 @@ import numpy as np
 from ...messages.errors import MeshError
 from ...tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics
 from ...tables.table import Vector
+from ..draft import vector
 from ..model import LoadsAtRest
 from .cards import Card, number
 from .gathered import Gathered, Step
@@ -285,8 +286,8 @@ def _forces(model: Gathered, acting: _Acting) -> list[Force]:
         vectors[node] = vectors.get(node, np.zeros(3)) + (value * axes[direction - 1] if value else 0.0)
     alike: dict[Vector, list[int]] = {}
     found = []
-    for node, vector in vectors.items():
-        force = (float(vector[0]), float(vector[1]), float(vector[2]))
+    for node, values in vectors.items():
+        force = vector(values)
         if not any(force):
             continue
         if node in model.points:
@@ -296,8 +297,7 @@ def _forces(model: Gathered, acting: _Acting) -> list[Force]:
     for force, nodes in alike.items():
         names = {acting.names[node] for node in nodes}
         group = model.grouped.node_group(names.pop() if len(names) == 1 else "*CLOAD", np.array(nodes))
-        x, y, z = (len(nodes) * value for value in force)
-        found.append(Force.of_file(group=group, force=(x, y, z)))
+        found.append(Force.of_file(group=group, force=vector(len(nodes) * value for value in force)))
     return found
 
 

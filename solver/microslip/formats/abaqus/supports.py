@@ -6,12 +6,12 @@ import numpy as np
 
 from ...messages.errors import MeshError
 from ...tables.structure import Support
+from ..draft import NAMES
 from .cards import Card, number, values_of
 from .gathered import Gathered, along_axis
 from .nodes import axes_of
 from .scopes import Scope
 
-_AXES = ("x", "y", "z", "rx", "ry", "rz")
 _NAMED = {
     "ENCASTRE": (1, 2, 3, 4, 5, 6),
     "PINNED": (1, 2, 3),
@@ -110,7 +110,7 @@ def _take_card(model: Gathered, scope: Scope, card: Card, held: _Held, *, may_mo
             model.findings.add("*BOUNDARY", where, effect, True, "supports")
         nodes = model.mesh.nodes(scope, words[0], where)
         if words[0].isdigit():
-            parts, known = held.setdefault("*BOUNDARY " + "".join(_AXES[dof - 1] for dof in sorted(dofs)), ([], set()))
+            parts, known = held.setdefault("*BOUNDARY " + "".join(NAMES[dof - 1] for dof in sorted(dofs)), ([], set()))
         else:
             parts, known = held.setdefault(model.mesh.name_of(scope, words[0]), ([], set()))
         parts.append(nodes)
@@ -135,10 +135,10 @@ def _hold(model: Gathered, name: str, nodes: np.ndarray, dofs: set[int]) -> None
     """Hold nodes: points by name, nodes with axes of their own by equations, others as a group."""
     for node in nodes:
         if int(node) in model.points and dofs:
-            fix = tuple(_AXES[dof - 1] for dof in sorted(dofs))
+            fix = tuple(NAMES[dof - 1] for dof in sorted(dofs))
             model.supports.append(Support.of_file(point=model.points[int(node)].name, fix=fix))
         elif int(node) in model.turns and dofs & {1, 2, 3}:
-            fix = tuple(_AXES[dof + 2] for dof in sorted(dofs) if dof <= 3)
+            fix = tuple(NAMES[dof + 2] for dof in sorted(dofs) if dof <= 3)
             model.supports.append(Support.of_file(point=model.points[model.turns[int(node)]].name, fix=fix))
     dofs = {dof for dof in dofs if dof <= 3}
     if not dofs:
@@ -147,8 +147,8 @@ def _hold(model: Gathered, name: str, nodes: np.ndarray, dofs: set[int]) -> None
     turned = np.isin(nodes, list(model.axes)) & (len(dofs) < 3) & in_use
     for node in nodes[turned]:
         for dof in sorted(dofs):
-            model.terms.add(along_axis(model, int(node), dof, 1.0), f"*BOUNDARY {name} in axes of *TRANSFORM")
+            model.terms.add(along_axis(model, int(node), dof, 1.0), f"*BOUNDARY {name} in axes of *TRANSFORM", True)
     straight = nodes if not turned.any() and in_use.any() else nodes[in_use & ~turned]
     if len(straight):
         group = model.grouped.node_group(name, straight)
-        model.supports.append(Support.of_file(group=group, fix=tuple(_AXES[dof - 1] for dof in sorted(dofs))))
+        model.supports.append(Support.of_file(group=group, fix=tuple(NAMES[dof - 1] for dof in sorted(dofs))))

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from ...messages.errors import MeshError
-from ...tables.structure import Support
-from ..model import Equations, Finding, Group, held_alike, index_of
+from ..draft import Draft, Findings, Term
+from ..model import index_of
 from .commands import Command
 
 _AXES = {"UX": 0, "UY": 1, "UZ": 2}
 _TURNS = {"ROTX": 3, "ROTY": 4, "ROTZ": 5}  # of nodes that lead rigid regions; those of solids have none
-_NAMES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass
@@ -21,15 +20,15 @@ class Restraints:
     """What has been gathered so far; nodes are numbers of the file."""
 
     held: dict[int, set[int]] = field(default_factory=dict)  # axis, 0 to 5: nodes
-    equations: list[tuple[str, list[tuple[int, int, float]]]] = field(default_factory=list)  # where, terms
+    equations: list[tuple[str, list[Term]]] = field(default_factory=list)  # where, terms
     coupled: dict[str, tuple[str, str, list[int]]] = field(default_factory=dict)  # set: where, label, nodes
     rigid: list[tuple[str, int, list[int]]] = field(default_factory=list)  # where, leading node, those that follow
-    findings: list[Finding] = field(default_factory=list)
+    findings: Findings = field(default_factory=Findings)
     is_open: bool = False  # lines with terms of the last equation may follow
-    typed: dict[str, list[tuple[int, int, float]]] = field(default_factory=dict)  # number of a CE as it is typed: its terms
+    typed: dict[str, list[Term]] = field(default_factory=dict)  # number of a CE as it is typed: its terms
 
     def left_out(self, command: Command, effect: str, part: str = "") -> None:
-        self.findings.append(Finding(word=command.word, where=command.where, effect=effect, changes=True, part=part))
+        self.findings.add(command.word, command.where, effect, part=part)
 
 
 def take_support(found: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> None:
@@ -62,7 +61,7 @@ def take_equation(found: Restraints, command: Command) -> None:
     if command.number(1) != 0.0:
         found.left_out(command, "an equation whose constant is not 0", "equations")
     else:
-        _add_equation(found, command, command.where, command.fields[2:])
+        _add_equation(found, command, command.fields[2:])
 
 
 def _take_written(found: Restraints, command: Command) -> None:
@@ -71,13 +70,13 @@ def _take_written(found: Restraints, command: Command) -> None:
             found.left_out(command, "an equation whose constant is not 0", "equations")
             found.is_open = False
         else:
-            found.equations.append((f"{command.word}, {command.where}", []))
+            found.equations.append((command.where, []))
             found.is_open = True
     elif found.is_open:
         found.is_open = _extend(found, command, found.equations[-1][1], command.fields[2:])
 
 
-def _add_equation(found: Restraints, command: Command, where: str, fields: tuple[str, ...]) -> None:
+def _add_equation(found: Restraints, command: Command, fields: tuple[str, ...]) -> None:
     """Take an equation as it is typed; a further command with its number adds terms."""
     number = command.field(0).upper()
     is_further = number.isdigit() and number in found.typed
@@ -85,13 +84,12 @@ def _add_equation(found: Restraints, command: Command, where: str, fields: tuple
     if number.isdigit():
         found.typed[number] = terms
     if not is_further:
-        found.equations.append((f"{command.word}, {where}", terms))
-        _extend(found, command, terms, fields)
-    elif terms:  # none: it has been left out
+        found.equations.append((command.where, terms))
+    if terms or not is_further:  # a further one without terms belongs to one that has been left out
         _extend(found, command, terms, fields)
 
 
-def _extend(found: Restraints, command: Command, terms: list[tuple[int, int, float]], fields: tuple[str, ...]) -> bool:
+def _extend(found: Restraints, command: Command, terms: list[Term], fields: tuple[str, ...]) -> bool:
     """Add the terms of fields (node, label, coefficient); report what is no displacement, and leave no terms then."""
     own = Command(command.word, fields, command.line)
     for i in range(0, len(fields) - 2, 3):
@@ -142,101 +140,28 @@ def _nodes(word: str, selected: np.ndarray | None, components: dict[str, np.ndar
         return None
 
 
-def supports(
-    found: Restraints, numbers: np.ndarray, angles: np.ndarray, groups: dict[str, Group], leaders: dict[int, str]
-) -> tuple[Support, ...]:
-    """Return supports by groups "D x", "D xy", ... of the nodes that they hold; those in turned axes become equations.  Local.
-
-    ``leaders`` names the points that nodes of the file lead, which have rotations, too.
-    """
-    held = np.zeros((len(numbers), 6), dtype=bool)
-    for axis, nodes in found.held.items():
-        index, missing = index_of(numbers, np.array(sorted(nodes), dtype=np.int64))
-        held[index[~np.isin(sorted(nodes), missing)], axis] = True
-    made = _of_leaders(found, held, numbers, angles, leaders)
-    held = held[:, :3]
-    is_turned = angles.any(axis=1) & held.any(axis=1) & ~held.all(axis=1)
-    for i in np.flatnonzero(is_turned):
-        rows = turned_axes(angles[i])
-        for axis in np.flatnonzero(held[i]):
-            terms = [(int(numbers[i]), k, float(rows[axis, k])) for k in range(3)]
-            found.equations.append((f"D, node {numbers[i]} in turned axes", terms))
-    held[is_turned] = False
-    for axes, alike in held_alike(held):
-        fix = tuple(_NAMES[axis] for axis in axes)
-        name = f"D {''.join(fix)}"
-        groups.setdefault(name, Group()).add_nodes(alike)
-        made.append(Support.of_file(group=name, fix=fix))
-    return tuple(made)
-
-
-def _of_leaders(
-    found: Restraints, held: np.ndarray, numbers: np.ndarray, angles: np.ndarray, leaders: dict[int, str]
-) -> list[Support]:
-    """Return the supports of points, and take them out of ``held`` (n_nodes, 6)."""
-    made = []
-    for i in np.flatnonzero(np.isin(numbers, list(leaders)) & held.any(axis=1)):
-        fix = tuple(_NAMES[axis] for axis in np.flatnonzero(held[i]))
-        parts = held[i, :3], held[i, 3:]
-        if angles[i].any() and any(part.any() and not part.all() for part in parts):
-            effect = "a support in turned axes of a node that leads a rigid region"
-            where = f"node {numbers[i]}"
-            found.findings.append(Finding(word="D", where=where, effect=effect, changes=True, part="supports"))
-        else:
-            made.append(Support.of_file(point=leaders[int(numbers[i])], fix=fix))
-        held[i] = False
-    return made
-
-
 def turned_axes(angles: np.ndarray) -> np.ndarray:
     """Return the nodal axes, (3, 3) rows, of the angles THXY, THYZ, THZX in degrees: about z, then x, then y.  Local."""
-    z, x, y = np.radians(angles)
-    about_z = np.array([[np.cos(z), np.sin(z), 0.0], [-np.sin(z), np.cos(z), 0.0], [0.0, 0.0, 1.0]])
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(x), np.sin(x)], [0.0, -np.sin(x), np.cos(x)]])
-    about_y = np.array([[np.cos(y), 0.0, -np.sin(y)], [0.0, 1.0, 0.0], [np.sin(y), 0.0, np.cos(y)]])
-    return about_y @ about_x @ about_z
+    return Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
 
 
-def _is_of_leader(found: Restraints, where: str, terms: list[tuple[int, int, float]], leaders: set[int]) -> bool:
-    """Return whether an equation holds a node that leads a rigid region, with a finding."""
-    own = [node for node, _, _ in terms if node in leaders]
-    if own:
-        word, _, place = where.partition(", ")
-        effect = f"an equation of node {own[0]}, which leads a rigid region"
-        found.findings.append(Finding(word=word, where=place, effect=effect, changes=True, part="equations"))
-    return bool(own)
-
-
-def equations(found: Restraints, numbers: np.ndarray, angles: np.ndarray, leaders: set[int]) -> Equations | None:
-    """Return the equations and couplings in model axes, None without any.  Local.
+def take_constraints(found: Restraints, draft: Draft) -> None:
+    """Take supports by groups "D x", "D xy", ..., then equations and couplings, in the axes of the nodes.  Local.
 
     Raises
     ------
-    MeshError : a node that is not there
+    MeshError : a node of an equation that is not there
     """
-    rows = list(found.equations)
+    held = np.zeros((len(draft.numbers), 6), dtype=bool)
+    for axis, nodes in found.held.items():
+        wanted = np.array(sorted(nodes), dtype=np.int64)
+        index, missing = index_of(draft.numbers, wanted)
+        held[index[~np.isin(wanted, missing)], axis] = True
+    draft.hold("D", held)
+    rows = [("CE", where, terms) for where, terms in found.equations]
     for where, label, followers in found.coupled.values():
-        for axis in range(3) if label == "ALL" else [_AXES[label]] if label in _AXES else []:
-            rows += [(f"CP, {where}", [(node, axis, 1.0), (followers[0], axis, -1.0)]) for node in followers[1:]]
-    rows = [row for row in rows if row[1] and not _is_of_leader(found, *row, leaders)]
-    if not rows:
-        return None
-    terms = [(i, *term) for i, (_, own) in enumerate(rows) for term in own]
-    equation, nodes, axes, values = (np.array(column) for column in zip(*terms, strict=True))
-    index, missing = index_of(numbers, nodes)
-    if len(missing):
-        where = rows[int(equation[np.argmax(nodes == missing[0])])][0]
-        raise MeshError(f"{where}: there is no node {missing[0]}")
-    parts = [(equation, index, axes, values)]
-    is_turned = angles[index].any(axis=1) & np.array([not where.startswith("D, ") for where, _ in rows])[equation]
-    if is_turned.any():
-        stays = ~is_turned
-        parts = [(equation[stays], index[stays], axes[stays], values[stays])]
-        for i in np.flatnonzero(is_turned):
-            row = turned_axes(angles[index[i]])[axes[i]]
-            parts.append((np.full(3, equation[i]), np.full(3, index[i]), np.arange(3), values[i] * row))
-    equation, index, axes, values = (np.concatenate(column) for column in zip(*parts, strict=True))
-    order = np.argsort(equation, kind="stable")
-    places = tuple(place for place, _ in rows)
-    is_support = np.array([one.startswith("D, ") for one in places], dtype=bool)
-    return Equations(equation[order], index[order], axes[order], values[order].astype(float), places, is_support)
+        for axis in range(3) if label == "ALL" else [_AXES[label]]:
+            rows += [("CP", where, [(node, axis, 1.0), (followers[0], axis, -1.0)]) for node in followers[1:]]
+    for word, where, terms in rows:
+        nodes = draft.find([node for node, _, _ in terms], f"{where}: {word}").tolist()
+        draft.add_equation(word, where, [(node, axis, value) for node, (_, axis, value) in zip(nodes, terms, strict=True)])

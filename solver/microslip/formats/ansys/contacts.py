@@ -68,16 +68,15 @@ def _as_quads(rows: np.ndarray, n_nodes: np.ndarray) -> np.ndarray:
     return found
 
 
-def findings_of_contacts(content: Content, sides: list[Side]) -> list[Finding]:
-    """Return a finding for each side of each pair, which a joint or a tie between its two groups answers.  Local."""
-    found = []
+def report_contacts(content: Content, sides: list[Side]) -> None:
+    """Add a finding for each side of each pair, which a joint or a tie between its two groups answers.  Local."""
     for side in sides:
         partners = [other for other in sides if other.real == side.real and (other.kind == TARGET) != (side.kind == TARGET)]
         touching = side if side.kind != TARGET else partners[0] if partners else None
         behaviour = 0 if touching is None else content.keys.get(touching.type, {}).get(12, 0)
         is_pair = len(partners) == 1 and bool(side.cells) and bool(partners[0].cells)
         names = () if not is_pair else (partners[0].group, side.group) if side.kind == TARGET else (side.group, partners[0].group)
-        found.append(
+        content.findings.take(
             Finding(
                 word=f"element type {side.kind}",
                 where=f"{side.n} elements of ET {side.type}",
@@ -87,7 +86,6 @@ def findings_of_contacts(content: Content, sides: list[Side]) -> list[Finding]:
                 is_glued=is_pair and behaviour in _BONDED,
             )
         )
-    return found
 
 
 def _effect(side: Side, behaviour: int, names: tuple[str, ...]) -> str:

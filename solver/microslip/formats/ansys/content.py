@@ -9,7 +9,8 @@ import numpy as np
 
 from ...messages.errors import MeshError
 from ...tables.structure import Material
-from ..model import Finding
+from ..draft import Draft
+from ..model import index_of
 from . import constraints as between
 from .commands import Command
 from .materials import OTHER_AXES, PLAIN, material_of, take_system
@@ -39,28 +40,37 @@ _EFFECTS = {
 }
 
 
-@dataclass
-class Content:
-    """What the commands say, before it is put together."""
+@dataclass(eq=False)
+class Content(Draft):
+    """The structure so far, and what the commands say of it."""
 
+    angles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # (n_nodes, 3) of the nodal axes [degrees]
     types: dict[int, int] = field(default_factory=dict)  # ET: number of a type, and of its element
     keys: dict[int, dict[int, int]] = field(default_factory=dict)  # KEYOPT
-    known: dict[int, dict[str, float]] = field(default_factory=dict)  # properties of materials, by their label
+    properties: dict[int, dict[str, float]] = field(default_factory=dict)  # properties of materials, by their label
     stated: dict[tuple[int, str], Command] = field(default_factory=dict)  # where a property of a material is stated
     materials: dict[int, Material] = field(default_factory=dict)
     systems: dict[int, tuple[int, np.ndarray, np.ndarray]] = field(default_factory=dict)  # LOCAL: kind, origin, angles
     constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE, RMODIF
     constraints: between.Restraints = field(default_factory=between.Restraints)
-    findings: list[Finding] = field(default_factory=list)
     loads: dict[str, int] = field(default_factory=dict)
     facts: tuple[str, ...] = ()  # title, units
     is_chosen: bool = False  # whether Ansys is left to choose KEYOPTs (ETCONTROL,SET)
     selected: np.ndarray | None = None  # nodes that ALL means; None: a selection that is not followed
 
+    def axes(self, node: int) -> np.ndarray | None:
+        return between.turned_axes(self.angles[node]) if self.angles[node].any() else None
 
-def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, np.ndarray]) -> Content:
-    """Return what the commands of a file say.  Local."""
-    content = Content(selected=numbers)
+    def known(self, wanted: np.ndarray) -> np.ndarray:
+        """Return the positions of those nodes that are there."""
+        index, missing = index_of(self.numbers, wanted)
+        return index[~np.isin(wanted, missing)]
+
+
+def take_commands(content: Content, said: Iterable[Command], components: dict[str, np.ndarray]) -> None:
+    """Take what the commands of a file say.  Local."""
+    content.selected = content.numbers
+    content.constraints.findings = content.findings
     last_real = 0
     for command in said:
         word = command.word
@@ -70,7 +80,7 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
         elif word == "ETBLOCK":
             _take_types(content, command)
         elif word in ("NSEL", "NSLE", "CMSEL", "ALLSEL"):
-            _select(content, command, numbers, components)
+            _select(content, command, components)
         elif word in ("KEYO", "KEYOP", "KEYOPT"):
             content.keys.setdefault(int(command.number(0)), {})[int(command.number(1))] = int(command.number(2))
         elif word in ("MP", "MPDATA"):
@@ -100,7 +110,6 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
         else:
             _pass_over(content, command)
     _make_materials(content)
-    return content
 
 
 def _change_constants(content: Content, command: Command) -> None:
@@ -114,14 +123,12 @@ def _change_constants(content: Content, command: Command) -> None:
 
 def _make_materials(content: Content) -> None:
     """Make the materials of their properties, with a finding for each that another axis has and that does not do."""
-    for number, known in content.known.items():
+    for number, known in content.properties.items():
         content.materials[number], lacking = material_of(known)
         for label in lacking:
             command = content.stated[number, label]
             effect = f"{label} of material {number}: it is not isotropic, and E, PR or NU, and G of all axes are not stated"
-            content.findings.append(
-                Finding(word=command.word, where=command.where, effect=effect, changes=True, part="materials")
-            )
+            content.findings.add(command.word, command.where, effect, part="materials")
 
 
 def _take_keys(content: Content, command: Command, fields: tuple[str, ...]) -> None:
@@ -142,11 +149,11 @@ def _take_types(content: Content, command: Command) -> None:
         content.keys.setdefault(number, {}).update({key: value for key, value in enumerate(keys[:18], 1) if value})
 
 
-def _select(content: Content, command: Command, numbers: np.ndarray, components: dict[str, np.ndarray]) -> None:
+def _select(content: Content, command: Command, components: dict[str, np.ndarray]) -> None:
     """Follow which nodes ALL means: all of them, or those of one component."""
     how, name = command.field(0).upper(), command.field(1).upper()
     if command.word == "ALLSEL" or (command.word == "NSEL" and how in ("", "ALL")):
-        content.selected = numbers
+        content.selected = content.numbers
     elif command.word in ("NSEL", "NSLE"):
         content.selected = None
     elif name in components or how != "S":
@@ -158,22 +165,22 @@ def _take_property(content: Content, command: Command) -> None:
     i = 2 if command.word == "MPDATA" and command.field(0).upper().startswith("R5") else 0
     label, number = command.field(i).upper(), int(command.number(i + 1))
     value, position = command.number(i + 3 if command.word == "MPDATA" else i + 2), command.number(i + 2)
-    known = content.known.setdefault(number, {})
+    known = content.properties.setdefault(number, {})
     where, part = command.where, "materials"
     is_taken = label in (*PLAIN, *OTHER_AXES)
     if label == "REFT" or (is_taken and command.word == "MPDATA" and position > 1):
         changes = is_taken and known.get(label, value) != value
         effect = f"{label} of material {number} at further temperatures"
-        content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=changes, part=part))
+        content.findings.add(command.word, where, effect, changes, part)
     elif is_taken:
         known[label] = value
         content.stated[number, label] = command
         if command.word == "MP" and any(command.number(k) for k in range(3, 7)):
             effect = f"{label} of material {number} depends on the temperature; its value at 0 would be taken"
-            content.findings.append(Finding(word="MP", where=where, effect=effect, changes=True, part=part))
+            content.findings.add("MP", where, effect, part=part)
     elif label in ("DMPR", "BETD", "ALPD", "DMPS"):
         effect = f"damping of material {number}; state [damping]"
-        content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=False, part=part))
+        content.findings.add(command.word, where, effect, False, part)
 
 
 def _pass_over(content: Content, command: Command) -> None:
@@ -181,7 +188,7 @@ def _pass_over(content: Content, command: Command) -> None:
     word = command.word
     if word == "EBLOCK" and command.field(1).upper() != "SOLID":
         effect = "a block in the format of elements that are no solids, which is not read"
-        content.findings.append(Finding(word=word, where=command.where, effect=effect, changes=True))
+        content.findings.add(word, command.where, effect)
     elif word in _LOADS:
         content.loads[word] = content.loads.get(word, 0) + 1
     elif word in _HARMLESS or "=" in word or (word.startswith("/") and word != "/INPUT"):
@@ -189,12 +196,10 @@ def _pass_over(content: Content, command: Command) -> None:
     else:
         effect = _EFFECTS.get(word, "not known to this program")
         part = "materials" if word == "TB" else ""
-        content.findings.append(Finding(word=word, where=command.where, effect=effect, changes=True, part=part))
+        content.findings.add(word, command.where, effect, part=part)
 
 
-def findings_of_loads(content: Content) -> tuple[Finding, ...]:
-    """Return a finding for each kind of load, which changes nothing: the scene has its own.  Local."""
-    return tuple(
-        Finding(word=word, where=f"{n} commands", effect="loads of the file are not taken over; state [[loads]]", changes=False)
-        for word, n in content.loads.items()
-    )
+def report_loads(content: Content) -> None:
+    """Add a finding for each kind of load, which changes nothing: the scene has its own.  Local."""
+    for word, n in content.loads.items():
+        content.findings.add(word, f"{n} commands", "loads of the file are not taken over; state [[loads]]", False)

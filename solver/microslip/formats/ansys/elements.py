@@ -7,20 +7,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...tables.structure import Body, Material, Orientation
-from ..model import Cells, Finding, Group
+from ..model import Cells, Group
 from .blocks import FIELDS, Blocks
-from .contacts import CONTACT, TARGET, Side, findings_of_contacts, side_of
+from .contacts import CONTACT, TARGET, Side, report_contacts, side_of
 from .content import Content
 from .materials import orientation_of
 from .shapes import faces, solids, tetrahedra
 from .types import EFFECTS, Solid, solid_of
 
 
-def cells_and_bodies(
-    blocks: Blocks, content: Content, groups: dict[str, Group]
-) -> tuple[list[Cells], dict[str, Body], dict[str, Orientation]]:
-    """Return the cells, the bodies, solids by material and type, and the axes that they have; fill groups of them.  Local."""
-    start, flat, numbers, elements = blocks.start[:-1], blocks.flat, blocks.numbers, blocks.elements
+def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dict[str, Body], dict[str, Orientation]]:
+    """Return the cells, the bodies, solids by material and type, and the axes that they have; make groups of them.  Local."""
+    start, flat, numbers, elements, groups = blocks.start[:-1], blocks.flat, blocks.numbers, blocks.elements, content.groups
     n_nodes = np.diff(blocks.start) - FIELDS
     material, kind, real, _, system = (flat[start + i] for i in range(5))
     for number, element_type in blocks.types.items():
@@ -47,9 +45,9 @@ def cells_and_bodies(
             continue
         if own_type == 185 and content.is_chosen and 2 not in content.keys.get(int(number), {}):
             effect = "KEYOPT(2) is left to Ansys by ETCONTROL; state it, 2 or 3 for enhanced strains"
-            content.findings.append(Finding(word="SOLID185", where=f"ET {number}", effect=effect, changes=True))
+            content.findings.add("SOLID185", f"ET {number}", effect)
         elif solid.differs:
-            content.findings.append(Finding(word=f"SOLID{own_type}", where=f"ET {number}", effect=solid.differs, changes=False))
+            content.findings.add(f"SOLID{own_type}", f"ET {number}", solid.differs, False)
         for one in np.unique(material[rows_of_type]):
             of_material = rows_of_type & (material == one)
             named = f"material {one}" if (kind[material == one] == number).all() else f"material {one} type {number}"
@@ -63,7 +61,7 @@ def cells_and_bodies(
                     integration=solid.integration,
                     incompatible_modes=solid.incompatible_modes,
                 )
-    content.findings.extend(findings_of_contacts(content, sides))
+    report_contacts(content, sides)
     return cells, bodies, orientations
 
 
@@ -84,8 +82,7 @@ def _by_axes(
             made = orientation_of(*content.systems[int(number)]) if int(number) in content.systems else None
             if made is None:
                 effect = f"element axes of material {material}, which no LOCAL states as Cartesian or cylindrical"
-                where = f"{(own & (system == number)).sum()} elements"
-                content.findings.append(Finding(word=axes, where=where, effect=effect, changes=True, part="bodies"))
+                content.findings.add(axes, f"{(own & (system == number)).sum()} elements", effect, part="bodies")
                 axes = None
             else:
                 found[axes] = made
@@ -121,4 +118,4 @@ def _report_type(content: Content, number: int, own_type: int, why: str | None, 
     if why is not None:
         effect, changes = f"{why}, which is not made here", True
     word = f"element type {own_type}" if own_type else "element without ET"
-    content.findings.append(Finding(word=word, where=f"{n} elements of ET {number}", effect=effect, changes=changes))
+    content.findings.add(word, f"{n} elements of ET {number}", effect, changes)

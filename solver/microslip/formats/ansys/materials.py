@@ -8,6 +8,7 @@ import numpy as np
 
 from ...tables.structure import Material, Orientation
 from ...tables.table import Vector
+from ..draft import vector
 from .commands import Command
 from .constraints import turned_axes
 
@@ -67,12 +68,7 @@ def _constants(known: Mapping[str, float]) -> dict[str, Vector] | None:
             poisson.append(known[f"NU{pair}"] * young[i] / young[j])
         else:
             return None
-    return {"young": _three(young), "poisson": _three(poisson), "shear": _three(shear)}
-
-
-def _three(values: list[float]) -> Vector:
-    x, y, z = values
-    return x, y, z
+    return {"young": vector(young), "poisson": vector(poisson), "shear": vector(shear)}
 
 
 def take_system(systems: dict[int, tuple[int, np.ndarray, np.ndarray]], command: Command) -> None:
@@ -94,5 +90,5 @@ def orientation_of(kind: int, origin: np.ndarray, angles: np.ndarray) -> Orienta
     """Return the axes of a Cartesian (0) or cylindrical (1) system, whose z is the axis; None for others.  Local."""
     x, y, z = turned_axes(angles)
     if kind == 0:
-        return Orientation.of_file(directions=(_three(x.tolist()), _three(y.tolist())))
-    return Orientation.of_file(axis=_three(z.tolist()), axis_point=_three(origin.tolist())) if kind == 1 else None
+        return Orientation.of_file(directions=(vector(x), vector(y)))
+    return Orientation.of_file(axis=vector(z), axis_point=vector(origin)) if kind == 1 else None

@@ -11,11 +11,11 @@ import numpy as np
 from ...messages.errors import MeshError
 from ...system.sandbox import LibraryError, SandboxError, read_file
 from ..model import FileModel, Group
-from . import constraints as between
-from .attached import attached, known_nodes, nodes_of_solids, rigid_regions
+from .attached import take_attached, take_rigid_regions
 from .blocks import Blocks, blocks_of_archive, blocks_of_text
 from .commands import Command, commands
-from .content import findings_of_loads, gather
+from .constraints import take_constraints
+from .content import Content, report_loads, take_commands
 from .counts import check_held
 from .elements import add_elements, cells_and_bodies
 from .input_file import as_archived
@@ -64,40 +64,35 @@ def is_input(path: str) -> bool:
 
 def model_of(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
     """Return the model of blocks and commands.  Local."""
-    numbers, points, angles = blocks.numbers, blocks.points, blocks.angles
-    _refuse_doubles(numbers)
-    components = {name.upper(): nodes for name, nodes in blocks.node_components.items()}
-    content = gather(said, numbers, components)
+    _refuse_doubles(blocks.numbers)
+    content = Content(blocks.numbers, blocks.points, angles=blocks.angles)
+    take_commands(content, said, {name.upper(): nodes for name, nodes in blocks.node_components.items()})
     for number, keys in blocks.keys.items():
         content.keys.setdefault(number, {}).update(keys)
-    groups: dict[str, Group] = {}
-    cells, bodies, orientations = cells_and_bodies(blocks, content, groups)
+    cells, bodies, orientations = cells_and_bodies(blocks, content)
     for name, own in blocks.element_components.items():
-        add_elements(groups.setdefault(name, Group()), cells, own)
+        add_elements(content.groups.setdefault(name, Group()), cells, own)
     for name, own in blocks.node_components.items():
-        groups.setdefault(name, Group()).add_nodes(known_nodes(numbers, own))
-    of_solids = nodes_of_solids(cells, len(numbers))
-    leading = rigid_regions(content, numbers, points, groups, of_solids)
-    leaders = {node: point.name for node, point in leading.items()}
-    supports = between.supports(content.constraints, numbers, angles, groups, leaders)
-    masses, springs = attached(blocks, content, groups, leading)
-    outside = set(leaders) - set(numbers[of_solids].tolist())
-    equations = between.equations(content.constraints, numbers, angles, outside)
-    findings = [*content.findings, *content.constraints.findings]
+        content.group(name, content.known(own))
+    content.mark_solids(cells)
+    take_rigid_regions(content)
+    take_attached(blocks, content)
+    take_constraints(content.constraints, content)
+    report_loads(content)
     return FileModel(
-        points,
-        numbers,
+        content.points,
+        content.numbers,
         tuple(cells),
-        groups,
-        materials={f"material {number}": one for number, one in content.materials.items()},
+        content.groups,
+        materials={f"material {number}": material for number, material in content.materials.items()},
         orientations=orientations,
         bodies=bodies,
-        supports=supports,
-        connected=tuple(leading.values()),
-        masses=masses,
-        springs=springs,
-        equations=equations,
-        findings=tuple(findings) + findings_of_loads(content),
+        supports=tuple(content.supports),
+        connected=tuple(content.leaders.values()),
+        masses=tuple(content.masses),
+        springs=tuple(content.springs),
+        equations=content.terms.equations(),
+        findings=content.findings.all(),
         facts=content.facts,
     )
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...messages.errors import MeshError
-from ..model import Cells, index_of
+from ..draft import cells_of
+from ..model import Cells
 
 
 class _Shape(NamedTuple):
@@ -95,8 +96,4 @@ def _cells(kind: str, nodes: np.ndarray, elements: np.ndarray, numbers: np.ndarr
     dropped = (nodes <= 0).any(axis=1)
     if dropped.any():
         raise MeshError(f"element {elements[dropped][0]}: a mid-side node is left out; mesh it with all of them, or with none")
-    index, missing = index_of(numbers, nodes)
-    if len(missing):
-        own = elements[np.isin(nodes, missing).any(axis=1)][0]
-        raise MeshError(f"element {own} names node {missing[0]}, which the file does not hold")
-    return Cells(kind, index, elements)
+    return cells_of(kind, elements, nodes, numbers)

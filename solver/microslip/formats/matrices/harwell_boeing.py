@@ -8,8 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...messages.errors import CaseError
+from ..numbers import numbers_of
 from .file_matrix import FileMatrix, Wanted
-from .text import fixed_width, fortran_format, numbers
+from .text import fixed_width, fortran_format
 
 
 def read_harwell_boeing(wanted: Wanted) -> FileMatrix:
@@ -71,7 +72,7 @@ def _field(file, form: tuple[int, int], n: int, wanted: Wanted) -> np.ndarray:
     """Return the next ``n`` numbers: between blanks, as SciPy writes them whatever its format says, or of that width."""
     per_line, width = form
     lines = [line.rstrip(b"\r\n").ljust(per_line * width) for line in islice(file, -(-n // per_line))]
-    found = numbers(b" ".join(lines).replace(b"D", b"E"))
+    found = numbers_of(b" ".join(lines).replace(b"D", b"E"))
     if found is not None and len(found) == n:
         return found
     found = fixed_width([line[: per_line * width] for line in lines], width, n)

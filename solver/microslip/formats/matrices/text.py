@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import warnings
 from typing import IO
 
 import numpy as np
 
+from ..numbers import numbers_of
 from .file_matrix import Wanted
 
 _BLOCK = 1 << 26  # bytes read at a time
@@ -39,28 +39,16 @@ def table_of(file: IO[bytes], n_columns: int, wanted: Wanted, has_no_count: bool
 
 def _table(text: bytes, n_columns: int, wanted: Wanted) -> np.ndarray:
     plain = text.replace(b",", b" ").replace(b"D", b"E").replace(b"d", b"e")
-    values = numbers(plain)
+    values = numbers_of(plain)
     n_lines = plain.count(b"\n") + (not plain.endswith(b"\n"))
     if values is None or values.size != n_columns * n_lines:  # empty lines, or what is no number
         lines = [line for line in plain.splitlines() if line.strip()]
         for line in lines:
-            own = numbers(line)
+            own = numbers_of(line)
             if own is None or own.size != n_columns:
                 raise wanted.error(f"the line '{line[:60].decode('latin-1').strip()}' is not {n_columns} numbers")
-        values = numbers(b"\n".join(lines))
+        values = numbers_of(b"\n".join(lines))
     return values.reshape(-1, n_columns)
-
-
-def numbers(text: bytes) -> np.ndarray | None:
-    """Return the numbers of a text with blanks between them; None where anything else is in it.  Local."""
-    if not text.strip():
-        return np.empty(0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            return np.fromstring(text, sep=" ")
-        except (DeprecationWarning, ValueError):
-            return None
 
 
 def fixed_width(lines: list[bytes], width: int, n: int) -> np.ndarray | None:

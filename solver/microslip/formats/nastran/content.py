@@ -1,52 +1,53 @@
-"""What is put together of bulk data: grid points, groups, findings."""
+"""What is put together of bulk data, and the axes of its grid points."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ...messages.errors import MeshError
-from ..model import Finding, Group
+from ..draft import Draft
 
 
-@dataclass
-class Content:
-    """What is put together so far."""
+@dataclass(eq=False)
+class Content(Draft):
+    """The structure so far, and the cards of which it is made."""
 
-    cards: Any  # pyNastran's BDF
-    numbers: np.ndarray  # (n,) grid points, rising
-    points: np.ndarray  # (n, 3) in the basic system
-    groups: dict[str, Group] = field(default_factory=dict)
-    findings: list[Finding] = field(default_factory=list)
-    of_solids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n,) a solid element has it
+    node: str = "grid point"
+    cards: Any = None  # pyNastran's BDF
 
     def left_out(self, card: str, number: int, effect: str, part: str = "", changes: bool = True) -> None:
-        where = f"{card} {number}"
-        self.findings.append(Finding(word=card, where=where, effect=effect, changes=changes, part=part))
+        self.findings.add(card, f"{card} {number}", effect, changes, part)
 
-    def nodes_of(self, numbers: Iterable[int], where: str) -> np.ndarray:
-        """Return the positions of grid points.
+    @property
+    def mass_factor(self) -> float:
+        """PARAM,WTMASS, by which Nastran multiplies all masses."""
+        stated = self.cards.params.get("WTMASS")
+        return float(stated.values[0]) if stated is not None else 1.0
 
-        Raises
-        ------
-        MeshError : one that is not there
-        """
-        wanted = np.array([number for number in numbers if number], dtype=np.int64)
-        index = np.minimum(np.searchsorted(self.numbers, wanted), len(self.numbers) - 1)
-        missing = wanted[self.numbers[index] != wanted]
-        if len(missing):
-            raise MeshError(f"{where} names grid point {missing.min()}, which the file does not hold")
-        return index
+    def axes(self, node: int) -> np.ndarray | None:
+        """Return the axes of a grid point's displacements (field CD), (3, 3) rows, or None where they are those of the model."""
+        card = self.cards.nodes.get(int(self.numbers[node]))
+        if card is None:  # a plain grid point
+            return None
+        coord = card.cd_ref if getattr(card, "cd_ref", None) is not None else self.cards.coords.get(card.cd)
+        if coord is None or coord.cid == 0:
+            return None
+        axes = np.asarray(coord.beta(), dtype=float)
+        if coord.type in ("CORD2C", "CORD1C", "CORD2S", "CORD1S"):
+            local = axes @ (self.points[node] - np.asarray(coord.origin))
+            axes = _local_axes(local, is_sphere=coord.type.endswith("S")) @ axes
+        return None if np.allclose(axes, np.eye(3), atol=1e-12) else axes
 
-    def group(self, name: str, nodes: np.ndarray) -> str:
-        self.groups.setdefault(name, Group()).add_nodes(nodes)
-        return name
 
-
-def mass_factor(content: Content) -> float:
-    """Return PARAM,WTMASS, by which Nastran multiplies all masses.  Local."""
-    known = content.cards.params.get("WTMASS")
-    return float(known.values[0]) if known is not None else 1.0
+def _local_axes(at: np.ndarray, is_sphere: bool) -> np.ndarray:
+    """Return e_r, e_theta, e_z at a point of a cylindrical system, or e_r, e_theta, e_phi of a spherical one, as rows."""
+    phi = np.arctan2(at[1], at[0])
+    around = np.array([-np.sin(phi), np.cos(phi), 0.0])
+    outward = np.array([np.cos(phi), np.sin(phi), 0.0])
+    along = np.array([0.0, 0.0, 1.0])
+    if not is_sphere:
+        return np.stack([outward, around, along])
+    theta = np.arctan2(np.hypot(at[0], at[1]), at[2])
+    return np.stack([np.sin(theta) * outward + np.cos(theta) * along, np.cos(theta) * outward - np.sin(theta) * along, around])

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from ...tables.structure import Material, Orientation
-from ...tables.table import Vector
-from ..model import Finding
-from .content import Content, mass_factor
+from ..draft import vector
+from .content import Content
 
 _FROM_MAT9 = [0, 1, 2, 3, 5, 4]  # 11, 22, 33, 12, 13, 23 among its x, y, z, xy, yz, zx
 
@@ -25,7 +24,7 @@ def materials(content: Content) -> dict[str, Material]:
     found = {}
     for number, one in content.cards.materials.items():
         if one.type in _KEYS:
-            density = float(one.rho) * mass_factor(content)
+            density = float(one.rho) * content.mass_factor
             keys = _KEYS[one.type](content, one)
             found[name_of(content, number)] = Material.of_file(density=density or None, **keys)
     return found
@@ -43,18 +42,13 @@ def _anisotropic(content: Content, one: Any) -> dict[str, Any]:
         effect = "an expansion that shears the material in its own axes"
         content.left_out("MAT9", one.mid, effect, "materials")
     own = six[np.ix_(_FROM_MAT9, _FROM_MAT9)]
-    return {"elasticity": tuple(map(tuple, own.tolist())), "expansion": _vector(alpha[:3]) if alpha.any() else None}
+    return {"elasticity": tuple(map(tuple, own.tolist())), "expansion": vector(alpha[:3]) if alpha.any() else None}
 
 
 def _orthotropic(content: Content, one: Any) -> dict[str, Any]:
     values = {key: tuple(float(getattr(one, name)) for name in names) for key, names in _OF_MAT11.items()}
     alpha = np.array([one.a1 or 0.0, one.a2 or 0.0, one.a3 or 0.0])
-    return {**values, "expansion": _vector(alpha) if alpha.any() else None}
-
-
-def _vector(values: np.ndarray) -> Vector:
-    x, y, z = values.tolist()
-    return x, y, z
+    return {**values, "expansion": vector(alpha) if alpha.any() else None}
 
 
 _OF_MAT11 = {"young": ("e1", "e2", "e3"), "poisson": ("nu12", "nu13", "nu23"), "shear": ("g12", "g13", "g23")}
@@ -73,10 +67,9 @@ def axes_of(content: Content, solid: Any, found: dict[str, Orientation]) -> str 
     kind = "" if coord is None else coord.type[-1]
     if kind not in ("R", "C"):
         effect = "material axes by CORDM that are neither of a rectangular nor of a cylindrical system of the file"
-        where = f"PSOLID {solid.pid}"
-        content.findings.append(Finding(word="PSOLID CORDM", where=where, effect=effect, changes=True, part="bodies"))
+        content.findings.add("PSOLID CORDM", f"PSOLID {solid.pid}", effect, part="bodies")
         return None
     name = f"CORD {system}"
-    i, j, k, origin = map(_vector, (coord.i, coord.j, coord.k, coord.origin))
+    i, j, k, origin = map(vector, (coord.i, coord.j, coord.k, coord.origin))
     found[name] = Orientation.of_file(directions=(i, j)) if kind == "R" else Orientation.of_file(axis=k, axis_point=origin)
     return name

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import re
 import sys
 import warnings
@@ -16,17 +15,18 @@ import numpy as np
 
 from ...messages.errors import MeshError
 from ...tables.structure import Body, Orientation
-from ..model import KINDS, Cells, FileModel, Finding, Group, index_of, names_of_tags
+from ..draft import cells_of
+from ..includes import Includes, place
+from ..model import KINDS, Cells, FileModel, Finding, Group, names_of_tags
 from .cards import EFFECTS, HARMLESS, PARTS, SHELLS
-from .connections import connections
+from .connections import take_connections
 from .content import Content
 from .materials import axes_of, materials, name_of
 from .plain import Plain, Solids, none_plain, take_plain
-from .supports import equations, supports
+from .supports import take_equations, take_supports
 
 # references of cards to others that need not be followed
 _OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
-_MOST_FILES, _DEEPEST = 10_000, 50  # included, all together and within each other
 _RANGE = re.compile(r"\b(\d{1,18})[\s,+*]+THRU[\s,+*]+(\d{1,18})\b", re.IGNORECASE)
 _BEGIN = re.compile(r"^([^\S\n]*BEGIN[^\S\n]+BULK.*)$", re.MULTILINE | re.IGNORECASE)
 _CASE = re.compile(  # what is looked at in the case control of OptiStruct: a set goes on behind a comma
@@ -34,7 +34,6 @@ _CASE = re.compile(  # what is looked at in the case control of OptiStruct: a se
 )
 _END = re.compile(rb"^[^\S\n]*ENDDATA", re.MULTILINE | re.IGNORECASE)
 _LONGEST_RANGE = 2**22  # numbers in any file
-_OF_ANY = 2**24  # bytes that they may have whatever their size
 _SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
 _ORDER = {  # Nastran writes the mid-sides of vertical edges before those of the top
     "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
@@ -51,7 +50,8 @@ def read_bdf(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, includes that are not there or leave its folder
     """
-    text = _Files(path).text(path)
+    includes = Includes(path)
+    text = _text(includes, includes.path)
     plain, cards = _plain_and_others(text)
     if not (cards.nodes or len(plain.numbers)) or not (cards.elements or plain.solids):
         raise MeshError("the file holds no grid points and elements that this program reads")
@@ -74,31 +74,30 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
     numbers = np.concatenate([plain.numbers, np.array(list(cards.nodes), dtype=np.int64)])
     others = np.array([node.get_position() for node in cards.nodes.values()], dtype=float).reshape(-1, 3)
     order = np.argsort(numbers)
-    content = Content(cards, numbers[order], np.concatenate([plain.points, others])[order])
+    content = Content(numbers[order], np.concatenate([plain.points, others])[order], cards=cards)
     orientations: dict[str, Orientation] = {}
     cells, bodies = _cells_and_bodies(content, plain.solids, orientations)
-    content.of_solids = np.zeros(len(numbers), dtype=bool)
-    for own in cells:
-        content.of_solids[own.nodes] |= KINDS[own.kind][0] == 3
-    _sets(content)
-    connected, masses, springs, of_rigid = connections(content)
-    held = supports(content, {point.name for point in connected}, of_rigid)
-    found_materials = materials(content)
+    content.mark_solids(cells)
+    _take_sets(content)
+    take_connections(content)
+    take_supports(content)
+    take_equations(content)
+    stated = materials(content)
     _report(content)
     return FileModel(
         content.points,
         content.numbers,
         tuple(cells),
         content.groups,
-        materials=found_materials,
+        materials=stated,
         orientations=orientations,
         bodies=bodies,
-        supports=held.supports,
-        connected=connected,
-        masses=masses,
-        springs=springs,
-        equations=equations(content, held.turned, of_rigid),
-        findings=tuple(content.findings),
+        supports=tuple(content.supports),
+        connected=tuple(content.leaders.values()),
+        masses=tuple(content.masses),
+        springs=tuple(content.springs),
+        equations=content.terms.equations(),
+        findings=content.findings.all(),
     )
 
 
@@ -206,48 +205,23 @@ def _source(text: str) -> tuple[Any, bool]:
     return io.StringIO(re.sub(r"^CPYRA_", "CPYRAM", text, flags=re.MULTILINE)), False
 
 
-class _Files:
-    """The text of a file with those that it includes in their places."""
+def _text(includes: Includes, path: str, within: tuple[str, ...] = ()) -> bytes:
+    """Return the text of a file with those that it includes in their places.
 
-    def __init__(self, path: str):
-        self.folder = os.path.dirname(os.path.abspath(path))
-        self.sizes: dict[str, int] = {}  # bytes of each file
-        self.n_files = self.n_bytes = 0  # read so far
-
-    def text(self, path: str, chain: tuple[str, ...] = ()) -> bytes:
-        """Return the text of a file.
-
-        Raises
-        ------
-        MeshError : an include that is not there, leaves the folder of the file, includes itself, or comes again and again
-        """
-        with open(path, "rb") as file:
-            content = file.read()
-        self.sizes[path] = len(content)
-        self.n_files, self.n_bytes = self.n_files + 1, self.n_bytes + len(content)
-        if self.n_files > _MOST_FILES or len(chain) > _DEEPEST or self.n_bytes > max(_OF_ANY, 8 * sum(self.sizes.values())):
-            raise MeshError(f"{os.path.basename(path)}: files are included again and again, {self.n_bytes} bytes in all")
-        if b"INCLUDE" not in content.upper():
-            return content
-        lines = content.splitlines(keepends=True)
-        for i, line in enumerate(lines):
-            if line.lstrip()[:7].upper() == b"INCLUDE":
-                inner = self._inner(path, i + 1, line.decode("utf-8", "replace"), chain)
-                lines[i] = self.text(inner, (*chain, os.path.abspath(path))) + b"\n"
-        return b"".join(lines)
-
-    def _inner(self, path: str, number: int, line: str, chain: tuple[str, ...]) -> str:
-        """Return the path of the file that a line includes."""
-        name = line.strip()[7:].split("$")[0].strip().strip("'\"")
-        inner = os.path.normpath(os.path.join(self.folder, name))
-        where = f"{os.path.basename(path)}, line {number}: INCLUDE '{name}'"
-        if os.path.isabs(name) or not os.path.realpath(inner).startswith(os.path.realpath(self.folder) + os.sep):
-            raise MeshError(f"{where} leaves the folder of the file; copy it there")
-        if not os.path.isfile(inner):
-            raise MeshError(f"{where}: there is no such file")
-        if inner in (*chain, os.path.abspath(path)):
-            raise MeshError(f"{where}: a file that includes itself")
-        return inner
+    Raises
+    ------
+    MeshError : as ``Includes``
+    """
+    content = includes.read(path)
+    if b"INCLUDE" not in content.upper():
+        return content
+    lines = content.splitlines(keepends=True)
+    for i, line in enumerate(lines):
+        if line.lstrip()[:7].upper() == b"INCLUDE":
+            name = line.decode("utf-8", "replace").strip()[7:].split("$")[0].strip().strip("'\"")
+            where = place(includes.label(path), i + 1)
+            lines[i] = _text(includes, includes.find(name, (*within, path), where), (*within, path)) + b"\n"
+    return b"".join(lines)
 
 
 def _cells_and_bodies(
@@ -266,11 +240,8 @@ def _cells_and_bodies(
     names, cells, bodies = names_of_tags({(KINDS[kind][0], pid) for kind, pid in rows}), [], {}
     for (kind, pid), parts in sorted(rows.items()):
         elements, wanted = (np.concatenate(column) for column in zip(*parts, strict=True))
-        index, missing = index_of(content.numbers, wanted)
-        if len(missing):
-            element = elements[np.isin(wanted, missing).any(axis=1)][0]
-            raise MeshError(f"element {element} names grid point {missing[0]}, which the file does not hold")
-        cells.append(Cells(kind, index[:, _ORDER[kind]] if kind in _ORDER else index, elements))
+        wanted = wanted[:, _ORDER[kind]] if kind in _ORDER else wanted
+        cells.append(cells_of(kind, elements, wanted, content.numbers, content.node))
         name = names[KINDS[kind][0], pid]
         content.groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(len(elements)))
         if KINDS[kind][0] == 3 and (known := content.cards.properties.get(pid)) is not None:
@@ -306,36 +277,30 @@ def _kind(element: Any) -> str | None:
     return f"{family}{linear if n == linear else quadratic}"
 
 
-def _sets(content: Content) -> None:
+def _take_sets(content: Content) -> None:
     """Make groups of the sets of grid points in the case control and in bulk data."""
     deck = content.cards.case_control_deck
-    known = set(content.numbers.tolist())
+    there = set(content.numbers.tolist())
+    sets = {f"SET1 {number}": getattr(card, "ids", ()) for number, card in content.cards.sets.items()}
     for subcase in deck.subcases.values() if deck is not None else ():
-        for name, (value, *_) in subcase.params.items():
-            if name.startswith("SET ") and isinstance(value, list):
-                own = [number for number in value if isinstance(number, int) and number in known]
-                if own:
-                    content.group(name, content.nodes_of(own, name))
-    for number, one in content.cards.sets.items():
-        own = [node for node in getattr(one, "ids", ()) if node in known]
-        if own:
-            content.group(f"SET1 {number}", content.nodes_of(own, f"SET1 {number}"))
+        stated = {name: value for name, (value, *_) in subcase.params.items() if name.startswith("SET ")}
+        sets |= {name: value for name, value in stated.items() if isinstance(value, list)}
+    for name, members in sets.items():
+        nodes = [number for number in members if isinstance(number, int) and number in there]
+        if nodes:
+            content.group(name, content.find(nodes, name))
 
 
 def _report(content: Content) -> None:
     """Report the cards that are not taken over."""
-    cards = content.cards
+    cards, findings = content.cards, content.findings
     for word, n in sorted(cards.card_count.items()):
-        if word in HARMLESS or word in SHELLS or re.match(r"P(SHELL|COMP|LPLANE)", word):
-            continue
-        effect = EFFECTS.get(word, "not known to this program")
-        finding = Finding(word=word, where=f"{n} cards", effect=effect, changes=True, part=PARTS.get(word, ""))
-        content.findings.append(finding)
-    stiff = {pid for pid, one in cards.properties.items() if one.type in ("PSHELL", "PCOMP", "PCOMPG")}
-    shells = [number for number, one in cards.elements.items() if one.type in SHELLS and one.pid in stiff]
-    if shells:
-        effect = "shells with a stiffness of their own; as groups of faces they are there"
-        content.findings.append(Finding(word="PSHELL", where=f"{len(shells)} elements", effect=effect, changes=True))
-    if any(one.type == "PSOLID" and (one.integ is not None or one.isop is not None) for one in cards.properties.values()):
+        if word not in HARMLESS and word not in SHELLS and not re.match(r"P(SHELL|COMP|LPLANE)", word):
+            findings.add(word, f"{n} cards", EFFECTS.get(word, "not known to this program"), part=PARTS.get(word, ""))
+    stiff = {pid for pid, card in cards.properties.items() if card.type in ("PSHELL", "PCOMP", "PCOMPG")}
+    n_shells = sum(element.type in SHELLS and element.pid in stiff for element in cards.elements.values())
+    if n_shells:
+        findings.add("PSHELL", f"{n_shells} elements", "shells with a stiffness of their own; as groups of faces they are there")
+    if any(card.type == "PSOLID" and (card.integ is not None or card.isop is not None) for card in cards.properties.values()):
         effect = "the quadrature that a PSOLID asks for; [bodies.NAME] integration states it"
-        content.findings.append(Finding(word="PSOLID", where="fields 5 and 7", effect=effect, changes=False, part="bodies"))
+        findings.add("PSOLID", "fields 5 and 7", effect, False, "bodies")

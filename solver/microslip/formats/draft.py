@@ -1,0 +1,203 @@
+"""The structure that a file states, while its reader puts it together: what the readers of all programs do alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..messages.errors import MeshError
+from ..tables.structure import Mass, Point, Spring, Support
+from ..tables.table import Vector
+from .model import KINDS, Cells, Equations, Finding, Group, held_alike, index_of
+
+NAMES = ("x", "y", "z", "rx", "ry", "rz")  # of the directions of a node with rotations
+Term = tuple[int, int, float]  # position of a node, axis 0 to 2, coefficient
+
+
+def vector(values: Iterable[float]) -> Vector:
+    """Return three numbers as tables hold them.  Local."""
+    x, y, z = map(float, values)
+    return x, y, z
+
+
+@dataclass(eq=False)
+class Findings:
+    """What a reader does not take over; like entries count once, with the place of the first."""
+
+    _places: dict[Finding, list[str]] = field(default_factory=dict)  # of each finding, which itself has none
+
+    def add(self, word: str, where: str, effect: str, changes: bool = True, part: str = "") -> None:
+        self.take(Finding(word=word, where=where, effect=effect, changes=changes, part=part))
+
+    def take(self, finding: Finding) -> None:
+        self._places.setdefault(replace(finding, where=""), []).append(finding.where)
+
+    def all(self) -> tuple[Finding, ...]:
+        """Return the findings, those that change the answer first."""
+        made = [
+            replace(finding, where=places[0] + (f" and {len(places) - 1} more" if len(places) > 1 else ""))
+            for finding, places in self._places.items()
+        ]
+        return tuple(sorted(made, key=lambda finding: not finding.changes))
+
+
+@dataclass(eq=False)
+class Terms:
+    """Linear equations between displacements."""
+
+    equation: list[int] = field(default_factory=list)
+    terms: list[Term] = field(default_factory=list)
+    where: list[str] = field(default_factory=list)
+    is_support: list[bool] = field(default_factory=list)
+
+    def add(self, terms: Iterable[Term], where: str, is_support: bool = False) -> None:
+        """Add an equation; what has no coefficient is left out."""
+        terms = [term for term in terms if term[2] != 0.0]
+        if terms:
+            self.equation += [len(self.where)] * len(terms)
+            self.terms += terms
+            self.where.append(where)
+            self.is_support.append(is_support)
+
+    def equations(self) -> Equations | None:
+        """Return the equations; None without any."""
+        if not self.where:
+            return None
+        nodes, axes, coefficients = zip(*self.terms, strict=True)
+        return Equations(
+            np.array(self.equation, dtype=np.int64),
+            np.array(nodes, dtype=np.int64),
+            np.array(axes, dtype=np.int64),
+            np.array(coefficients, dtype=float),
+            tuple(self.where),
+            np.array(self.is_support, dtype=bool),
+        )
+
+
+@dataclass(eq=False)
+class Draft:
+    """A structure by the nodes of its file; nodes are meant by their positions."""
+
+    numbers: np.ndarray  # (n,) of the file
+    points: np.ndarray  # (n, 3)
+    node: str = "node"  # what the file's program calls a node, for messages
+    groups: dict[str, Group] = field(default_factory=dict)
+    findings: Findings = field(default_factory=Findings)
+    terms: Terms = field(default_factory=Terms)
+    supports: list[Support] = field(default_factory=list)
+    leaders: dict[int, Point] = field(default_factory=dict)  # by the node that leads others
+    masses: list[Mass] = field(default_factory=list)
+    springs: list[Spring] = field(default_factory=list)
+    of_solids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n,) whether a solid element has a node
+
+    def axes(self, node: int) -> np.ndarray | None:
+        """Return the axes of a node's displacements, (3, 3) rows; None for those of the model."""
+        return None
+
+    def find(self, numbers: Iterable[int], where: str) -> np.ndarray:
+        """Return the positions of nodes.
+
+        Raises
+        ------
+        MeshError : a number that is not there
+        """
+        wanted = np.array([number for number in numbers if number], dtype=np.int64)
+        index, missing = index_of(self.numbers, wanted)
+        if len(missing):
+            raise MeshError(f"{where} names {self.node} {missing[0]}, which the file does not hold")
+        return index
+
+    def mark_solids(self, cells: Iterable[Cells]) -> None:
+        """Set which nodes solids have."""
+        self.of_solids = np.zeros(len(self.numbers), dtype=bool)
+        for block in cells:
+            self.of_solids[block.nodes] |= KINDS[block.kind][0] == 3
+
+    def group(self, name: str, nodes: Sequence[int] | np.ndarray) -> str:
+        """Add nodes to a group, and return its name."""
+        self.groups.setdefault(name, Group()).add_nodes(np.asarray(nodes, dtype=np.int64))
+        return name
+
+    def lead(self, name: str, node: int, nodes: np.ndarray, connection: str = "rigid") -> None:
+        """Make a point of a node that others follow; in a rigid body it follows itself where it is of a solid."""
+        nodes = np.setdiff1d(nodes, [node])
+        if connection == "rigid" and self.of_solids[node]:
+            nodes = np.union1d(nodes, [node])
+        position = vector(self.points[node])
+        self.leaders[node] = Point.of_file(name=name, position=position, group=self.group(name, nodes), connection=connection)
+
+    def add_mass(self, word: str, where: str, node: int, mass: float, inertia: Sequence[float]) -> None:
+        """Add a mass to the point that a node leads, with its inertia (xx, yy, zz, xy, yz, zx); otherwise to the node alone."""
+        point = self.leaders.get(node)
+        if point is None:
+            if any(inertia):
+                self.findings.add(word, where, "the rotary inertia of a point mass at the node of a solid", part="masses")
+            name = where if where.startswith(word) else f"{word} {where}"
+            self.masses.append(Mass.of_file(group=self.group(name, [node]), mass=mass))
+            return
+        total = tuple(a + b for a, b in zip(point.inertia or (0.0,) * len(inertia), inertia, strict=True))
+        self.leaders[node] = point.with_keys(mass=point.mass + mass, inertia=total if any(total) else None)
+
+    def hold(self, word: str, held: np.ndarray) -> None:
+        """Take what is held, (n, 6) bool, in the axes of the nodes, as the command or card ``word`` states it.
+
+        Leading nodes are held as points; supports in turned axes are equations; others are by groups "D x", "D xy", ...
+        """
+        for node in [node for node in self.leaders if held[node].any()]:
+            parts = held[node, :3], held[node, 3:]
+            if self.axes(node) is not None and any(part.any() and not part.all() for part in parts):
+                effect = "a support in turned axes of a node that leads a rigid body"
+                self.findings.add(word, f"{self.node} {self.numbers[node]}", effect, part="supports")
+            else:
+                fix = tuple(NAMES[i] for i in np.flatnonzero(held[node]))
+                self.supports.append(Support.of_file(point=self.leaders[node].name, fix=fix))
+        held = held[:, :3].copy()
+        held[list(self.leaders)] = False
+        for node in np.flatnonzero(held.any(axis=1) & ~held.all(axis=1)).tolist():
+            axes = self.axes(node)
+            if axes is not None:
+                where = f"{word} of {self.node} {self.numbers[node]} in turned axes"
+                for row in axes[held[node]]:
+                    self.terms.add([(node, axis, float(row[axis])) for axis in range(3)], where, is_support=True)
+                held[node] = False
+        for directions, nodes in held_alike(held):
+            fix = tuple(NAMES[axis] for axis in directions)
+            self.supports.append(Support.of_file(group=self.group(f"{word} {''.join(fix)}", nodes), fix=fix))
+
+    def add_equation(self, word: str, where: str, terms: list[Term]) -> None:
+        """Add an equation in the axes of the nodes; a finding where one of them leads a rigid body and no solid has it."""
+        for node, _, _ in terms:
+            if node in self.leaders and not self.of_solids[node]:
+                effect = f"an equation of {self.node} {self.numbers[node]}, which leads a rigid body"
+                self.findings.add(word, where, effect, part="equations")
+                return
+        made: list[Term] = []
+        for node, axis, value in terms:
+            axes = self.axes(node)
+            row = np.eye(3)[axis] if axes is None else axes[axis]
+            made += [(node, i, float(value * row[i])) for i in range(3)]
+        self.terms.add(made, where if where.startswith(word) else f"{word}, {where}")
+
+
+def grounded(point: Point, component: int, stiffness: float) -> Point:
+    """Return a point with a spring to ground along component 1 to 3, or about 4 to 6.  Local."""
+    key = "stiffness" if component <= 3 else "rotational_stiffness"
+    values = list(getattr(point, key) or (0.0, 0.0, 0.0))
+    values[(component - 1) % 3] += stiffness
+    return point.with_keys(**{key: vector(values)})
+
+
+def cells_of(kind: str, elements: np.ndarray, nodes: np.ndarray, numbers: np.ndarray, node: str = "node") -> Cells:
+    """Return elements as cells, from the numbers of their nodes (n, n_nodes) among those of the file.  Local.
+
+    Raises
+    ------
+    MeshError : a node that is not there
+    """
+    index, missing = index_of(numbers, nodes)
+    if len(missing):
+        element = elements[np.isin(nodes, missing).any(axis=1)][0]
+        raise MeshError(f"element {element} names {node} {missing[0]}, which the file does not hold")
+    return Cells(kind, index, elements)
