@@ -105,7 +105,7 @@ def _opened(path: str, stack: ExitStack) -> Callable[[str], Any]:
 
 
 class _Bounded(io.BufferedReader):
-    """A file that is never asked for more bytes than it has: counts of classic NetCDF are read before anything checks them."""
+    """A file that gives no more bytes than it has: counts of classic NetCDF are read before anything checks them."""
 
     def read(self, n: int | None = -1, /) -> bytes:
         n_left = os.fstat(self.fileno()).st_size - self.tell()
@@ -140,8 +140,8 @@ def _points(variable: Callable[[str], Any]) -> np.ndarray:
     single = [variable(f"coord{axis}") for axis in "xyz"]
     if variable("coord") is not None:
         points = _array(variable("coord")).T
-    elif all(one is not None for one in single):
-        points = np.stack([_array(one) for one in single], axis=1)
+    elif all(coordinate is not None for coordinate in single):
+        points = np.stack([_array(coordinate) for coordinate in single], axis=1)
     else:
         raise MeshError("it holds no coordinates in three dimensions (coordx, coordy, coordz)")
     return np.asarray(points, dtype=float)
@@ -164,15 +164,15 @@ def _names(variable: Any, n: int, kind: str) -> list[str]:
 def _counted(variable: Callable[[str], Any], stem: str, identities: str) -> list[Any]:
     """Return the variables stem1, stem2, ..., None for those that are empty and left out, as many as there are identities."""
     known = variable(identities)
-    found: list[Any] = []
-    while len(found) < (0 if known is None else known.shape[0]) or variable(f"{stem}{len(found) + 1}") is not None:
-        found.append(variable(f"{stem}{len(found) + 1}"))
-    return found
+    variables: list[Any] = []
+    while len(variables) < (0 if known is None else known.shape[0]) or variable(f"{stem}{len(variables) + 1}") is not None:
+        variables.append(variable(f"{stem}{len(variables) + 1}"))
+    return variables
 
 
 def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Group], list[Finding]]:
     blocks = _counted(variable, "connect", "eb_prop1")
-    shapes = [one.shape if one is not None else (0, 0) for one in blocks]
+    shapes = [block.shape if block is not None else (0, 0) for block in blocks]
     elements_ = _numbers(variable("elem_num_map"), sum(shape[0] for shape in shapes))
     names = _names(variable("eb_names"), len(blocks), "block")
     cells: list[Cells] = []
@@ -195,8 +195,8 @@ def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Grou
 
 def _node_sets(variable: Callable[[str], Any], groups: dict[str, Group], n_points: int) -> None:
     sets = _counted(variable, "node_ns", "ns_prop1")
-    for name, one in zip(_names(variable("ns_names"), len(sets), "node set"), sets, strict=True):
-        nodes = (_array(one) if one is not None else np.zeros(0)).astype(np.int64) - 1
+    for name, members in zip(_names(variable("ns_names"), len(sets), "node set"), sets, strict=True):
+        nodes = (_array(members) if members is not None else np.zeros(0)).astype(np.int64) - 1
         if ((nodes < 0) | (nodes >= n_points)).any():
             raise MeshError(f"node set {name!r} names a node that the file does not hold")
         groups.setdefault(name, Group()).add_nodes(nodes)
@@ -205,7 +205,7 @@ def _node_sets(variable: Callable[[str], Any], groups: dict[str, Group], n_point
 def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[str, Group]) -> None:
     """Add the sides of side sets as cells of their own."""
     sets, sides = _counted(variable, "elem_ss", "ss_prop1"), _counted(variable, "side_ss", "ss_prop1")
-    start = np.cumsum([0] + [len(one.nodes) for one in cells])
+    start = np.cumsum([0] + [len(cell_block.nodes) for cell_block in cells])
     n_blocks = len(cells)
     for name, at, side in zip(_names(variable("ss_names"), len(sets), "side set"), sets, sides, strict=True):
         if at is None or side is None:
@@ -215,10 +215,10 @@ def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[
             raise MeshError(f"side set {name!r} names an element that the file does not hold")
         group = groups.setdefault(name, Group())
         for block in range(n_blocks):
-            own = (element >= start[block]) & (element < start[block + 1])
-            for one in np.unique(number[own]):
-                rows = element[own & (number == one)] - start[block]
-                made = _side(cells[block], int(one), rows, name)
+            in_block = (element >= start[block]) & (element < start[block + 1])
+            for cell_block in np.unique(number[in_block]):
+                rows = element[in_block & (number == cell_block)] - start[block]
+                made = _side(cells[block], int(cell_block), rows, name)
                 if made is not None:
                     cells.append(made)
                     group.add_cells(len(cells) - 1, np.arange(len(rows)))

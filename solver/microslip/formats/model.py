@@ -86,11 +86,12 @@ class Equations:
         """Return the others; None where there are none."""
         if not self.n_supports:
             return self
-        kept = np.flatnonzero(~self.is_support)
-        own = np.isin(self.equation, kept)
-        where = tuple(self.where[i] for i in kept)
-        equation = np.searchsorted(kept, self.equation[own])
-        return Equations(equation, self.nodes[own], self.axes[own], self.coefficients[own], where) if len(kept) else None
+        others = np.flatnonzero(~self.is_support)
+        if not len(others):
+            return None
+        is_other = np.isin(self.equation, others)
+        equation, where = np.searchsorted(others, self.equation[is_other]), tuple(self.where[i] for i in others)
+        return Equations(equation, self.nodes[is_other], self.axes[is_other], self.coefficients[is_other], where)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +156,7 @@ class FileModel:
     bolts: tuple[Bolt, ...] = ()
     statics: LoadsAtRest | None = None
     findings: tuple[Finding, ...] = ()
-    facts: tuple[str, ...] = ()  # what `microslip check` lists beside this: the file's title, parts, instances, systems
+    facts: tuple[str, ...] = ()  # what `microslip check` lists with it: the file's title, parts, instances, systems
 
 
 def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:
@@ -168,8 +169,8 @@ def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:
 def held_alike(held: np.ndarray) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
     """Yield which axes are held at some nodes, and the positions of the nodes, by what is held (n_points, 3).  Local."""
     code = held @ np.array([4, 2, 1])
-    for one in np.unique(code[code > 0]):
-        nodes = np.flatnonzero(code == one)
+    for pattern in np.unique(code[code > 0]):
+        nodes = np.flatnonzero(code == pattern)
         yield tuple(int(axis) for axis in np.flatnonzero(held[nodes[0]])), nodes
 
 

@@ -287,8 +287,8 @@ def _elements_2(section: bytes, order: str) -> list[tuple]:
         n -= max(len(rows), 1)
         physical = np.abs(tags[:, 0]) if n_tags else np.zeros(len(rows), dtype=np.int64)
         for tag in np.unique(physical):
-            mine = physical == tag
-            blocks.append((kind, numbers[mine], nodes[mine], (tag,) if tag else ()))
+            is_tagged = physical == tag
+            blocks.append((kind, numbers[is_tagged], nodes[is_tagged], (tag,) if tag else ()))
     cursor.finish()
     return blocks
 
@@ -349,16 +349,16 @@ def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names
     tagged = {(KINDS[kind][0], int(tag)) for kind, _, _, physical in blocks for tag in physical}
     names = {**names_of_tags(tagged - set(names)), **names}
     for kind in dict.fromkeys(block[0] for block in blocks):
-        mine = [block for block in blocks if block[0] == kind]
-        nodes = np.concatenate([block[2] for block in mine])
-        elements = np.concatenate([block[1] for block in mine])
+        same = [block for block in blocks if block[0] == kind]
+        nodes = np.concatenate([block[2] for block in same])
+        elements = np.concatenate([block[1] for block in same])
         cells.append(cells_of(kind, elements, nodes[:, _TO_VTK.get(kind, slice(None))], numbers))
         rows: dict[str, list[np.ndarray]] = {}
         start = 0
-        for _, own, _, physical in mine:
+        for _, of_block, _, physical in same:
             for tag in physical:
-                rows.setdefault(names[KINDS[kind][0], int(tag)], []).append(np.arange(start, start + len(own)))
-            start += len(own)
+                rows.setdefault(names[KINDS[kind][0], int(tag)], []).append(np.arange(start, start + len(of_block)))
+            start += len(of_block)
         for name, parts in rows.items():
             groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.concatenate(parts))
     return FileModel(points, numbers, tuple(cells), groups)

@@ -67,7 +67,7 @@ def read_model(path: str | os.PathLike[str]) -> FileModel:
     if ending in _ADVICE:
         raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not read: {_ADVICE[ending]}")
     if ending not in READERS:
-        cause = f"the ending {ending!r} is not known" if ending else "the name has no ending, which would tell the format"
+        cause = f"the ending {ending!r} is not known" if ending else "the name has no ending, which states the format"
         raise CaseError(f"[model] mesh: {path}: {cause}; known are {', '.join(READERS)}")
     if not os.path.isfile(path):
         raise CaseError(f"[model] mesh: there is no file {path}")

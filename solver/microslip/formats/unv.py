@@ -126,9 +126,9 @@ def _systems(lines: list[str], line: int) -> list[Finding]:
 def _take_nodes(points: dict, lines: list[str], line: int) -> None:
     heads, places = _table(lines[:-1:2], 10), _table(lines[1::2], 25, float)
     if heads is not None and places is not None and places.shape[1] == 3:
-        found = dict(zip(heads[:, 0].tolist(), map(tuple, places.tolist()), strict=True))
-        if len(found) == len(heads) and not found.keys() & points.keys():
-            points.update(found)
+        read = dict(zip(heads[:, 0].tolist(), map(tuple, places.tolist()), strict=True))
+        if len(read) == len(heads) and not read.keys() & points.keys():
+            points.update(read)
             return
     for i in range(0, len(lines) - 1, 2):
         head, at = _values(lines[i], line + i + 1), _values(lines[i + 1], line + i + 2, float)
@@ -173,11 +173,11 @@ def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: 
         elif n_nodes != KINDS[kind][1]:
             raise MeshError(f"line {line + first}: element {number} of kind {kind} has {n_nodes} nodes")
         else:
-            own = rows.setdefault(kind, [])
-            own.append((np.array([number]), np.array([prop]), np.array([nodes])))
+            of_kind = rows.setdefault(kind, [])
+            of_kind.append((np.array([number]), np.array([prop]), np.array([nodes])))
             alike = _alike(lines, start, i - start, descriptor, n_ahead)
             if alike is not None:
-                own.append(alike)
+                of_kind.append(alike)
                 i += len(alike[0]) * (i - start)
             n_ahead = 2 * n_ahead if alike is not None and len(alike[0]) == n_ahead else 1
     for descriptor, n in others.items():
@@ -202,8 +202,8 @@ def _alike(
         return None
     heads, nodes = fixed[0], np.hstack(fixed[1:])
     differs = (heads[:, [1, 5]] != [descriptor, nodes.shape[1]]).any(axis=1) if heads.shape[1] > 5 else np.ones(1, dtype=bool)
-    own = slice(1, int(np.argmax(differs)) if differs.any() else n + 1)
-    return (heads[own, 0], heads[own, 2], nodes[own]) if len(heads[own]) else None
+    alike = slice(1, int(np.argmax(differs)) if differs.any() else n + 1)
+    return (heads[alike, 0], heads[alike, 2], nodes[alike]) if len(heads[alike]) else None
 
 
 def _groups(lines: list[str], line: int) -> Iterator[tuple[str, list[int], list[int]]]:
@@ -229,19 +229,19 @@ def _composed(points: dict, rows: dict, named: list, findings: list[Finding]) ->
     numbers = np.array(list(points), dtype=np.int64)
     cells: list[Cells] = []
     groups: dict[str, Group] = {}
-    for kind, own in rows.items():
-        elements, properties, wanted = (np.concatenate(column) for column in zip(*own, strict=True))
+    for kind, blocks in rows.items():
+        elements, properties, wanted = (np.concatenate(column) for column in zip(*blocks, strict=True))
         cells.append(cells_of(kind, elements, wanted[:, _ORDER[kind]] if kind in _ORDER else wanted, numbers))
-        for one in np.unique(properties):
-            groups.setdefault(f"property {one}", Group()).add_cells(len(cells) - 1, np.flatnonzero(properties == one))
+        for value in np.unique(properties):
+            groups.setdefault(f"property {value}", Group()).add_cells(len(cells) - 1, np.flatnonzero(properties == value))
     for name, nodes, members in named:
         group = groups.setdefault(name, Group())
         index, missing = index_of(numbers, np.array(nodes, dtype=np.int64))
         if len(missing):
             raise MeshError(f"group {name!r} names node {missing[0]}, which the file does not hold")
         group.add_nodes(index)
-        for block, one in enumerate(cells):
-            found = np.flatnonzero(np.isin(one.numbers, members))
-            if len(found):
-                group.add_cells(block, found)
+        for block, value in enumerate(cells):
+            rows_of_block = np.flatnonzero(np.isin(value.numbers, members))
+            if len(rows_of_block):
+                group.add_cells(block, rows_of_block)
     return FileModel(np.array(list(points.values())), numbers, tuple(cells), groups, findings=tuple(findings))

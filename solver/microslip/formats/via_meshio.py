@@ -111,9 +111,9 @@ def load_meshio():
 
 def _read_quietly(path: str, file_format: str):
     """Return what meshio reads; anything else it does becomes a MeshError, and what it leaves out, too."""
-    said = io.StringIO()
+    printed = io.StringIO()
     try:
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), np.errstate(all="ignore"):
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed), np.errstate(all="ignore"):
             mesh = load_meshio().read(path, file_format=file_format)
     except (KeyboardInterrupt, MemoryError, MeshError):
         raise
@@ -121,11 +121,11 @@ def _read_quietly(path: str, file_format: str):
         raise MeshError("this format needs meshio; install it: pip install meshio") from None
     except BaseException as problem:  # meshio exits the interpreter on a bad file
         text = str(problem) if not isinstance(problem, SystemExit) else ""
-        cause = " ".join((said.getvalue() + " " + text).split()) or type(problem).__name__
+        cause = " ".join((printed.getvalue() + " " + text).split()) or type(problem).__name__
         raise MeshError(
             f"it cannot be read as {file_format}; it is truncated, damaged or another format ({cause[:200]})"
         ) from None
-    left_out = re.search(r"cannot\s+handle\s+\(type\s+(\d+)", said.getvalue())
+    left_out = re.search(r"cannot\s+handle\s+\(type\s+(\d+)", printed.getvalue())
     if left_out:
         raise MeshError(f"it holds cells of VTK's type {left_out[1]}, which meshio leaves out; write solids and faces alone")
     return mesh

@@ -130,7 +130,7 @@ class _Reader:
 
 
 def _star_lines(text: bytes) -> Iterator[tuple[int, int]]:
-    """Yield begin and end (behind the line feed) of every line that begins with a star, blanks apart."""
+    """Yield begin and end (behind the line feed) of every line that begins with a star, with or without blanks before it."""
     at = 0
     while (star := text.find(b"*", at)) >= 0:
         feed = text.rfind(b"\n", at, star)

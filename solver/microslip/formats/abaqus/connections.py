@@ -11,11 +11,11 @@ from ...tables.structure import Point, Tie
 from ..draft import vector
 from ..model import Finding
 from .cards import Card, number, values_of
-from .gathered import Gathered
+from .input_model import InputModel
 from .scopes import Scope
 
 
-def take_connections(model: Gathered) -> None:
+def take_connections(model: InputModel) -> None:
     """Take ties, couplings, rigid bodies and cuts.
 
     Raises
@@ -35,21 +35,21 @@ def take_connections(model: Gathered) -> None:
             _TAKEN[card.keyword](model, scope, card)
 
 
-def surface_of(model: Gathered, scope: Scope, word: str, where: str) -> str:
+def surface_of(model: InputModel, scope: Scope, word: str, where: str) -> str:
     """Return the name of the group of a surface.
 
     Raises
     ------
     MeshError : there is no such surface
     """
-    names, own = model.mesh.find(scope, word)
-    if own not in names.surfaces:
-        near = hint(own, names.surfaces, lambda near: repr(model.mesh.spelled(near)))
+    names, key = model.mesh.find(scope, word)
+    if key not in names.surfaces:
+        near = hint(key, names.surfaces, lambda near: repr(model.mesh.spelled(near)))
         raise MeshError(f"{where}: there is no *SURFACE {word!r}{near}")
-    return names.scope.named(model.mesh.spelled(own))
+    return names.scope.named(model.mesh.spelled(key))
 
 
-def faces_of(model: Gathered, scope: Scope, word: str, where: str) -> str | None:
+def faces_of(model: InputModel, scope: Scope, word: str, where: str) -> str | None:
     """Return the group of a surface's faces; of one made of nodes the outer faces between them; None where these are not all."""
     name = surface_of(model, scope, word, where)
     if model.grouped.has_faces(name):
@@ -68,7 +68,7 @@ def faces_of(model: Gathered, scope: Scope, word: str, where: str) -> str | None
     return made
 
 
-def _take_tie(model: Gathered, scope: Scope, card: Card) -> None:
+def _take_tie(model: InputModel, scope: Scope, card: Card) -> None:
     """Take a tie: slave and master of each line."""
     special = [key for key in ("CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC") if key in card.parameters]
     for words, where in card.lines():
@@ -81,7 +81,7 @@ def _take_tie(model: Gathered, scope: Scope, card: Card) -> None:
         tie(model, scope, words, where, card)
 
 
-def tie(model: Gathered, scope: Scope, words: list[str], where: str, card: Card) -> None:
+def tie(model: InputModel, scope: Scope, words: list[str], where: str, card: Card) -> None:
     """Glue the first surface of a line to the second."""
     first, second = (faces_of(model, scope, word, where) for word in words[:2])
     if first is None or second is None:
@@ -106,7 +106,7 @@ def _number(card: Card, name: str) -> float | None:
     return value
 
 
-def _single(model: Gathered, scope: Scope, word: str, card: Card) -> int:
+def _single(model: InputModel, scope: Scope, word: str, card: Card) -> int:
     """Return the one node that a number or a set means."""
     nodes = model.mesh.nodes(scope, word, card.where)
     if len(nodes) != 1:
@@ -114,7 +114,7 @@ def _single(model: Gathered, scope: Scope, word: str, card: Card) -> int:
     return int(nodes[0])
 
 
-def _add_point(model: Gathered, node: int, nodes: np.ndarray, group: str, connection: str, card: Card) -> None:
+def _add_point(model: InputModel, node: int, nodes: np.ndarray, group: str, connection: str, card: Card) -> None:
     """Add a point at a node, connected to others; a node on the solids, or with two groups, cannot be one."""
     name = card.parameters.get("CONSTRAINTNAME", "")
     nodes = nodes[(nodes != node) & model.grouped.of_solids[nodes]]
@@ -142,7 +142,7 @@ def plain(name: str) -> str:
     return "".join("_" if sign in ',"/\\' else sign for sign in name).strip()
 
 
-def _take_coupling(model: Gathered, scope: Scope, card: Card, kind: Card) -> None:
+def _take_coupling(model: InputModel, scope: Scope, card: Card, kind: Card) -> None:
     surface = surface_of(model, scope, card.parameters.get("SURFACE", ""), card.where)
     node = _single(model, scope, card.parameters.get("REFNODE", ""), card)
     name = card.parameters.get("CONSTRAINTNAME", "")
@@ -159,7 +159,7 @@ def _take_coupling(model: Gathered, scope: Scope, card: Card, kind: Card) -> Non
     _add_point(model, node, nodes, surface, connection, card)
 
 
-def _holds_all(model: Gathered, kind: Card, name: str) -> bool:
+def _holds_all(model: InputModel, kind: Card, name: str) -> bool:
     """Return whether all three translations follow, with a finding where not."""
     dofs: set[int] = set()
     lines = list(kind.lines())
@@ -175,7 +175,7 @@ def _holds_all(model: Gathered, kind: Card, name: str) -> bool:
     return True
 
 
-def _take_rigid_body(model: Gathered, scope: Scope, card: Card) -> None:
+def _take_rigid_body(model: InputModel, scope: Scope, card: Card) -> None:
     """Take a rigid body of nodes or elements; its own elements add their mass, and no stiffness that could be felt."""
     word = card.parameters.get("REFNODE", "")
     if "ANALYTICALSURFACE" in card.parameters or not word:
@@ -193,7 +193,7 @@ def _take_rigid_body(model: Gathered, scope: Scope, card: Card) -> None:
         model.turns[_single(model, scope, card.parameters["ROTNODE"], card)] = node
 
 
-def _take_kinematic_coupling(model: Gathered, scope: Scope, card: Card) -> None:
+def _take_kinematic_coupling(model: InputModel, scope: Scope, card: Card) -> None:
     node = _single(model, scope, card.parameters.get("REFNODE", ""), card)
     if not _holds_all(model, card, f"node {model.mesh.numbers[node]}"):
         return
@@ -201,7 +201,7 @@ def _take_kinematic_coupling(model: Gathered, scope: Scope, card: Card) -> None:
     _add_point(model, node, nodes, f"coupled to node {model.mesh.numbers[node]}", "rigid", card)
 
 
-def _take_distributing_coupling(model: Gathered, scope: Scope, card: Card) -> None:
+def _take_distributing_coupling(model: InputModel, scope: Scope, card: Card) -> None:
     """Take a coupling whose reference node is in ELSET, an element of one node, with equal weights."""
     elements = model.mesh.elements(scope, card.parameter("ELSET"), card.where)
     at = model.mesh.nodes_of(elements)
@@ -216,7 +216,7 @@ def _take_distributing_coupling(model: Gathered, scope: Scope, card: Card) -> No
     _add_point(model, int(at[0]), nodes, group, "distributing", card)
 
 
-def _find_lever(model: Gathered, node: int, nodes: np.ndarray, card: Card) -> None:
+def _find_lever(model: InputModel, node: int, nodes: np.ndarray, card: Card) -> None:
     """Add a note where a reference node lies off the middle of its nodes, in which Abaqus and CalculiX differ."""
     points = model.mesh.points[nodes]
     middle = points.mean(axis=0)
@@ -226,7 +226,7 @@ def _find_lever(model: Gathered, node: int, nodes: np.ndarray, card: Card) -> No
         model.findings.add("*DISTRIBUTING COUPLING", card.where, effect, False, "points")
 
 
-def _take_mpc(model: Gathered, scope: Scope, card: Card) -> None:
+def _take_mpc(model: InputModel, scope: Scope, card: Card) -> None:
     """Take what can be made exactly: nodes that move alike, and beams from nodes to a reference node."""
     beams: dict[int, list[np.ndarray]] = {}
     for words, where in card.lines():
@@ -236,7 +236,7 @@ def _take_mpc(model: Gathered, scope: Scope, card: Card) -> None:
             for first, second in zip(sets[0], np.broadcast_to(sets[1], len(sets[0])), strict=True):
                 for axis in range(3):
                     model.terms.add([(int(first), axis, 1.0), (int(second), axis, -1.0)], f"{where}: *MPC {kind}")
-            model.attached.update(int(node) for own in sets for node in own)
+            model.attached.update(int(node) for nodes in sets for node in nodes)
         elif kind == "BEAM" and len(sets) == 2 and len(sets[1]) == 1 and not model.grouped.of_solids[sets[1][0]]:
             beams.setdefault(int(sets[1][0]), []).append(sets[0])
         else:
@@ -247,7 +247,7 @@ def _take_mpc(model: Gathered, scope: Scope, card: Card) -> None:
         _add_point(model, node, np.concatenate(parts), f"beams to node {number}", "rigid", card)
 
 
-def _take_cut(model: Gathered, scope: Scope, card: Card) -> None:
+def _take_cut(model: InputModel, scope: Scope, card: Card) -> None:
     """Take the cut of a bolt; it changes nothing until the scene tightens it."""
     if "SURFACE" not in card.parameters:
         model.findings.add("*PRE-TENSION SECTION", card.where, "a cut through elements that are no solids", True)
@@ -256,12 +256,12 @@ def _take_cut(model: Gathered, scope: Scope, card: Card) -> None:
     force = _tightened(model, card.parameter("NODE"))
     model.bolts.append(Bolt.of_file(name=plain(group), group=group, force=number(force)))
     model.cuts[card.parameter("NODE")] = plain(group)
-    said = f", in the file with {force}" if force else ""
-    effect = f"a cut to be tightened{said}: [[statics.bolts]] with group = {group!r}; until then the shank is whole"
+    stated = f", in the file with {force}" if force else ""
+    effect = f"a cut to be tightened{stated}: [[statics.bolts]] with group = {group!r}; until then the shank is whole"
     model.findings.add("*PRE-TENSION SECTION", card.where, effect, False)
 
 
-def _tightened(model: Gathered, node: str) -> str:
+def _tightened(model: InputModel, node: str) -> str:
     """Return the force "9000" by which a step loads the node of a cut, or nothing."""
     loads = [
         words[2]

@@ -12,10 +12,10 @@ from ...tables.joint import Joint
 from ..model import Finding
 from .cards import Card, number
 from .connections import plain, surface_of, tie
-from .gathered import Gathered
+from .input_model import InputModel
 from .scopes import Scope
 
-_NUMERICAL = {"ELASTICSLIP", "LAGRANGE", "SLIPTOLERANCE", "SHEARTRACTIONSLOPE"}  # of *FRICTION: beside its coefficient
+_NUMERICAL = {"ELASTICSLIP", "LAGRANGE", "SLIPTOLERANCE", "SHEARTRACTIONSLOPE"}  # of *FRICTION, in addition to its coefficient
 _LARGER = 1.02  # times the area of the other: such a surface does not lie on it with all of it
 _PAIRING = {"SURFACETOSURFACE": "mortar", "NODETOSURFACE": "projected"}
 
@@ -29,7 +29,7 @@ class _Interaction:
     is_glued: bool = False
 
 
-def take_contact(model: Gathered) -> None:
+def take_contact(model: InputModel) -> None:
     """Take pairs of surfaces in contact: a joint where the file states what one needs, and a finding for each in any case.
 
     Raises
@@ -63,55 +63,55 @@ def _interaction_of(card: Card, interactions: dict[str, _Interaction]) -> _Inter
 _KEYS = ("friction", "tangential_stiffness", "normal_stiffness")
 
 
-def _interactions(model: Gathered) -> dict[str, _Interaction]:
+def _interactions(model: InputModel) -> dict[str, _Interaction]:
     """Return all interactions by their names in upper case."""
-    found: dict[str, _Interaction] = {}
+    interactions: dict[str, _Interaction] = {}
     name = ""
     for _, card in model.cards:
         if card.keyword == "SURFACE INTERACTION":
             name = card.parameter("NAME")
             lacks = {"tangential_stiffness": "no *FRICTION", "normal_stiffness": "hard contact"}
-            found[name] = _Interaction({"friction": 0.0}, {key: f"{card.where}: {why}" for key, why in lacks.items()})
-        elif card.keyword == "SURFACE BEHAVIOR" and name in found:
-            found[name] = _pressed(found[name], card)
-        elif card.keyword == "FRICTION" and name in found:
-            found[name] = _rubbing(found[name], card)
+            interactions[name] = _Interaction({"friction": 0.0}, {key: f"{card.where}: {why}" for key, why in lacks.items()})
+        elif card.keyword == "SURFACE BEHAVIOR" and name in interactions:
+            interactions[name] = _pressed(interactions[name], card)
+        elif card.keyword == "FRICTION" and name in interactions:
+            interactions[name] = _rubbing(interactions[name], card)
     for card in _before_vibration(model):
-        changed = found.get(card.parameter("INTERACTION")) if card.keyword == "CHANGE FRICTION" else None
+        changed = interactions.get(card.parameter("INTERACTION")) if card.keyword == "CHANGE FRICTION" else None
         if changed is not None:
-            found[card.parameter("INTERACTION")] = _lacking(changed, friction=f"{card.where}: *CHANGE FRICTION")
-    return found
+            interactions[card.parameter("INTERACTION")] = _lacking(changed, friction=f"{card.where}: *CHANGE FRICTION")
+    return interactions
 
 
-def _before_vibration(model: Gathered) -> list[Card]:
+def _before_vibration(model: InputModel) -> list[Card]:
     """Return the cards of the steps up to the first vibration."""
     last = model.first_vibration
     return [card for step in model.steps if last is not None and step.number <= last.number for _, card in step.cards]
 
 
-def _lacking(one: _Interaction, **why: str) -> _Interaction:
+def _lacking(interaction: _Interaction, **why: str) -> _Interaction:
     """Return an interaction of which some keys are not known, and why."""
-    has = {key: value for key, value in one.has.items() if key not in why}
-    return replace(one, has=has, lacks={**one.lacks, **why})
+    has = {key: value for key, value in interaction.has.items() if key not in why}
+    return replace(interaction, has=has, lacks={**interaction.lacks, **why})
 
 
-def _having(one: _Interaction, **values: float) -> _Interaction:
+def _having(interaction: _Interaction, **values: float) -> _Interaction:
     """Return an interaction of which some keys are known."""
-    lacks = {key: why for key, why in one.lacks.items() if key not in values}
-    return replace(one, has={**one.has, **values}, lacks=lacks)
+    lacks = {key: why for key, why in interaction.lacks.items() if key not in values}
+    return replace(interaction, has={**interaction.has, **values}, lacks=lacks)
 
 
-def _pressed(one: _Interaction, card: Card) -> _Interaction:
+def _pressed(interaction: _Interaction, card: Card) -> _Interaction:
     """Return an interaction with the pressure over the overclosure of a *SURFACE BEHAVIOR."""
     law = card.parameter("PRESSURE-OVERCLOSURE") or "HARD"
     words, where = next(card.lines(), ([""], card.where))
     if "NOSEPARATION" in card.parameters:
-        return _lacking(one, normal_stiffness=f"{card.where}: contact that never opens")
+        return _lacking(interaction, normal_stiffness=f"{card.where}: contact that never opens")
     if law == "LINEAR" and words[0]:
         slope = _number(words, 0, where, card)
         if slope > 0.0:
-            return _having(one, normal_stiffness=slope)
-        return _lacking(one, normal_stiffness=f"{where}: a slope of {words[0]}")
+            return _having(interaction, normal_stiffness=slope)
+        return _lacking(interaction, normal_stiffness=f"{where}: a slope of {words[0]}")
     why = {
         "LINEAR": "a slope that is not stated",
         "HARD": "hard contact",
@@ -119,26 +119,26 @@ def _pressed(one: _Interaction, card: Card) -> _Interaction:
         "TABULAR": "a table of pressures",
         "TIED": "springs that hold and pull",
     }.get(law, f"PRESSURE-OVERCLOSURE={law}, which this program does not have")
-    return replace(_lacking(one, normal_stiffness=f"{card.where}: {why}"), is_glued=law == "TIED")
+    return replace(_lacking(interaction, normal_stiffness=f"{card.where}: {why}"), is_glued=law == "TIED")
 
 
-def _rubbing(one: _Interaction, card: Card) -> _Interaction:
+def _rubbing(interaction: _Interaction, card: Card) -> _Interaction:
     """Return an interaction with the coefficient and the stick slope of a *FRICTION."""
     lines = list(card.lines())
     special = [name for name in card.parameters if name not in _NUMERICAL]
     if special or len(lines) != 1:
         why = f"*FRICTION, {special[0]}" if special else f"{len(lines)} lines of coefficients"
-        return _lacking(one, friction=f"{card.where}: {why}", tangential_stiffness=f"{card.where}: no stick slope")
+        return _lacking(interaction, friction=f"{card.where}: {why}", tangential_stiffness=f"{card.where}: no stick slope")
     words, where = lines[0]
     friction = _number(words, 0, where, card)
     if friction < 0.0:
         raise MeshError(f"{where}: *FRICTION: the coefficient is {words[0]}, below 0")
-    one = _having(one, friction=friction)
+    interaction = _having(interaction, friction=friction)
     slope = card.parameters.get("SHEARTRACTIONSLOPE") or (words[1] if len(words) > 1 else "")
     stiffness = _number([slope], 0, where, card) if slope else 0.0
     if stiffness > 0.0:
-        return _having(one, tangential_stiffness=stiffness)
-    return _lacking(one, tangential_stiffness=f"{where}: no stick slope")
+        return _having(interaction, tangential_stiffness=stiffness)
+    return _lacking(interaction, tangential_stiffness=f"{where}: no stick slope")
 
 
 def _number(words: list[str], i: int, where: str, card: Card) -> float:
@@ -148,39 +148,41 @@ def _number(words: list[str], i: int, where: str, card: Card) -> float:
     return value
 
 
-def _take_pair(model: Gathered, scope: Scope, card: Card, words: list[str], where: str, one: _Interaction) -> None:
+def _take_pair(model: InputModel, scope: Scope, card: Card, words: list[str], where: str, interaction: _Interaction) -> None:
     """Add a finding of two surfaces in contact, and the joint that stands between them, as far as the file states it."""
     surfaces = _smaller_first(model, surface_of(model, scope, words[0], where), surface_of(model, scope, words[1], where))
-    lacks = {**one.lacks, **_gap(model, card, surfaces)}
+    lacks = {**interaction.lacks, **_gap(model, card, surfaces)}
     within = number(card.parameters.get("ADJUST", "")) or None  # surfaces that are no farther apart touch
     model.joints.append(
         Joint.of_file(
             name=plain("_".join(surfaces).replace(" ", "_")),
             surfaces=surfaces,
             pairing=_PAIRING.get("".join(card.parameter("TYPE").split()), "auto"),
-            **one.has,
+            **interaction.has,
             preload="static",
             tolerance=within,
             gap=None if "gap" in lacks else 0.0 if within else "geometry",
         )
     )
-    friction = f", friction {one.has['friction']:g}" if "friction" in one.has else ""
+    friction = f", friction {interaction.has['friction']:g}" if "friction" in interaction.has else ""
     rest = "a joint that [statics] presses, of the file or the scene; without it state a joint between them, with its preload"
     if lacks:
         keys = listed([f"{key} ({why})" for key, why in lacks.items()])
         rest = f"a joint of the scene between them takes its place, and has to state {keys}"
     effect = f"{surfaces[0]} and {surfaces[1]} in contact{friction}: {rest}"
-    found = Finding(word="*CONTACT PAIR", where=where, effect=effect, changes=True, surfaces=surfaces, is_glued=one.is_glued)
-    model.findings.take(found)
+    finding = Finding(
+        word="*CONTACT PAIR", where=where, effect=effect, changes=True, surfaces=surfaces, is_glued=interaction.is_glued
+    )
+    model.findings.take(finding)
 
 
-def _smaller_first(model: Gathered, slave: str, master: str) -> tuple[str, str]:
+def _smaller_first(model: InputModel, slave: str, master: str) -> tuple[str, str]:
     """Return two surfaces, first the one that may lie on the other with all of it: the slave, unless it is the larger."""
     areas = _area(model, slave), _area(model, master)
     return (master, slave) if areas[0] > _LARGER * areas[1] > 0.0 else (slave, master)
 
 
-def _area(model: Gathered, surface: str) -> float:
+def _area(model: InputModel, surface: str) -> float:
     """Return the area of the faces that a surface names, between their corners; 0 of one made of nodes."""
     area, group = 0.0, model.grouped.groups.get(surface)
     for block, rows in group.cells.items() if group is not None else ():
@@ -192,14 +194,14 @@ def _area(model: Gathered, surface: str) -> float:
     return area
 
 
-def _gap(model: Gathered, card: Card, surfaces: tuple[str, str]) -> dict[str, str]:
+def _gap(model: InputModel, card: Card, surfaces: tuple[str, str]) -> dict[str, str]:
     """Return why the gap between two surfaces is not that of the mesh, if the file says so in a way that a joint does not."""
     adjusted = card.parameters.get("ADJUST", "")
     distance = number(adjusted)
     if adjusted and (distance is None or distance < 0.0):
         return {"gap": f"{card.where}: ADJUST={adjusted}"}
-    for _, own in model.cards:
-        named = {own.parameter(key) for key in ("MASTER", "SLAVE", "CPSET")} - {""}
-        if own.keyword == "CLEARANCE" and named & {*(name.upper() for name in surfaces), card.parameter("CPSET")}:
-            return {"gap": f"{own.where}: *CLEARANCE"}
+    for _, other in model.cards:
+        named = {other.parameter(key) for key in ("MASTER", "SLAVE", "CPSET")} - {""}
+        if other.keyword == "CLEARANCE" and named & {*(name.upper() for name in surfaces), card.parameter("CPSET")}:
+            return {"gap": f"{other.where}: *CLEARANCE"}
     return {}

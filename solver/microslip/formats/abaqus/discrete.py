@@ -10,12 +10,12 @@ from ...messages.errors import MeshError
 from ...tables.structure import Mass, Spring
 from ..draft import grounded, vector
 from .cards import Card, values_of
-from .gathered import Gathered
+from .input_model import InputModel
 from .scopes import Scope
 from .types import OF_DISCRETE
 
 
-def take_discrete(model: Gathered) -> None:
+def take_discrete(model: InputModel) -> None:
     """Take masses, springs and dampers; those on the reference node of a point become its own.
 
     Raises
@@ -45,7 +45,7 @@ def _numbers(card: Card, n: int) -> np.ndarray:
     return values
 
 
-def _take_mass(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
+def _take_mass(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:
     """Take a mass at each node of some elements."""
     if "TYPE" in card.parameters and card.parameter("TYPE") not in ("ISOTROPIC", "ISO"):
         model.findings.add("*MASS, TYPE", card.where, "a mass that differs between directions", True, "masses")
@@ -63,7 +63,7 @@ def _take_mass(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) 
         model.masses.append(Mass.of_file(group=model.grouped.node_group(name, others), mass=mass))
 
 
-def _take_inertia(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
+def _take_inertia(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:
     """Take moments of inertia of points: I11, I22, I33, I12, I13, I23."""
     values = np.concatenate([_numbers(card, 3), np.zeros(6)])[:6]
     nodes = model.mesh.nodes_of(elements)
@@ -77,7 +77,7 @@ def _take_inertia(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
             model.points[int(node)] = point.with_keys(inertia=inertia)
 
 
-def _take_spring(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
+def _take_spring(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:
     """Take linear springs: SPRING1 to ground, SPRING2 between directions, SPRINGA along their line."""
     special = [key for key in ("NONLINEAR", "COMPLEXSTIFFNESS", "ORIENTATION", "RTOL") if key in card.parameters]
     lines = list(card.lines())
@@ -91,11 +91,11 @@ def _take_spring(model: Gathered, scope: Scope, card: Card, elements: np.ndarray
         _add_spring(model, card, word, ends, lines, Spring.of_file(groups=(), stiffness=stiffness))
 
 
-def _take_dashpot(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
+def _take_dashpot(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:
     """Take linear dampers: DASHPOT1 to ground, DASHPOT2 between directions, DASHPOTA along their line."""
     special = [key for key in card.parameters if key != "ELSET"]
-    own = list(_ends(model, elements))
-    n_first = int(any(not word.endswith("A") for word, _ in own))  # a line of directions comes first
+    dampers = list(_ends(model, elements))
+    n_first = int(any(not word.endswith("A") for word, _ in dampers))  # a line of directions comes first
     lines = list(card.lines())
     damping = _numbers(card, 1)
     if special or len(lines) != n_first + 1 or len(damping) > 1:
@@ -103,18 +103,18 @@ def _take_dashpot(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         effect = "dampers that are not linear, depend on frequency or temperature, or are in axes of their own"
         model.findings.add(word, card.where, effect, True, "springs")
         return
-    for word, ends in own:
+    for word, ends in dampers:
         _add_spring(model, card, word, ends, lines, Spring.of_file(groups=(), damping=float(damping[0])))
 
 
-def _ends(model: Gathered, elements: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+def _ends(model: InputModel, elements: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the type and the nodes of each of some elements."""
     for first, block, nodes in model.mesh.blocks:
         for ends in nodes[elements[(elements >= first) & (elements < first + len(nodes))] - first]:
             yield block.word, ends
 
 
-def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines: list, spring: Spring) -> None:
+def _add_spring(model: InputModel, card: Card, word: str, ends: np.ndarray, lines: list, spring: Spring) -> None:
     """Add one spring or damper of that stiffness and damping between its ends."""
     dofs = [int(field) for field in lines[0][0][:2] if field.isdigit()] if not word.endswith("A") and lines else []
     of_points = [int(node) in model.points or int(node) in model.turns for node in ends]

@@ -14,7 +14,7 @@ from ..draft import vector
 from .cards import Card, number
 from .scopes import Scope, rotation_about
 
-# how many numbers a material card holds, by its TYPE as far as it tells types apart
+# how many numbers a material card holds, by as much of its TYPE as distinguishes types
 VALUES = {
     ("DENSITY", "ISO"): 1,
     ("ELASTIC", "ISO"): 2,

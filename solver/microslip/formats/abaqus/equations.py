@@ -7,11 +7,11 @@ import numpy as np
 from ...messages.errors import MeshError
 from ..draft import Term
 from .cards import Card, number
-from .gathered import Gathered, along_axis
+from .input_model import InputModel, along_axis
 from .scopes import Scope
 
 
-def take_equations(model: Gathered) -> None:
+def take_equations(model: InputModel) -> None:
     """Take linear equations, when all reference nodes are known.
 
     Raises
@@ -23,14 +23,14 @@ def take_equations(model: Gathered) -> None:
             _take_equations(model, scope, card)
 
 
-def _take_equations(model: Gathered, scope: Scope, card: Card) -> None:
+def _take_equations(model: InputModel, scope: Scope, card: Card) -> None:
     """Take linear equations; one of sets stands for one of each of their nodes."""
     words: list[str] = []
     where_of: list[str] = []
     for line, where in card.lines():
-        own = line[:-1] if not line[-1] else line
-        words += own
-        where_of += [where] * len(own)
+        fields = line[:-1] if not line[-1] else line
+        words += fields
+        where_of += [where] * len(fields)
     at = 0
     while at < len(words):
         where, count = where_of[at], words[at]
@@ -42,7 +42,7 @@ def _take_equations(model: Gathered, scope: Scope, card: Card) -> None:
         at += 1 + 3 * n
 
 
-def _add_equation(model: Gathered, scope: Scope, words: list[str], where: str) -> None:
+def _add_equation(model: InputModel, scope: Scope, words: list[str], where: str) -> None:
     parts: list[tuple[np.ndarray, int, float]] = []
     for name, dof, value in zip(words[::3], words[1::3], words[2::3], strict=True):
         coefficient = number(value)

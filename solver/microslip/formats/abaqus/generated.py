@@ -60,7 +60,7 @@ class _Known:
     """The nodes that one scope has so far."""
 
     def __init__(self, names: Names):
-        self.numbers = np.concatenate([NO_NODES, *(own for own, _, _ in names.given_nodes)])
+        self.numbers = np.concatenate([NO_NODES, *(numbers for numbers, _, _ in names.given_nodes)])
         self.points = np.concatenate([np.zeros((0, 3)), *(points for _, points, _ in names.given_nodes)])
         self.places = Places(self.numbers)
 
@@ -74,7 +74,7 @@ class _Known:
 
 def _add_nodes(mesh: FileMesh, names: Names, card: Card, numbers: list[np.ndarray], points: list[np.ndarray], key: str) -> None:
     """Add nodes, and a set of ``numbers``, which may hold more than are new (those behind the points)."""
-    new = np.concatenate([NO_NODES, *(own[: len(at)] for own, at in zip(numbers, points, strict=True))])
+    new = np.concatenate([NO_NODES, *(part[: len(at)] for part, at in zip(numbers, points, strict=True))])
     names.given_nodes.append((new, np.concatenate([np.zeros((0, 3)), *points]), card.where))
     if card.parameters.get(key):
         add_to_set(mesh, names, "NSET", card.parameters[key], ("numbers", np.concatenate([NO_NODES, *numbers]), card.where))
@@ -102,7 +102,7 @@ def _take_lines(mesh: FileMesh, names: Names, card: Card) -> None:
 
 
 def _arc(names: Names, known: _Known, ends: np.ndarray, s: np.ndarray, values: list[float], where: str) -> np.ndarray:
-    """Return points at parts ``s`` (n, 1) of the angle between two ends, about the centre that the values tell."""
+    """Return points at parts ``s`` (n, 1) of the angle between two ends, about the centre that the values state."""
     if _whole(values, 3, 0):
         centre = known.at(np.array([_whole(values, 3, 0)]), where)[0]
     elif len(values) >= 5 and not names.scope.name and (names.system[0] == np.eye(3)).all() and not names.system[1].any():
@@ -162,7 +162,7 @@ def _take_copies(mesh: FileMesh, names: Names, card: Card) -> None:
 
 def _take_rows(mesh: FileMesh, names: Names, card: Card) -> None:
     """Take *ELGEN: rows, and layers of rows, of elements like one."""
-    found = [NO_NODES]
+    made = [NO_NODES]
     for _, values, where in _rows(card, 2):
         of = [_whole(values, i, 1) for i in range(10)]
         counts, steps = (of[1], of[4], of[7]), [(of[i], of[i + 1]) for i in (2, 5, 8)]
@@ -173,9 +173,9 @@ def _take_rows(mesh: FileMesh, names: Names, card: Card) -> None:
         master, row = _element(names, of[0], where)
         new = replace(master, numbers=of[0] + elements[1:], nodes=row + nodes[1:, None] * (row > 0), where=where)
         names.blocks.append(new)
-        found += [np.array([of[0]]), new.numbers]
+        made += [np.array([of[0]]), new.numbers]
     if card.parameters.get("ELSET"):
-        add_to_set(mesh, names, "ELSET", card.parameters["ELSET"], ("numbers", np.concatenate(found), card.where))
+        add_to_set(mesh, names, "ELSET", card.parameters["ELSET"], ("numbers", np.concatenate(made), card.where))
 
 
 def _take_element_copies(mesh: FileMesh, names: Names, card: Card) -> None:
@@ -188,11 +188,11 @@ def _take_element_copies(mesh: FileMesh, names: Names, card: Card) -> None:
     old = _members(names, "ELSET", card.parameter("OLDSET"), card.where)
     made = [NO_NODES]
     for block in list(names.blocks):
-        own = np.isin(block.numbers, old)
-        if own.any():
-            rows = block.nodes[own]
+        is_old = np.isin(block.numbers, old)
+        if is_old.any():
+            rows = block.nodes[is_old]
             nodes = rows + by_node * (rows > 0)
-            names.blocks.append(replace(block, numbers=block.numbers[own] + by_element, nodes=nodes, where=card.where))
+            names.blocks.append(replace(block, numbers=block.numbers[is_old] + by_element, nodes=nodes, where=card.where))
             made.append(names.blocks[-1].numbers)
     if card.parameters.get("NEWSET"):
         add_to_set(mesh, names, "ELSET", card.parameters["NEWSET"], ("numbers", np.concatenate(made), card.where))
@@ -214,15 +214,15 @@ def _members(names: Names, kind: str, word: str, where: str, depth: int = 0) -> 
         return np.array([int(word)])
     if word not in names.sets[kind] or depth > 20:
         raise MeshError(f"{where}: *{kind} {word!r} is not defined before it is used")
-    found = [NO_NODES]
+    parts = [NO_NODES]
     for how, what, _ in names.sets[kind][word]:
         if isinstance(what, str) and how == "set":
-            found.append(_members(names, kind, what, where, depth + 1))
+            parts.append(_members(names, kind, what, where, depth + 1))
         elif how == "numbers" and isinstance(what, (range, np.ndarray)):
-            found.append(np.asarray(what, dtype=np.int64))
+            parts.append(np.asarray(what, dtype=np.int64))
         else:
             raise MeshError(f"{where}: *{kind} {word!r} is made of other sets in a way that is not followed here")
-    every = np.concatenate(found)
+    every = np.concatenate(parts)
     return every if word in names.unsorted else np.unique(every)
 
 

@@ -74,12 +74,12 @@ class Grouped:
         return tried
 
     def _solids_of(self, name: str) -> np.ndarray:
-        found = [NO_NODES]
+        parts = [NO_NODES]
         for block, rows in self.groups[name].cells.items():
             if KINDS[self.cells[block].kind][0] == 3:
-                own = np.flatnonzero(self.block_of == block)
-                found.append(own[np.isin(self.row_of[own], rows)])
-        return np.sort(np.concatenate(found))
+                elements = np.flatnonzero(self.block_of == block)
+                parts.append(elements[np.isin(self.row_of[elements], rows)])
+        return np.sort(np.concatenate(parts))
 
     def has_faces(self, name: str) -> bool:
         group = self.groups.get(name)
@@ -114,8 +114,8 @@ class Grouped:
         for block, cells in enumerate(self.cells[: len(self.cells)]):
             family = cells.kind.rstrip("0123456789")
             for i in range(len(_FACES.get(family, ()))):
-                own = is_in[cells.nodes[:, _face_nodes(cells.kind, family, i + 1)]].all(axis=1)
-                rows = np.flatnonzero(own & self.outer_faces(block)[:, i]) if own.any() else NO_NODES
+                is_inside = is_in[cells.nodes[:, _face_nodes(cells.kind, family, i + 1)]].all(axis=1)
+                rows = np.flatnonzero(is_inside & self.outer_faces(block)[:, i]) if is_inside.any() else NO_NODES
                 if len(rows):
                     self.add_face(name, block, rows, i + 1)
 
@@ -129,91 +129,91 @@ def grouped(mesh: FileMesh) -> Grouped:
     ------
     MeshError : sets of what there is not, faces that elements do not have
     """
-    found = _with_cells(mesh)
+    content = _with_cells(mesh)
     aliased = [names for names in mesh.names.values() if names.scope.name]
     for names in mesh.names.values():
         prefixes = [names.scope.named("")] + [""] * (len(aliased) == 1 and bool(names.scope.name))
         for prefix in prefixes:
-            _group_sets(found, names, prefix)
+            _group_sets(content, names, prefix)
     for names in mesh.names.values():
         prefixes = [names.scope.named("")] + [""] * (len(aliased) == 1 and bool(names.scope.name))
         for name, entries in names.surfaces.items():
             for prefix in prefixes:
-                _group_surface(found, names, prefix + mesh.spelled(name), entries)
-    return found
+                _group_surface(content, names, prefix + mesh.spelled(name), entries)
+    return content
 
 
 def _with_cells(mesh: FileMesh) -> Grouped:
     """Return the cells, one block for each kind."""
     n = sum(len(nodes) for _, _, nodes in mesh.blocks)
-    found = Grouped(mesh, block_of=np.full(n, -1, dtype=np.int64), row_of=np.zeros(n, dtype=np.int64))
+    content = Grouped(mesh, block_of=np.full(n, -1, dtype=np.int64), row_of=np.zeros(n, dtype=np.int64))
     kinds: dict[str, list[tuple[int, np.ndarray]]] = {}
-    found.of_solids = np.zeros(len(mesh.points), dtype=bool)
+    content.of_solids = np.zeros(len(mesh.points), dtype=bool)
     for first, block, nodes in mesh.blocks:
         if block.kind is not None:
             kinds.setdefault(block.kind, []).append((first, nodes))
         if is_solid(block.word):
-            found.of_solids[nodes] = True
+            content.of_solids[nodes] = True
     for kind, parts in kinds.items():
-        own = np.concatenate([np.arange(first, first + len(nodes)) for first, nodes in parts])
-        found.block_of[own], found.row_of[own] = len(found.cells), np.arange(len(own))
+        elements = np.concatenate([np.arange(first, first + len(nodes)) for first, nodes in parts])
+        content.block_of[elements], content.row_of[elements] = len(content.cells), np.arange(len(elements))
         nodes = parts[0][1] if len(parts) == 1 else np.concatenate([nodes for _, nodes in parts])
-        found.cells.append(Cells(kind, nodes, mesh.element_numbers[own]))
-    return found
+        content.cells.append(Cells(kind, nodes, mesh.element_numbers[elements]))
+    return content
 
 
-def _group_sets(found: Grouped, names: Names, prefix: str) -> None:
-    mesh, scope = found.mesh, names.scope
+def _group_sets(content: Grouped, names: Names, prefix: str) -> None:
+    mesh, scope = content.mesh, names.scope
     for name in [name for name in names.sets["ELSET"] if name not in names.internal]:
         where = names.sets["ELSET"][name][0][2] if names.sets["ELSET"][name] else ""
-        found.add_elements(prefix + mesh.spelled(name), mesh.elements(scope, name, where))
+        content.add_elements(prefix + mesh.spelled(name), mesh.elements(scope, name, where))
     for name in [name for name in names.sets["NSET"] if name not in names.internal]:
         where = names.sets["NSET"][name][0][2] if names.sets["NSET"][name] else ""
-        found.groups.setdefault(prefix + mesh.spelled(name), Group()).add_nodes(mesh.nodes(scope, name, where))
+        content.groups.setdefault(prefix + mesh.spelled(name), Group()).add_nodes(mesh.nodes(scope, name, where))
 
 
-def _group_surface(found: Grouped, names: Names, name: str, entries: list[tuple[str, str, str]]) -> None:
+def _group_surface(content: Grouped, names: Names, name: str, entries: list[tuple[str, str, str]]) -> None:
     """Make a group of a surface: of its faces, or of its nodes."""
-    mesh, scope = found.mesh, names.scope
+    mesh, scope = content.mesh, names.scope
     by_face: dict[str, list[np.ndarray]] = {}
     where_of: dict[str, str] = {}
     for word, face, where in entries:
         if face == "NODE":
-            found.groups.setdefault(name, Group()).add_nodes(mesh.nodes(scope, word, where))
+            content.groups.setdefault(name, Group()).add_nodes(mesh.nodes(scope, word, where))
         elif not word and face:
             raise MeshError(f"{where}: *SURFACE names face {face} of no element")
         elif not word:  # all elements of the model
-            by_face.setdefault("", []).append(np.arange(len(found.block_of)))
+            by_face.setdefault("", []).append(np.arange(len(content.block_of)))
         else:
             by_face.setdefault(face, []).append(mesh.elements(scope, word, where))
         where_of.setdefault(face, where)
     for face, parts in by_face.items():
-        add_faces(found, name, np.unique(np.concatenate(parts)), face, f"{where_of[face]}: *SURFACE")
+        add_faces(content, name, np.unique(np.concatenate(parts)), face, f"{where_of[face]}: *SURFACE")
 
 
-def add_faces(found: Grouped, name: str, elements: np.ndarray, face: str, where: str) -> None:
+def add_faces(content: Grouped, name: str, elements: np.ndarray, face: str, where: str) -> None:
     """Add faces "S1", "S2", ..., or the outer ones, of elements to a group; ``where`` begins messages: "line 12: *SURFACE"."""
-    blocks = found.block_of[elements]
+    blocks = content.block_of[elements]
     number = re.fullmatch(r"S(\d)", face)
     for block in np.unique(blocks[blocks >= 0]):
-        rows, cells = found.row_of[elements[blocks == block]], found.cells[block]
+        rows, cells = content.row_of[elements[blocks == block]], content.cells[block]
         family = cells.kind.rstrip("0123456789")
         if KINDS[cells.kind][0] == 2 and face in ("", "SPOS", "SNEG"):
-            found.groups.setdefault(name, Group()).add_cells(int(block), rows)
+            content.groups.setdefault(name, Group()).add_cells(int(block), rows)
         elif family in _FACES and number:
             if not 1 <= int(number[1]) <= len(_FACES[family]):
                 raise MeshError(f"{where} names face {face} of element {cells.numbers[rows[0]]}, a {family}")
-            found.add_face(name, int(block), rows, int(number[1]))
+            content.add_face(name, int(block), rows, int(number[1]))
         elif family in _FACES and not face:
-            outer = found.outer_faces(int(block))[rows]
+            outer = content.outer_faces(int(block))[rows]
             for i in range(outer.shape[1]):
                 if outer[:, i].any():
-                    found.add_face(name, int(block), rows[outer[:, i]], i + 1)
+                    content.add_face(name, int(block), rows[outer[:, i]], i + 1)
 
 
 def _outer_faces(cells: list[Cells]) -> dict[int, np.ndarray]:
     """Return, for each block of solids, which of their faces belong to one solid alone, (n, n_faces) bool."""
-    solids = {i: own.kind.rstrip("0123456789") for i, own in enumerate(cells)}
+    solids = {i: block.kind.rstrip("0123456789") for i, block in enumerate(cells)}
     solids = {i: family for i, family in solids.items() if family in _FACES}
     keys = []
     for i, family in solids.items():
@@ -222,12 +222,12 @@ def _outer_faces(cells: list[Cells]) -> dict[int, np.ndarray]:
             keys.append(np.column_stack([corners, np.full(len(corners), -1)]) if len(face) == 3 else corners)
     every = np.ascontiguousarray(np.concatenate(keys))
     labels, counts = np.unique(every.view([("", every.dtype)] * 4).ravel(), return_inverse=True, return_counts=True)[1:]
-    is_outer, at, found = counts[labels.ravel()] == 1, 0, {}
+    is_outer, at, outer = counts[labels.ravel()] == 1, 0, {}
     for i, family in solids.items():
         n, n_faces = len(cells[i].nodes), len(_FACES[family])
-        found[i] = is_outer[at : at + n * n_faces].reshape(n_faces, n).T
+        outer[i] = is_outer[at : at + n * n_faces].reshape(n_faces, n).T
         at += n * n_faces
-    return found
+    return outer
 
 
 def _face_nodes(kind: str, family: str, face: int) -> list[int]:

@@ -91,8 +91,8 @@ class FileMesh:
             what = "is made of itself" if key in within else f"is made of sets within more than {_DEEPEST} others"
             raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} {what}")
         if key not in self.known:
-            found = [self._part(names, kind, word, part, (*within, key)) for part in names.sets[kind][word]]
-            self.known[key] = np.unique(np.concatenate([NO_NODES, *found]))
+            parts = [self._part(names, kind, word, part, (*within, key)) for part in names.sets[kind][word]]
+            self.known[key] = np.unique(np.concatenate([NO_NODES, *parts]))
         return self.known[key]
 
     def _part(self, names: Names, kind: str, word: str, part: tuple, within: tuple) -> np.ndarray:
@@ -109,15 +109,15 @@ class FileMesh:
             other, member = (names, what) if how == "instance" else self.find(names.scope, what)
             return self._members(other, kind, member, where, within)
         places, first = names.places(kind)
-        found, n_missing, missing = places.held(what)
+        members, n_missing, missing = places.held(what)
         if n_missing:
             what = "nodes" if kind == "NSET" else "elements"
             self.missing[where] = (kind, f"{self.spelled(word)!r} names {n_missing} {what} that the file does not hold", missing)
-        return first + found
+        return first + members
 
     def _positions(self, names: Names, kind: str, numbers: np.ndarray, where: str) -> np.ndarray:
-        own, first = names.places(kind)
-        index, missing = own.find(numbers)
+        places, first = names.places(kind)
+        index, missing = places.find(numbers)
         if len(missing):
             what, card = ("node", "*NODE") if kind == "NSET" else ("element", "*ELEMENT")
             raise MeshError(f"{where} names {what} {missing[0]}, which no {card} block holds")
@@ -125,12 +125,12 @@ class FileMesh:
 
     def nodes_of(self, elements: np.ndarray) -> np.ndarray:
         """Return the nodes of some elements, positions."""
-        found = [NO_NODES]
+        parts = [NO_NODES]
         for first, _, nodes in self.blocks:
-            own = elements[(elements >= first) & (elements < first + len(nodes))] - first
-            found.append(nodes[own].ravel())
-        found_nodes = np.unique(np.concatenate(found))
-        return found_nodes[found_nodes >= 0]
+            rows = elements[(elements >= first) & (elements < first + len(nodes))] - first
+            parts.append(nodes[rows].ravel())
+        members = np.unique(np.concatenate(parts))
+        return members[members >= 0]
 
 
 def take_mesh_card(mesh: FileMesh, scope: Scope, card: Card) -> bool:
@@ -163,7 +163,7 @@ def _take_elements(mesh: FileMesh, names: Names, card: Card) -> None:
 
 
 def add_to_set(mesh: FileMesh, names: Names, kind: str, name: str, part: tuple) -> None:
-    """Add an entry to a set: how its members are told, they themselves, and where that stands."""
+    """Add an entry to a set: how its members are stated, the members, and where the statement stands."""
     names.sets[kind].setdefault(mesh.spelled(name).upper(), []).append(part)
 
 
@@ -248,7 +248,7 @@ def finish(mesh: FileMesh) -> None:
     for names in every:
         names.node_numbers = _joined(part[0] for part in names.given_nodes)
         names.element_numbers = _joined(block.numbers for block in names.blocks)
-        _refuse_twice([(own, where) for own, _, where in names.given_nodes], "NODE", "node")
+        _refuse_twice([(numbers, where) for numbers, _, where in names.given_nodes], "NODE", "node")
         _refuse_twice([(block.numbers, block.where) for block in names.blocks], "ELEMENT", "element")
         names.blocks = _merged(names.blocks)
         names.node_places, names.element_places = Places(names.node_numbers), Places(names.element_numbers)
@@ -277,26 +277,26 @@ def finish(mesh: FileMesh) -> None:
 
 def _single_node(mesh: FileMesh, scope: Scope, word: str, where: str) -> int:
     """Return the one node, a position, that an element of the assembly names."""
-    found = mesh.nodes(scope, word, where)
-    if len(found) != 1:
-        raise MeshError(f"{where}: *ELEMENT names {word!r}, which holds {len(found)} nodes where one is due")
-    return int(found[0])
+    members = mesh.nodes(scope, word, where)
+    if len(members) != 1:
+        raise MeshError(f"{where}: *ELEMENT names {word!r}, which holds {len(members)} nodes where one is due")
+    return int(members[0])
 
 
 def _merged(blocks: list[Elements]) -> list[Elements]:
     """Join the elements of cards of one type that follow each other."""
-    found: list[list[Elements]] = []
+    runs: list[list[Elements]] = []
     for block in blocks:
-        last = found[-1][0] if found else None
+        last = runs[-1][0] if runs else None
         if (
             last is not None
             and not (block.named or last.named)
             and last.word == block.word
             and last.nodes.shape[1] == block.nodes.shape[1]
         ):
-            found[-1].append(block)
+            runs[-1].append(block)
         else:
-            found.append([block])
+            runs.append([block])
     return [
         replace(
             parts[0],
@@ -305,7 +305,7 @@ def _merged(blocks: list[Elements]) -> list[Elements]:
         )
         if len(parts) > 1
         else parts[0]
-        for parts in found
+        for parts in runs
     ]
 
 
@@ -322,16 +322,16 @@ def _refuse_twice(parts: list[tuple[np.ndarray, str]], keyword: str, what: str) 
     again = order[1:][np.diff(numbers[order]) == 0]
     if len(again):
         row = again.min()
-        part = int(np.searchsorted(np.cumsum([len(own) for own, _ in parts]), row, side="right"))
+        part = int(np.searchsorted(np.cumsum([len(part_numbers) for part_numbers, _ in parts]), row, side="right"))
         raise MeshError(f"{parts[part][1]}: *{keyword} gives {what} number {numbers[row]} more than once")
 
 
-def _unique_numbers(own: list[np.ndarray]) -> tuple[np.ndarray, int]:
+def _unique_numbers(scopes: list[np.ndarray]) -> tuple[np.ndarray, int]:
     """Return numbers that are unique over all scopes, and by how much each further one is raised."""
-    numbers = _joined(own)
-    held = [part for part in own if len(part)]
+    numbers = _joined(scopes)
+    held = [part for part in scopes if len(part)]
     if len(held) < 2 or len(np.unique(numbers)) == len(numbers):
         return numbers, 0
     raised = 10 ** len(str(int(numbers.max())))
-    count = np.cumsum([0] + [len(part) > 0 for part in own])[:-1]
-    return _joined(part + raised * k for part, k in zip(own, count, strict=True)), raised
+    count = np.cumsum([0] + [len(part) > 0 for part in scopes])[:-1]
+    return _joined(part + raised * k for part, k in zip(scopes, count, strict=True)), raised

@@ -26,10 +26,10 @@ class Places:
         """Return the places of those numbers that there are, how many there are not, and the first of these."""
         if isinstance(wanted, range):  # which may be far longer than what there is
             low, high = np.searchsorted(self.sorted, [wanted.start, wanted.stop])
-            own = self.sorted[low:high]
-            own = own[(own - wanted.start) % wanted.step == 0]
-            n_alike = int(np.cumprod(own == wanted.start + wanted.step * np.arange(len(own))).sum())
-            return self.find(own)[0], len(wanted) - len(own), wanted.start + wanted.step * n_alike
+            inside = self.sorted[low:high]
+            inside = inside[(inside - wanted.start) % wanted.step == 0]
+            n_alike = int(np.cumprod(inside == wanted.start + wanted.step * np.arange(len(inside))).sum())
+            return self.find(inside)[0], len(wanted) - len(inside), wanted.start + wanted.step * n_alike
         index, missing = self.find(wanted)
         if not len(missing):
             return index, 0, 0

@@ -118,7 +118,7 @@ def read_elements(card: Card) -> Elements:
         return _with_names(card, word, n_nodes)
     rows = _rows(card, word, n_nodes) if n_nodes else _unknown_rows(card)
     if kind == "line2" and word.startswith("B"):
-        rows = rows[:, :3]  # a beam's third node tells its direction
+        rows = rows[:, :3]  # a beam's third node states its direction
     return Elements(word, kind, rows[:, 0], rows[:, 1:], card.where)
 
 
@@ -137,9 +137,9 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
     beyond = np.flatnonzero((held > width) & (last > first))
     goes_on = card.goes_on() if len(beyond) else np.zeros(0, dtype=bool)
     for i in beyond:
-        own = goes_on[first[i] : last[i]]
-        if not own.all():
-            n = begins[first[i] + np.argmin(own) + 1] - starts[i] - 1
+        ends_in_comma = goes_on[first[i] : last[i]]
+        if not ends_in_comma.all():
+            n = begins[first[i] + np.argmin(ends_in_comma) + 1] - starts[i] - 1
             raise MeshError(f"{what}: element {values[starts[i]]:.0f} has {n} nodes, and {n_nodes} are due{_DAMAGED}")
     if len(held) and held[-1] < width:
         raise MeshError(
@@ -151,13 +151,13 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
 
 def _lines_of(counts: np.ndarray, width: int) -> np.ndarray:
     """Return the first and the last line (n, 2) of each element, which takes lines until it has ``width`` numbers."""
-    found, first, n_held = [], 0, 0
+    lines, first, n_held = [], 0, 0
     for i, count in enumerate(counts.tolist()):
         n_held += count
         if n_held >= width or i + 1 == len(counts):
-            found.append((first, i))
+            lines.append((first, i))
             first, n_held = i + 1, 0
-    return np.array(found, dtype=np.int64).reshape(-1, 2)
+    return np.array(lines, dtype=np.int64).reshape(-1, 2)
 
 
 def _with_names(card: Card, word: str, n_nodes: int) -> Elements:

@@ -57,12 +57,12 @@ def in_full(card: Card) -> tuple[dict[str, str], list[str]]:
     """Return a card's parameters with abbreviations written out, and those that are not known.  Local."""
     if card.keyword not in _NAMES:
         return card.parameters, []
-    names, found, unknown = _NAMES[card.keyword], {}, []
+    names, full, unknown = _NAMES[card.keyword], {}, []
     for name, value in card.parameters.items():
         longer = [known for known in names if len(name) >= _SHORTEST and known.startswith(name)]
         if name in names or len(longer) == 1:
-            found[name if name in names else longer[0]] = value
+            full[name if name in names else longer[0]] = value
         else:
-            found[name] = value
+            full[name] = value
             unknown.append(name)
-    return found, unknown
+    return full, unknown

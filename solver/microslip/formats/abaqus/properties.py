@@ -8,14 +8,14 @@ from ...messages.errors import MeshError
 from ...tables.structure import Body, Material
 from .cards import Card, number
 from .elastic import VALUES, keys_of, kind_of_material, orientation_of
-from .gathered import Gathered, Table
+from .input_model import InputModel, Table
 from .scopes import Scope
 from .types import OF_DISCRETE, Integration, integration_of, is_solid, kind_of, note_on
 
 _A_LINE = 8  # numbers of a material card on a full line
 
 
-def take_materials(model: Gathered) -> None:
+def take_materials(model: InputModel) -> None:
     """Take linear elastic materials; those whose values depend on the temperature with their tables (temperatures.py).
 
     Raises
@@ -35,18 +35,18 @@ def take_materials(model: Gathered) -> None:
             model.tables[name] = tables
 
 
-def _of_each_material(model: Gathered) -> list[list[Card]]:
+def _of_each_material(model: InputModel) -> list[list[Card]]:
     """Return the cards of each *MATERIAL that has a name, that card first."""
-    found: list[list[Card]] = []
+    groups: list[list[Card]] = []
     for _, card in model.cards:
         if card.keyword == "MATERIAL":
-            found.append([card])
-        elif found and card.keyword in ("ELASTIC", "DENSITY", "EXPANSION"):
-            found[-1].append(card)
-    return [cards for cards in found if cards[0].parameters.get("NAME")]
+            groups.append([card])
+        elif groups and card.keyword in ("ELASTIC", "DENSITY", "EXPANSION"):
+            groups[-1].append(card)
+    return [cards for cards in groups if cards[0].parameters.get("NAME")]
 
 
-def _take_properties(model: Gathered, name: str, cards: list[Card]) -> None:
+def _take_properties(model: InputModel, name: str, cards: list[Card]) -> None:
     stated: dict[str, str] = {}  # where the properties stand
     for card in cards:
         known, model.materials[name] = model.materials[name], _with(model, model.materials[name], name, card)
@@ -56,11 +56,11 @@ def _take_properties(model: Gathered, name: str, cards: list[Card]) -> None:
         stated[card.keyword] = card.where
 
 
-def _spelled(model: Gathered, name: str) -> str:
+def _spelled(model: InputModel, name: str) -> str:
     return next((known for known in model.materials if known.upper() == name.upper()), name)
 
 
-def _with(model: Gathered, material: Material, name: str, card: Card) -> Material:
+def _with(model: InputModel, material: Material, name: str, card: Card) -> Material:
     """Return a material with what one card says."""
     kind = kind_of_material(card)
     if kind is None:
@@ -111,13 +111,13 @@ def _table(card: Card, records: list[tuple[list[str], str]], kind: str, where: s
 
 def _row(words: list[str], where: str, card: Card, n: int) -> tuple[float, ...]:
     """Return the first ``n`` numbers of a data line, 0 where a field is empty."""
-    found = [number(word) if word else 0.0 for word in (words + [""] * n)[:n]]
-    if any(value is None for value in found):
+    values = [number(word) if word else 0.0 for word in (words + [""] * n)[:n]]
+    if any(value is None for value in values):
         raise MeshError(f"{where}: *{card.keyword} holds {','.join(words)[:60]!r} where numbers are due")
-    return tuple(value for value in found if value is not None)
+    return tuple(value for value in values if value is not None)
 
 
-def take_sections(model: Gathered) -> None:
+def take_sections(model: InputModel) -> None:
     """Make bodies of the sections: one for each integration of its elements.
 
     Raises
@@ -137,12 +137,12 @@ def take_sections(model: Gathered) -> None:
             model.findings.add("*ORIENTATION", card.where, "no material that differs by direction has it", False, "bodies")
 
 
-def _words(model: Gathered) -> np.ndarray:
+def _words(model: InputModel) -> np.ndarray:
     """Return which card, by its position among the blocks, each element is of, (n_elements,)."""
     return np.repeat(np.arange(len(model.mesh.blocks)), [len(nodes) for _, _, nodes in model.mesh.blocks])
 
 
-def _take_section(model: Gathered, scope: Scope, card: Card, elements: np.ndarray, words: np.ndarray) -> None:
+def _take_section(model: InputModel, scope: Scope, card: Card, elements: np.ndarray, words: np.ndarray) -> None:
     if "COMPOSITE" in card.parameters:
         model.findings.add("*SOLID SECTION, COMPOSITE", card.where, "layers of several materials", True, "bodies")
         return
@@ -156,9 +156,9 @@ def _take_section(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
             parts.setdefault(how, []).append(int(i))
     named = model.mesh.name_of(scope, card.parameters.get("ELSET", ""))
     for how, blocks in parts.items():
-        own = elements[np.isin(words[elements], blocks)]
+        members = elements[np.isin(words[elements], blocks)]
         types = dict.fromkeys(model.mesh.blocks[i][1].word for i in blocks)
-        group = model.grouped.body_group(named if len(parts) == 1 else f"{named} {' '.join(types)}", own)
+        group = model.grouped.body_group(named if len(parts) == 1 else f"{named} {' '.join(types)}", members)
         if group in model.bodies:
             continue
         model.bodies[group] = Body.of_file(
@@ -170,7 +170,7 @@ def _take_section(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         )
 
 
-def _orientation(model: Gathered, scope: Scope, section: Card, material: Material) -> str | None:
+def _orientation(model: InputModel, scope: Scope, section: Card, material: Material) -> str | None:
     """Return the name of the axes of a section's material, and take them; None where they are the model's, or none are needed.
 
     Raises
@@ -188,19 +188,19 @@ def _orientation(model: Gathered, scope: Scope, section: Card, material: Materia
     for owner, card in model.cards:
         if card.keyword == "ORIENTATION" and owner is scope and card.parameter("NAME") == wanted.upper():
             model.axes_of_materials.add(card)
-            found = orientation_of(scope, card)
-            if found is None:
+            orientation = orientation_of(scope, card)
+            if orientation is None:
                 effect = "axes of a material that are not stated by coordinates, rectangular or cylindrical"
                 model.findings.add("*ORIENTATION", card.where, effect, True, "bodies")
                 return None
             name = scope.named(card.parameters["NAME"])
-            model.orientations[name] = found
+            model.orientations[name] = orientation
             return name
     raise MeshError(f"{section.where}: *SOLID SECTION: there is no *ORIENTATION {wanted!r}")
 
 
-def _find_without_section(model: Gathered, has_section: np.ndarray) -> None:
-    """Add what is to be said of solids without a section, of their variants, and of elements that are no solids."""
+def _find_without_section(model: InputModel, has_section: np.ndarray) -> None:
+    """Add findings of solids without a section, of their variants, and of elements that are no solids."""
     for first, block, nodes in model.mesh.blocks:
         n = len(nodes)
         if is_solid(block.word):

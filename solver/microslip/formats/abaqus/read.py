@@ -13,9 +13,9 @@ from .contact import take_contact
 from .discrete import take_discrete
 from .equations import take_equations
 from .findings import REFUSED, TAKEN, add_card, known
-from .gathered import Gathered, Step
 from .generated import take_generated
 from .groups import grouped
+from .input_model import InputModel, Step
 from .mesh import FileMesh, finish, take_mesh_card
 from .parameters import in_full
 from .properties import take_materials, take_sections
@@ -54,7 +54,7 @@ def read_inp(path: str) -> FileModel:
         raise MeshError("the file holds no *NODE and *ELEMENT blocks that this program reads")
     finish(mesh)
     before, steps = _steps(played)
-    model = Gathered(mesh, grouped(mesh), before, steps, Findings())
+    model = InputModel(mesh, grouped(mesh), before, steps, Findings())
     take_materials(model)
     take_sections(model)
     take_transforms(model)
@@ -64,7 +64,7 @@ def read_inp(path: str) -> FileModel:
     take_discrete(model)
     take_supports(model)
     take_statics(model)
-    model.materials = {name: one.with_axes() for name, one in model.materials.items()}
+    model.materials = {name: material.with_axes() for name, material in model.materials.items()}
     _find_rest(model)
     return _composed(model)
 
@@ -92,16 +92,16 @@ def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], 
     return before, steps
 
 
-def _find_unknown_parameters(model: Gathered) -> None:
+def _find_unknown_parameters(model: InputModel) -> None:
     """Add findings for parameters of cards that are taken over, where nothing here knows what they do."""
     last = model.first_vibration
     steps = [step for step in model.steps if last is not None and step.number <= last.number]
-    for _, card in model.cards + [one for step in steps for one in step.cards]:
+    for _, card in model.cards + [entry for step in steps for entry in step.cards]:
         for name in in_full(card)[1]:
             model.findings.add(f"*{card.keyword}, {name}", card.where, "a parameter that is not known to this program", True)
 
 
-def _find_rest(model: Gathered) -> None:
+def _find_rest(model: InputModel) -> None:
     """Add findings for every card that is not taken over."""
     _find_unknown_parameters(model)
     for where, (kind, text, first) in model.mesh.missing.items():
@@ -127,7 +127,7 @@ def _is_known_to_change(card: Card) -> bool:
     return card.keyword in ("MODEL CHANGE", "CONTACT PAIR", "SELECT CYCLIC SYMMETRY MODES")
 
 
-def _find_initial(model: Gathered, card: Card) -> None:
+def _find_initial(model: InputModel, card: Card) -> None:
     kind = card.parameter("TYPE")
     if kind in ("TEMPERATURE", "VELOCITY", "ROTATING VELOCITY", "PLASTIC STRAIN", "HARDENING", "PRESSURE"):
         effect, changes = "of no effect on what is taken over", False
@@ -136,8 +136,8 @@ def _find_initial(model: Gathered, card: Card) -> None:
     model.findings.add(f"*INITIAL CONDITIONS, TYPE={kind}", card.where, effect, changes)
 
 
-def _composed(model: Gathered) -> FileModel:
-    """Return what was gathered, card by card, as one model: mesh, equations, tables and what is said of it.  Local."""
+def _composed(model: InputModel) -> FileModel:
+    """Return the model: mesh, equations, tables, findings.  Local."""
     mesh = model.mesh
     notes = tuple(
         f"{len(nodes)} elements of *ELEMENT, TYPE={block.word} are no cells of the mesh"
@@ -167,20 +167,20 @@ def _composed(model: Gathered) -> FileModel:
     )
 
 
-def _facts(model: Gathered) -> list[str]:
-    """Return what is to be listed beside the model: instances, how they are numbered, steps."""
-    found = []
+def _facts(model: InputModel) -> list[str]:
+    """Return what is listed with the model: instances, how they are numbered, steps."""
+    facts = []
     instances = [names for names in model.mesh.names.values() if names.scope.name]
     if instances:
         named = ", ".join(f"{names.scope.name} ({len(names.node_numbers)} nodes)" for names in instances)
-        found.append(f"{len(instances)} instances: {named}")
+        facts.append(f"{len(instances)} instances: {named}")
     for what, raised in zip(("node", "element"), model.mesh.offsets, strict=True):
         if raised:
-            found.append(
+            facts.append(
                 f"instances share {what} numbers: those of the first stay, of the second are raised by {raised}, of the third by "
                 f"{2 * raised}, and so on; those of the assembly come last"
             )
     if model.steps:
         last = model.first_vibration
-        found.append(f"{len(model.steps)} steps; what is held is that of step {last.number if last else 1}")
-    return found
+        facts.append(f"{len(model.steps)} steps; what is held is that of step {last.number if last else 1}")
+    return facts

@@ -45,8 +45,8 @@ def in_scopes(cards: list[Card]) -> tuple[list[tuple[Scope, Card]], Scope]:
         if len(parts) > 1:
             first = next(iter(parts.values()))[0]
             raise MeshError(f"{first.where}: {len(parts)} parts and no *INSTANCE of any of them: there is nothing to read")
-        own = [card for part in parts.values() for card in part[1:]]
-        return [(model, card) for card in own + rest], model
+        of_parts = [card for part in parts.values() for card in part[1:]]
+        return [(model, card) for card in of_parts + rest], model
     return list(_played(parts, rest, model)), model
 
 
@@ -85,8 +85,8 @@ def _played(parts: dict[str, list[Card]], rest: list[Card], model: Scope) -> Ite
                 raise MeshError(f"{card.where}: *INSTANCE {name}: there is no part {card.parameters.get('PART', '')!r}; {known}")
             names.add(name.upper())
             scope = _placed_scope(name, card)
-            for own in parts[part][1:] if part else ():
-                yield scope, own
+            for of_part in parts[part][1:] if part else ():
+                yield scope, of_part
         elif card.keyword == "END INSTANCE":
             scope = model
         else:

@@ -13,8 +13,8 @@ from ...tables.table import Vector
 from ..draft import vector
 from ..model import LoadsAtRest
 from .cards import Card, number
-from .gathered import Gathered, Step
 from .groups import add_faces
+from .input_model import InputModel, Step
 from .scopes import Scope
 from .supports import held_by
 from .temperatures import take_temperatures, temperatures_of
@@ -66,7 +66,7 @@ class _Acting:
         self._own.add((id(table), key))
 
 
-def take_statics(model: Gathered) -> None:
+def take_statics(model: InputModel) -> None:
     """Take the loads about which the first vibration is; findings for those that are not taken over.
 
     Raises
@@ -103,11 +103,11 @@ def _is_loaded(step: Step) -> bool:
     return any(card.keyword in (*_TAKEN, *_OTHERS, "BOUNDARY") for _, card in step.cards)
 
 
-def _refuse(model: Gathered, word: str, where: str, effect: str) -> None:
+def _refuse(model: InputModel, word: str, where: str, effect: str) -> None:
     model.findings.add(word, where, effect, True, "statics")
 
 
-def _find_nonlinear(model: Gathered, loaded: list[Step], acting: _Acting) -> None:
+def _find_nonlinear(model: InputModel, loaded: list[Step], acting: _Acting) -> None:
     """Add findings for what the statics of a scene leave out, and for large displacements in any case."""
     why = _why_not_large(model, acting)
     for step in loaded:
@@ -124,14 +124,14 @@ def _is_large(step: Step) -> bool:
     return "NLGEOM" in card.parameters and card.parameter("NLGEOM", "YES") != "NO"
 
 
-def _why_not_large(model: Gathered, acting: _Acting) -> str:
+def _why_not_large(model: InputModel, acting: _Acting) -> str:
     """Return what a scene has with small displacements alone; "" where the file has nothing of that."""
     if acting.faces or acting.surfaces:
         return "pressures, which do not follow the surface"
     return "bolts" if acting.bolts else "points that turn with their nodes" if model.points else ""
 
 
-def _take_step(model: Gathered, step: Step, acting: _Acting) -> None:
+def _take_step(model: InputModel, step: Step, acting: _Acting) -> None:
     """Take the loads of one step into what acts."""
     head = step.cards[0][1]
     if not any(card.keyword == "STATIC" for _, card in step.cards):
@@ -149,7 +149,7 @@ def _take_step(model: Gathered, step: Step, acting: _Acting) -> None:
             _take_moved(model, scope, card, acting)
 
 
-def _take_moved(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> None:
+def _take_moved(model: InputModel, scope: Scope, card: Card, acting: _Acting) -> None:
     """Take supports of solids that are moved along model axes, and hold what they hold; findings for others."""
     for words, where in card.lines():
         if len(words) < 2 or number(words[1]) is None:
@@ -165,12 +165,12 @@ def _take_moved(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> N
         acting.moved.update({(node, dof): value for node in nodes.tolist() for dof in dofs})
 
 
-def _are_plain(model: Gathered, nodes: np.ndarray, dofs: set[int]) -> bool:
+def _are_plain(model: InputModel, nodes: np.ndarray, dofs: set[int]) -> bool:
     """Return whether nodes are those of solids without axes of their own, and no directions rotations."""
     return bool(model.grouped.of_solids[nodes].all()) and not np.isin(nodes, list(model.axes)).any() and dofs <= {1, 2, 3}
 
 
-def _take_card(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> None:
+def _take_card(model: InputModel, scope: Scope, card: Card, acting: _Acting) -> None:
     for name in card.parameters:
         if name != "OP":
             _refuse(model, f"*{card.keyword}, {name}", card.where, "a load that is more than a constant")
@@ -190,13 +190,13 @@ def _take_card(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> No
 
 def _values(words: list[str], first: int, n: int, where: str, keyword: str) -> list[float]:
     """Return numbers of a data line from the field ``first`` on."""
-    found = [number(word) for word in words[first : first + n]]
-    if len(found) < n or None in found:
+    values = [number(word) for word in words[first : first + n]]
+    if len(values) < n or None in values:
         raise MeshError(f"{where}: *{keyword} holds {','.join(words)[:60]!r} where numbers are due")
-    return [value for value in found if value is not None]
+    return [value for value in values if value is not None]
 
 
-def _take_force(model: Gathered, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
+def _take_force(model: InputModel, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
     direction, value = _values(words, 1, 2, where, "CLOAD")
     if words[0].upper() in model.cuts:
         acting.put(acting.bolts, model.cuts[words[0].upper()], value)
@@ -212,7 +212,7 @@ def _take_force(model: Gathered, scope: Scope, words: list[str], where: str, act
         acting.names[node] = "*CLOAD" if words[0].isdigit() else model.mesh.name_of(scope, words[0])
 
 
-def _take_distributed(model: Gathered, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
+def _take_distributed(model: InputModel, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
     """Take a pressure on faces P1, P2, ... of elements, or a rotation of the whole structure."""
     label = words[1].upper() if len(words) > 1 else ""
     elements = model.mesh.elements(scope, words[0], where)
@@ -226,12 +226,12 @@ def _take_distributed(model: Gathered, scope: Scope, words: list[str], where: st
         _refuse(model, f"*DLOAD, {label}", where, f"a load {label} that [statics] does not have")
 
 
-def _take_rotation(model: Gathered, elements: np.ndarray, words: list[str], where: str, acting: _Acting) -> None:
+def _take_rotation(model: InputModel, elements: np.ndarray, words: list[str], where: str, acting: _Acting) -> None:
     spin = tuple(_values(words, 2, 7, where, "DLOAD"))
     is_turned = np.zeros(len(model.grouped.block_of), dtype=bool)
     is_turned[elements] = True
     solids = [is_turned[first : first + len(nodes)] for first, block, nodes in model.mesh.blocks if is_solid(block.word)]
-    if not all(own.all() for own in solids) or spin[0] < 0.0 or not any(spin[4:]):
+    if not all(turned.all() for turned in solids) or spin[0] < 0.0 or not any(spin[4:]):
         _refuse(model, "*DLOAD, CENTRIF", where, f"a rotation of {words[0]} alone, or about no axis; [statics] turns everything")
         return
     if acting.spin not in (None, spin):
@@ -239,7 +239,7 @@ def _take_rotation(model: Gathered, elements: np.ndarray, words: list[str], wher
     acting.spin = spin
 
 
-def _take_pressure(model: Gathered, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
+def _take_pressure(model: InputModel, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
     name = model.mesh.name_of(scope, words[0])
     label = words[1].upper() if len(words) > 1 else ""
     if label != "P" or not model.grouped.has_faces(name):
@@ -249,11 +249,11 @@ def _take_pressure(model: Gathered, scope: Scope, words: list[str], where: str, 
     acting.put(acting.surfaces, name, value)
 
 
-def _composed(model: Gathered, acting: _Acting, step: Step) -> LoadsAtRest:
+def _composed(model: InputModel, acting: _Acting, step: Step) -> LoadsAtRest:
     """Return what acts, on groups made for it."""
     speed = 0.0 if acting.spin is None else float(np.sqrt(acting.spin[0]))
     _, *axis = (0.0,) * 7 if acting.spin is None else acting.spin
-    bolts = {one.name: one.group for one in model.bolts}
+    bolts = {bolt.name: bolt.group for bolt in model.bolts}
     return LoadsAtRest(
         word=WORD,
         step=step.number,
@@ -276,7 +276,7 @@ def _on_surfaces(acting: _Acting) -> list[Pressure]:
     return [Pressure.of_file(group=name, pressure=value) for name, value in acting.surfaces.items() if value]
 
 
-def _forces(model: Gathered, acting: _Acting) -> list[Force]:
+def _forces(model: InputModel, acting: _Acting) -> list[Force]:
     """Return the forces in model axes: of points, and of nodes that bear the same one together."""
     vectors: dict[int, np.ndarray] = {}
     for (node, direction), value in acting.forces.items():
@@ -285,23 +285,23 @@ def _forces(model: Gathered, acting: _Acting) -> list[Force]:
             raise MeshError(f"*CLOAD: node {model.mesh.numbers[node]} lies on the axis of its *TRANSFORM")
         vectors[node] = vectors.get(node, np.zeros(3)) + (value * axes[direction - 1] if value else 0.0)
     alike: dict[Vector, list[int]] = {}
-    found = []
+    forces = []
     for node, values in vectors.items():
         force = vector(values)
         if not any(force):
             continue
         if node in model.points:
-            found.append(Force.of_file(point=model.points[node].name, force=force))
+            forces.append(Force.of_file(point=model.points[node].name, force=force))
         else:
             alike.setdefault(force, []).append(node)
     for force, nodes in alike.items():
         names = {acting.names[node] for node in nodes}
         group = model.grouped.node_group(names.pop() if len(names) == 1 else "*CLOAD", np.array(nodes))
-        found.append(Force.of_file(group=group, force=vector(len(nodes) * value for value in force)))
-    return found
+        forces.append(Force.of_file(group=group, force=vector(len(nodes) * value for value in force)))
+    return forces
 
 
-def _moved(model: Gathered, acting: _Acting) -> list[MovedSupport]:
+def _moved(model: InputModel, acting: _Acting) -> list[MovedSupport]:
     """Return the supports that are moved, on groups made of the nodes that are moved alike."""
     vectors: dict[int, list[float]] = {}
     for (node, dof), value in acting.moved.items():
@@ -316,16 +316,16 @@ def _moved(model: Gathered, acting: _Acting) -> list[MovedSupport]:
     ]
 
 
-def _pressures(model: Gathered, acting: _Acting) -> list[Pressure]:
+def _pressures(model: InputModel, acting: _Acting) -> list[Pressure]:
     """Return the pressures on faces of elements, on groups made for them."""
     alike: dict[float, dict[int, list[int]]] = {}
     for (element, face), value in acting.faces.items():
         if value:
             alike.setdefault(value, {}).setdefault(face, []).append(element)
-    found = []
+    pressures = []
     for i, (value, faces) in enumerate(alike.items(), 1):
         name = model.grouped.free_name(f"*DLOAD {i}")
         for face, elements in faces.items():
             add_faces(model.grouped, name, np.unique(elements), f"S{face}", "*DLOAD")
-        found.append(Pressure.of_file(group=name, pressure=value))
-    return found
+        pressures.append(Pressure.of_file(group=name, pressure=value))
+    return pressures

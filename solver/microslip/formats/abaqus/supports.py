@@ -8,7 +8,7 @@ from ...messages.errors import MeshError
 from ...tables.structure import Support
 from ..draft import NAMES
 from .cards import Card, number, values_of
-from .gathered import Gathered, along_axis
+from .input_model import InputModel, along_axis
 from .nodes import axes_of
 from .scopes import Scope
 
@@ -24,7 +24,7 @@ _NAMED = {
 }
 
 
-def take_transforms(model: Gathered) -> None:
+def take_transforms(model: InputModel) -> None:
     """Keep the axes of nodes that have some of their own.
 
     Raises
@@ -73,7 +73,7 @@ def _round_axes(points: np.ndarray, first: np.ndarray, second: np.ndarray, kind:
 _Held = dict[str, tuple[list[np.ndarray], set[int]]]  # by the name of a set, or of what is held: nodes, directions from 1
 
 
-def take_supports(model: Gathered) -> None:
+def take_supports(model: InputModel) -> None:
     """Take what is held in the first step with *FREQUENCY, or in the first step: by the model data and the steps up to it."""
     held: _Held = {}
     loading = {card for step in model.steps_at_rest for _, card in step.cards}
@@ -83,20 +83,20 @@ def take_supports(model: Gathered) -> None:
         _hold(model, name, np.unique(np.concatenate(nodes)), dofs)
 
 
-def _boundaries(model: Gathered) -> list[tuple[Scope, Card]]:
+def _boundaries(model: InputModel) -> list[tuple[Scope, Card]]:
     """Return the *BOUNDARY cards that count; OP = NEW in one of several of a step removes those before the step alone."""
-    found = [(scope, card) for scope, card in model.cards if card.keyword == "BOUNDARY"]
+    cards = [(scope, card) for scope, card in model.cards if card.keyword == "BOUNDARY"]
     last = model.first_vibration
     for step in model.steps:
         if last is not None and step.number <= last.number:
-            own = [(scope, card) for scope, card in step.cards if card.keyword == "BOUNDARY"]
-            if any(card.parameter("OP") == "NEW" for _, card in own):
-                found = []
-            found += own
-    return found
+            of_step = [(scope, card) for scope, card in step.cards if card.keyword == "BOUNDARY"]
+            if any(card.parameter("OP") == "NEW" for _, card in of_step):
+                cards = []
+            cards += of_step
+    return cards
 
 
-def _take_card(model: Gathered, scope: Scope, card: Card, held: _Held, *, may_move: bool) -> None:
+def _take_card(model: InputModel, scope: Scope, card: Card, held: _Held, *, may_move: bool) -> None:
     """Take what a card holds; ``may_move``: what it moves is seen to in statics.py."""
     kind = card.parameter("TYPE", "DISPLACEMENT")
     for key in ("SUBMODEL", "USER", "BASENAME"):
@@ -131,7 +131,7 @@ def held_by(words: list[str], where: str) -> tuple[set[int], float]:
     return {dof for dof in range(int(first), int(last or first) + 1) if 1 <= dof <= 6}, value or 0.0
 
 
-def _hold(model: Gathered, name: str, nodes: np.ndarray, dofs: set[int]) -> None:
+def _hold(model: InputModel, name: str, nodes: np.ndarray, dofs: set[int]) -> None:
     """Hold nodes: points by name, nodes with axes of their own by equations, others as a group."""
     for node in nodes:
         if int(node) in model.points and dofs:

@@ -12,7 +12,7 @@ from ...tables.constant_loads import Temperature
 from ...tables.structure import Body, Material
 from .cards import Card, number
 from .elastic import keys_of
-from .gathered import Gathered, Table
+from .input_model import InputModel, Table
 from .scopes import Scope
 
 Ends = tuple[float | None, float | None]  # temperature of a body at first and in the vibration, None where it differs within it
@@ -20,23 +20,23 @@ _SAME = 1e-9  # temperatures of one body that differ by less, of the largest, ar
 _FIRST_ALONE = "values depend on the temperature or on fields; those of the first line would be taken"
 
 
-def temperatures_of(model: Gathered, scope: Scope, card: Card) -> dict[int, float]:
+def temperatures_of(model: InputModel, scope: Scope, card: Card) -> dict[int, float]:
     """Return what the data lines of a card give to nodes, by node.
 
     Raises
     ------
     MeshError : sets that there are not, words where numbers are due
     """
-    found: dict[int, float] = {}
+    temperatures: dict[int, float] = {}
     for words, where in card.lines():
         value = number(words[1]) if len(words) > 1 else None
         if value is None:
             raise MeshError(f"{where}: *{card.keyword} holds {','.join(words)[:60]!r} where a temperature is due")
-        found.update(dict.fromkeys(model.mesh.nodes(scope, words[0], where).tolist(), value))
-    return found
+        temperatures.update(dict.fromkeys(model.mesh.nodes(scope, words[0], where).tolist(), value))
+    return temperatures
 
 
-def take_temperatures(model: Gathered, at_rest: dict[int, float] | None, where: str) -> None:
+def take_temperatures(model: InputModel, at_rest: dict[int, float] | None, where: str) -> None:
     """Give materials their values at the temperature of their bodies, and the statics what is warmer than at first.
 
     ``at_rest`` has the temperatures that static steps end with, by node, stated at ``where``; None: the file changes them in a
@@ -62,24 +62,24 @@ def take_temperatures(model: Gathered, at_rest: dict[int, float] | None, where: 
         _warm_statics(model, ends, where)
 
 
-def _common(model: Gathered, body: Body, values: np.ndarray) -> float | None:
+def _common(model: InputModel, body: Body, values: np.ndarray) -> float | None:
     """Return the one temperature of a body, None where its nodes differ."""
     group = model.grouped.groups[body.group]
-    own = np.concatenate([values[model.grouped.cells[i].nodes[rows].ravel()] for i, rows in group.cells.items()])
-    return float(own[0]) if np.ptp(own) <= _SAME * np.abs(own).max() else None
+    at_nodes = np.concatenate([values[model.grouped.cells[i].nodes[rows].ravel()] for i, rows in group.cells.items()])
+    return float(at_nodes[0]) if np.ptp(at_nodes) <= _SAME * np.abs(at_nodes).max() else None
 
 
-def _warm_materials(model: Gathered, ends: dict[str, Ends]) -> None:
+def _warm_materials(model: InputModel, ends: dict[str, Ends]) -> None:
     """Replace materials that depend on the temperature by what they are in each body, cold at first and warm in the vibration."""
     for name, tables in model.tables.items():
-        own = {key: ends[key] for key, body in model.bodies.items() if body.material == name}
-        states = {(cold, warm) for cold, warm in own.values() if cold is not None and warm is not None}
-        if not own or len(states) < len(set(own.values())) or not all(table.is_of_temperature for table in tables):
+        bodies = {key: ends[key] for key, body in model.bodies.items() if body.material == name}
+        states = {(cold, warm) for cold, warm in bodies.values() if cold is not None and warm is not None}
+        if not bodies or len(states) < len(set(bodies.values())) or not all(table.is_of_temperature for table in tables):
             for table in tables:
                 model.findings.add(f"*{table.keyword}", table.where, f"material {name!r}: {_FIRST_ALONE}", True, "materials")
             continue
         plain = model.materials.pop(name)
-        for key, (cold, warm) in own.items():
+        for key, (cold, warm) in bodies.items():
             assert cold is not None and warm is not None, "a body of one temperature"
             named = name if len(states) == 1 else f"{name} {key}"
             model.materials[named] = _at(plain, tables, cold, warm)
@@ -101,10 +101,10 @@ def _at(material: Material, tables: list[Table], cold: float, warm: float) -> Ma
     return material.with_keys(**changed)
 
 
-def _warm_statics(model: Gathered, ends: dict[str, Ends], where: str) -> None:
+def _warm_statics(model: InputModel, ends: dict[str, Ends], where: str) -> None:
     """Add to the statics by how much bodies that expand are warmer than at first."""
     assert model.statics is not None, "a file with loads"
-    found = []
+    temperatures = []
     for name, body in model.bodies.items():
         material = model.materials.get(body.material)
         cold, warm = ends[name]
@@ -114,6 +114,6 @@ def _warm_statics(model: Gathered, ends: dict[str, Ends], where: str) -> None:
             effect = f"temperatures that differ within body {name!r} load the structure before it vibrates"
             model.findings.add("*TEMPERATURE", where, effect, True, "statics")
         else:
-            found.append(Temperature.of_file(group=body.group, temperature=warm - cold))
-    table = model.statics.table.with_keys(temperatures=tuple(found))
+            temperatures.append(Temperature.of_file(group=body.group, temperature=warm - cold))
+    table = model.statics.table.with_keys(temperatures=tuple(temperatures))
     model.statics = replace(model.statics, table=table)

@@ -42,10 +42,10 @@ def is_solid(word: str) -> bool:
 
 def integration_of(word: str) -> Integration | None:
     """Return how a solid type is integrated, None where its variant is not known."""
-    found = re.fullmatch(r"C3D(\d+)" + _VARIANT, word)
-    if not found or int(found[1]) not in _SOLIDS:
+    match = re.fullmatch(r"C3D(\d+)" + _VARIANT, word)
+    if not match or int(match[1]) not in _SOLIDS:
         return None
-    n_nodes, variant = int(found[1]), found[2] or ""
+    n_nodes, variant = int(match[1]), match[2] or ""
     if n_nodes == 8:
         return Integration("full", "I" in variant or "R" in variant)
     if n_nodes == 20:

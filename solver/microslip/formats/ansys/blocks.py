@@ -51,8 +51,8 @@ def blocks_of_archive(archive: Any) -> Blocks:
         np.asarray(archive.enum, dtype=np.int64),
         np.asarray(archive._elem_off),
         np.asarray(archive._elem),
-        {name: np.asarray(own, dtype=np.int64) for name, own in archive.node_components.items()},
-        {name: np.asarray(own, dtype=np.int64) for name, own in archive.element_components.items()},
+        {name: np.asarray(members, dtype=np.int64) for name, members in archive.node_components.items()},
+        {name: np.asarray(members, dtype=np.int64) for name, members in archive.element_components.items()},
         {int(number): int(element) for number, element in archive.ekey},
         {int(number): {int(key): int(value) for key, value in keys} for number, keys in archive.key_option.items()},
         {int(n): list(values) for n, values in zip(archive.rlblock_num, archive.rlblock, strict=True)},
@@ -183,9 +183,11 @@ def _elements(block: _Block, is_solid: bool) -> tuple[np.ndarray, np.ndarray, np
 def _component(block: _Block) -> np.ndarray:
     """Return the members of a component, where a negative number ends a range that begins at the one before."""
     members: list[np.ndarray] = []
-    for one in np.concatenate([np.array(line.split(), dtype=np.int64) for line in block.lines] or [np.zeros(0, dtype=np.int64)]):
-        if one < 0 and members:
-            members.append(np.arange(members[-1][-1] + 1, -one + 1))
+    for number in np.concatenate(
+        [np.array(line.split(), dtype=np.int64) for line in block.lines] or [np.zeros(0, dtype=np.int64)]
+    ):
+        if number < 0 and members:
+            members.append(np.arange(members[-1][-1] + 1, -number + 1))
         else:
-            members.append(np.array([one]))
+            members.append(np.array([number]))
     return np.concatenate(members) if members else np.zeros(0, dtype=np.int64)

@@ -96,10 +96,10 @@ class _Lines:
     def block(self) -> tuple[str, ...]:
         """Return the lines of numbers behind a format, up to the -1 that ends them."""
         self.next()
-        found = []
+        lines = []
         while (line := self.next()) is not None and line.strip()[:1].isdigit():
-            found.append(line)
-        return tuple(found)
+            lines.append(line)
+        return tuple(lines)
 
     def skip_numbers(self) -> None:
         """Pass over lines that hold nothing but numbers, at once: they are nearly the whole file."""

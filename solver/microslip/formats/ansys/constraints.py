@@ -31,102 +31,104 @@ class Restraints:
         self.findings.add(command.word, command.where, effect, part=part)
 
 
-def take_support(found: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> None:
+def take_support(
+    restraints: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]
+) -> None:
     """Take a D command: a node, a range of them, ALL or a component; a label or ALL; a value that must be 0."""
     nodes, label = _nodes(command.field(0), selected, components), command.field(1).upper()
     if nodes is None:
-        found.left_out(
+        restraints.left_out(
             command, f"a support of {command.field(0)!r}, which is no node, component or selection known here", "supports"
         )
         return
     if command.field(4) and len(nodes) == 1:
         nodes = np.arange(nodes[0], int(command.number(4)) + 1, max(int(command.number(5)), 1))
-    labels = [*_AXES, *_TURNS] if label in ("ALL", "") else [label, *(one.upper() for one in command.fields[6:11] if one)]
+    labels = [*_AXES, *_TURNS] if label in ("ALL", "") else [label, *(axis.upper() for axis in command.fields[6:11] if axis)]
     value = command.field(2)
     if value and command.number(2) != 0.0:
-        found.left_out(command, f"a displacement {label} = {value} other than 0", "supports")
+        restraints.left_out(command, f"a displacement {label} = {value} other than 0", "supports")
         return
-    for one in labels:
-        if one in _AXES or one in _TURNS:
-            found.held.setdefault({**_AXES, **_TURNS}[one], set()).update(nodes.tolist())
+    for axis in labels:
+        if axis in _AXES or axis in _TURNS:
+            restraints.held.setdefault({**_AXES, **_TURNS}[axis], set()).update(nodes.tolist())
         else:
-            found.left_out(command, f"a support of {one}, which is no displacement", "supports")
+            restraints.left_out(command, f"a support of {axis}, which is no displacement", "supports")
 
 
-def take_equation(found: Restraints, command: Command) -> None:
+def take_equation(restraints: Restraints, command: Command) -> None:
     """Take a CE command, as typed or as CDWRITE writes it: DEFI, then NODE with up to two terms a line."""
     if command.field(0).upper().startswith("R5"):
-        _take_written(found, command)
+        _take_written(restraints, command)
         return
     if command.number(1) != 0.0:
-        found.left_out(command, "an equation whose constant is not 0", "equations")
+        restraints.left_out(command, "an equation whose constant is not 0", "equations")
     else:
-        _add_equation(found, command, command.fields[2:])
+        _add_equation(restraints, command, command.fields[2:])
 
 
-def _take_written(found: Restraints, command: Command) -> None:
+def _take_written(restraints: Restraints, command: Command) -> None:
     if command.field(1).upper() == "DEFI":
         if command.number(4) != 0.0:
-            found.left_out(command, "an equation whose constant is not 0", "equations")
-            found.is_open = False
+            restraints.left_out(command, "an equation whose constant is not 0", "equations")
+            restraints.is_open = False
         else:
-            found.equations.append((command.where, []))
-            found.is_open = True
-    elif found.is_open:
-        found.is_open = _extend(found, command, found.equations[-1][1], command.fields[2:])
+            restraints.equations.append((command.where, []))
+            restraints.is_open = True
+    elif restraints.is_open:
+        restraints.is_open = _extend(restraints, command, restraints.equations[-1][1], command.fields[2:])
 
 
-def _add_equation(found: Restraints, command: Command, fields: tuple[str, ...]) -> None:
+def _add_equation(restraints: Restraints, command: Command, fields: tuple[str, ...]) -> None:
     """Take an equation as it is typed; a further command with its number adds terms."""
     number = command.field(0).upper()
-    is_further = number.isdigit() and number in found.typed
-    terms = found.typed[number] if is_further else []
+    is_further = number.isdigit() and number in restraints.typed
+    terms = restraints.typed[number] if is_further else []
     if number.isdigit():
-        found.typed[number] = terms
+        restraints.typed[number] = terms
     if not is_further:
-        found.equations.append((command.where, terms))
+        restraints.equations.append((command.where, terms))
     if terms or not is_further:  # a further one without terms belongs to one that has been left out
-        _extend(found, command, terms, fields)
+        _extend(restraints, command, terms, fields)
 
 
-def _extend(found: Restraints, command: Command, terms: list[Term], fields: tuple[str, ...]) -> bool:
+def _extend(restraints: Restraints, command: Command, terms: list[Term], fields: tuple[str, ...]) -> bool:
     """Add the terms of fields (node, label, coefficient); report what is no displacement, and leave no terms then."""
-    own = Command(command.word, fields, command.line)
+    shifted = Command(command.word, fields, command.line)
     for i in range(0, len(fields) - 2, 3):
         if not fields[i]:
             break
         label = fields[i + 1].upper()
         if label not in _AXES:
-            found.left_out(command, f"an equation with {label}, which is no displacement", "equations")
+            restraints.left_out(command, f"an equation with {label}, which is no displacement", "equations")
             terms.clear()
             return False
-        terms.append((int(own.number(i)), _AXES[label], own.number(i + 2)))
+        terms.append((int(shifted.number(i)), _AXES[label], shifted.number(i + 2)))
     return True
 
 
-def take_coupling(found: Restraints, command: Command) -> None:
+def take_coupling(restraints: Restraints, command: Command) -> None:
     """Take a CP command as it is typed: a set, a label, nodes."""
     if command.field(0).upper().startswith("R5"):
-        found.left_out(
+        restraints.left_out(
             command, "coupled nodes as CDWRITE writes them, which is not documented; write them as CE (CPTOCE)", "equations"
         )
         return
     label = command.field(1).upper()
     if label not in (*_AXES, "ALL"):
-        found.left_out(command, f"coupled nodes in {label}, which is no displacement", "equations")
+        restraints.left_out(command, f"coupled nodes in {label}, which is no displacement", "equations")
         return
-    _, _, nodes = found.coupled.setdefault(command.field(0), (command.where, label, []))
+    _, _, nodes = restraints.coupled.setdefault(command.field(0), (command.where, label, []))
     nodes.extend(int(Command(command.word, (word,), command.line).number(0)) for word in command.fields[2:] if word)
 
 
-def take_rigid(found: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> None:
+def take_rigid(restraints: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> None:
     """Take a CERIG command: nodes that follow one as a rigid body, in all directions."""
     label = command.field(2).upper()
     followers = _nodes(command.field(1), selected, components)
     if label not in ("", "ALL", "UXYZ") or followers is None:
-        found.left_out(command, f"a rigid region of {command.field(1)!r} in {label or 'ALL'}", "points")
+        restraints.left_out(command, f"a rigid region of {command.field(1)!r} in {label or 'ALL'}", "points")
         return
-    found.rigid.append((command.where, int(command.number(0)), [int(node) for node in followers]))
+    restraints.rigid.append((command.where, int(command.number(0)), [int(node) for node in followers]))
 
 
 def _nodes(word: str, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> np.ndarray | None:
@@ -145,7 +147,7 @@ def turned_axes(angles: np.ndarray) -> np.ndarray:
     return Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
 
 
-def take_constraints(found: Restraints, draft: Draft) -> None:
+def take_constraints(restraints: Restraints, draft: Draft) -> None:
     """Take supports by groups "D x", "D xy", ..., then equations and couplings, in the axes of the nodes.  Local.
 
     Raises
@@ -153,13 +155,13 @@ def take_constraints(found: Restraints, draft: Draft) -> None:
     MeshError : a node of an equation that is not there
     """
     held = np.zeros((len(draft.numbers), 6), dtype=bool)
-    for axis, nodes in found.held.items():
+    for axis, nodes in restraints.held.items():
         wanted = np.array(sorted(nodes), dtype=np.int64)
         index, missing = index_of(draft.numbers, wanted)
         held[index[~np.isin(wanted, missing)], axis] = True
     draft.hold("D", held)
-    rows = [("CE", where, terms) for where, terms in found.equations]
-    for where, label, followers in found.coupled.values():
+    rows = [("CE", where, terms) for where, terms in restraints.equations]
+    for where, label, followers in restraints.coupled.values():
         for axis in range(3) if label == "ALL" else [_AXES[label]]:
             rows += [("CP", where, [(node, axis, 1.0), (followers[0], axis, -1.0)]) for node in followers[1:]]
     for word, where, terms in rows:

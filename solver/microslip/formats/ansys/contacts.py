@@ -61,11 +61,11 @@ def side_of(kind: int, number: int, real: int, rows: np.ndarray, elements: np.nd
 
 def _as_quads(rows: np.ndarray, n_nodes: np.ndarray) -> np.ndarray:
     """Return the rows of triangles of 3 or 6 nodes in their own order as those of quadrilaterals drawn together."""
-    found = rows.copy()
+    quads = rows.copy()
     three, six = n_nodes == 3, n_nodes == 6
-    found[three, 3] = rows[three, 2]
-    found[six] = rows[six][:, [0, 1, 2, 2, 3, 4, 2, 5]]
-    return found
+    quads[three, 3] = rows[three, 2]
+    quads[six] = rows[six][:, [0, 1, 2, 2, 3, 4, 2, 5]]
+    return quads
 
 
 def report_contacts(content: Content, sides: list[Side]) -> None:

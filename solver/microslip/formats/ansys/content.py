@@ -133,9 +133,9 @@ def _make_materials(content: Content) -> None:
 
 def _take_keys(content: Content, command: Command, fields: tuple[str, ...]) -> None:
     """Take the KEYOPTs 1 to 6 that stand in an ET command."""
-    own = Command(command.word, fields, command.line)
+    shifted = Command(command.word, fields, command.line)
     known = content.keys.setdefault(int(command.number(0)), {})
-    known.update({i + 1: int(own.number(i)) for i, word in enumerate(fields) if word})
+    known.update({i + 1: int(shifted.number(i)) for i, word in enumerate(fields) if word})
 
 
 def _take_types(content: Content, command: Command) -> None:

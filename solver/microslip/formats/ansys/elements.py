@@ -34,13 +34,13 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
         if not isinstance(solid, Solid):
             if own_type not in (*CONTACT, TARGET):
                 _report_type(content, int(number), own_type, solid, int(rows_of_type.sum()))
-            for one in np.unique(real[rows_of_type]) if own_type in (154, *CONTACT, TARGET) else ():
-                own = rows_of_type & (real == one)
-                rows = _rows(flat, start, n_nodes, own, 8)
+            for value in np.unique(real[rows_of_type]) if own_type in (154, *CONTACT, TARGET) else ():
+                members = rows_of_type & (real == value)
+                rows = _rows(flat, start, n_nodes, members, 8)
                 if own_type == 154:
-                    _add_cells(groups, f"SURF154 real {one}", cells, faces(rows, elements[own], numbers))
+                    _add_cells(groups, f"SURF154 real {value}", cells, faces(rows, elements[members], numbers))
                 else:
-                    sides.append(side_of(own_type, int(number), int(one), rows, elements[own], numbers))
+                    sides.append(side_of(own_type, int(number), int(value), rows, elements[members], numbers))
                     _add_cells(groups, sides[-1].group, cells, list(sides[-1].cells))
             continue
         if own_type == 185 and content.is_chosen and 2 not in content.keys.get(int(number), {}):
@@ -48,15 +48,15 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
             content.findings.add("SOLID185", f"ET {number}", effect)
         elif solid.differs:
             content.findings.add(f"SOLID{own_type}", f"ET {number}", solid.differs, False)
-        for one in np.unique(material[rows_of_type]):
-            of_material = rows_of_type & (material == one)
-            named = f"material {one}" if (kind[material == one] == number).all() else f"material {one} type {number}"
-            for name, own, axes in _by_axes(named, of_material, system, content, int(one), orientations):
-                rows = _rows(flat, start, n_nodes, own, solid.n_nodes)
-                _add_cells(groups, name, cells, (tetrahedra if solid.n_nodes == 10 else solids)(rows, elements[own], numbers))
+        for value in np.unique(material[rows_of_type]):
+            of_material = rows_of_type & (material == value)
+            named = f"material {value}" if (kind[material == value] == number).all() else f"material {value} type {number}"
+            for name, members, axes in _by_axes(named, of_material, system, content, int(value), orientations):
+                rows = _rows(flat, start, n_nodes, members, solid.n_nodes)
+                _add_cells(groups, name, cells, (tetrahedra if solid.n_nodes == 10 else solids)(rows, elements[members], numbers))
                 bodies[name] = Body.of_file(
                     group=name,
-                    material=f"material {one}",
+                    material=f"material {value}",
                     orientation=axes,
                     integration=solid.integration,
                     incompatible_modes=solid.incompatible_modes,
@@ -66,46 +66,46 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
 
 
 def _by_axes(
-    name: str, own: np.ndarray, system: np.ndarray, content: Content, material: int, found: dict[str, Orientation]
+    name: str, members: np.ndarray, system: np.ndarray, content: Content, material: int, orientations: dict[str, Orientation]
 ) -> Iterator[tuple[str, np.ndarray, str | None]]:
     """Yield the elements of one material that have the same axes, with a name for them and that of the axes.
 
     Elements of isotropic materials stay together. Axes of other than the model's are taken into ``found``.
     """
     if not content.materials.get(material, Material.of_file()).has_axes:
-        yield name, own, None
+        yield name, members, None
         return
-    alike = np.unique(system[own])
+    alike = np.unique(system[members])
     for number in alike:
         axes = f"ESYS {number}" if number else None
         if axes is not None:
             made = orientation_of(*content.systems[int(number)]) if int(number) in content.systems else None
             if made is None:
                 effect = f"element axes of material {material}, which no LOCAL states as Cartesian or cylindrical"
-                content.findings.add(axes, f"{(own & (system == number)).sum()} elements", effect, part="bodies")
+                content.findings.add(axes, f"{(members & (system == number)).sum()} elements", effect, part="bodies")
                 axes = None
             else:
-                found[axes] = made
-        yield (name if len(alike) == 1 else f"{name} ESYS {number}"), own & (system == number), axes
+                orientations[axes] = made
+        yield (name if len(alike) == 1 else f"{name} ESYS {number}"), members & (system == number), axes
 
 
-def _rows(flat: np.ndarray, start: np.ndarray, n_nodes: np.ndarray, own: np.ndarray, width: int) -> np.ndarray:
+def _rows(flat: np.ndarray, start: np.ndarray, n_nodes: np.ndarray, members: np.ndarray, width: int) -> np.ndarray:
     """Return the nodes of some elements, (n, width), 0 where an element has fewer."""
-    at = start[own][:, None] + FIELDS + np.arange(width)
-    is_there = np.arange(width) < n_nodes[own][:, None]
+    at = start[members][:, None] + FIELDS + np.arange(width)
+    is_there = np.arange(width) < n_nodes[members][:, None]
     return np.where(is_there, flat[np.minimum(at, len(flat) - 1)], 0)
 
 
 def _add_cells(groups: dict[str, Group], name: str, cells: list[Cells], made: list[Cells]) -> None:
-    for one in made:
-        cells.append(one)
-        groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(len(one.nodes)))
+    for block in made:
+        cells.append(block)
+        groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(len(block.nodes)))
 
 
 def add_elements(group: Group, cells: list[Cells], elements: np.ndarray) -> None:
     """Add elements to a group by their numbers.  Local."""
-    for block, own in enumerate(cells):
-        rows = np.flatnonzero(np.isin(own.numbers, elements))
+    for block, part in enumerate(cells):
+        rows = np.flatnonzero(np.isin(part.numbers, elements))
         if len(rows):
             group.add_cells(block, rows)
 

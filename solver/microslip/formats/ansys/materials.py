@@ -25,10 +25,10 @@ def material_of(known: Mapping[str, float]) -> tuple[Material, tuple[str, ...]]:
     other = _labels_that_differ(known, plain)
     if not other:
         return plain, ()
-    expansion = tuple(known.get(f"ALP{axis}", 0.0) for axis in "XYZ") if any(one.startswith("ALP") for one in other) else None
+    expansion = tuple(known.get(f"ALP{axis}", 0.0) for axis in "XYZ") if any(label.startswith("ALP") for label in other) else None
     if expansion is not None:
         plain = plain.with_keys(expansion=expansion)
-        other = tuple(one for one in other if not one.startswith("ALP"))
+        other = tuple(label for label in other if not label.startswith("ALP"))
     if not other:
         return plain.with_axes(), ()
     constants = _constants(known)
@@ -42,12 +42,12 @@ def _labels_that_differ(known: Mapping[str, float], plain: Material) -> tuple[st
         young / (2.0 * (1.0 + poisson)) if isinstance(young, float) and isinstance(poisson, float) and poisson != -1.0 else None
     )
     expected = {"E": young, "NU": poisson, "PR": poisson, "G": shear, "ALP": plain.expansion}
-    found = []
+    labels = []
     for label in OTHER_AXES:
         same = expected[label.rstrip("XYZ")]
         if label in known and (not isinstance(same, float) or abs(known[label] - same) > _ALIKE * abs(same)):
-            found.append(label)
-    return tuple(found)
+            labels.append(label)
+    return tuple(labels)
 
 
 def _constants(known: Mapping[str, float]) -> dict[str, Vector] | None:

@@ -70,10 +70,10 @@ def model_of(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
     for number, keys in blocks.keys.items():
         content.keys.setdefault(number, {}).update(keys)
     cells, bodies, orientations = cells_and_bodies(blocks, content)
-    for name, own in blocks.element_components.items():
-        add_elements(content.groups.setdefault(name, Group()), cells, own)
-    for name, own in blocks.node_components.items():
-        content.group(name, content.known(own))
+    for name, members in blocks.element_components.items():
+        add_elements(content.groups.setdefault(name, Group()), cells, members)
+    for name, members in blocks.node_components.items():
+        content.group(name, content.known(members))
     content.mark_solids(cells)
     take_rigid_regions(content)
     take_attached(blocks, content)
@@ -136,11 +136,11 @@ def _refuse_exponents(path: str) -> None:
     """Raise MeshError for an exponent of four digits and more, for which the library multiplies by ten so often."""
     with open(path, "rb") as file:
         content = file.read()
-    for found in _LONG_EXPONENT.finditer(content):
-        start = content.rfind(b"\n", 0, found.start()) + 1
-        if content[start : found.start()].lstrip()[:1] in _DIGITS:
+    for exponent in _LONG_EXPONENT.finditer(content):
+        start = content.rfind(b"\n", 0, exponent.start()) + 1
+        if content[start : exponent.start()].lstrip()[:1] in _DIGITS:
             line = content.count(b"\n", 0, start) + 1
-            raise MeshError(f"line {line}: {found[0].decode('ascii')!r} is part of no number; the file is damaged")
+            raise MeshError(f"line {line}: {exponent[0].decode('ascii')!r} is part of no number; the file is damaged")
 
 
 def _refuse_short_lines(path: str, command: Command) -> None:

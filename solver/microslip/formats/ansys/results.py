@@ -38,8 +38,8 @@ def read_rst(path: str) -> FileModel:
         raise MeshError(f"it is truncated or damaged: {problem}") from None
     except LibraryError as problem:  # whatever the library makes of a damaged file
         raise MeshError(f"it is truncated, damaged, or holds no results of Ansys ({problem})") from None
-    found = model_of(blocks, tuple(Command(one[0], one[1:], 0) for one in said))
-    return replace(found, facts=(*found.facts, _NOT_TOLD))
+    model = model_of(blocks, tuple(Command(fields[0], fields[1:], 0) for fields in said))
+    return replace(model, facts=(*model.facts, _NOT_TOLD))
 
 
 def _parts(path: str) -> Told:

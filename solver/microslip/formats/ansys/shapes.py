@@ -46,19 +46,19 @@ def solids(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[
     """
     corners, is_linear = rows[:, :8], ~(rows[:, 8:] > 0).any(axis=1)
     n_equal = sum((corners[:, i] == corners[:, j]).astype(int) for i in range(8) for j in range(i))
-    found, is_known = [], np.zeros(len(rows), dtype=bool)
+    cells, is_known = [], np.zeros(len(rows), dtype=bool)
     for shape in _WHOLE:
-        own = (n_equal == shape.n_equal) & ~is_known
+        has_shape = (n_equal == shape.n_equal) & ~is_known
         for i, j in shape.equal:
-            own &= corners[:, i] == corners[:, j]
-        is_known |= own
-        found += _by_order(shape, rows[own], is_linear[own], elements[own], numbers)
+            has_shape &= corners[:, i] == corners[:, j]
+        is_known |= has_shape
+        cells += _by_order(shape, rows[has_shape], is_linear[has_shape], elements[has_shape], numbers)
     if not is_known.all():
         raise MeshError(
             f"element {elements[~is_known][0]}: its nodes fall together in a way that is no hexahedron, prism, pyramid or "
             "tetrahedron"
         )
-    return found
+    return cells
 
 
 def tetrahedra(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
@@ -69,27 +69,27 @@ def tetrahedra(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> l
 
 def _by_order(shape: _Shape, rows: np.ndarray, is_linear: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
     """Return the cells of one shape: those without any mid-side node, and those with all."""
-    found = []
+    cells = []
     for mine, nodes in ((is_linear, shape.corners), (~is_linear, shape.corners + shape.middles)):
         if mine.any():
-            found.append(_cells(f"{shape.family}{len(nodes)}", rows[mine][:, nodes], elements[mine], numbers))
-    return found
+            cells.append(_cells(f"{shape.family}{len(nodes)}", rows[mine][:, nodes], elements[mine], numbers))
+    return cells
 
 
 def faces(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
     """Return the cells of surface elements of up to 8 nodes (I J K L and mid-sides; K = L: a triangle).  Local."""
-    found = []
+    cells = []
     is_quadratic = (rows[:, 4:8] > 0).all(axis=1) if rows.shape[1] >= 8 else np.zeros(len(rows), dtype=bool)
     is_triangle = rows[:, 2] == rows[:, 3]
-    for kind, own, kept in (
+    for kind, is_kind, kept in (
         ("quad8", is_quadratic & ~is_triangle, [0, 1, 2, 3, 4, 5, 6, 7]),
         ("tri6", is_quadratic & is_triangle, [0, 1, 2, 4, 5, 7]),
         ("quad4", ~is_quadratic & ~is_triangle, [0, 1, 2, 3]),
         ("tri3", ~is_quadratic & is_triangle, [0, 1, 2]),
     ):
-        if own.any():
-            found.append(_cells(kind, rows[own][:, kept], elements[own], numbers))
-    return found
+        if is_kind.any():
+            cells.append(_cells(kind, rows[is_kind][:, kept], elements[is_kind], numbers))
+    return cells
 
 
 def _cells(kind: str, nodes: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> Cells:

@@ -73,5 +73,5 @@ def _block(records: Records, start: int, n: int, wanted: Wanted) -> tuple[np.nda
         at = records.follow(at)
         if len(columns[-1]) != len(values[-1]):
             raise wanted.error(f"equation {len(columns)} has {len(columns[-1])} columns and {len(values[-1])} values")
-    rows = np.repeat(np.arange(n), [len(own) for own in columns])
+    rows = np.repeat(np.arange(n), [len(column) for column in columns])
     return rows, np.concatenate(columns).astype(np.int64) - 1, np.concatenate(values)

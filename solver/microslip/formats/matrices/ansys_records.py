@@ -10,7 +10,7 @@ _INTEGERS, _NUMBERS = 0x80000000, 0x0  # kinds of records; all others are compre
 
 
 class Records:
-    """Records of words: length, kind, content, length; ``advice`` tells how else Ansys writes what is not read."""
+    """Records of words: length, kind, content, length; ``advice`` says how else Ansys writes what is not read."""
 
     def __init__(self, words: np.ndarray, wanted: Wanted, advice: str) -> None:
         self.words, self.wanted, self.advice = words, wanted, advice
@@ -41,7 +41,7 @@ class Records:
 
     def _content(self, at: int, kind: int) -> np.ndarray:
         n = self.length(at)
-        found = int(self.words[at + 1]) & 0xFFFFFFFF
-        if found != kind or (kind == _NUMBERS and n % 2):
-            raise self.wanted.error(f"the record at word {at} is of the kind {found:#x}, which is not read; {self.advice}")
+        stated = int(self.words[at + 1]) & 0xFFFFFFFF
+        if stated != kind or (kind == _NUMBERS and n % 2):
+            raise self.wanted.error(f"the record at word {at} is of the kind {stated:#x}, which is not read; {self.advice}")
         return self.words[at + 2 : at + 2 + n]

@@ -10,7 +10,7 @@ from .text import table_of
 
 
 def read_calculix(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of lines row, column, value, from 1; with nodes and directions where the file .dof lies beside it.
+    """Return the matrix of lines row, column, value, from 1; with nodes and directions of the rows where there is a .dof.
 
     Local.
 
@@ -29,7 +29,7 @@ def read_calculix(wanted: Wanted) -> FileMatrix:
     if len(table) and (table[:, :2].min() < 1 or (table[:, :2] % 1.0).any()):
         raise wanted.error("rows and columns must be whole numbers from 1")
     rows, columns = table[:, :2].T.astype(np.int64) - 1
-    note = () if dofs is not None else (f"{wanted.path.name}: no {wanted.path.stem}.dof beside it; rows without nodes",)
+    note = () if dofs is not None else (f"{wanted.path.name}: no {wanted.path.stem}.dof in its folder; rows without nodes",)
     return FileMatrix(from_coordinates(rows, columns, table[:, 2], (n, n), wanted), dofs, is_triangle=True, notes=note)
 
 

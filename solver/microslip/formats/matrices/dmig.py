@@ -51,9 +51,9 @@ def read_dmig(wanted: Wanted) -> FileMatrix:
 
 def _keys(places: np.ndarray, wanted: Wanted) -> np.ndarray:
     """Return a number for each grid point and component (n, 2); CaseError for what no file has."""
-    found = np.asarray(places, dtype=np.int64).reshape(-1, 2)
-    if len(found) and abs(found[:, 0]).max() >= LARGEST:
-        raise wanted.error(f"it has a grid point of the number {abs(found[:, 0]).max()}")
-    if len(found) and not 0 <= found[:, 1].min() <= found[:, 1].max() <= 6:
+    whole = np.asarray(places, dtype=np.int64).reshape(-1, 2)
+    if len(whole) and abs(whole[:, 0]).max() >= LARGEST:
+        raise wanted.error(f"it has a grid point of the number {abs(whole[:, 0]).max()}")
+    if len(whole) and not 0 <= whole[:, 1].min() <= whole[:, 1].max() <= 6:
         raise wanted.error("a component of a DMIG entry is not 0 to 6")
-    return 8 * found[:, 0] + found[:, 1]
+    return 8 * whole[:, 0] + whole[:, 1]

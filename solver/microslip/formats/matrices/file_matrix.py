@@ -1,4 +1,4 @@
-"""The common form of all readers of matrices, and what each of them is told."""
+"""The common form of all readers of matrices, and their arguments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ...messages.errors import CaseError, ResourceError
 from ...messages.words import shortened
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")  # 1 to 6 of DofMap
-LARGEST = 2**53  # number of a node: larger ones are not told apart by decimals, and leave no room for a direction
+LARGEST = 2**53  # number of a node: larger ones are not exact as decimals, and leave no room for a direction
 _MOST_BYTES = 2**40  # of any machine that this program runs on
 _ROWS_OF_ANY_FILE = 10**7  # whose empty rows cost less than a hundred megabytes
 
@@ -105,10 +105,10 @@ class Wanted:
         if n_entries < 0:
             raise self.error(f"its header asks for {n_entries} entries")
         if n_entries * least_bytes > self.size:
-            asked = f"its header asks for {n_entries} entries, and the file has {self.size} bytes"
+            claim = f"its header asks for {n_entries} entries, and the file has {self.size} bytes"
             if 8 * n_entries > _MOST_BYTES:
-                raise ResourceError(f"{self.where}: not enough memory to read it: {asked}")
-            raise self.error(f"it is truncated: {asked}")
+                raise ResourceError(f"{self.where}: not enough memory to read it: {claim}")
+            raise self.error(f"it is truncated: {claim}")
 
     def check_rows(self, n_rows: int) -> None:
         """Raise CaseError for a number of rows that a file of this size cannot fill."""

@@ -60,22 +60,22 @@ def _check_kind(kind: str, wanted: Wanted) -> None:
 
 def _whole(text: str) -> list[int]:
     """Return the whole numbers at the beginning of a text."""
-    found = []
+    values = []
     for word in text.split():
         if not word.lstrip("+-").isdigit():
             break
-        found.append(int(word))
-    return found
+        values.append(int(word))
+    return values
 
 
 def _field(file, form: tuple[int, int], n: int, wanted: Wanted) -> np.ndarray:
     """Return the next ``n`` numbers: between blanks, as SciPy writes them whatever its format says, or of that width."""
     per_line, width = form
     lines = [line.rstrip(b"\r\n").ljust(per_line * width) for line in islice(file, -(-n // per_line))]
-    found = numbers_of(b" ".join(lines).replace(b"D", b"E"))
-    if found is not None and len(found) == n:
-        return found
-    found = fixed_width([line[: per_line * width] for line in lines], width, n)
-    if found is None:
+    values = numbers_of(b" ".join(lines).replace(b"D", b"E"))
+    if values is not None and len(values) == n:
+        return values
+    values = fixed_width([line[: per_line * width] for line in lines], width, n)
+    if values is None:
         raise wanted.error("it is truncated, or has a field that is no number")
-    return found
+    return values

@@ -75,14 +75,14 @@ def read_matrix(path: Path, key: str, symbol: str, name: str | None = None) -> F
     ResourceError : not enough memory
     """
     where = f"{path}: {key}"
-    found = read_any(path, key, symbol, name)
-    matrix = sp.csr_matrix(found.matrix).astype(float)
+    read = read_any(path, key, symbol, name)
+    matrix = sp.csr_matrix(read.matrix).astype(float)
     matrix.sum_duplicates()
-    _check_numbers(matrix, where, found)
-    if found.is_triangle:
+    _check_numbers(matrix, where, read)
+    if read.is_triangle:
         matrix = _mirrored(matrix, where)
-    skew = _check_symmetry(matrix, where, found)
-    return replace(found, matrix=((matrix + matrix.T) / 2.0).tocsr(), is_triangle=False, skew=skew)
+    skew = _check_symmetry(matrix, where, read)
+    return replace(read, matrix=((matrix + matrix.T) / 2.0).tocsr(), is_triangle=False, skew=skew)
 
 
 def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_square: bool = True) -> FileMatrix:
@@ -99,15 +99,15 @@ def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_s
     refuse_devices(path)
     wanted = Wanted(path, symbol, where, name)
     try:
-        found = reader(wanted)
-        _check_sort(found.matrix, where, is_square)
+        held = reader(wanted)
+        _check_sort(held.matrix, where, is_square)
     except (CaseError, ResourceError):
         raise
     except MemoryError:
         raise ResourceError(f"{where}: not enough memory to read it") from None
     except Exception as problem:  # whatever a reader makes of a damaged file
         raise wanted.error(" ".join(str(problem).split())[:200]) from None
-    return found
+    return held
 
 
 def _check_sort(value, where: str, is_square: bool) -> None:
@@ -123,16 +123,16 @@ def _check_sort(value, where: str, is_square: bool) -> None:
         raise CaseError(f"{where} has the shape {tuple(shape)}; {must}")
 
 
-def _at(found: FileMatrix, row: int) -> str:
-    """Return what to call a row beside its number."""
-    return "" if found.dofs is None else f", {found.dofs.name(row)}"
+def _at(held: FileMatrix, row: int) -> str:
+    """Return the name of a row, to follow its number in a message."""
+    return "" if held.dofs is None else f", {held.dofs.name(row)}"
 
 
-def _check_numbers(matrix: sp.csr_matrix, where: str, found: FileMatrix) -> None:
+def _check_numbers(matrix: sp.csr_matrix, where: str, held: FileMatrix) -> None:
     """Raise CaseError unless all entries are finite."""
     if not np.isfinite(matrix.data).all():
         row = np.searchsorted(matrix.indptr, np.flatnonzero(~np.isfinite(matrix.data))[0], side="right") - 1
-        raise CaseError(f"{where} has an entry in row {row} that is not a finite number (rows count from 0){_at(found, row)}")
+        raise CaseError(f"{where} has an entry in row {row} that is not a finite number (rows count from 0){_at(held, row)}")
 
 
 def _mirrored(matrix: sp.csr_matrix, where: str) -> sp.csr_matrix:
@@ -153,14 +153,14 @@ def _mirrored(matrix: sp.csr_matrix, where: str) -> sp.csr_matrix:
     return below + below.T + above + above.T + diagonal
 
 
-def _check_symmetry(matrix: sp.csr_matrix, where: str, found: FileMatrix) -> float:
+def _check_symmetry(matrix: sp.csr_matrix, where: str, held: FileMatrix) -> float:
     """Return the largest difference from symmetry over the largest entry; CaseError where it is not rounding."""
     skew, largest = abs(matrix - matrix.T).tocoo(), abs(matrix).max()
     if skew.nnz and skew.data.max() > _SYMMETRY * largest:
         at = np.argmax(skew.data)
         i, j = skew.row[at], skew.col[at]
         raise CaseError(
-            f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0{_at(found, i)}, are {matrix[i, j]:g} "
+            f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0{_at(held, i)}, are {matrix[i, j]:g} "
             f"and {matrix[j, i]:g}; both triangles are needed, or a Matrix Market file "
             "that says 'symmetric' in its first line"
         )

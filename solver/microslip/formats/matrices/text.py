@@ -44,8 +44,8 @@ def _table(text: bytes, n_columns: int, wanted: Wanted) -> np.ndarray:
     if values is None or values.size != n_columns * n_lines:  # empty lines, or what is no number
         lines = [line for line in plain.splitlines() if line.strip()]
         for line in lines:
-            own = numbers_of(line)
-            if own is None or own.size != n_columns:
+            of_line = numbers_of(line)
+            if of_line is None or of_line.size != n_columns:
                 raise wanted.error(f"the line '{line[:60].decode('latin-1').strip()}' is not {n_columns} numbers")
         values = numbers_of(b"\n".join(lines))
     return values.reshape(-1, n_columns)
@@ -69,6 +69,6 @@ def fixed_width(lines: list[bytes], width: int, n: int) -> np.ndarray | None:
 
 def fortran_format(text: str) -> tuple[int, int] | None:
     """Return numbers a line and width of a Fortran format, (16I5) or (1P,3E23.16); None where it is none.  Local."""
-    found = re.search(r"(\d*)\s*[IEDFG]\s*(\d+)(?:\.\d+)?\s*\)?\s*$", text.strip().upper())
-    per_line, width = (int(found[1] or 1), int(found[2])) if found else (0, 0)
+    match = re.search(r"(\d*)\s*[IEDFG]\s*(\d+)(?:\.\d+)?\s*\)?\s*$", text.strip().upper())
+    per_line, width = (int(match[1] or 1), int(match[2])) if match else (0, 0)
     return (per_line, width) if 0 < width <= 64 and 0 < per_line * width <= _LONGEST else None

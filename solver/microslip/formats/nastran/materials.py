@@ -21,33 +21,33 @@ def name_of(content: Content, number: int) -> str:
 
 def materials(content: Content) -> dict[str, Material]:
     """Return the linear materials of solids; of MAT1 Nastran's defaults tie E, G and nu together.  Local."""
-    found = {}
-    for number, one in content.cards.materials.items():
-        if one.type in _KEYS:
-            density = float(one.rho) * content.mass_factor
-            keys = _KEYS[one.type](content, one)
-            found[name_of(content, number)] = Material.of_file(density=density or None, **keys)
-    return found
+    made = {}
+    for number, card in content.cards.materials.items():
+        if card.type in _KEYS:
+            density = float(card.rho) * content.mass_factor
+            keys = _KEYS[card.type](content, card)
+            made[name_of(content, number)] = Material.of_file(density=density or None, **keys)
+    return made
 
 
-def _isotropic(content: Content, one: Any) -> dict[str, Any]:
-    return {"young": float(one.e), "poisson": float(one.nu), "expansion": float(one.a) if one.a else None}
+def _isotropic(content: Content, card: Any) -> dict[str, Any]:
+    return {"young": float(card.e), "poisson": float(card.nu), "expansion": float(card.a) if card.a else None}
 
 
-def _anisotropic(content: Content, one: Any) -> dict[str, Any]:
+def _anisotropic(content: Content, card: Any) -> dict[str, Any]:
     """Return the keys of a MAT9; an expansion by shear is a finding."""
-    six = np.array([[getattr(one, f"G{min(i, j)}{max(i, j)}") or 0.0 for j in range(1, 7)] for i in range(1, 7)], dtype=float)
-    alpha = np.array([value or 0.0 for value in (one.A if one.A is not None else ())] + [0.0] * 6, dtype=float)[:6]
+    six = np.array([[getattr(card, f"G{min(i, j)}{max(i, j)}") or 0.0 for j in range(1, 7)] for i in range(1, 7)], dtype=float)
+    alpha = np.array([value or 0.0 for value in (card.A if card.A is not None else ())] + [0.0] * 6, dtype=float)[:6]
     if alpha[3:].any():
         effect = "an expansion that shears the material in its own axes"
-        content.left_out("MAT9", one.mid, effect, "materials")
-    own = six[np.ix_(_FROM_MAT9, _FROM_MAT9)]
-    return {"elasticity": tuple(map(tuple, own.tolist())), "expansion": vector(alpha[:3]) if alpha.any() else None}
+        content.left_out("MAT9", card.mid, effect, "materials")
+    ordered = six[np.ix_(_FROM_MAT9, _FROM_MAT9)]
+    return {"elasticity": tuple(map(tuple, ordered.tolist())), "expansion": vector(alpha[:3]) if alpha.any() else None}
 
 
-def _orthotropic(content: Content, one: Any) -> dict[str, Any]:
-    values = {key: tuple(float(getattr(one, name)) for name in names) for key, names in _OF_MAT11.items()}
-    alpha = np.array([one.a1 or 0.0, one.a2 or 0.0, one.a3 or 0.0])
+def _orthotropic(content: Content, card: Any) -> dict[str, Any]:
+    values = {key: tuple(float(getattr(card, name)) for name in names) for key, names in _OF_MAT11.items()}
+    alpha = np.array([card.a1 or 0.0, card.a2 or 0.0, card.a3 or 0.0])
     return {**values, "expansion": vector(alpha) if alpha.any() else None}
 
 
@@ -55,7 +55,7 @@ _OF_MAT11 = {"young": ("e1", "e2", "e3"), "poisson": ("nu12", "nu13", "nu23"), "
 _KEYS = {"MAT1": _isotropic, "MAT9": _anisotropic, "MAT11": _orthotropic}
 
 
-def axes_of(content: Content, solid: Any, found: dict[str, Orientation]) -> str | None:
+def axes_of(content: Content, solid: Any, orientations: dict[str, Orientation]) -> str | None:
     """Return the name of the material axes of a PSOLID, and take them; None for those of the model, or where none are needed.
 
     Local.  CORDM is a rectangular or cylindrical system; that of the elements (-1) and spheres are findings.
@@ -71,5 +71,5 @@ def axes_of(content: Content, solid: Any, found: dict[str, Orientation]) -> str 
         return None
     name = f"CORD {system}"
     i, j, k, origin = map(vector, (coord.i, coord.j, coord.k, coord.origin))
-    found[name] = Orientation.of_file(directions=(i, j)) if kind == "R" else Orientation.of_file(axis=k, axis_point=origin)
+    orientations[name] = Orientation.of_file(directions=(i, j)) if kind == "R" else Orientation.of_file(axis=k, axis_point=origin)
     return name

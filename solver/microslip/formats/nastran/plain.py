@@ -1,7 +1,7 @@
 """Plain grid points and solids of bulk data, many at a time: nearly all lines of a large file.
 
 A card is plain where it stands in fixed fields of 8 or 16 characters, or in free ones that fit into these, in axes of the model
-and with nothing beside its numbers; its lines are taken out of the text.  Every other card is left in it, for pyNastran.
+and with nothing but its numbers; its lines are taken out of the text.  Every other card is left in it, for pyNastran.
 """
 
 from __future__ import annotations
@@ -72,16 +72,18 @@ def take_plain(text: bytes) -> Plain:
     for word, lines, values in _plain_cards(characters, start, end):
         is_taken[lines.ravel()] = True
         parts.setdefault((word, values.shape[1]), []).append(values)
-    rows = {key: np.concatenate(own) for key, own in parts.items()}
+    rows = {key: np.concatenate(blocks) for key, blocks in parts.items()}
     grid = rows.pop((b"GRID", 4), np.zeros((0, 4)))
-    found = Plain(
+    plain = Plain(
         rest=_decoded(_others(text, start, end, is_taken)),
         numbers=grid[:, 0].astype(np.int64),
         points=grid[:, 1:],
-        solids=tuple(Solids(word.decode(), own[:, 0], own[:, 1], own[:, 2:]) for (word, _), own in rows.items() if len(own)),
+        solids=tuple(
+            Solids(word.decode(), blocks[:, 0], blocks[:, 1], blocks[:, 2:]) for (word, _), blocks in rows.items() if len(blocks)
+        ),
     )
-    is_twice = any(len(np.unique(numbers)) < len(numbers) for numbers in (found.numbers, found.elements))
-    return none_plain(original) if is_twice else found  # pyNastran says what stands twice
+    is_twice = any(len(np.unique(numbers)) < len(numbers) for numbers in (plain.numbers, plain.elements))
+    return none_plain(original) if is_twice else plain  # pyNastran says what stands twice
 
 
 def _plain_cards(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> Iterator[tuple[bytes, np.ndarray, np.ndarray]]:
@@ -109,19 +111,19 @@ def _lines(text: bytes) -> tuple[np.ndarray, np.ndarray]:
 def _alike(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> Iterator[tuple[bytes, int, np.ndarray]]:
     """Yield cards of one name, width of fields and number of lines: name, width, lines (n, n_lines)."""
     heads = _first(characters, start, end, 8)
-    is_own = (heads[:, 0] != ord("$")) & ((heads != ord(" ")).any(axis=1) | (end - start > 8))
-    kept = np.flatnonzero(is_own)
-    is_more = np.isin(heads[kept, 0], list(b" +*"))
+    is_written = (heads[:, 0] != ord("$")) & ((heads != ord(" ")).any(axis=1) | (end - start > 8))
+    written = np.flatnonzero(is_written)
+    is_more = np.isin(heads[written, 0], list(b" +*"))
     first = np.flatnonzero(~is_more)
-    n_lines = np.diff(np.concatenate([first, [len(kept)]]))
-    words = heads[kept[first]].view("S8").ravel()
+    n_lines = np.diff(np.concatenate([first, [len(written)]]))
+    words = heads[written[first]].view("S8").ravel()
     for word in np.unique(words):
         name = _CARD.fullmatch(word)
         if not name:
             continue
         for n in range(1, _LONGEST + 1):
-            own = first[(words == word) & (n_lines == n)]
-            lines = kept[own[:, None] + np.arange(n)]
+            heads_of_cards = first[(words == word) & (n_lines == n)]
+            lines = written[heads_of_cards[:, None] + np.arange(n)]
             mark = np.isin(heads[lines[:, 1:], 0], list(b"*" if name[2] else b" +")).all(axis=1)
             if mark.any():
                 yield name[1], 16 if name[2] else 8, lines[mark]
@@ -129,9 +131,9 @@ def _alike(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> Iterat
 
 def _first(characters: np.ndarray, start: np.ndarray, end: np.ndarray, width: int) -> np.ndarray:
     """Return the first characters of some lines, (n, width), blanks behind their ends."""
-    found = sliding_window_view(characters, width)[start]
-    found[(np.arange(width) >= (end - start)[:, None]) | (found == ord("\r"))] = ord(" ")
-    return found
+    text = sliding_window_view(characters, width)[start]
+    text[(np.arange(width) >= (end - start)[:, None]) | (text == ord("\r"))] = ord(" ")
+    return text
 
 
 def _fields(characters: np.ndarray, start: np.ndarray, end: np.ndarray, width: int) -> np.ndarray:
@@ -150,8 +152,8 @@ def _grid_points(fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if fields.shape[1] != 8:  # ID, CP, three coordinates, CD, PS, SEID
         return np.zeros(len(fields), dtype=bool), np.zeros((0, 4))
     is_plain = _are_whole(fields[:, [0]]) & _are_real(fields[:, 2:5]) & _are_blank(fields[:, [1, 5, 6, 7]])
-    own = fields[is_plain]
-    return is_plain, np.column_stack([_text(own[:, 0]).astype(np.int64), _decimals(own[:, 2:5])])
+    chosen = fields[is_plain]
+    return is_plain, np.column_stack([_text(chosen[:, 0]).astype(np.int64), _decimals(chosen[:, 2:5])])
 
 
 def _nodes(fields: np.ndarray, counts: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -162,10 +164,10 @@ def _nodes(fields: np.ndarray, counts: tuple[int, int]) -> tuple[np.ndarray, np.
     ValueError : what looks like a number is none
     """
     for n in counts:
-        own, others = fields[:, : 2 + n], fields[:, 2 + n :]
-        is_plain = _are_whole(own) & _are_blank(others)
-        if own.shape[1] == 2 + n and is_plain.any():
-            return is_plain, _text(own[is_plain]).astype(np.int64)
+        stated, others = fields[:, : 2 + n], fields[:, 2 + n :]
+        is_plain = _are_whole(stated) & _are_blank(others)
+        if stated.shape[1] == 2 + n and is_plain.any():
+            return is_plain, _text(stated[is_plain]).astype(np.int64)
     return np.zeros(len(fields), dtype=bool), np.zeros((0, 2), dtype=np.int64)
 
 
@@ -199,14 +201,14 @@ def _decimals(fields: np.ndarray) -> np.ndarray:
 
 def _with_letter(fields: np.ndarray) -> np.ndarray:
     """Return numbers with the letter E before their exponents, (n, 3, width + 1); Nastran does without, or writes D."""
-    found = np.where(np.isin(fields, list(b"eDd")), np.uint8(ord("E")), fields)
-    found = np.pad(found, ((0, 0), (0, 0), (0, 1)), constant_values=ord(" "))
-    lacks = np.isin(found, list(b"+-"))
-    lacks[..., 1:] &= ~np.isin(found[..., :-1], list(b" E"))
+    letters = np.where(np.isin(fields, list(b"eDd")), np.uint8(ord("E")), fields)
+    letters = np.pad(letters, ((0, 0), (0, 0), (0, 1)), constant_values=ord(" "))
+    lacks = np.isin(letters, list(b"+-"))
+    lacks[..., 1:] &= ~np.isin(letters[..., :-1], list(b" E"))
     lacks[..., 0] = False
-    at = np.where(lacks.any(axis=2), lacks.argmax(axis=2), found.shape[2])[..., None]
-    place = np.arange(found.shape[2])
-    moved = np.take_along_axis(found, np.maximum(place - (place > at), 0), axis=2)
+    at = np.where(lacks.any(axis=2), lacks.argmax(axis=2), letters.shape[2])[..., None]
+    place = np.arange(letters.shape[2])
+    moved = np.take_along_axis(letters, np.maximum(place - (place > at), 0), axis=2)
     return np.where(place == at, np.uint8(ord("E")), moved)
 
 

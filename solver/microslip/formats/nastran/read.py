@@ -142,7 +142,7 @@ def streams_kept() -> Iterator[None]:
     On terminals, as Open MPI's ranks have them, its logger exchanges them for streams of colorama, which end whatever the program
     writes from then on, and the program itself, with the sequence for plain text.
     """
-    kept = sys.stdout, sys.stderr
+    streams = sys.stdout, sys.stderr
     with contextlib.suppress(ImportError):
         from colorama import initialise  # type: ignore[import-untyped]
 
@@ -150,7 +150,7 @@ def streams_kept() -> Iterator[None]:
     try:
         yield
     finally:
-        sys.stdout, sys.stderr = kept
+        sys.stdout, sys.stderr = streams
 
 
 @contextlib.contextmanager
@@ -164,8 +164,8 @@ def read_by_pynastran(what: str, advice: str = "") -> Iterator[None]:
         raise
     except BaseException as problem:  # pyNastran raises errors of many kinds, and some exit
         text = " ".join(str(problem).split()) or type(problem).__name__
-        said = f"it cannot be read as {what}; it is truncated, damaged or another format ({text[:200]})"
-        raise MeshError(said + advice) from None
+        cause = f"it is truncated, damaged or another format ({text[:200]})"
+        raise MeshError(f"it cannot be read as {what}; {cause}{advice}") from None
 
 
 def _refuse_endless_ranges(text: str) -> None:
@@ -197,7 +197,7 @@ def _source(text: str) -> tuple[Any, bool]:
     if re.search(r"^[^\S\n]*CEND", text, re.MULTILINE | re.IGNORECASE):
         return io.StringIO(text), True
     head, begin, bulk = _BEGIN.split(text, maxsplit=1) if _BEGIN.search(text) else ("", "", text)
-    chosen = "\n".join(found[0] for found in _CASE.finditer(head))
+    chosen = "\n".join(match[0] for match in _CASE.finditer(head))
     if chosen:
         return io.StringIO(f"SOL 103\nCEND\n{chosen}\n{begin}{bulk}"), True
     text = bulk if begin else text
@@ -231,9 +231,9 @@ def _cells_and_bodies(
     rows: dict[tuple[str, int], list[tuple[np.ndarray, np.ndarray]]] = {}
     for block in plain:
         for pid in np.unique(block.properties):
-            own = block.properties == pid
+            is_of_property = block.properties == pid
             kind = f"{_SOLIDS[block.card]}{block.nodes.shape[1]}"
-            rows.setdefault((kind, int(pid)), []).append((block.numbers[own], block.nodes[own]))
+            rows.setdefault((kind, int(pid)), []).append((block.numbers[is_of_property], block.nodes[is_of_property]))
     for key, others in _of_others(content).items():
         numbers, nodes = zip(*others, strict=True)
         rows.setdefault(key, []).append((np.array(numbers, dtype=np.int64), np.array(nodes, dtype=np.int64)))

@@ -1,4 +1,4 @@
-"""What the cards of a file come to, while they are turned into a file model."""
+"""The structure of an input file while its cards are read."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ class Table:
 
 
 @dataclass(eq=False)
-class Gathered:
-    """The model, in part."""
+class InputModel:
+    """The structure so far, and the cards of which it is made."""
 
     mesh: FileMesh
     grouped: Grouped
@@ -97,11 +97,11 @@ class Gathered:
         return next((step for step in self.steps if step.is_frequency), self.steps[0] if self.steps else None)
 
 
-def along_axis(model: Gathered, node: int, direction: int, factor: float) -> list[Term]:
+def along_axis(model: InputModel, node: int, direction: int, factor: float) -> list[Term]:
     """Return the displacement of a node along one of its axes, from 1, times a factor, as terms in model axes, largest first."""
     along = model.axes.get(node, np.eye(3))[direction - 1]
     if np.isnan(along).any():
         at = place(model.mesh.points[node])
         raise MeshError(f"node {model.mesh.numbers[node]} at {at} lies on the axis of its *TRANSFORM, where nothing is radial")
-    own = [(node, axis, factor * float(value)) for axis, value in enumerate(along) if abs(value) > _STRAIGHT]
-    return sorted(own, key=lambda term: -abs(term[2]))
+    terms = [(node, axis, factor * float(value)) for axis, value in enumerate(along) if abs(value) > _STRAIGHT]
+    return sorted(terms, key=lambda term: -abs(term[2]))
