@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .. import elements
 from ..messages.errors import MeshError
 from ..tables.structure import Mass, Point, Spring, Support
 from ..tables.table import Vector
@@ -189,7 +190,7 @@ def grounded(point: Point, component: int, stiffness: float) -> Point:
     return point.with_keys(**{key: vector(values)})
 
 
-def cells_of(kind: str, elements: np.ndarray, nodes: np.ndarray, numbers: np.ndarray, node: str = "node") -> Cells:
+def cells_of(kind: str, cells: np.ndarray, nodes: np.ndarray, numbers: np.ndarray, node: str = "node") -> Cells:
     """Return elements as cells, from the numbers of their nodes (n, n_nodes) among those of the file.  Local.
 
     Raises
@@ -198,6 +199,14 @@ def cells_of(kind: str, elements: np.ndarray, nodes: np.ndarray, numbers: np.nda
     """
     index, missing = index_of(numbers, nodes)
     if len(missing):
-        element = elements[np.isin(nodes, missing).any(axis=1)][0]
+        element = cells[np.isin(nodes, missing).any(axis=1)][0]
         raise MeshError(f"element {element} names {node} {missing[0]}, which the file does not hold")
-    return Cells(kind, index, elements)
+    return Cells(kind, index, cells)
+
+
+def face_of(kind: str, corners: Iterable[int]) -> tuple[str, np.ndarray] | None:
+    """Return kind and local nodes of the face of a solid with these corners; None for what is no solid here.  Local."""
+    for face, nodes in elements.KINDS[kind].faces if kind in elements.KINDS else ():
+        if set(nodes[: 3 if face.startswith("tri") else 4].tolist()) == set(corners):
+            return face, nodes
+    return None

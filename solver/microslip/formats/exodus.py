@@ -12,9 +12,9 @@ import h5py
 import numpy as np
 import scipy.io
 
-from .. import elements
 from ..messages.errors import MeshError
 from ..system.sandbox import SandboxError, read_file
+from .draft import face_of
 from .hdf5 import MOST_GAIN, Storage
 from .model import KINDS, Cells, FileModel, Finding, Group
 
@@ -227,12 +227,9 @@ def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[
 def _side(block: Cells, number: int, rows: np.ndarray, name: str) -> Cells | None:
     """Return side ``number`` of some elements as cells; None of what is no solid here."""
     family = block.kind.rstrip("0123456789")
-    if family not in _SIDES or block.kind not in elements.KINDS:
+    if family not in _SIDES:
         return None
     if not 1 <= number <= len(_SIDES[family]):
         raise MeshError(f"side set {name!r} names side {number} of a {family}")
-    corners = set(_SIDES[family][number - 1])
-    for kind, local in elements.KINDS[block.kind].faces:
-        if set(local[: len(corners)].tolist()) == corners and len(corners) == (3 if kind.startswith("tri") else 4):
-            return Cells(kind, block.nodes[rows][:, local], block.numbers[rows])
-    raise AssertionError("a side that is no face of its element")
+    face = face_of(block.kind, _SIDES[family][number - 1])
+    return Cells(face[0], block.nodes[rows][:, face[1]], block.numbers[rows]) if face is not None else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1
@@ -50,7 +51,8 @@ class Storage:
             return f"{name} has values of variable length or references, which are not read"
         if claimed > max(MOST_GAIN * stored, _OF_ANY_FILE):
             return f"{name} claims {claimed} bytes and holds {stored}"
-        if dataset.chunks is not None and (chunk := _bytes_of_chunk(dataset)) > max(MOST_GAIN * stored, _OF_ANY_FILE):
+        chunk = dataset.dtype.itemsize * prod(dataset.chunks or (0,))
+        if chunk > max(MOST_GAIN * stored, _OF_ANY_FILE):
             return f"{name} has chunks of {chunk} bytes and holds {stored}"
         return self._shared(dataset, name, stored)
 
@@ -67,13 +69,6 @@ class Storage:
         if self.taken > self.n_bytes:
             return f"{name} holds {stored} bytes, more than the file has left"
         return None
-
-
-def _bytes_of_chunk(dataset: Any) -> int:
-    n = dataset.dtype.itemsize
-    for length in dataset.chunks:
-        n *= int(length)
-    return n
 
 
 def _foreign_filter(dataset: Any) -> str | None:

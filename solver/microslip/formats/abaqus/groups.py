@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...messages.errors import MeshError
+from ..draft import face_of
 from ..model import KINDS, NO_NODES, Cells, Group
 from .mesh import FileMesh
 from .names import Names
@@ -19,13 +20,6 @@ _FACES = {
     "hex": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
     "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
 }
-_EDGES = {
-    "tet": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
-    "hex": ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
-    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
-}
-_N_CORNERS = {"tet": 4, "hex": 8, "wedge": 6}
-_FACE_KIND = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8"}
 
 
 @dataclass(eq=False)
@@ -96,9 +90,10 @@ class Grouped:
     def add_face(self, name: str, block: int, rows: np.ndarray, face: int) -> None:
         """Add face S1, S2, ... of some cells to a group, as cells of their own."""
         cells = self.cells[block]
-        family = cells.kind.rstrip("0123456789")
-        local = _face_nodes(cells.kind, family, face)
-        self.cells.append(Cells(_FACE_KIND[len(local)], cells.nodes[rows][:, local], cells.numbers[rows]))
+        made = face_of(cells.kind, _FACES[cells.kind.rstrip("0123456789")][face - 1])
+        if made is None:
+            return
+        self.cells.append(Cells(made[0], cells.nodes[rows][:, made[1]], cells.numbers[rows]))
         self.groups.setdefault(name, Group()).add_cells(len(self.cells) - 1, np.arange(len(rows)))
 
     def free_name(self, name: str) -> str:
@@ -112,9 +107,9 @@ class Grouped:
     def add_faces_between(self, name: str, is_in: np.ndarray) -> None:
         """Add the outer faces of solids all of whose nodes are ``is_in`` (n_nodes,) bool to a group."""
         for block, cells in enumerate(self.cells[: len(self.cells)]):
-            family = cells.kind.rstrip("0123456789")
-            for i in range(len(_FACES.get(family, ()))):
-                is_inside = is_in[cells.nodes[:, _face_nodes(cells.kind, family, i + 1)]].all(axis=1)
+            for i, corners in enumerate(_FACES.get(cells.kind.rstrip("0123456789"), ())):
+                made = face_of(cells.kind, corners)
+                is_inside = is_in[cells.nodes[:, made[1]]].all(axis=1) if made is not None else np.zeros(0, dtype=bool)
                 rows = np.flatnonzero(is_inside & self.outer_faces(block)[:, i]) if is_inside.any() else NO_NODES
                 if len(rows):
                     self.add_face(name, block, rows, i + 1)
@@ -228,14 +223,3 @@ def _outer_faces(cells: list[Cells]) -> dict[int, np.ndarray]:
         outer[i] = is_outer[at : at + n * n_faces].reshape(n_faces, n).T
         at += n * n_faces
     return outer
-
-
-def _face_nodes(kind: str, family: str, face: int) -> list[int]:
-    """Return the local nodes of face S1, S2, ...: corners, then mid-sides."""
-    corners = list(_FACES[family][face - 1])
-    n_corners = _N_CORNERS[family]
-    if KINDS[kind][1] == n_corners:
-        return corners
-    edges = [set(edge) for edge in _EDGES[family]]
-    around = zip(corners, corners[1:] + corners[:1], strict=True)
-    return corners + [n_corners + edges.index({first, second}) for first, second in around]

@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from .file_matrix import LARGEST, DofMap, FileMatrix, Wanted, from_coordinates
-from .text import table_of
+from .text import square_of, table_of
 
 _HELD = 1e36  # on the diagonal of what a *BOUNDARY holds
 _OWN_NAME = re.compile(r"_(STIF|MASS|DMPV|DMPS|X\d+)\d+\.mtx$", re.IGNORECASE)
@@ -42,7 +42,10 @@ def read_abaqus(wanted: Wanted) -> FileMatrix:
         table = table_of(file, n_columns, wanted, has_no_count=True)
     if (table[:, :-1] % 1.0).any() or not (abs(table[:, :-1]) < LARGEST).all():
         raise wanted.error("nodes and degrees of freedom must be whole numbers")
-    return (_labelled if n_columns == 5 else _numbered)(table, wanted)
+    if n_columns == 5:
+        return _labelled(table, wanted)
+    matrix = square_of(table, wanted)
+    return FileMatrix(matrix, is_triangle=_is_triangle(matrix))
 
 
 def _labelled(table: np.ndarray, wanted: Wanted) -> FileMatrix:
@@ -66,16 +69,6 @@ def _labelled(table: np.ndarray, wanted: Wanted) -> FileMatrix:
     if (dofs.nodes < 0).any():
         notes.append(f"{wanted.path.name}: {(dofs.nodes < 0).sum()} DOFs belong to nodes that Abaqus made for itself")
     return FileMatrix(matrix, dofs, is_triangle=_is_triangle(matrix), notes=tuple(notes))
-
-
-def _numbered(table: np.ndarray, wanted: Wanted) -> FileMatrix:
-    if len(table) and table[:, :2].min() < 1:
-        raise wanted.error("rows and columns must be whole numbers from 1")
-    n = int(table[:, :2].max()) if len(table) else 0
-    wanted.check_rows(n)
-    rows, columns = table[:, :2].T.astype(np.int64) - 1
-    matrix = from_coordinates(rows, columns, table[:, 2], (n, n), wanted)
-    return FileMatrix(matrix, is_triangle=_is_triangle(matrix))
 
 
 def _is_triangle(matrix) -> bool:

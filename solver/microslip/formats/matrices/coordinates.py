@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ...messages.errors import CaseError
-from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
-from .text import table_of
+from .file_matrix import DofMap, FileMatrix, Wanted
+from .text import square_of, table_of
 
 
 def read_calculix(wanted: Wanted) -> FileMatrix:
@@ -20,17 +20,13 @@ def read_calculix(wanted: Wanted) -> FileMatrix:
     """
     with open(wanted.path, "rb") as file:
         table = table_of(file, 3, wanted, has_no_count=True)
-    n, dofs = int(table[:, :2].max()) if len(table) else 0, _dofs(wanted)
-    wanted.check_rows(n)
-    if dofs is not None:
-        if n > len(dofs.nodes):
-            raise CaseError(f"{wanted.path.with_suffix('.dof')} names {len(dofs.nodes)} rows; {wanted.where} has {n}")
-        n = len(dofs.nodes)
-    if len(table) and (table[:, :2].min() < 1 or (table[:, :2] % 1.0).any()):
-        raise wanted.error("rows and columns must be whole numbers from 1")
-    rows, columns = table[:, :2].T.astype(np.int64) - 1
+    dofs = _dofs(wanted)
+    if dofs is not None and len(table) and table[:, :2].max() > len(dofs.nodes):
+        n = table[:, :2].max()
+        raise CaseError(f"{wanted.path.with_suffix('.dof')} names {len(dofs.nodes)} rows; {wanted.where} has {n:.0f}")
+    matrix = square_of(table, wanted, None if dofs is None else len(dofs.nodes))
     note = () if dofs is not None else (f"{wanted.path.name}: no {wanted.path.stem}.dof in its folder; rows without nodes",)
-    return FileMatrix(from_coordinates(rows, columns, table[:, 2], (n, n), wanted), dofs, is_triangle=True, notes=note)
+    return FileMatrix(matrix, dofs, is_triangle=True, notes=note)
 
 
 def _dofs(wanted: Wanted) -> DofMap | None:

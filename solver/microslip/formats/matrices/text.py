@@ -6,9 +6,10 @@ import re
 from typing import IO
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..numbers import numbers_of
-from .file_matrix import Wanted
+from .file_matrix import Wanted, from_coordinates
 
 _BLOCK = 1 << 26  # bytes read at a time
 _LONGEST = 4096  # characters of a line
@@ -49,6 +50,22 @@ def _table(text: bytes, n_columns: int, wanted: Wanted) -> np.ndarray:
                 raise wanted.error(f"the line '{line[:60].decode('latin-1').strip()}' is not {n_columns} numbers")
         values = numbers_of(b"\n".join(lines))
     return values.reshape(-1, n_columns)
+
+
+def square_of(table: np.ndarray, wanted: Wanted, n: int | None = None) -> sp.csr_matrix:
+    """Return the matrix of lines row, column, value from 1; with ``n`` rows and columns, or as many as the largest number.  Local.
+
+    Raises
+    ------
+    CaseError : rows that are no whole numbers from 1, or more than a file of this size has
+    """
+    if len(table) and (table[:, :2].min() < 1 or (table[:, :2] % 1.0).any()):
+        raise wanted.error("rows and columns must be whole numbers from 1")
+    largest = int(table[:, :2].max()) if len(table) else 0
+    wanted.check_rows(largest)
+    n = largest if n is None else n
+    rows, columns = table[:, :2].T.astype(np.int64) - 1
+    return from_coordinates(rows, columns, table[:, 2], (n, n), wanted)
 
 
 def fixed_width(lines: list[bytes], width: int, n: int) -> np.ndarray | None:
