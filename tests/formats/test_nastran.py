@@ -264,6 +264,7 @@ def test_cylindrical_systems_place_and_hold_grid_points(tmp_path):
         ("CELAS2,990,1.0,101,1,102,2", "CELAS2: a spring between displacements that differ"),
         ("CELAS2,990,1.0,101,4,102,4", "CELAS2: a spring between displacements that differ"),
         ("FOOBAR,1,2,3", "FOOBAR: not known to this program"),
+        ("BSURF,7,ELEM1,1,2", "BSURF: a surface in contact"),
     ],
 )
 def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, card, says):

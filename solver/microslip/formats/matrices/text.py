@@ -53,7 +53,7 @@ def _table(text: bytes, n_columns: int, wanted: Wanted) -> np.ndarray:
 
 
 def square_of(table: np.ndarray, wanted: Wanted, n: int | None = None) -> sp.csr_matrix:
-    """Return the matrix of lines row, column, value from 1; with ``n`` rows and columns, or as many as the largest number.  Local.
+    """Return the matrix of lines row, column, value from 1; with ``n`` rows, or as many as the largest number.  Local.
 
     Raises
     ------
