@@ -256,6 +256,16 @@ def test_nodes_along_an_arc_about_a_centre(tmp_path):
     assert by_place.points[by_place.numbers == 22][0] == pytest.approx(at[22])
 
 
+@pytest.mark.parametrize("expansion, changes", [("", False), ("*EXPANSION\n1e-5\n", True)])
+def test_a_temperature_that_is_held_is_no_displacement(tmp_path, expansion, changes):
+    """Degree of freedom 11: it holds nothing, and loads what expands."""
+    material = STEEL.replace("*SOLID", f"{expansion}*SOLID")
+    model = read(tmp_path, CUBE + "*BOUNDARY\n1, 1, 3\n2, 11, 11, 80.\n" + material)
+    (finding,) = (one for one in model.findings if one.word == "*BOUNDARY")
+    assert finding.effect.startswith("a temperature") and finding.changes == changes
+    assert [support.fix for support in model.supports] == [("x", "y", "z")]
+
+
 def test_supports_in_axes_of_the_nodes_become_equations(tmp_path):
     text = CUBE + "*TRANSFORM, NSET=ALL, TYPE=C\n0.5, -1, 0, 0.5, -1, 1\n*BOUNDARY\n1, 1\n2, 1, 3\n3, 2\n"
     model = read(tmp_path, text)

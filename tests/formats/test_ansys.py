@@ -1,5 +1,7 @@
 """Ansys archives: every shape of element, what the commands say, the files of mapdl-archive, and what is damaged."""
 
+import re
+
 import numpy as np
 import pytest
 from plain_model import bdf, cdb, cdb_with_contact, ds_dat, plain, tables
@@ -311,6 +313,28 @@ def test_supports_in_turned_nodal_axes_become_equations(tmp_path):
     found = read_model(written(tmp_path, text="\n".join(lines)))
     assert found.equations.coefficients == pytest.approx([np.cos(np.pi / 6), np.sin(np.pi / 6)], abs=1e-12)
     assert model.sets["PLATE_BASE"][0] not in found.groups["D xyz"].nodes
+
+
+def test_archives_that_are_not_blocked_hold_the_same(tmp_path):
+    """UNBL in the place of R5.0; supports in a DBLOCK; what only sets up, loads, and Workbench's names of materials."""
+    text = cdb(plain())
+    lines = [line for line in text.replace("R5.0", "UNBL").splitlines() if not line.startswith("D,")]
+    held = [line.split(",") for line in text.splitlines() if line.startswith("D,")]
+    block = [f"{int(node):9d}{label:<6s}{0.0:16.9f}{0.0:16.9f}" for _, node, label, *_ in held]
+    at = next(i for i, line in enumerate(lines) if line.startswith("MPDATA"))
+    more = [f"DBLOCK,{len(block)}", "(i9,a6,2(pg16.9))", *block, "       -1", "DMPOPT,FULL,NO", "NLDIAG,NRRE,OFF"]
+    more += ["MP,UVID,1,fc4313a1-c4ae-43af-b253-ad2923dee743", "MP,UMID,1,7f", "SFEBLOCK,1,PRES,1,1,0", "(i9,i4,i4,6(pg20.9))"]
+    more += [f"{1:9d}{4:4d}{1:4d}{2.0:20.9f}", "       -1"]
+    plainly, model = (read_model(written(tmp_path, text=each)) for each in (text, "\n".join([*lines[:at], *more, *lines[at:]])))
+    assert model.materials == plainly.materials and model.supports == plainly.supports
+    np.testing.assert_array_equal(model.groups["D xyz"].nodes, plainly.groups["D xyz"].nodes)
+    assert [(one.word, one.where) for one in model.findings if one not in plainly.findings] == [("SFEBLOCK", "1 commands")]
+
+
+def test_elements_of_unknown_types_are_named_with_their_count(tmp_path):
+    text = re.sub(r"^ET,(\s*\d+),\s*\d+", r"ET,\1,226", cdb(plain()), flags=re.MULTILINE)
+    with pytest.raises(MeshError, match="none of its elements are solids .*: 6 of type 226, not known to this program"):
+        read_model(written(tmp_path, text=text))
 
 
 @pytest.mark.parametrize("file, volume", [("hexarchivefile", 5.0), ("tetarchivefile", None), ("sector_archive_file", None)])

@@ -155,6 +155,8 @@ def _take_moved(model: InputModel, scope: Scope, card: Card, acting: _Acting) ->
         if len(words) < 2 or number(words[1]) is None:
             continue  # by name: held
         dofs, value = held_by(words, where)
+        if not dofs:
+            continue  # no displacement: a finding of the supports
         nodes = model.mesh.nodes(scope, words[0], where)
         bad = [name for name in card.parameters if name not in ("OP", "TYPE")]
         if value and (bad or card.parameter("TYPE", "DISPLACEMENT") != "DISPLACEMENT" or not _are_plain(model, nodes, dofs)):

@@ -105,6 +105,11 @@ def _take_card(model: InputModel, scope: Scope, card: Card, held: _Held, *, may_
             return
     for words, where in card.lines():
         dofs, value = held_by(words, where)
+        if not dofs:  # 8 to 11: temperatures, potentials
+            loads = bool(value) and any(material.expansion for material in model.materials.values())
+            effect = f"a temperature, or another quantity than a displacement, of {words[0]}; state [[statics.temperatures]]"
+            model.findings.add("*BOUNDARY", where, effect, loads, "supports")
+            continue
         if (value or kind != "DISPLACEMENT") and not may_move:
             effect = f"a displacement other than 0 ({words[0]}); it would be taken as held"
             model.findings.add("*BOUNDARY", where, effect, True, "supports")

@@ -23,6 +23,11 @@ class Command:
     behind: int = 0  # byte of the file at which the next line begins
 
     @property
+    def is_archived(self) -> bool:
+        """Whether CDWRITE has written it, blocked (R5.0) or not (UNBL), and not a user."""
+        return self.field(0).upper().startswith(("R5", "UNBL"))
+
+    @property
     def where(self) -> str:
         return f"line {self.line}" if self.line else f"its {self.word}"
 
@@ -63,10 +68,21 @@ def commands(path: str) -> Iterator[Command]:
         for part in parts:
             word, *fields = (field.strip() for field in part.split(","))
             word = word.upper()
-            if word:
+            if word == "DBLOCK":
+                yield from _supports(lines)
+            elif word:
                 block = word if word in _BLOCKS else ""
                 behind = lines.at
                 yield Command(word, tuple(fields), number, lines.block() if word == "ETBLOCK" else (), behind)
+
+
+def _supports(lines: _Lines) -> Iterator[Command]:
+    """Yield the lines of a DBLOCK, in the format (i9,a6,2(pg16.9)), as D commands."""
+    form = (lines.next() or "").strip().lower()
+    if not form.startswith("(i9,a6,2(pg16"):
+        raise MeshError(f"line {lines.number}: DBLOCK in the format {form[:40]!r}; (i9,a6,2(pg16.9)) is read")
+    while (line := lines.next()) is not None and line.strip() != "-1" and line.strip():
+        yield Command("D", (line[:9].strip(), line[9:15].strip(), line[15:31].strip()), lines.number)
 
 
 def numbers_behind(content: bytes, command: Command) -> bytes:

@@ -57,7 +57,7 @@ def take_support(
 
 def take_equation(restraints: Restraints, command: Command) -> None:
     """Take a CE command, as typed or as CDWRITE writes it: DEFI, then NODE with up to two terms a line."""
-    if command.field(0).upper().startswith("R5"):
+    if command.is_archived:
         _take_written(restraints, command)
         return
     if command.number(1) != 0.0:
@@ -108,7 +108,7 @@ def _extend(restraints: Restraints, command: Command, terms: list[Term], fields:
 
 def take_coupling(restraints: Restraints, command: Command) -> None:
     """Take a CP command as it is typed: a set, a label, nodes."""
-    if command.field(0).upper().startswith("R5"):
+    if command.is_archived:
         restraints.left_out(
             command, "coupled nodes as CDWRITE writes them, which is not documented; write them as CE (CPTOCE)", "equations"
         )

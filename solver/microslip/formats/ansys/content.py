@@ -22,9 +22,9 @@ _HARMLESS = set(
     "MODOPT MXPAND MODCONTROL QRDOPT EQSLV HROPT HROUT HARFRQ KUSE TIME NCNV CRPLIM AUTOTS NSUBST DELTIM KBC OUTRES OUTPR "
     "NROPT CNVTOL LNSRCH NEQIT PRED NLGEOM SSTIF RESCONTROL ERESX SOLVE SAVE ALPHAD BETAD DMPRAT DMPSTR MDAMP IRLF CGLOC "
     "LSWRITE CDREAD CDOPT PSTRES WPSTYL SECDATA SECTYPE SECBLOCK SECCONTROL SECOFFSET SECJOINT SECLOCK SECSTOP SFBEAM "
-    "TBDATA TBTEMP TBPT ".split()
+    "TBDATA TBTEMP TBPT MPDATAT DMPOPT DMPOPTION NLDIAG NLHIST".split()
 )
-_LOADS = set("F SF SFE BF BFE ACEL OMEGA DOMEGA CGOMEGA DCGOMG CMACEL CMOMEGA".split())
+_LOADS = set("F SF SFE BF BFE FBLOCK SFBLOCK SFEBLOCK BFBLOCK BFEBLOCK ACEL OMEGA DOMEGA CGOMEGA DCGOMG CMACEL CMOMEGA".split())
 _EFFECTS = {
     "TB": "a material that is not linear and isotropic, or a friction coefficient",
     "CYCLIC": "cyclic symmetry",
@@ -162,8 +162,11 @@ def _select(content: Content, command: Command, components: dict[str, np.ndarray
 
 def _take_property(content: Content, command: Command) -> None:
     """Take MP (label, material, value) or MPDATA (R5.0, 1, label, material, position, value)."""
-    i = 2 if command.word == "MPDATA" and command.field(0).upper().startswith("R5") else 0
-    label, number = command.field(i).upper(), int(command.number(i + 1))
+    i = 2 if command.word == "MPDATA" and command.is_archived else 0
+    label = command.field(i).upper()
+    if label in ("UVID", "UMID"):  # names that Workbench gives its materials
+        return
+    number = int(command.number(i + 1))
     value, position = command.number(i + 3 if command.word == "MPDATA" else i + 2), command.number(i + 2)
     known = content.properties.setdefault(number, {})
     where, part = command.where, "materials"

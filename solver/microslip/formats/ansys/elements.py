@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ...messages.errors import MeshError
 from ...tables.structure import Body, Material, Orientation
 from ..model import Cells, Group
 from .blocks import FIELDS, Blocks
@@ -14,6 +15,8 @@ from .content import Content
 from .materials import orientation_of
 from .shapes import faces, solids, tetrahedra
 from .types import EFFECTS, Solid, solid_of
+
+_UNKNOWN = "not known to this program"
 
 
 def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dict[str, Body], dict[str, Orientation]]:
@@ -62,7 +65,23 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
                     incompatible_modes=solid.incompatible_modes,
                 )
     report_contacts(content, sides)
+    _refuse_without_solids(content, kind)
     return cells, bodies, orientations
+
+
+def _refuse_without_solids(content: Content, kind: np.ndarray) -> None:
+    """Raise MeshError where no element is a solid and some are of unknown types; ``kind`` (n,) has the numbers of the types."""
+    numbers, counts = np.unique(kind, return_counts=True)
+    n_of: dict[int, int] = {}
+    for number, n in zip(numbers.tolist(), counts.tolist(), strict=True):
+        element = content.types.get(number, 0)
+        if solid_of(element, content.keys.get(number, {})) is not None:
+            return
+        n_of[element] = n_of.get(element, 0) + n
+    if not n_of.keys() - {*EFFECTS, *CONTACT, TARGET, 21}:
+        return  # of known types: findings say what they do
+    types = [f"{n} of type {element}, {EFFECTS.get(element, (_UNKNOWN,))[0]}" for element, n in n_of.items()]
+    raise MeshError(f"none of its elements are solids that this program has: {'; '.join(types)}")
 
 
 def _by_axes(
@@ -114,7 +133,7 @@ def _report_type(content: Content, number: int, own_type: int, why: str | None, 
     """Report elements that are no solids here."""
     if own_type in (14, 21):
         return  # springs and masses: _attached
-    effect, changes = EFFECTS.get(own_type, ("not known to this program", True))
+    effect, changes = EFFECTS.get(own_type, (_UNKNOWN, True))
     if why is not None:
         effect, changes = f"{why}, which is not made here", True
     word = f"element type {own_type}" if own_type else "element without ET"

@@ -73,12 +73,11 @@ def _constants(known: Mapping[str, float]) -> dict[str, Vector] | None:
 
 def take_system(systems: dict[int, tuple[int, np.ndarray, np.ndarray]], command: Command) -> None:
     """Take a LOCAL command: kind, origin and angles of a coordinate system, as CDWRITE writes it, or in one line.  Local."""
-    is_archived = command.field(0).upper().startswith("R5")
-    first = 2 if is_archived else 0
+    first = 2 if command.is_archived else 0
     number, kind = int(command.number(first)), int(command.number(first + 1))
     values = np.array([command.number(first + 2 + i) for i in range(6)])
     _, origin, angles = systems.get(number, (kind, np.zeros(3), np.zeros(3)))
-    part = command.field(1).upper() if is_archived else ""
+    part = command.field(1).upper() if command.is_archived else ""
     if part in ("", "LOC"):
         origin = values[:3]
     if part in ("", "ANG"):

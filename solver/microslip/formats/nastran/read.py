@@ -128,7 +128,7 @@ def cards_of(text: str) -> Any:
     _refuse_endless_ranges(text)
     source, is_whole = _source(text)
     cards = BDF(debug=None)
-    cards.disable_cards(("DEFUSET", *EFFECTS))  # counted, not parsed: their fields differ between programs
+    cards.disable_cards(("DEFUSET", *(EFFECTS.keys() - {"DMIG"})))  # counted, not parsed: their fields differ between programs
     with read_by_pynastran("Nastran bulk data"):
         cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
         follow_references(cards)
