@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 ASSEMBLED = 40.0  # bytes an entry of K held at once: sums of element matrices, rows expanded, PETSc's copy of them
 
 
-def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: StructureTables) -> System:
+def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tables: StructureTables) -> System:
     """Return K, M, R, loads and outputs on the free DOFs.
 
     Collective on ``dmesh.comm``.
@@ -51,17 +51,17 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     ResourceError : not enough memory, or a rank's matrix has more entries than PETSc's integers count; on every rank
     """
     comm = dmesh.comm
-    check_elements(dmesh, settings)
-    whole = on_root(comm, read_off, mesh, pairs, settings)
+    check_elements(dmesh, tables)
+    whole = on_root(comm, read_off, mesh, pairs, tables)
     is_fixed, links = whole.is_fixed, whole.links
-    loads = with_base_motion(whole.loads, settings, dmesh, links)
+    loads = with_base_motion(whole.loads, tables, dmesh, links)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[: len(to_mesh)][to_mesh])
     n_dof = int(row_ranges[-1])
     if n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
     constraints = constrain(dmesh, links, is_fixed, *whole.loose) if not links.is_empty else None
-    K, M = _matrices(dmesh, dof, row_ranges, settings.sections)
+    K, M = _matrices(dmesh, dof, row_ranges, tables.sections)
     dof_of_mesh = dof[dmesh.rank_order]
     if constraints is not None:
         dof_of_mesh, n_dof = constraints.dof, constraints.T.shape[0]
@@ -79,8 +79,8 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
         parts=np.repeat(whole.part[to_mesh[first:last]], 3)[is_free.ravel()],
         part_names=whole.part_names,
         notes=whole.notes,
-        output_orders=orders_of(settings.outputs),
-        output_base=base_map(settings.outputs, settings.loads) if any(one.absolute for one in settings.outputs) else None,
+        output_orders=orders_of(tables.outputs),
+        output_base=base_map(tables.outputs, tables.loads) if any(one.absolute for one in tables.outputs) else None,
     )
     return system if constraints is None else constrained(system, constraints, whole.part)
 
@@ -99,27 +99,27 @@ class WholeMesh:
     notes: tuple[str, ...]  # on pairs that supports fix on both sides
 
 
-def read_off(mesh: Mesh, pairs: ContactPairs, settings: StructureTables) -> WholeMesh:
+def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeMesh:
     """Return what only the whole mesh shows.  Local, rank 0.
 
     Raises
     ------
     MeshError, CaseError : a part that nothing holds, supports, loads or outputs without a node, a joint fixed on both sides
     """
-    links = find_links(mesh, settings)
-    is_fixed = fixed_places(mesh, settings, links)
+    links = find_links(mesh, tables)
+    is_fixed = fixed_places(mesh, tables, links)
     check_supports(mesh, links, is_fixed)
-    part, part_names = connected_parts(mesh, settings.body_of)
-    check_held(part, part_names, mesh, settings.supports, pairs, links)
+    part, part_names = connected_parts(mesh, tables.body_of)
+    check_held(part, part_names, mesh, tables.supports, pairs, links)
     return WholeMesh(
         is_fixed=is_fixed,
         part=part,
         part_names=part_names,
-        loads=[nodal_forces(mesh, load, settings.model, f"[[loads]] {i}", links) for i, load in enumerate(settings.loads, 1)],
-        outputs=[output_row(mesh, output, settings, links) for output in settings.outputs],
+        loads=[nodal_forces(mesh, load, tables.model, f"[[loads]] {i}", links) for i, load in enumerate(tables.loads, 1)],
+        outputs=[output_row(mesh, output, tables, links) for output in tables.outputs],
         links=links,
-        loose=loose_clusters(part, len(part_names), mesh, settings.supports, links),
-        notes=notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(settings.path)),
+        loose=loose_clusters(part, len(part_names), mesh, tables.supports, links),
+        notes=notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(tables.path)),
     )
 
 

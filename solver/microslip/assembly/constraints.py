@@ -69,20 +69,20 @@ class Constraints:
     def transposed(self, comm: MPI.Comm, forces_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of T^T f for forces on its nodes' rows, (n_nodal_owned,) [N].  Collective."""
         T = _distributed(self, comm)
-        f, found = T.createVecs(side="l"), T.createVecs(side="r")
+        f, reduced = T.createVecs(side="l"), T.createVecs(side="r")
         f.setArray(forces_owned)
-        T.multTranspose(f, found)
-        values = found.getArray().copy()
-        for one in (f, found, T):
-            one.destroy()
+        T.multTranspose(f, reduced)
+        values = reduced.getArray().copy()
+        for item in (f, reduced, T):
+            item.destroy()
         return values
 
     @property
     def at_places(self) -> sp.csr_matrix:
         """The displacements of all places, (3 n_places, n_dof): rows of T, and none where a support holds."""
         dof = self.dof.ravel()
-        own = np.flatnonzero(dof >= 0)
-        return sp.csr_matrix((np.ones(len(own)), (own, dof[own])), (len(dof), self.T.shape[0])) @ self.T
+        free = np.flatnonzero(dof >= 0)
+        return sp.csr_matrix((np.ones(len(free)), (free, dof[free])), (len(dof), self.T.shape[0])) @ self.T
 
     def of_places(self, comm: MPI.Comm, forces: np.ndarray) -> np.ndarray:
         """Return this rank's rows of T^T of forces on all places, (n_places, 3) [N], the same on every rank.  Local."""
@@ -121,7 +121,9 @@ def constrain(
 def _number(dmesh: DistributedMesh, links: Links, is_gone: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the rows of the places, (n_places, 3), and the row ranges: on each rank its nodes, then its points."""
     n_nodes = links.n_nodes
-    owners = [np.searchsorted(dmesh.node_ranges, dmesh.rank_order[links.node_of(one.name)], "right") - 1 for one in links.points]
+    owners = [
+        np.searchsorted(dmesh.node_ranges, dmesh.rank_order[links.node_of(point.name)], "right") - 1 for point in links.points
+    ]
     owner = np.concatenate([np.searchsorted(dmesh.node_ranges, dmesh.rank_order, "right") - 1, np.repeat(owners, 2)]).astype(int)
     order = np.lexsort((np.concatenate([dmesh.rank_order, np.arange(n_nodes, links.n_places)]), owner))
     before = np.concatenate([[0], np.cumsum(~is_gone[order].ravel())])
@@ -134,12 +136,12 @@ def _number(dmesh: DistributedMesh, links: Links, is_gone: np.ndarray) -> tuple[
 
 def _transformation(links: Links, dof: np.ndarray, free: np.ndarray, shape: tuple[int, int]) -> sp.csr_matrix:
     """Return T: ones for what is free, the weights of free ones for what is dependent, nothing for what is fixed."""
-    own = np.flatnonzero(free >= 0)
+    is_free = np.flatnonzero(free >= 0)
     followed = links.weights.tocoo()
     row, column = dof[links.dependent[followed.row]], free[followed.col]
     kept = (row >= 0) & (column >= 0)
-    values = np.concatenate([np.ones(len(own)), followed.data[kept]])
-    places = (np.concatenate([dof[own], row[kept]]), np.concatenate([free[own], column[kept]]))
+    values = np.concatenate([np.ones(len(is_free)), followed.data[kept]])
+    places = (np.concatenate([dof[is_free], row[kept]]), np.concatenate([free[is_free], column[kept]]))
     return sp.csr_matrix((values, places), shape)
 
 
@@ -193,19 +195,19 @@ def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_
     T = _distributed(constraints, comm)
     right = matrix.matMult(T)  # two products take a quarter of the time of PETSc's one, MatPtAP
     matrix.destroy()
-    found = T.transposeMatMult(right)
-    for one in (T, right):
-        one.destroy()
+    projected = T.transposeMatMult(right)
+    for operand in (T, right):
+        operand.destroy()
     added = added_by_points(constraints, blocks)
     if on_places is not None:
         added = tidy(added + constraints.at_places.T @ on_places @ constraints.at_places)
     if added.nnz:
         more = _of_rows(constraints, added, comm)
-        found.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        projected.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         more.destroy()
-    found.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    found.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
-    return found
+    projected.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    projected.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
+    return projected
 
 
 def added_by_points(constraints: Constraints, blocks: np.ndarray) -> sp.csr_matrix:

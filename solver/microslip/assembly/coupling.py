@@ -38,19 +38,19 @@ def coupling_of_nodes(dmesh: DistributedMesh, pairs: ContactPairs, constraints: 
     """
     comm, pattern = dmesh.comm, node_pattern(dmesh)
     n_owned, n = len(pattern.indptr) - 1, pattern.n_nodes
-    own = sp.csr_matrix((np.ones(len(pattern.indices), dtype=np.int8), pattern.indices, pattern.indptr), (n_owned, n))
+    nodal = sp.csr_matrix((np.ones(len(pattern.indices), dtype=np.int8), pattern.indices, pattern.indptr), (n_owned, n))
     seen = sum((_ones(side) for side in pairs.sides(n)), sp.csr_matrix((pairs.n_pairs, n), dtype=np.int8))[:, _back(dmesh)]
     if constraints is not None:
         T = _places_that_lead(constraints, dmesh.rank_order)
-        own = T[pattern.row_start : pattern.row_start + n_owned].T @ _ones(own @ T[:n])
-        parts, seen, n = comm.gather(own) or [], seen @ T[:n], T.shape[1]
-        own = _ones(sum(parts[1:], parts[0])) if comm.rank == 0 else sp.csr_matrix((0, n), dtype=np.int8)
+        nodal = T[pattern.row_start : pattern.row_start + n_owned].T @ _ones(nodal @ T[:n])
+        parts, seen, n = comm.gather(nodal) or [], seen @ T[:n], T.shape[1]
+        nodal = _ones(sum(parts[1:], parts[0])) if comm.rank == 0 else sp.csr_matrix((0, n), dtype=np.int8)
         first = 0
     else:
         first = pattern.row_start
-    by_pairs = _ones(seen.T.tocsr()[first : first + own.shape[0]] @ seen)
-    rows = _ones(own + by_pairs + sp.eye(own.shape[0], n, first, dtype=np.int8))
-    return Coupling(_matrix(comm, rows), 3, 9 * own.nnz, 3 * own.shape[0], 3 * n)
+    by_pairs = _ones(seen.T.tocsr()[first : first + nodal.shape[0]] @ seen)
+    rows = _ones(nodal + by_pairs + sp.eye(nodal.shape[0], n, first, dtype=np.int8))
+    return Coupling(_matrix(comm, rows), 3, 9 * nodal.nnz, 3 * nodal.shape[0], 3 * n)
 
 
 def coupling_of_dofs(given: GivenStructure | None, comm: MPI.Comm) -> Coupling:
@@ -71,8 +71,8 @@ def _places_that_lead(constraints: Constraints, rank_order: np.ndarray) -> sp.cs
         place, axis = np.nonzero(numbers >= 0)
         place_of[numbers[place, axis]] = at[place]
     T = constraints.T.tocoo()
-    found = (np.ones(T.nnz, dtype=np.int8), (row_of[T.row], column_of[T.col]))
-    return _ones(sp.csr_matrix(found, (n_places, n_places)))
+    entries = (np.ones(T.nnz, dtype=np.int8), (row_of[T.row], column_of[T.col]))
+    return _ones(sp.csr_matrix(entries, (n_places, n_places)))
 
 
 def _back(dmesh: DistributedMesh) -> np.ndarray:

@@ -17,7 +17,7 @@ from .system import System
 
 
 def tangent_about(
-    dmesh: DistributedMesh, settings: StructureTables, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
+    dmesh: DistributedMesh, tables: StructureTables, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
 ) -> tuple[PETSc.Mat, np.ndarray]:
     """Return the stiffness K_T about a displacement, and the forces K_T u - f_int(u) beside the constant ones.
 
@@ -35,7 +35,7 @@ def tangent_about(
     K_T : (n_dof, n_dof) N/m, spin softening in it
     forces_owned : (n_dof_owned,) N, this rank's rows
     """
-    spin, moved = spin_of(settings, share), moved_at_nodes(dmesh, system)
+    spin, moved = spin_of(tables, share), moved_at_nodes(dmesh, system)
     free = displacement_at_nodes(dmesh, system, u_owned)
     held = np.zeros_like(free) if moved is None else share * moved
     pattern, (first, last) = node_pattern(dmesh), owned_nodes(dmesh)
@@ -44,7 +44,7 @@ def tangent_about(
         block = replace(whole, temperature_rise=share * whole.temperature_rise)
         for chunk in element_chunks(block):
             nodes = block.nodes[chunk]
-            change, left = _about(block, chunk, settings, spin, free[nodes], held[nodes], is_stressed)
+            change, left = _about(block, chunk, tables, spin, free[nodes], held[nodes], is_stressed)
             total.add(*pattern.positions(nodes), change)
             add_to_nodes(forces, nodes - first, left)
     return with_change(dmesh, system, spin if is_stressed else np.zeros((3, 3)), pattern, total), on_rows(dmesh, system, forces)
@@ -53,7 +53,7 @@ def tangent_about(
 def _about(
     block: LocalBlock,
     chunk: slice,
-    settings: StructureTables,
+    tables: StructureTables,
     spin: np.ndarray,
     free: np.ndarray,
     held: np.ndarray,
@@ -63,7 +63,7 @@ def _about(
 
     ``free`` and ``held`` (n_elements, n, 3) [m] are the displacements of what is free and of supports that are moved.
     """
-    body, points = settings.sections[block.body], block.points[chunk]
+    body, points = tables.sections[block.body], block.points[chunk]
     of, moved = body.solids(block.kind, points, block.rise_of(chunk)), free + held
     resisted, K_T = elements.large_displacements(of, moved, is_stressed)
     K = elements.stiffness(of)

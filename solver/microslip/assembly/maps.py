@@ -42,10 +42,10 @@ def load_map(loads: Sequence[NodalForces], dof: np.ndarray, n_dof: int) -> sp.cs
     """
     columns = []
     for i, load in enumerate(loads, 1):
-        own = [_row(shape, load.nodes, dof, n_dof) for shape in load.shapes]
-        if not any(column.count_nonzero() for column in own):
+        rows = [_row(shape, load.nodes, dof, n_dof) for shape in load.shapes]
+        if not any(column.count_nonzero() for column in rows):
             raise CaseError(f"[[loads]] {i} acts only on degrees of freedom that a support fixes; it moves nothing")
-        columns += own
+        columns += rows
     return sp.vstack(columns).T.tocsc() if columns else sp.csc_matrix((n_dof, 0))
 
 

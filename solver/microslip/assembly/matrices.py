@@ -69,7 +69,7 @@ class GivenStructure:
         return None if self.places is None else self.places.mesh
 
 
-def read_structure(settings: StructureTables) -> GivenStructure:
+def read_structure(tables: StructureTables) -> GivenStructure:
     """Read the files and check that they fit together, and to the loads and outputs.
 
     Local, on rank 0.
@@ -79,10 +79,10 @@ def read_structure(settings: StructureTables) -> GivenStructure:
     CaseError : a file, a matrix or a DOF number is at fault
     ResourceError : not enough memory
     """
-    given = settings.model.matrices
+    given = tables.model.matrices
     files = {key: path for key, (path, _) in given.items()}
-    found = {key: read_matrix(files[key], f"[model] {key}", _SYMBOLS[key], given[key][1]) for key in _SYMBOLS if key in given}
-    matrices, dofs = aligned(found, files)
+    of_files = {key: read_matrix(files[key], f"[model] {key}", _SYMBOLS[key], given[key][1]) for key in _SYMBOLS if key in given}
+    matrices, dofs = aligned(of_files, files)
     K, M, C = (matrices.get(key) for key in _SYMBOLS)
     n_dof = K.shape[0]
     for key, matrix in matrices.items():
@@ -95,33 +95,32 @@ def read_structure(settings: StructureTables) -> GivenStructure:
         raise ResourceError(
             f"{files['stiffness']}: [model] stiffness has {K.nnz} entries; this version reads {_MOST_ENTRIES} at most"
         )
-    places = read_places(settings, dofs, n_dof)
-    _check_dofs(settings, n_dof, places)
-    notes = tuple(note for each in found.values() for note in each.notes)
+    places = read_places(tables, dofs, n_dof)
+    _check_dofs(tables, n_dof, places)
+    notes = tuple(note for each in of_files.values() for note in each.notes)
     notes += () if places is None else places.mesh.notes
-    notes += tuple(said_of(K, M, {key: each.skew for key, each in found.items()}, places))
-    pairs, R = _read_joints(settings, n_dof, places)
-    notes += notes_on_fixed(pairs, fixed_by_rows(R), str(settings.path))
-    loads, outputs = _load_map(settings.loads, n_dof, places), _output_map(settings.outputs, n_dof, places)
+    notes += tuple(said_of(K, M, {key: each.skew for key, each in of_files.items()}, places))
+    pairs, R = _read_joints(tables, n_dof, places)
+    notes += notes_on_fixed(pairs, fixed_by_rows(R), str(tables.path))
+    loads, outputs = _load_map(tables.loads, n_dof, places), _output_map(tables.outputs, n_dof, places)
     return GivenStructure(K, M, C, pairs, R, loads, outputs, places, notes + pairs.notes)
 
 
-def _check_dofs(settings: StructureTables, n_dof: int, places: Places | None) -> None:
+def _check_dofs(tables: StructureTables, n_dof: int, places: Places | None) -> None:
     """Raise CaseError for loads and outputs on rows that are not there, and on nodes that nobody tells of."""
-    named: dict[str, Sequence[Load | Output]] = {"loads": settings.loads, "outputs": settings.outputs}
+    named: dict[str, Sequence[Load | Output]] = {"loads": tables.loads, "outputs": tables.outputs}
     for table, entries in named.items():
         for i, entry in enumerate(entries, 1):
             if _is_elsewhere(entry) or (entry.dof is None and places is not None):
                 continue
             if entry.dof is None:
                 raise CaseError(
-                    f"{settings.path}: [[{table}]] {i}: the files of the matrices tell no nodes; state [model] dofs, or name "
-                    "a dof"
+                    f"{tables.path}: [[{table}]] {i}: the files of the matrices tell no nodes; state [model] dofs, or name a dof"
                 )
             if entry.dof >= n_dof:
-                raise CaseError(f"{settings.path}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
-    if places is None and any(joint.pairs is None for joint in settings.joints):
-        raise CaseError(f"{settings.path}: [[joints]] node_pairs: the files of the matrices tell no nodes; state [model] dofs")
+                raise CaseError(f"{tables.path}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
+    if places is None and any(joint.pairs is None for joint in tables.joints):
+        raise CaseError(f"{tables.path}: [[joints]] node_pairs: the files of the matrices tell no nodes; state [model] dofs")
 
 
 def _is_elsewhere(entry: Load | Output) -> bool:
@@ -146,10 +145,10 @@ def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
                 )
 
 
-def _read_joints(settings: StructureTables, n_dof: int, places: Places | None) -> tuple[ContactPairs, sp.csr_matrix]:
+def _read_joints(tables: StructureTables, n_dof: int, places: Places | None) -> tuple[ContactPairs, sp.csr_matrix]:
     """Return the pairs of all joints and their R, (3 n_pairs, n_dof): those by DOFs first."""
-    by_dof = [joint for joint in settings.joints if joint.pairs is not None]
-    by_node = [joint for joint in settings.joints if joint.pairs is None]
+    by_dof = [joint for joint in tables.joints if joint.pairs is not None]
+    by_node = [joint for joint in tables.joints if joint.pairs is None]
     pairs, dofs = _pairs_of_dofs(by_dof, n_dof)
     R = _pair_map(dofs, n_dof)
     if not by_node:
@@ -161,7 +160,7 @@ def _read_joints(settings: StructureTables, n_dof: int, places: Places | None) -
 
 def _pairs_of_dofs(joints: Sequence[Joint], n_dof: int) -> tuple[ContactPairs, np.ndarray]:
     """Return the pairs of joints by DOFs, and those, (n_pairs, 6): x, y, z of body 1, x, y, z of body 2; -1 is ground."""
-    tables, names, separate, laws, own = [np.empty((0, len(COLUMNS)))], [], [], [], []
+    tables, names, separate, laws, of_laws = [np.empty((0, len(COLUMNS)))], [], [], [], []
     for joint in joints:
         path = joint.file_of("pairs")
         if path is None:
@@ -171,7 +170,7 @@ def _pairs_of_dofs(joints: Sequence[Joint], n_dof: int) -> tuple[ContactPairs, n
         names += [joint.name] * len(table)
         separate += [joint.is_separate] * len(table)
         laws += [joint.law] * len(table)
-        own.append((len(table), columns_of_joint(joint.law, joint.values_of_law, len(table))))
+        of_laws.append((len(table), columns_of_joint(joint.law, joint.values_of_law, len(table))))
     table = np.concatenate(tables)
     n, (mu, n0, g0, k_t, k_n) = len(table), table[:, 6:].T
     pairs = ContactPairs(
@@ -188,7 +187,7 @@ def _pairs_of_dofs(joints: Sequence[Joint], n_dof: int) -> tuple[ContactPairs, n
         separate=np.array(separate, dtype=bool),
         faces=(),
         laws=np.array(laws),
-        own=joined(own),
+        own=joined(of_laws),
     )
     return pairs, table[:, :6].astype(int)
 
@@ -224,7 +223,7 @@ def _output_map(outputs: Sequence[Output], n_dof: int, places: Places | None) ->
 # -- on all ranks ----------------------------------------------------------------------------------------------
 
 
-def distribute_structure(given: GivenStructure | None, settings: StructureTables, comm: MPI.Comm) -> tuple[System, ContactPairs]:
+def distribute_structure(given: GivenStructure | None, tables: StructureTables, comm: MPI.Comm) -> tuple[System, ContactPairs]:
     """Return the system with the rows of its matrices split evenly over the ranks, and the pairs.
 
     Collective on ``comm``.  ``given`` on rank 0, None elsewhere; a rank may get no row.
@@ -249,7 +248,7 @@ def distribute_structure(given: GivenStructure | None, settings: StructureTables
         dof=dof,
         parts=part[first:last],
         part_names=names,
-        output_orders=orders_of(settings.outputs),
+        output_orders=orders_of(tables.outputs),
     ), pairs
 
 
@@ -265,9 +264,9 @@ def _pair_map(dofs: np.ndarray, n_dof: int) -> sp.csr_matrix:
     """Return R: the DOF of body 1 minus that of body 2, ground drops out.  Local."""
     rows = np.arange(3 * len(dofs)).reshape(-1, 3)
     R = sp.csr_matrix((3 * len(dofs), n_dof))
-    for own, sign in ((dofs[:, :3], 1.0), (dofs[:, 3:], -1.0)):
-        is_free = own != GROUND
-        R = R + sp.csr_matrix((np.full(is_free.sum(), sign), (rows[is_free], own[is_free])), R.shape)
+    for side, sign in ((dofs[:, :3], 1.0), (dofs[:, 3:], -1.0)):
+        is_free = side != GROUND
+        R = R + sp.csr_matrix((np.full(is_free.sum(), sign), (rows[is_free], side[is_free])), R.shape)
     return R.tocsr()
 
 
@@ -295,6 +294,6 @@ def _distribute(matrix: sp.csr_matrix | None, comm: MPI.Comm) -> PETSc.Mat:
 
 def _scatter(values: np.ndarray | None, counts: np.ndarray, kind: type, comm: MPI.Comm) -> np.ndarray:
     """Return this rank's ``counts[rank]`` of rank 0's values.  Collective."""
-    own: np.ndarray = np.empty(counts[comm.rank], dtype=kind)
-    comm.Scatterv(None if values is None else [np.ascontiguousarray(values, dtype=kind), counts], own)
-    return own
+    part: np.ndarray = np.empty(counts[comm.rank], dtype=kind)
+    comm.Scatterv(None if values is None else [np.ascontiguousarray(values, dtype=kind), counts], part)
+    return part

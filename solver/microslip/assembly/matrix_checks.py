@@ -71,20 +71,20 @@ def rigid_motions(places: Places) -> tuple[np.ndarray, tuple[str, ...]]:
         arms = points - points.mean(axis=0)
         fields += [np.cross(axis, arms) for axis in np.eye(3)]
     motions = np.zeros((n_dof, len(fields)))
-    own = (places.dof >= 0) & (places.dof < n_dof)
+    is_row = (places.dof >= 0) & (places.dof < n_dof)
     for column, values in enumerate(fields):
-        motions[places.dof[own], column] = values[own]
+        motions[places.dof[is_row], column] = values[is_row]
     return motions, _MOTIONS[: len(fields)]
 
 
 def _of_motions(K: sp.csr_matrix, M: sp.csr_matrix, motions: np.ndarray, names: tuple[str, ...], dofs: Places) -> list[str]:
     """Say which rigid motions strain nothing, by connected part of the stiffness, and the mass along each axis."""
     _, part = scipy.sparse.csgraph.connected_components(K, directed=False)
-    moving = [own for own in np.unique(part[motions.any(axis=1)])]
+    moving = [number for number in np.unique(part[motions.any(axis=1)])]
     forces, parts = np.abs(K @ motions), abs(K) @ abs(motions)
     lines = []
-    for own in moving[:_MOST_PARTS]:
-        rows = part == own
+    for number in moving[:_MOST_PARTS]:
+        rows = part == number
         ratio = forces[rows].max(axis=0) / np.maximum(parts[rows].max(axis=0), np.finfo(float).tiny)
         free = [name for name, value in zip(names, ratio) if value < _RIGID]
         said = f"{len(free)} of {len(names)} rigid motions strain nothing ({', '.join(free)})" if free else "it is held"

@@ -101,7 +101,7 @@ class Places:
         return self.on_rows(sp.csr_matrix((value[kept], places), (1, self.expand.shape[0])))
 
 
-def read_places(settings: StructureTables, given: DofMap | None, n_dof: int) -> Places | None:
+def read_places(tables: StructureTables, given: DofMap | None, n_dof: int) -> Places | None:
     """Return the places of a structure; None where nobody tells nodes and directions.  Local, rank 0.
 
     ``given`` is what the stiffness's own file says of its rows.
@@ -110,23 +110,23 @@ def read_places(settings: StructureTables, given: DofMap | None, n_dof: int) -> 
     ------
     CaseError, MeshError : a file is at fault, or does not fit the matrices
     """
-    own = dofs_of_rows(settings.model.file_of("dofs"), given, n_dof, "dofs")
-    recovery, recovered = _recovery(settings, n_dof)
-    if own is None and recovered is None:
-        if settings.model.nodes is not None:
+    dofs = dofs_of_rows(tables.model.file_of("dofs"), given, n_dof, "dofs")
+    recovery, recovered = _recovery(tables, n_dof)
+    if dofs is None and recovered is None:
+        if tables.model.nodes is not None:
             raise CaseError(
-                f"{settings.path}: [model] nodes: nobody tells which rows belong to which nodes; state [model] dofs, or give "
+                f"{tables.path}: [model] nodes: nobody tells which rows belong to which nodes; state [model] dofs, or give "
                 "the matrices in a format that says so"
             )
         return None
     expand = sp.identity(n_dof, format="csr")
     nobody = DofMap(np.zeros(n_dof, dtype=np.int64), np.zeros(n_dof, dtype=np.int64))
-    maps = [nobody if own is None else own]
+    maps = [nobody if dofs is None else dofs]
     if recovery is not None:
         expand = sp.vstack([expand, recovery]).tocsr()
         maps.append(recovered)  # type: ignore[arg-type]
     nodes, directions = (np.concatenate([getattr(each, name) for each in maps]) for name in ("nodes", "directions"))
-    mesh = _mesh(settings, nodes)
+    mesh = _mesh(tables, nodes)
     return Places(mesh, _table(mesh, nodes, directions), expand)
 
 
@@ -166,31 +166,31 @@ def _once(dofs: DofMap, where: str) -> DofMap:
     return dofs
 
 
-def _recovery(settings: StructureTables, n_dof: int) -> tuple[sp.csr_matrix | None, DofMap | None]:
+def _recovery(tables: StructureTables, n_dof: int) -> tuple[sp.csr_matrix | None, DofMap | None]:
     """Return the recovery matrix T (n_recovered, n_dof) with node and direction of its rows, where there is one."""
-    path, name = settings.model.matrices.get("recovery", (None, None))
+    path, name = tables.model.matrices.get("recovery", (None, None))
     if path is None:
         return None, None
     where = f"{path}: [model] recovery"
-    found: FileMatrix = read_any(path, "[model] recovery", "T", name, is_square=False)
-    matrix = sp.csr_matrix(found.matrix).astype(float)
+    recovery: FileMatrix = read_any(path, "[model] recovery", "T", name, is_square=False)
+    matrix = sp.csr_matrix(recovery.matrix).astype(float)
     if matrix.shape[1] != n_dof:
         raise CaseError(f"{where} is {matrix.shape[0]} x {matrix.shape[1]}: u = T q needs a column for each of {n_dof} rows")
     if not np.isfinite(matrix.data).all():
         raise CaseError(f"{where} has an entry that is not a finite number")
-    own = None if found.is_triangle else found.dofs
-    dofs = dofs_of_rows(settings.model.file_of("recovery_dofs"), own, matrix.shape[0], "recovery_dofs")
+    of_file = None if recovery.is_triangle else recovery.dofs
+    dofs = dofs_of_rows(tables.model.file_of("recovery_dofs"), of_file, matrix.shape[0], "recovery_dofs")
     if dofs is None:
         raise CaseError(f"{where}: which node and direction its rows are is not told; state [model] recovery_dofs")
     return matrix, dofs
 
 
-def _mesh(settings: StructureTables, nodes: np.ndarray) -> Mesh:
+def _mesh(tables: StructureTables, nodes: np.ndarray) -> Mesh:
     """Return the nodes that rows belong to, with what is known of their places."""
     named = np.unique(nodes[nodes > 0])
-    path = settings.model.file_of("nodes")
+    path = tables.model.file_of("nodes")
     if path is None:
-        return nodes_alone(settings.model.matrices["stiffness"][0], named)
+        return nodes_alone(tables.model.matrices["stiffness"][0], named)
     mesh = read_nodes(path)
     _, unknown = index_of(mesh.numbers, named)
     if not len(unknown) or mesh.elements:
@@ -227,17 +227,17 @@ def aligned(matrices: dict[str, FileMatrix], files: dict[str, Path]) -> tuple[di
     ------
     CaseError : matrices of different size, without nodes and directions in both
     """
-    mapped = {key: found for key, found in matrices.items() if found.dofs is not None}
-    own = next((found.dofs for found in mapped.values()), None)
+    mapped = {key: matrix for key, matrix in matrices.items() if matrix.dofs is not None}
+    dofs = next((matrix.dofs for matrix in mapped.values()), None)
     if len(mapped) < len(matrices) or len(mapped) < 2:
-        return {key: found.matrix for key, found in matrices.items()}, own
-    keys = {key: _once(found.dofs, str(files[key])).keys() for key, found in mapped.items() if found.dofs is not None}
+        return {key: matrix.matrix for key, matrix in matrices.items()}, dofs
+    keys = {key: _once(matrix.dofs, str(files[key])).keys() for key, matrix in mapped.items() if matrix.dofs is not None}
     everything = np.concatenate([keys["stiffness"], np.setdiff1d(np.concatenate(list(keys.values())), keys["stiffness"])])
     order = np.argsort(everything)
     placed = {}
-    for key, found in mapped.items():
+    for key, matrix in mapped.items():
         rows = order[np.searchsorted(everything, keys[key], sorter=order)]
-        entries = found.matrix.tocoo()
+        entries = matrix.matrix.tocoo()
         shape = (len(everything), len(everything))
         placed[key] = sp.csr_matrix((entries.data, (rows[entries.row], rows[entries.col])), shape)
     return placed, DofMap(everything // 8, everything % 8)

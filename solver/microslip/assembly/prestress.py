@@ -24,8 +24,8 @@ from .system import System
 Seen = Callable[[LocalBlock, int, slice], np.ndarray]
 
 
-def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: StructureTables, system: System) -> np.ndarray:
-    """Return this rank's rows of the forces of ``settings.statics``, eq. (12.1) and eq. (12.2), (n_dof_owned,) [N].
+def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, tables: StructureTables, system: System) -> np.ndarray:
+    """Return this rank's rows of the forces of ``tables.statics``, eq. (12.1) and eq. (12.2), (n_dof_owned,) [N].
 
     Collective on ``dmesh.comm``: one broadcast.  ``mesh`` is that of rank 0.  Moved supports act as well, eq. (12.12).  With
     large displacements the forces of temperatures and moved supports are no constants, and left out.
@@ -34,19 +34,19 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: Structu
     ------
     MeshError : a group that is no surface, or a place without a node; on every rank
     """
-    statics = stated_statics(settings)
-    total = nodal_loads(dmesh, mesh, settings)
+    statics = stated_statics(tables)
+    total = nodal_loads(dmesh, mesh, tables)
     moved = None if statics.large_displacements else moved_at_nodes(dmesh, system)
     if moved is not None:
-        total += _of_moved(dmesh, settings, moved)
+        total += _of_moved(dmesh, tables, moved)
     if system.constraints is None:
         return on_rows(dmesh, system, total)
-    on_points, on_places = place_loads(system.constraints, settings)
-    found = on_rows(dmesh, system, total, on_points)
-    return found if system.constraints.attached is None else found + system.constraints.of_places(dmesh.comm, on_places)
+    on_points, on_places = place_loads(system.constraints, tables)
+    f_owned = on_rows(dmesh, system, total, on_points)
+    return f_owned if system.constraints.attached is None else f_owned + system.constraints.of_places(dmesh.comm, on_places)
 
 
-def nodal_loads(dmesh: DistributedMesh, mesh: Mesh | None, settings: StructureTables) -> np.ndarray:
+def nodal_loads(dmesh: DistributedMesh, mesh: Mesh | None, tables: StructureTables) -> np.ndarray:
     """Return the constant loads on this rank's nodes, those that supports hold too, (n_owned_nodes, 3) [N].
 
     Collective on ``dmesh.comm``: one broadcast.  Those of points and of masses at nodes are in ``place_loads``.
@@ -55,26 +55,26 @@ def nodal_loads(dmesh: DistributedMesh, mesh: Mesh | None, settings: StructureTa
     ------
     MeshError : a group that is no surface, or a place without a node; on every rank
     """
-    statics = stated_statics(settings)
+    statics = stated_statics(tables)
     first, last = owned_nodes(dmesh)
     nodes, values = on_root(dmesh.comm, _forces_on_nodes, mesh, statics)
     total = np.zeros((last - first, 3))
     add_to_nodes(total, dmesh.rank_order[nodes] - first, values)
     for block in dmesh.blocks:
         for chunk in element_chunks(block):
-            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, settings))
+            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, tables))
     return total
 
 
-def place_loads(constraints: Constraints, settings: StructureTables) -> tuple[np.ndarray, np.ndarray]:
+def place_loads(constraints: Constraints, tables: StructureTables) -> tuple[np.ndarray, np.ndarray]:
     """Return constant forces and moments on the points, (n_points, 6) [N, N m], and those of masses on places, (n_places, 3) [N].
 
     Local; the same on every rank.
     """
-    on_points, attached = _on_points(constraints, settings), constraints.attached
+    on_points, attached = _on_points(constraints, tables), constraints.attached
     if attached is None:
         return on_points, np.zeros((len(constraints.dof), 3))
-    return on_points, attached.forces(outward(settings, attached.points))
+    return on_points, attached.forces(outward(tables, attached.points))
 
 
 def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray, on_points: np.ndarray | None = None) -> np.ndarray:
@@ -87,35 +87,35 @@ def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray, on_points
     if constraints is None:
         return nodal[by_rank(dmesh, system)[first:last] >= 0]
     of_nodes = constraints.dof[: len(dmesh.rank_order)][np.argsort(dmesh.rank_order)][first:last]
-    found = constraints.transposed(dmesh.comm, nodal[of_nodes >= 0])
-    return found if on_points is None else found + constraints.of_points(dmesh.comm, on_points.ravel())
+    f_owned = constraints.transposed(dmesh.comm, nodal[of_nodes >= 0])
+    return f_owned if on_points is None else f_owned + constraints.of_points(dmesh.comm, on_points.ravel())
 
 
-def _on_points(constraints: Constraints, settings: StructureTables) -> np.ndarray:
+def _on_points(constraints: Constraints, tables: StructureTables) -> np.ndarray:
     """Return the constant forces and moments on the points, (n_points, 6) [N, N m].  Local."""
     names = [point.name for point in constraints.points]
     on_points = np.zeros((len(names), 6))
-    for force in () if settings.statics is None else settings.statics.forces:
+    for force in () if tables.statics is None else tables.statics.forces:
         if force.point is not None:
             on_points[names.index(force.point)] += [*(force.force or (0.0,) * 3), *(force.moment or (0.0,) * 3)]
     for row, point in zip(on_points, constraints.points, strict=True):
-        row[:3] += point.mass * outward(settings, np.array(point.position))
+        row[:3] += point.mass * outward(tables, np.array(point.position))
     return on_points
 
 
 def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes (n,) and the forces and pressures on them, (n, 3) [N].  Local, rank 0."""
     nodes, values = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
-    for i, one in enumerate(statics.forces, 1):
-        if one.point is not None:
+    for i, force in enumerate(statics.forces, 1):
+        if force.point is not None:
             continue
         where = f"[[statics.forces]] {i}"
-        own = find_node(mesh, position=one.position, node=one.node, group=one.group, where=where)
-        nodes.append(own)
-        if one.moment is not None:
-            values.append(forces_of_moment(mesh, one.group or "", one.moment, f"{mesh.path}: {where}"))
+        loaded = find_node(mesh, position=force.position, node=force.node, group=force.group, where=where)
+        nodes.append(loaded)
+        if force.moment is not None:
+            values.append(forces_of_moment(mesh, force.group or "", force.moment, f"{mesh.path}: {where}"))
         else:
-            values.append(np.tile(np.array(one.force) / len(own), (len(own), 1)))
+            values.append(np.tile(np.array(force.force) / len(loaded), (len(loaded), 1)))
     for load in statics.pressures:
         for kind, faces in outward_faces(mesh, load.group).items():
             nodes.append(faces.ravel())
@@ -123,24 +123,24 @@ def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarr
     return np.concatenate(nodes), np.concatenate(values)
 
 
-def element_forces(block: LocalBlock, chunk: slice | np.ndarray, settings: StructureTables) -> np.ndarray:
+def element_forces(block: LocalBlock, chunk: slice | np.ndarray, tables: StructureTables) -> np.ndarray:
     """Return the centrifugal and thermal forces of some elements, (n_elements, n, 3) [N].  Local."""
-    statics, body, points = stated_statics(settings), settings.sections[block.body], block.points[chunk]
+    statics, body, points = stated_statics(tables), tables.sections[block.body], block.points[chunk]
     total = np.zeros(points.shape)
     if statics.rotation_speed > 0.0:
-        total += elements.mass(block.kind, points, body.density, body.integration) @ outward(settings, points)
+        total += elements.mass(block.kind, points, body.density, body.integration) @ outward(tables, points)
     temperature_rise = block.rise_of(chunk)
     if np.any(temperature_rise) and body.material.expands and not statics.large_displacements:
         total += elements.thermal_forces(body.solids(block.kind, points, temperature_rise))
     return total
 
 
-def _of_moved(dmesh: DistributedMesh, settings: StructureTables, moved: np.ndarray) -> np.ndarray:
+def _of_moved(dmesh: DistributedMesh, tables: StructureTables, moved: np.ndarray) -> np.ndarray:
     """Return the forces -K d of supports moved by d (n_nodes, 3) [m], rank-ordered, on this rank's nodes, eq. (12.12).  Local."""
     first, last = owned_nodes(dmesh)
     total = np.zeros((last - first, 3))
     for block in dmesh.blocks:
-        body, at_moved = settings.sections[block.body], np.flatnonzero(moved[block.nodes].any(axis=(1, 2)))
+        body, at_moved = tables.sections[block.body], np.flatnonzero(moved[block.nodes].any(axis=(1, 2)))
         for chunk in element_chunks(block):
             nodes = block.nodes[at_moved[chunk]]
             if not len(nodes):
@@ -151,7 +151,7 @@ def _of_moved(dmesh: DistributedMesh, settings: StructureTables, moved: np.ndarr
 
 
 def stiffness_at_rest(
-    dmesh: DistributedMesh, settings: StructureTables, system: System, u_owned: np.ndarray, seen: Seen | None = None
+    dmesh: DistributedMesh, tables: StructureTables, system: System, u_owned: np.ndarray, seen: Seen | None = None
 ) -> PETSc.Mat:
     """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m].
 
@@ -167,9 +167,9 @@ def stiffness_at_rest(
         for chunk in element_chunks(block):
             is_owned, positions = pattern.positions(block.nodes[chunk])
             seen_there = u[block.nodes[chunk]] if seen is None else u[block.nodes[chunk]] + seen(block, i, chunk)
-            change = _stiffening(block, chunk, settings, seen_there)
+            change = _stiffening(block, chunk, tables, seen_there)
             total.add(is_owned, positions, change)
-    return with_change(dmesh, system, spin_of(settings), pattern, total)
+    return with_change(dmesh, system, spin_of(tables), pattern, total)
 
 
 def displacement_at_nodes(dmesh: DistributedMesh, system: System, u_owned: np.ndarray) -> np.ndarray:
@@ -212,14 +212,14 @@ def _softening(constraints: Constraints, spin: np.ndarray) -> np.ndarray:
     return blocks
 
 
-def _stiffening(block: LocalBlock, chunk: slice, settings: StructureTables, u: np.ndarray) -> np.ndarray:
+def _stiffening(block: LocalBlock, chunk: slice, tables: StructureTables, u: np.ndarray) -> np.ndarray:
     """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
-    body, points = settings.sections[block.body], block.points[chunk]
+    body, points = tables.sections[block.body], block.points[chunk]
     of = body.solids(block.kind, points, block.rise_of(chunk))
     sigma = elements.stress_stiffness(of, elements.stress(of, u))
     mass = elements.mass(block.kind, points, body.density, body.integration)
-    change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, spin_of(settings))
-    if stated_statics(settings).deformed_shape:
+    change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, spin_of(tables))
+    if stated_statics(tables).deformed_shape:
         turned = elements.deformed_stiffness(of, u) - elements.stiffness(of)
         change += turned.reshape(change.shape)
     return change

@@ -53,8 +53,8 @@ class Bolts:
     loaded: np.ndarray  # (n_bolts,) N, what the loads on the elements above a cut add to the force in it
 
 
-def pretension(dmesh: DistributedMesh, mesh: Mesh | None, settings: StructureTables, system: System) -> Bolts | None:
-    """Return the bolts of ``settings.statics``, eq. (12.7); None where there are none.
+def pretension(dmesh: DistributedMesh, mesh: Mesh | None, tables: StructureTables, system: System) -> Bolts | None:
+    """Return the bolts of ``tables.statics``, eq. (12.7); None where there are none.
 
     Collective on ``dmesh.comm``.  ``mesh`` is that of rank 0.
 
@@ -62,27 +62,27 @@ def pretension(dmesh: DistributedMesh, mesh: Mesh | None, settings: StructureTab
     ------
     MeshError : a group that is no cut through a shank, or a cut that is held or in contact; on every rank
     """
-    statics = stated_statics(settings)
+    statics = stated_statics(tables)
     if not statics.bolts:
         return None
     comm = dmesh.comm
-    cuts = on_root(comm, _checked_cuts, mesh, settings, system)
-    overlap = _overlap(dmesh, settings, cuts)
-    F, load = _nodal(dmesh, settings, overlap, len(cuts))
+    cuts = on_root(comm, _checked_cuts, mesh, tables, system)
+    overlap = _overlap(dmesh, tables, cuts)
+    F, load = _nodal(dmesh, tables, overlap, len(cuts))
     first, last = owned_nodes(dmesh)
     bolt = overlap.of_nodes[first:last]
     n = np.where((bolt >= 0)[:, None], overlap.normals[bolt], 0.0)
     mine = bolt[:, None] == np.arange(len(cuts))
     along = np.einsum("bai,ai->ab", F, n), np.einsum("ai,ai->a", load, n)[:, None]
     k, loaded = (comm.allreduce((mine * values).sum(axis=0)) for values in along)
-    F_owned = np.column_stack([on_rows(dmesh, system, one) for one in F])
+    F_owned = np.column_stack([on_rows(dmesh, system, nodal) for nodal in F])
     return Bolts(statics.bolts, np.array([cut.area for cut in cuts]), overlap, F_owned, k, loaded)
 
 
-def _checked_cuts(mesh: Mesh, settings: StructureTables, system: System) -> list[Cut]:
+def _checked_cuts(mesh: Mesh, tables: StructureTables, system: System) -> list[Cut]:
     """Return the cuts; MeshError where a support holds one along its normal, or contact pairs lie on it.  Local, rank 0."""
     assert system.dof is not None, "a structure with a mesh"
-    bolts = stated_statics(settings).bolts
+    bolts = stated_statics(tables).bolts
     cuts = cuts_through(mesh, bolts)
     in_contact = np.zeros(system.n_dof, dtype=bool)
     in_contact[system.R.indices] = True
@@ -102,20 +102,20 @@ def _checked_cuts(mesh: Mesh, settings: StructureTables, system: System) -> list
     return cuts
 
 
-def _overlap(dmesh: DistributedMesh, settings: StructureTables, cuts: list[Cut]) -> Overlap:
+def _overlap(dmesh: DistributedMesh, tables: StructureTables, cuts: list[Cut]) -> Overlap:
     """Return which of this rank's elements and nodes are at the cuts.  Local."""
     of_nodes = np.full(len(dmesh.rank_order), -1)
     of_elements = tuple(np.full(len(block.nodes), -1) for block in dmesh.blocks)
     for b, cut in enumerate(cuts):
         of_nodes[dmesh.rank_order[cut.nodes]] = b
         for (kind, group), numbers in cut.numbers.items():
-            for block, own in zip(dmesh.blocks, of_elements):
-                if (block.kind, block.body) == (kind, settings.body_of[group]):
-                    own[np.isin(block.numbers, numbers)] = b
+            for block, of_block in zip(dmesh.blocks, of_elements):
+                if (block.kind, block.body) == (kind, tables.body_of[group]):
+                    of_block[np.isin(block.numbers, numbers)] = b
     return Overlap(np.array([cut.normal for cut in cuts]), of_nodes, of_elements)
 
 
-def _nodal(dmesh: DistributedMesh, settings: StructureTables, overlap: Overlap, n_bolts: int) -> tuple[np.ndarray, np.ndarray]:
+def _nodal(dmesh: DistributedMesh, tables: StructureTables, overlap: Overlap, n_bolts: int) -> tuple[np.ndarray, np.ndarray]:
     """Return on this rank's nodes the load of each unit shortening, (n_bolts, n_owned, 3) [N/m], and the remaining load.  Local.
 
     The latter, (n_owned, 3) [N], is what else acts on the elements above the cuts.
@@ -123,7 +123,7 @@ def _nodal(dmesh: DistributedMesh, settings: StructureTables, overlap: Overlap, 
     first, last = owned_nodes(dmesh)
     F, load = np.zeros((n_bolts, last - first, 3)), np.zeros((last - first, 3))
     for i, block in enumerate(dmesh.blocks):
-        body = settings.sections[block.body]
+        body = tables.sections[block.body]
         for chunk in element_chunks(block):
             rows = chunk.start + np.flatnonzero(overlap.of_elements[i][chunk] >= 0)
             points, nodes = block.points[rows], block.nodes[rows] - first
@@ -133,5 +133,5 @@ def _nodal(dmesh: DistributedMesh, settings: StructureTables, overlap: Overlap, 
             mine = (nodes >= 0) & (nodes < last - first)
             bolt = np.broadcast_to(overlap.of_elements[i][rows][:, None], nodes.shape)
             np.add.at(F, (bolt[mine], nodes[mine]), forces[mine])
-            np.add.at(load, nodes[mine], element_forces(block, rows, settings)[mine])
+            np.add.at(load, nodes[mine], element_forces(block, rows, tables)[mine])
     return F, load

@@ -31,7 +31,7 @@ class Acting:
 def acting_at_rest(
     dmesh: DistributedMesh,
     mesh: Mesh | None,
-    settings: StructureTables,
+    tables: StructureTables,
     system: System,
     u_owned: np.ndarray,
     seen: Seen | None = None,
@@ -47,24 +47,24 @@ def acting_at_rest(
     seen : what elements above the cuts of bolts see beside the displacement of their nodes, as in ``stiffness_at_rest``
     """
     comm, constraints = dmesh.comm, system.constraints
-    is_large = stated_statics(settings).large_displacements
+    is_large = stated_statics(tables).large_displacements
     whole = np.concatenate(comm.allgather(u_owned))
     u = system.at_nodes(whole) + (0.0 if system.moved is None else system.moved)
     to_mesh, is_held = np.argsort(dmesh.rank_order), held_places(system)
-    loads = nodal_loads(dmesh, mesh, settings)
-    resisted = _resisted(dmesh, settings, u[to_mesh], is_held[to_mesh].any(axis=1), seen)
+    loads = nodal_loads(dmesh, mesh, tables)
+    resisted = _resisted(dmesh, tables, u[to_mesh], is_held[to_mesh].any(axis=1), seen)
     if is_large:
-        loads += _farther_out(dmesh, settings, u[to_mesh])
+        loads += _farther_out(dmesh, tables, u[to_mesh])
     gathered = comm.gather((loads, resisted))
     if gathered is None:
         return None
     assert mesh is not None, "rank 0 has the mesh"
-    loads, resisted = (np.concatenate(one)[dmesh.rank_order] for one in zip(*gathered))
+    loads, resisted = (np.concatenate(parts)[dmesh.rank_order] for parts in zip(*gathered))
     if constraints is None:
-        found = loads, np.zeros((0, 6)), np.zeros((0, 3))
+        loads_and_places = loads, np.zeros((0, 6)), np.zeros((0, 3))
     else:
-        found = _with_places(loads, constraints, settings, whole)
-    loads, on_points, points = found
+        loads_and_places = _with_places(loads, constraints, tables, whole)
+    loads, on_points, points = loads_and_places
     places = mesh.points + u if is_large else mesh.points
     return Acting(loads, on_points, np.where(is_held, resisted, 0.0), is_held, places, points)
 
@@ -78,28 +78,28 @@ def held_places(system: System) -> np.ndarray:
     n_nodes = len(system.dof)
     is_led = np.diff(constraints.T.tocsc().indptr) > 1  # columns that move more than one row
     free = constraints.free[:n_nodes]
-    found = (free < 0) | np.append(is_led, False)[free]
+    is_held = (free < 0) | np.append(is_led, False)[free]
     if constraints.attached is not None:
         sprung = np.unique(constraints.attached.stretch.indices)
-        found.ravel()[sprung[sprung < found.size]] = True
-    return found
+        is_held.ravel()[sprung[sprung < is_held.size]] = True
+    return is_held
 
 
 def _resisted(
-    dmesh: DistributedMesh, settings: StructureTables, u: np.ndarray, is_held: np.ndarray, seen: Seen | None
+    dmesh: DistributedMesh, tables: StructureTables, u: np.ndarray, is_held: np.ndarray, seen: Seen | None
 ) -> np.ndarray:
     """Return K u, or f_int(u), of elements at held nodes on this rank's nodes, (n_owned_nodes, 3) [N]; all rank-ordered."""
     first, last = owned_nodes(dmesh)
     total = np.zeros((last - first, 3))
     for i, block in enumerate(dmesh.blocks):
-        body, at_held = settings.sections[block.body], np.flatnonzero(is_held[block.nodes].any(axis=1))
+        body, at_held = tables.sections[block.body], np.flatnonzero(is_held[block.nodes].any(axis=1))
         for chunk in element_chunks(block):
             rows = at_held[chunk]
             if not len(rows):
                 break
             by = u[block.nodes[rows]] if seen is None else u[block.nodes[rows]] + seen(block, i, rows)
             of = body.solids(block.kind, block.points[rows], block.rise_of(rows))
-            if stated_statics(settings).large_displacements:
+            if stated_statics(tables).large_displacements:
                 forces, _ = elements.large_displacements(of, by)
             else:
                 K = elements.stiffness(of)
@@ -108,28 +108,28 @@ def _resisted(
     return total
 
 
-def _farther_out(dmesh: DistributedMesh, settings: StructureTables, u: np.ndarray) -> np.ndarray:
+def _farther_out(dmesh: DistributedMesh, tables: StructureTables, u: np.ndarray) -> np.ndarray:
     """Return the centrifugal forces of a displacement, M S u, on this rank's nodes, (n_owned_nodes, 3) [N]."""
     first, last = owned_nodes(dmesh)
     total = np.zeros((last - first, 3))
     for block in dmesh.blocks:
-        body = settings.sections[block.body]
+        body = tables.sections[block.body]
         for chunk in element_chunks(block):
             mass = elements.mass(block.kind, block.points[chunk], body.density, body.integration)
-            add_to_nodes(total, block.nodes[chunk] - first, mass @ u[block.nodes[chunk]] @ spin_of(settings))
+            add_to_nodes(total, block.nodes[chunk] - first, mass @ u[block.nodes[chunk]] @ spin_of(tables))
     return total
 
 
 def _with_places(
-    loads: np.ndarray, constraints: Constraints, settings: StructureTables, whole: np.ndarray
+    loads: np.ndarray, constraints: Constraints, tables: StructureTables, whole: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return loads on nodes with those of masses there, forces and moments on points, where points are.  Local, rank 0."""
-    n_nodes, positions = len(loads), np.array([one.position for one in constraints.points]).reshape(-1, 3)
-    of_points, of_places = place_loads(constraints, settings)
-    if stated_statics(settings).large_displacements:
-        spin = spin_of(settings)
+    n_nodes, positions = len(loads), np.array([point.position for point in constraints.points]).reshape(-1, 3)
+    of_points, of_places = place_loads(constraints, tables)
+    if stated_statics(tables).large_displacements:
+        spin = spin_of(tables)
         u_points = (constraints.T[constraints.n_nodal :] @ whole).reshape(-1, 6)[:, :3]
-        mass = np.array([one.mass for one in constraints.points]).reshape(-1, 1)
+        mass = np.array([point.mass for point in constraints.points]).reshape(-1, 1)
         of_points[:, :3] += mass * u_points @ spin
         positions = positions + u_points
         if constraints.attached is not None:

@@ -8,21 +8,21 @@ from ..tables.constant_loads import Statics
 from ..tables.structure_tables import StructureTables
 
 
-def stated_statics(settings: StructureTables) -> Statics:
+def stated_statics(tables: StructureTables) -> Statics:
     """Return [statics] of a structure that has it.  Local."""
-    if settings.statics is None:
+    if tables.statics is None:
         raise ValueError("a structure without [statics] has no loads at rest")
-    return settings.statics
+    return tables.statics
 
 
-def spin_of(settings: StructureTables, share: float = 1.0) -> np.ndarray:
+def spin_of(tables: StructureTables, share: float = 1.0) -> np.ndarray:
     """Return a share of Omega^2 (1 - a a^T), (3, 3) [1/s2]: acceleration per distance from the axis.  Local."""
-    speed = 0.0 if settings.statics is None else settings.statics.rotation_speed
-    a = np.asarray(settings.model.axis or (0.0, 0.0, 1.0), dtype=float)
+    speed = 0.0 if tables.statics is None else tables.statics.rotation_speed
+    a = np.asarray(tables.model.axis or (0.0, 0.0, 1.0), dtype=float)
     a = a / np.linalg.norm(a)
     return share * speed**2 * (np.eye(3) - np.outer(a, a))
 
 
-def outward(settings: StructureTables, points: np.ndarray) -> np.ndarray:
+def outward(tables: StructureTables, points: np.ndarray) -> np.ndarray:
     """Return the acceleration of points (..., 3) [m] away from the axis, (..., 3) [m/s2].  Local."""
-    return (points - np.array(settings.model.axis_point)) @ spin_of(settings)
+    return (points - np.array(tables.model.axis_point)) @ spin_of(tables)

@@ -49,7 +49,7 @@ class System:
         """Free K, M and C, but for those that an ``other`` system shares; once more does nothing.  Collective."""
         shared = () if other is None else (other.K, other.M, other.C)
         for matrix in (self.K, self.M, self.C):
-            if matrix is not None and not any(matrix is one for one in shared):
+            if matrix is not None and not any(matrix is other_matrix for other_matrix in shared):
                 matrix.destroy()
 
     def at_nodes(self, u: np.ndarray) -> np.ndarray:

@@ -70,10 +70,10 @@ def _outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[i
         return action() or 0, None
     except SystemExit as stop:  # argparse, after --help
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None), None
-    except BaseException as found:
-        problem = expected(found)
+    except BaseException as error:
+        problem = expected(error)
         if problem is None:
-            return _defect(comm, found), None
+            return _defect(comm, error), None
         return problem.exit_status, problem
 
 
@@ -158,20 +158,20 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
     is_said = comm.rank == 0 and isinstance(problem, Interrupted) and not _is_aborted(comm)
     if is_said:
         _say(f"{name}{problem}")
-    found = array("i", 2 * comm.size * [0])
+    statuses = array("i", 2 * comm.size * [0])
     grace = None if problem is None else GRACE_OF_SIGNAL if is_said else GRACE
     with unwatched():
-        if not _arrives(comm.Iallgather(array("i", [status, _SAID if is_said else problem is not None]), found), grace):
+        if not _arrives(comm.Iallgather(array("i", [status, _SAID if is_said else problem is not None]), statuses), grace):
             if not is_said:
                 _say(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
             _abort(comm, status)
         if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has said so and ends this one, too
             _abort(comm, status)
-    has_problem = found[1::2]
+    has_problem = statuses[1::2]
     if _SAID not in has_problem and comm.rank == next((rank for rank in range(comm.size) if has_problem[rank]), None):
         _say(f"{name}{problem}")
     comm.Barrier()  # a launcher kills the others as soon as one rank ends with a status
-    return max(found[::2])
+    return max(statuses[::2])
 
 
 def _abort(comm: MPI.Comm, status: int) -> None:

@@ -206,10 +206,10 @@ def _started(process: Any) -> str:
 def _read(handle: int) -> dict[str, Any]:
     """Return what a lock's file says; nothing if it says nothing that can be read."""
     try:
-        found = json.loads(os.pread(handle, 4096, 0))
+        holder = json.loads(os.pread(handle, 4096, 0))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return holder if isinstance(holder, dict) else {}
 
 
 def _in_words(holder: dict[str, Any]) -> str:

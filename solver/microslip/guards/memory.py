@@ -55,9 +55,9 @@ def refuse_beyond(comm: MPI.Comm, needed: float, what: str, advice: str) -> None
     ------
     ResourceError : on every rank
     """
-    found = shortage(comm, needed)
-    if found is not None:
-        raise ResourceError(f"{what}: not enough memory: {found}; {advice}")
+    lacking = shortage(comm, needed)
+    if lacking is not None:
+        raise ResourceError(f"{what}: not enough memory: {lacking}; {advice}")
 
 
 def shortage(comm: MPI.Comm, needed: float) -> Shortage | None:
@@ -88,5 +88,5 @@ def limits_of_ranks(comm: MPI.Comm) -> list[list[Limit]]:
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
     machine, resident = here.allreduce(comm.rank, op=MPI.MIN), here.allreduce(resident_memory())
     here.Free()
-    found = limits_here(f"machine {machine}", f"rank {comm.rank}", resident)
-    return comm.allgather(found)
+    limits = limits_here(f"machine {machine}", f"rank {comm.rank}", resident)
+    return comm.allgather(limits)

@@ -64,7 +64,7 @@ class Attached:
         return np.stack([np.repeat(first, counts[counts > 0]), stretch.indices])
 
 
-def attach(mesh: Mesh, settings: StructureTables, n_places: int, outside: sp.csr_matrix, loose: np.ndarray) -> Attached:
+def attach(mesh: Mesh, tables: StructureTables, n_places: int, outside: sp.csr_matrix, loose: np.ndarray) -> Attached:
     """Return the masses, springs and dampers of a scene, docs/theory.md, eq. (2.10).  Local, rank 0.
 
     ``outside`` (3 n_outside, 3 n_places) is how nodes outside the elements follow; those ``loose`` (3 n_outside,) bool follow
@@ -77,15 +77,15 @@ def attach(mesh: Mesh, settings: StructureTables, n_places: int, outside: sp.csr
     """
     motion = sp.vstack([sp.identity(3 * n_places, format="csr"), outside]).tocsr()
     is_loose = np.concatenate([np.zeros(3 * n_places, dtype=bool), loose])
-    place_of = {point.name: len(mesh.points) + 2 * i for i, point in enumerate(settings.points)}
+    place_of = {point.name: len(mesh.points) + 2 * i for i, point in enumerate(tables.points)}
     masses = [
-        (_nodes(mesh, one.group, n_places) if one.point is None else np.array([place_of[one.point]]), one.mass)
-        for one in settings.masses
+        (_nodes(mesh, entry.group, n_places) if entry.point is None else np.array([place_of[entry.point]]), entry.mass)
+        for entry in tables.masses
     ]
-    nodes = np.concatenate([np.zeros(0, dtype=np.int64), *(own for own, _ in masses)])
-    position = _positions(mesh, settings)
-    springs = [_ends(mesh, spring, i, n_places, place_of, position) for i, spring in enumerate(settings.springs, 1)]
-    ends = np.concatenate([np.zeros((0, 2), dtype=np.int64), *(own for own, _ in springs)])
+    nodes = np.concatenate([np.zeros(0, dtype=np.int64), *(of_mass for of_mass, _ in masses)])
+    position = _positions(mesh, tables)
+    springs = [_ends(mesh, spring, i, n_places, place_of, position) for i, spring in enumerate(tables.springs, 1)]
+    ends = np.concatenate([np.zeros((0, 2), dtype=np.int64), *(of_mass for of_mass, _ in springs)])
     along = np.concatenate([np.zeros((0, 3)), *(direction for _, direction in springs)])
     for what, at, used in (
         ("[[masses]]", nodes, np.ones((len(nodes), 3))),
@@ -95,10 +95,10 @@ def attach(mesh: Mesh, settings: StructureTables, n_places: int, outside: sp.csr
         _check_led(mesh, what, at, used, is_loose, n_places)
     return Attached(
         position[nodes],
-        np.concatenate([np.zeros(0), *(np.full(len(own), mass) for own, mass in masses)]),
+        np.concatenate([np.zeros(0), *(np.full(len(of_mass), mass) for of_mass, mass in masses)]),
         motion[rows_of(nodes)],
         (_along(ends[:, 0], along, motion) - _along(ends[:, 1], along, motion)).tocsr(),
-        *(_of_each(springs, [getattr(one, key) for one in settings.springs]) for key in ("stiffness", "damping")),
+        *(_of_each(springs, [getattr(entry, key) for entry in tables.springs]) for key in ("stiffness", "damping")),
     )
 
 
@@ -126,9 +126,9 @@ def _nodes(mesh: Mesh, group: str | None, n_places: int) -> np.ndarray:
     return np.concatenate([mesh.node_groups.get(group, np.zeros(0, dtype=np.int64)), n_places + outside])
 
 
-def _positions(mesh: Mesh, settings: StructureTables) -> np.ndarray:
+def _positions(mesh: Mesh, tables: StructureTables) -> np.ndarray:
     """Return where the places are, and behind them the nodes outside the elements, (n, 3) [m]; a point's two places are one."""
-    points = np.array([one.position for one in settings.points], dtype=float).reshape(-1, 3)
+    points = np.array([point.position for point in tables.points], dtype=float).reshape(-1, 3)
     return np.concatenate([mesh.points, np.repeat(points, 2, axis=0), mesh.outside.points])
 
 
@@ -155,9 +155,9 @@ def _ends(
 
 def _along(nodes: np.ndarray, directions: np.ndarray, motion: sp.csr_matrix) -> sp.csr_matrix:
     """Return the displacements of nodes along directions, (n, n_dof); none on ground, -1."""
-    own = np.flatnonzero(nodes >= 0)
-    rows, columns = np.repeat(own, 3), rows_of(nodes[own])
-    pick = sp.csr_matrix((directions[own].ravel(), (rows, columns)), (len(nodes), motion.shape[0]))
-    found = (pick @ motion).tocsr()
-    found.eliminate_zeros()
-    return found
+    at_node = np.flatnonzero(nodes >= 0)
+    rows, columns = np.repeat(at_node, 3), rows_of(nodes[at_node])
+    pick = sp.csr_matrix((directions[at_node].ravel(), (rows, columns)), (len(nodes), motion.shape[0]))
+    along = (pick @ motion).tocsr()
+    along.eliminate_zeros()
+    return along

@@ -40,13 +40,13 @@ def cells_of(mesh: Mesh, kind: str, faces: np.ndarray) -> Cells:
     points = mesh.points[faces]
     N = elements.FACE_KINDS[kind].values(xi.reshape(-1, 2)).reshape(*xi.shape[:2], -1)
     corners = np.einsum("cka,fai->fcki", N, points).reshape(-1, 4, 3)
-    area = np.stack([elements.part_integrals(kind, points, own).sum(axis=1) for own in xi], axis=1).ravel()
+    area = np.stack([elements.part_integrals(kind, points, corner).sum(axis=1) for corner in xi], axis=1).ravel()
     x, z = corners[:, 1] - corners[:, 3], np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
     z /= np.linalg.norm(z, axis=1, keepdims=True)
     x -= np.einsum("pi,pi->p", x, z)[:, None] * z
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     axes = np.stack([x, np.cross(z, x), z], axis=1)
-    outline = np.stack([outlines(kind, points, own, _ARCS) for own in xi], axis=1).reshape(len(corners), -1, 3)
+    outline = np.stack([outlines(kind, points, corner, _ARCS) for corner in xi], axis=1).reshape(len(corners), -1, 3)
     return Cells(kind, np.repeat(faces, len(xi), axis=0), corners, outline, corners.mean(axis=1), axes, area)
 
 
@@ -64,5 +64,5 @@ def outlines(kind: str, points: np.ndarray, corners: np.ndarray, n_pieces: int) 
 
 def face_of(cells: list[Cells]) -> np.ndarray:
     """Return the number of the face of each cell, (n,).  Local."""
-    n_cells = [np.full(len(own.area) // n, n) for own in cells for n in [len(elements.CELLS[own.kind])]]
+    n_cells = [np.full(len(of_kind.area) // n, n) for of_kind in cells for n in [len(elements.CELLS[of_kind.kind])]]
     return np.repeat(np.arange(sum(map(len, n_cells))), np.concatenate(n_cells))

@@ -41,8 +41,8 @@ def parts_of(cells: Sequence[np.ndarray], n: int) -> tuple[int, np.ndarray]:
 
     ``cells`` are arrays (n_cells, n_nodes); the nodes of a cell belong to one part.
     """
-    first = np.concatenate([np.repeat(own[:, 0], own.shape[1] - 1) for own in cells])
-    other = np.concatenate([own[:, 1:].ravel() for own in cells])
+    first = np.concatenate([np.repeat(of_kind[:, 0], of_kind.shape[1] - 1) for of_kind in cells])
+    other = np.concatenate([of_kind[:, 1:].ravel() for of_kind in cells])
     return _components(first, other, n)
 
 

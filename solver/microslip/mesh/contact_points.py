@@ -45,12 +45,12 @@ class ContactPoints:
 
 def heaviest(weights: sp.csr_matrix) -> np.ndarray:
     """Return the node of the largest weight of each point, (n,), the lowest of equals; -1 is ground.  Local."""
-    found = np.full(weights.shape[0], -1, dtype=np.int64)
+    node = np.full(weights.shape[0], -1, dtype=np.int64)
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     order = np.lexsort((weights.indices, -np.round(weights.data, 9), row))
     rows, first = np.unique(row[order], return_index=True)
-    found[rows] = weights.indices[order][first]
-    return found
+    node[rows] = weights.indices[order][first]
+    return node
 
 
 def check_opposite(mesh: Mesh, joint: Joint, normals1: np.ndarray, normals2: np.ndarray, places: np.ndarray) -> None:

@@ -49,7 +49,7 @@ def cuts_through(mesh: Mesh, bolts: Sequence[Bolt]) -> list[Cut]:
     ------
     MeshError : a group that is no cut, or cuts that touch each other
     """
-    found, taken = [], dict[int, str]()
+    cuts, taken = [], dict[int, str]()
     for bolt in bolts:
         cut = cut_through(mesh, bolt)
         for node in np.unique(np.concatenate([_nodes_of(mesh, cut), cut.nodes])):
@@ -59,8 +59,8 @@ def cuts_through(mesh: Mesh, bolts: Sequence[Bolt]) -> list[Cut]:
                     f"{mesh.path}: bolts {other!r} and {bolt.label!r}: their cuts lie side by side at node "
                     f"{mesh.numbers[node]} {place(mesh.points[node])} m; leave two layers of elements between cuts"
                 )
-        found.append(cut)
-    return found
+        cuts.append(cut)
+    return cuts
 
 
 def cut_through(mesh: Mesh, bolt: Bolt) -> Cut:
@@ -88,17 +88,17 @@ def cut_through(mesh: Mesh, bolt: Bolt) -> Cut:
         block = mesh.elements[b]
         key = (block.kind, block.group)
         numbers[key] = np.concatenate([numbers.get(key, np.empty(0, dtype=np.int64)), block.numbers[near.row[mine]]])
-    return Cut(nodes, normal, area, {key: np.sort(own) for key, own in numbers.items() if len(own)})
+    return Cut(nodes, normal, area, {key: np.sort(above) for key, above in numbers.items() if len(above)})
 
 
 def _nodes_of(mesh: Mesh, cut: Cut) -> np.ndarray:
     """Return the nodes of the elements of a cut."""
-    found = [
+    nodes_of_faces = [
         block.nodes[np.isin(block.numbers, cut.numbers[block.kind, block.group])].ravel()
         for block in mesh.elements
         if (block.kind, block.group) in cut.numbers
     ]
-    return np.unique(np.concatenate(found))
+    return np.unique(np.concatenate(nodes_of_faces))
 
 
 def _elements_near(mesh: Mesh, nodes: np.ndarray) -> _Near:
@@ -107,19 +107,19 @@ def _elements_near(mesh: Mesh, nodes: np.ndarray) -> _Near:
     is_near[nodes] = True
     blocks, rows, centres, owners, corners, vectors, of_faces, n = [], [], [], [], [], [], [], 0
     for b, block in enumerate(mesh.elements):
-        own = np.flatnonzero(is_near[block.nodes].any(axis=1))
+        near = np.flatnonzero(is_near[block.nodes].any(axis=1))
         kind = elements.KINDS[block.kind]
-        blocks.append(np.full(len(own), b))
-        rows.append(own)
-        centres.append(mesh.points[block.nodes[own, : kind.n_corners]].mean(axis=1))
+        blocks.append(np.full(len(near), b))
+        rows.append(near)
+        centres.append(mesh.points[block.nodes[near, : kind.n_corners]].mean(axis=1))
         for face_kind, local in kind.faces:
-            faces = block.nodes[own][:, list(local)]
-            owners.append(n + np.arange(len(own)))
+            faces = block.nodes[near][:, list(local)]
+            owners.append(n + np.arange(len(near)))
             ring = faces[:, : 3 if face_kind.startswith("tri") else 4]
             corners.append(np.sort(ring if ring.shape[1] == 4 else np.column_stack([ring, ring.min(axis=1)]), axis=1))
             vectors.append(-elements.pressure_forces(face_kind, mesh.points[faces]).sum(axis=1))
             of_faces += list(faces)
-        n += len(own)
+        n += len(near)
     key = np.concatenate(corners)
     label = np.unique(key, axis=0, return_inverse=True)[1].ravel()
     block_of, row, centre, owner = (np.concatenate(values) for values in (blocks, rows, centres, owners))
@@ -142,9 +142,9 @@ def _faces_of_cut(mesh: Mesh, group: str, near: _Near, where: str) -> np.ndarray
         member[mesh.node_groups[group]] = True
         in_cut, n_outer = np.array([member[nodes].all() for nodes in near.nodes]) & is_inner, 0
     if n_outer or not in_cut.any():
-        found = f"{n_outer} of {len(wanted)} faces are not" if n_outer else "it holds no face"
+        reason = f"{n_outer} of {len(wanted)} faces are not" if n_outer else "it holds no face"
         raise MeshError(
-            f"{where}: {found} between two elements of the mesh; the cut of a bolt is a group of the inner faces "
+            f"{where}: {reason} between two elements of the mesh; the cut of a bolt is a group of the inner faces "
             "that cross its shank from side to side, with the same nodes on both sides"
         )
     return in_cut

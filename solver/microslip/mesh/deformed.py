@@ -22,11 +22,11 @@ def stretched(mesh: Mesh, joints: Sequence[Joint], pairs: ContactPairs, u: np.nd
     names, ratio, turns = np.array(pairs.joint), np.ones(pairs.n_pairs), {}
     deformed = replace(mesh, points=mesh.points + u)
     for joint in joints:
-        before, now = (surface_of(one, joint.groups[0]) for one in (mesh, deformed))
+        before, now = (surface_of(state, joint.groups[0]) for state in (mesh, deformed))
         of_nodes = np.ones(len(mesh.points))
         of_nodes[before.nodes] = now.areas / before.areas
-        own = np.flatnonzero(names == joint.name)
-        ratio[own] = (weights[own] @ of_nodes) / weights[own].sum(axis=1).A1
+        of_joint = np.flatnonzero(names == joint.name)
+        ratio[of_joint] = (weights[of_joint] @ of_nodes) / weights[of_joint].sum(axis=1).A1
         across = np.linalg.norm(np.cross(before.normals, now.normals), axis=1)
         turns[joint.name] = float(np.arcsin(np.minimum(across, 1.0)).max())
     return ratio, turns

@@ -75,7 +75,7 @@ def _terms(mesh: Mesh, equations: Equations, n_places: int):
 
 def _substituted(terms, is_fixed, known, rows) -> dict[int, float]:
     """Return terms of independent degrees of freedom alone; those that are held are 0."""
-    found: dict[int, float] = {}
+    substituted: dict[int, float] = {}
     waiting = list(terms.items())[::-1]
     while waiting:
         dof, value = waiting.pop()
@@ -86,8 +86,8 @@ def _substituted(terms, is_fixed, known, rows) -> dict[int, float]:
         elif dof in known:
             waiting += [(int(other), value * weight) for other, weight in zip(*known[dof], strict=True)]
         else:
-            found[dof] = found.get(dof, 0.0) + value
-    return found
+            substituted[dof] = substituted.get(dof, 0.0) + value
+    return substituted
 
 
 def _solved(mesh: Mesh, n_places: int, rows: dict[int, dict[int, float]], n_dof: int) -> Solved:

@@ -36,7 +36,7 @@ def _nodes(mesh: Mesh, first: Surface) -> ContactPoints:
     nodes = first.nodes[order]
     point_of = np.full(len(mesh.points), -1)
     point_of[nodes] = np.arange(len(nodes))
-    faces = tuple(point_of[own] for own in first.faces.values())
+    faces = tuple(point_of[corners] for corners in first.faces.values())
     side1 = on_nodes(nodes, len(mesh.points))
     return _resting(mesh, side1, -first.normals[order], first.areas[order], faces=faces)
 
@@ -47,7 +47,9 @@ def _cells(mesh: Mesh, first: Surface) -> ContactPoints:
     for kind, faces in first.faces.items():
         cells = cells_of(mesh, kind, faces)
         xi = elements.CELLS[kind]
-        N = np.stack([elements.part_integrals(kind, mesh.points[faces], own) for own in xi], axis=1).reshape(len(cells.area), -1)
+        N = np.stack([elements.part_integrals(kind, mesh.points[faces], corner) for corner in xi], axis=1).reshape(
+            len(cells.area), -1
+        )
         rows = np.repeat(np.arange(len(N)), N.shape[1])
         weights = N / cells.area[:, None]
         parts.append(sp.csr_matrix((weights.ravel(), (rows, cells.faces.ravel())), (len(N), len(mesh.points))))

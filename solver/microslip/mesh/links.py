@@ -63,7 +63,7 @@ class Links:
         return not self.joined and self.attached is None
 
 
-def find_links(mesh: Mesh, settings: StructureTables) -> Links:
+def find_links(mesh: Mesh, tables: StructureTables) -> Links:
     """Return what the ties, points and equations of a scene make follow, and its masses, springs and dampers.  Local, rank 0.
 
     Raises
@@ -71,11 +71,11 @@ def find_links(mesh: Mesh, settings: StructureTables) -> Links:
     MeshError : nodes too far from the facets, what follows two things or itself, groups that cannot turn, joints on tied faces,
         nodes outside the elements that nothing leads
     """
-    links = _ties_and_points(mesh, settings)
-    if mesh.equations is None and not settings.masses and not settings.springs:
+    links = _ties_and_points(mesh, tables)
+    if mesh.equations is None and not tables.masses and not tables.springs:
         return links
     n_outside, n_dof = len(mesh.outside.points), 3 * links.n_places
-    is_fixed = np.concatenate([fixed_places(mesh, settings, links).ravel(), _fixed_outside(mesh, settings).ravel()])
+    is_fixed = np.concatenate([fixed_places(mesh, tables, links).ravel(), _fixed_outside(mesh, tables).ravel()])
     dependent, weights = links.dependent, _widened(links.weights, n_dof + 3 * n_outside)
     more_joined, holding, notes = np.zeros((2, 0), dtype=np.int64), np.zeros(0, dtype=np.int64), links.notes
     if mesh.equations is not None:
@@ -89,7 +89,7 @@ def find_links(mesh: Mesh, settings: StructureTables) -> Links:
     leads[dependent] = False
     inside = np.flatnonzero(dependent < n_dof)
     inside = inside[np.argsort(dependent[inside])]
-    attached = attach(mesh, settings, links.n_places, outside, leads[n_dof:])
+    attached = attach(mesh, tables, links.n_places, outside, leads[n_dof:])
     held = attached.holding(translations(links.n_nodes, links.n_places, n_dof)) // 3
     return replace(
         links,
@@ -102,10 +102,10 @@ def find_links(mesh: Mesh, settings: StructureTables) -> Links:
     )
 
 
-def fixed_places(mesh: Mesh, settings: StructureTables, links: Links) -> np.ndarray:
+def fixed_places(mesh: Mesh, tables: StructureTables, links: Links) -> np.ndarray:
     """Return which directions of the places supports hold, (n_places, 3) bool.  Local, rank 0."""
     is_fixed = np.zeros((links.n_places, 3), dtype=bool)
-    for i, support in enumerate(settings.supports, 1):
+    for i, support in enumerate(tables.supports, 1):
         if support.group is not None and support.group in mesh.outside.groups and not len(mesh.node_groups[support.group]):
             continue
         places = places_of(mesh, links, support, f"[[supports]] {i}")
@@ -115,10 +115,10 @@ def fixed_places(mesh: Mesh, settings: StructureTables, links: Links) -> np.ndar
     return is_fixed
 
 
-def _fixed_outside(mesh: Mesh, settings: StructureTables) -> np.ndarray:
+def _fixed_outside(mesh: Mesh, tables: StructureTables) -> np.ndarray:
     """Return which directions of the nodes outside the elements supports hold, (n_outside, 3) bool."""
     is_fixed = np.zeros((len(mesh.outside.points), 3), dtype=bool)
-    for support in settings.supports:
+    for support in tables.supports:
         nodes = mesh.outside.groups.get(support.group or "", np.zeros(0, dtype=np.int64))
         for direction in support.fix:
             is_fixed[nodes, "xyz".index(direction)] = True
@@ -127,8 +127,8 @@ def _fixed_outside(mesh: Mesh, settings: StructureTables) -> np.ndarray:
 
 def _outside(mesh: Mesh, dependent: np.ndarray, weights: sp.csr_matrix, is_fixed: np.ndarray, n_dof: int) -> sp.csr_matrix:
     """Return how the degrees of freedom outside the elements follow, (3 n_outside, n_dof); held ones do not move."""
-    own = np.flatnonzero(dependent >= n_dof)
-    rows = sp.csr_matrix((np.ones(len(own)), (dependent[own] - n_dof, own)), (len(is_fixed) - n_dof, len(dependent)))
+    turning = np.flatnonzero(dependent >= n_dof)
+    rows = sp.csr_matrix((np.ones(len(turning)), (dependent[turning] - n_dof, turning)), (len(is_fixed) - n_dof, len(dependent)))
     return (rows @ weights)[:, :n_dof].tocsr()
 
 
@@ -138,7 +138,7 @@ def _widened(weights: sp.csr_matrix, n_dof: int) -> sp.csr_matrix:
 
 def _on_nodes(links: Links, places: np.ndarray) -> np.ndarray:
     """Return pairs of nodes for pairs of places, a node of its group for a point; those outside the elements are left out."""
-    nodes = np.concatenate([np.arange(links.n_nodes), np.repeat([links.node_of(one.name) for one in links.points], 2)])
+    nodes = np.concatenate([np.arange(links.n_nodes), np.repeat([links.node_of(point.name) for point in links.points], 2)])
     inside = (places < links.n_places).all(axis=0)
     return nodes.astype(np.int64)[places[:, inside]]
 
@@ -151,24 +151,24 @@ def _onward(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) 
     return (rows @ (sp.diags(stays) + sp.csr_matrix((np.ones(m), (dependent, np.arange(m))), (n_dof, m)) @ weights)).tocsr()
 
 
-def _ties_and_points(mesh: Mesh, settings: StructureTables) -> Links:
+def _ties_and_points(mesh: Mesh, tables: StructureTables) -> Links:
     """Return what follows by ties and points alone."""
-    n_places = len(mesh.points) + 2 * len(settings.points)
-    if not settings.ties and not settings.points:
+    n_places = len(mesh.points) + 2 * len(tables.points)
+    if not tables.ties and not tables.points:
         return Links(np.zeros(0, dtype=np.int64), sp.csr_matrix((0, 3 * n_places)), (), len(mesh.points), (), ())
-    check_joints(mesh, settings)
-    followers = [of_tie(mesh, tie, n_places) for tie in settings.ties]
-    for i, point in enumerate(settings.points):
+    check_joints(mesh, tables)
+    followers = [of_tie(mesh, tie, n_places) for tie in tables.ties]
+    for i, point in enumerate(tables.points):
         followers.append(
             (of_rigid if point.connection == "rigid" else of_distributing)(mesh, point, len(mesh.points) + 2 * i, n_places)
         )
     _check_once(mesh, followers)
-    dependent = np.concatenate([one.dependent for one in followers])
-    weights = sp.vstack([one.weights for one in followers]).tocsr()
+    dependent = np.concatenate([part.dependent for part in followers])
+    weights = sp.vstack([part.weights for part in followers]).tocsr()
     order = np.argsort(dependent)
     weights = _independent(mesh, followers, dependent[order], weights[order])
-    joined, notes = tuple(one.joined for one in followers), tuple(one.note for one in followers)
-    return Links(dependent[order], weights, settings.points, len(mesh.points), joined, notes)
+    joined, notes = tuple(part.joined for part in followers), tuple(part.note for part in followers)
+    return Links(dependent[order], weights, tables.points, len(mesh.points), joined, notes)
 
 
 def places_of(mesh: Mesh, links: Links | None, entry, where: str) -> np.ndarray:
@@ -189,17 +189,17 @@ def places_of(mesh: Mesh, links: Links | None, entry, where: str) -> np.ndarray:
 def _check_once(mesh: Mesh, followers: Sequence[Follower]) -> None:
     """Raise MeshError where a node follows two things."""
     first = np.full(len(mesh.points), -1)
-    for i, one in enumerate(followers):
-        own = np.unique(one.dependent // 3)
-        own = own[own < len(mesh.points)]
-        twice = own[first[own] >= 0]
+    for i, follower in enumerate(followers):
+        places = np.unique(follower.dependent // 3)
+        places = places[places < len(mesh.points)]
+        twice = places[first[places] >= 0]
         if len(twice):
             raise MeshError(
-                f"{mesh.path}: {len(twice)} nodes follow two things, {followers[first[twice[0]]].what} and {one.what}; the first "
-                f"is node {mesh.numbers[twice[0]]} at {place(mesh.points[twice[0]])} m; swap the surfaces of a tie so that its "
-                "other side follows, or take these nodes out of one group"
+                f"{mesh.path}: {len(twice)} nodes follow two things, {followers[first[twice[0]]].what} and {follower.what}; the "
+                f"first is node {mesh.numbers[twice[0]]} at {place(mesh.points[twice[0]])} m; swap the surfaces of a tie so that "
+                "its other side follows, or take these nodes out of one group"
             )
-        first[own] = i
+        first[places] = i
 
 
 def _independent(mesh: Mesh, followers: Sequence[Follower], dependent: np.ndarray, weights: sp.csr_matrix) -> sp.csr_matrix:
@@ -214,7 +214,9 @@ def _independent(mesh: Mesh, followers: Sequence[Follower], dependent: np.ndarra
     round_and_round = np.flatnonzero((np.bincount(ring)[ring] > 1) | (inner.diagonal() != 0.0))
     if len(round_and_round):
         node = dependent[round_and_round[0]] // 3
-        whats = dict.fromkeys(one.what for one in followers if np.isin(dependent[round_and_round], one.dependent).any())
+        whats = dict.fromkeys(
+            follower.what for follower in followers if np.isin(dependent[round_and_round], follower.dependent).any()
+        )
         raise MeshError(
             f"{mesh.path}: {' and '.join(whats)} follow each other in a ring, at node {mesh.numbers[node]} "
             f"{place(mesh.points[node])} m among others; leave one of them out, or swap its surfaces"

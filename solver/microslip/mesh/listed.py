@@ -69,9 +69,9 @@ def _indices(mesh: Mesh, numbers: np.ndarray, lines: list[int], column: str, pat
             f"{path}, line {line}: {column} = {unknown[0]:g}: there is no such node; node numbers run from "
             f"{mesh.numbers.min()} to {mesh.numbers.max()}, and node2 = -1 is ground"
         )
-    found = np.full(len(numbers), GROUND, dtype=np.int64)
-    found[~is_ground] = index
-    return found
+    places = np.full(len(numbers), GROUND, dtype=np.int64)
+    places[~is_ground] = index
+    return places
 
 
 def _farthest(joint: Joint, apart: np.ndarray, table: np.ndarray) -> str:

@@ -37,13 +37,13 @@ def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str 
             )
         return np.array([nearest])
     if node is not None:
-        found = np.flatnonzero(mesh.numbers == node)
-        if len(found) == 0:
+        index = np.flatnonzero(mesh.numbers == node)
+        if len(index) == 0:
             raise MeshError(
                 f"{mesh.path}: {where} node = {node}: no element of a body has a node of this number; "
                 f"node numbers run from {mesh.numbers.min()} to {mesh.numbers.max()}"
             )
-        return found
+        return index
     if group is not None:
         return mesh.node_groups[group]
     raise CaseError(f"{where} needs a position, a node or a group; dof is for scenes given as matrices")

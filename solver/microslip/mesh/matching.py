@@ -45,7 +45,7 @@ def matching_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) ->
         area=(first.areas[i1] + second.areas[i2]) / 2,
         position=(mesh.points[node1] + mesh.points[node2]) / 2,
         distance=np.einsum("pi,pi->p", z, mesh.points[node1] - mesh.points[node2]),
-        faces=tuple(pair_of[own] for own in second.faces.values()),
+        faces=tuple(pair_of[nodes] for nodes in second.faces.values()),
     )
 
 

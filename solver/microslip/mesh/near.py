@@ -25,9 +25,9 @@ def pairs_within(trees, queries: np.ndarray, reach: np.ndarray) -> tuple[np.ndar
     """
     parts = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))]
     for mine, tree, radius in trees:
-        found = tree.query_ball_point(queries, reach + radius, return_sorted=False)
-        count = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
-        things = mine[np.fromiter(chain.from_iterable(found), dtype=np.int64, count=count.sum())]
+        neighbours = tree.query_ball_point(queries, reach + radius, return_sorted=False)
+        count = np.fromiter(map(len, neighbours), dtype=np.int64, count=len(neighbours))
+        things = mine[np.fromiter(chain.from_iterable(neighbours), dtype=np.int64, count=count.sum())]
         parts.append((np.repeat(np.arange(len(queries)), count), things))
     at, on = (np.concatenate(column) for column in zip(*parts, strict=True))
     return at, on

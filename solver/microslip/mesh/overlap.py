@@ -45,9 +45,9 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
     reach = reach_of(mesh, joint, first, second)
     cells = [cells_of(mesh, kind, faces) for kind, faces in first.faces.items()]
     by_moments = joint.pairing == MORTAR
-    of_kinds = [shared_parts(mesh, own, second, reach, by_moments) for own in cells]
+    of_kinds = [shared_parts(mesh, of_kind, second, reach, by_moments) for of_kind in cells]
     means, moments = (joined([both[which] for both in of_kinds]) for which in (0, 1))
-    area, corners = (np.concatenate([getattr(own, name) for own in cells]) for name in ("area", "corners"))
+    area, corners = (np.concatenate([getattr(of_kind, name) for of_kind in cells]) for name in ("area", "corners"))
     share = means.covered / means.whole
     _check_covered(mesh, joint, first, second, cells, share)
     area_shared = np.minimum(share, 1.0) * area
@@ -120,7 +120,7 @@ def _with_moments(
 def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, cells: Sequence[Cells], share: np.ndarray) -> None:
     """Raise MeshError where too much of the first surface has no partner, or several; ``share`` (n,) of each cell has some."""
     where = f"{mesh.path}: joint {joint.name!r}"
-    centre, area = (np.concatenate([getattr(own, name) for own in cells]) for name in ("centre", "area"))
+    centre, area = (np.concatenate([getattr(of_kind, name) for of_kind in cells]) for name in ("centre", "area"))
     if share.max(initial=0.0) > LAYERS:
         raise MeshError(
             f"{where}: {second.group!r} covers {first.group!r} more than once at {place(centre[np.argmax(share)])} m; "
@@ -138,13 +138,13 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, ce
         normals2 = np.einsum("pk,pki->pi", foot.weights, on_mesh(mesh, second)[foot.nodes])
         normals2 /= np.linalg.norm(normals2, axis=1, keepdims=True)
         check_opposite(mesh, joint, first.normals[near], normals2[near], mesh.points[first.nodes[near]])
-    found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if covered > _LEAST else "no contact point found: all its faces"
+    part = f"{1.0 - covered:.1%} of the area of {first.group!r}" if covered > _LEAST else "no contact point found: all its faces"
     advice = "name the smaller surface first, restrict the first group to what touches, or state a larger tolerance"
     if covered <= _LEAST:
         apart = "" if joint.has_gap_of_mesh else ' (gap = "geometry" where they are apart at rest)'
         advice = f"bring the surfaces together, or state a larger tolerance{apart}"
     raise MeshError(
-        f"{where}: {found} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "
+        f"{where}: {part} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "
         f"{mesh.numbers[first.nodes[worst]]} of {first.group!r} at {place(mesh.points[first.nodes[worst]])} m, "
         f"{foot.distance[worst]:.3g} m from the other side; {advice}"
     )

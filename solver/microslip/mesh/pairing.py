@@ -45,7 +45,7 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
         points = contact_points(mesh, joint)
         penetration = check_penetration(mesh, joint, points)
         parts.append(_columns(mesh, joint, points))
-        faces += [own + n_pairs for own in points.faces]
+        faces += [face + n_pairs for face in points.faces]
         notes += [note for note in (points.note, penetration) if note]
         n_pairs += points.n_points
     joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "own")}
@@ -116,14 +116,14 @@ def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
     if len(of_surfaces) < 2:
         return
     sides = [(joint, [face_keys(outward_faces(mesh, group)) for group in joint.groups]) for joint in of_surfaces]
-    for (one, of_one), (other, of_other) in combinations(sides, 2):
-        both = of_one[0] & of_other[0]
-        if not both and of_one[0] & of_other[-1]:
-            both = of_one[-1] & of_other[0]  # the same two surfaces the other way round
-        if both and one.law == other.law:
+    for (first, of_first), (other, of_other) in combinations(sides, 2):
+        both = of_first[0] & of_other[0]
+        if not both and of_first[0] & of_other[-1]:
+            both = of_first[-1] & of_other[0]  # the same two surfaces the other way round
+        if both and first.law == other.law:
             raise MeshError(
-                f"{mesh.path}: {len(both)} faces belong to joint {one.name!r} and to joint {other.name!r}, of "
-                f"{one.groups[0]!r} and {other.groups[0]!r}: they would touch twice; take them out of one of the two, or "
+                f"{mesh.path}: {len(both)} faces belong to joint {first.name!r} and to joint {other.name!r}, of "
+                f"{first.groups[0]!r} and {other.groups[0]!r}: they would touch twice; take them out of one of the two, or "
                 "state one joint"
             )
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _FACE_CORNERS = 3  # elements that share this many corners share a face
 
 
-def distribute(mesh: Mesh | None, settings: StructureTables, comm: MPI.Comm) -> DistributedMesh:
+def distribute(mesh: Mesh | None, tables: StructureTables, comm: MPI.Comm) -> DistributedMesh:
     """Give every rank a contiguous range of nodes and all elements that touch one of them.
 
     Collective on ``comm``: one broadcast (the node order) and one scatter (the elements).
@@ -41,7 +41,7 @@ def distribute(mesh: Mesh | None, settings: StructureTables, comm: MPI.Comm) -> 
         assert mesh is not None, "rank 0 has it"
         elements = _dual_graph(mesh)
         order, rank_order, node_ranges = _order(mesh, elements, comm.size)
-        shares.extend(_shares(mesh, settings, order, rank_order, node_ranges))
+        shares.extend(_shares(mesh, tables, order, rank_order, node_ranges))
         return node_ranges, rank_order
 
     node_ranges, rank_order = on_root(comm, plan)
@@ -110,9 +110,9 @@ def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     return node, np.repeat(np.arange(len(n_nodes)), n_nodes)
 
 
-def _shares(mesh: Mesh, settings: StructureTables, order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
+def _shares(mesh: Mesh, tables: StructureTables, order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
     """Return every rank's blocks: all elements that touch one of its nodes, along the element order."""
-    n_ranks, body_of, rises = len(node_ranges) - 1, settings.body_of, temperature_rises(mesh, settings)
+    n_ranks, body_of, rises = len(node_ranges) - 1, tables.body_of, temperature_rises(mesh, tables)
     position = _inverse(order)
     shares: list[list[LocalBlock]] = [[] for _ in range(n_ranks)]
     start = 0

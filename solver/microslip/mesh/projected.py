@@ -46,7 +46,7 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
     distance = np.einsum("pi,pi->p", z, mesh.points[nodes] - foot.foot[kept])
     point_of = np.full(len(mesh.points), -1)
     point_of[nodes] = np.arange(len(nodes))
-    faces = [point_of[own] for own in first.faces.values()]
+    faces = [point_of[corners] for corners in first.faces.values()]
     return ContactPoints(
         side1=on_nodes(nodes, len(mesh.points)),
         side2=side2,
@@ -54,7 +54,7 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
         area=first.areas[kept],
         position=(mesh.points[nodes] + foot.foot[kept]) / 2,
         distance=distance,
-        faces=tuple(own[(own >= 0).all(axis=1)] for own in faces),
+        faces=tuple(corners[(corners >= 0).all(axis=1)] for corners in faces),
         note=f"joint {joint.name!r}: {len(kept)} contact points, nodes of {first.group!r} on facets of {second.group!r}, "
         f"{distance.min():.3g} to {distance.max():.3g} m away (at most {reach:.3g} m)",
     )
@@ -67,9 +67,9 @@ def _check_near(mesh: Mesh, joint: Joint, first: Surface, second: Surface, dista
     if covered >= COVERED or (near.any() and first.group in mesh.found):
         return
     worst = int(np.argmax(distance))
-    found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if near.any() else "no contact point found: all its nodes"
+    part = f"{1.0 - covered:.1%} of the area of {first.group!r}" if near.any() else "no contact point found: all its nodes"
     raise MeshError(
-        f"{mesh.path}: joint {joint.name!r}: {found} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "
+        f"{mesh.path}: joint {joint.name!r}: {part} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "
         f"{mesh.numbers[first.nodes[worst]]} of {first.group!r} at {place(mesh.points[first.nodes[worst]])} m, "
         f"{distance[worst]:.3g} m from the other side; name the smaller surface first, restrict the first group to what touches, "
         "or state a larger tolerance"

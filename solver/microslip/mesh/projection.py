@@ -57,9 +57,9 @@ class _Facets:
         for kind, faces, start, end in zip(self.kinds, self.faces, self.first[:-1], self.first[1:], strict=True):
             mine = np.flatnonzero((facet >= start) & (facet < end))
             if len(mine):
-                own = self.points[faces[facet[mine] - start]]
-                xi[mine] = nearest_on_faces(kind, own, queries[mine])[0]
-                foot[mine] = np.einsum("fa,fai->fi", FACE_KINDS[kind].values(xi[mine]), own)
+                corners = self.points[faces[facet[mine] - start]]
+                xi[mine] = nearest_on_faces(kind, corners, queries[mine])[0]
+                foot[mine] = np.einsum("fa,fai->fi", FACE_KINDS[kind].values(xi[mine]), corners)
         return xi, foot, np.linalg.norm(foot - queries, axis=1)
 
 
@@ -81,7 +81,7 @@ def project_on_surface(points: np.ndarray, faces: Mapping[str, np.ndarray], quer
     queries = np.asarray(queries, dtype=float).reshape(-1, 3)
     facets = _facets_of(points, faces)
     trees = trees_by_size((facets.low + facets.high) / 2.0, np.linalg.norm(facets.high - facets.low, axis=1) / 2.0)
-    of_nodes = cKDTree(points[np.unique(np.concatenate([own.ravel() for own in facets.faces]))])
+    of_nodes = cKDTree(points[np.unique(np.concatenate([nodes.ravel() for nodes in facets.faces]))])
     facet, xi = np.zeros(len(queries), dtype=np.int64), np.zeros((len(queries), 2))
     for start in range(0, len(queries), _CHUNK):
         some = slice(start, start + _CHUNK)
@@ -143,16 +143,16 @@ def _nearest(facets: _Facets, queries: np.ndarray, at: np.ndarray, on: np.ndarra
 
 def _described(facets: _Facets, facet: np.ndarray, xi: np.ndarray, queries: np.ndarray) -> Projection:
     """Return all about the feet ``xi`` on the facets."""
-    n, k = len(facet), max(own.shape[1] for own in facets.faces)
+    n, k = len(facet), max(corners.shape[1] for corners in facets.faces)
     which = np.searchsorted(facets.first, facet, side="right") - 1
     face = facet - facets.first[which]
     nodes, weights, normals = np.zeros((n, k), dtype=np.int64), np.zeros((n, k)), np.zeros((n, 3))
     for i, (kind, faces) in enumerate(zip(facets.kinds, facets.faces, strict=True)):
         mine, m = np.flatnonzero(which == i), faces.shape[1]
-        own = faces[face[mine]]
-        nodes[mine, :m], nodes[mine, m:] = own, own[:, :1]
+        corners = faces[face[mine]]
+        nodes[mine, :m], nodes[mine, m:] = corners, corners[:, :1]
         weights[mine, :m] = snapped(FACE_KINDS[kind].values(xi[mine]))
-        t1, t2 = np.einsum("fra,fai->rfi", FACE_KINDS[kind].derivatives(xi[mine]), facets.points[own])
+        t1, t2 = np.einsum("fra,fai->rfi", FACE_KINDS[kind].derivatives(xi[mine]), facets.points[corners])
         normals[mine] = np.cross(t1, t2)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)

@@ -26,10 +26,10 @@ _ADVICE = {
 }
 
 
-def read_mesh(settings: StructureTables, file: FileModel | None = None) -> Mesh:
+def read_mesh(tables: StructureTables, file: FileModel | None = None) -> Mesh:
     """Read, check and scale a mesh.  Local; call it on rank 0 only, through ``on_root``.
 
-    ``file`` is what ``read_model`` made of the settings' file, where that is known already.
+    ``file`` is what ``read_model`` made of the tables' file, where that is known already.
 
     Volume elements that belong to a named group but to no body are left out, with a note in ``Mesh.notes``.
 
@@ -37,11 +37,11 @@ def read_mesh(settings: StructureTables, file: FileModel | None = None) -> Mesh:
     ------
     MeshError, CaseError: one message that names the file and the cause.
     """
-    path = os.path.normpath(settings.model.file_of("mesh") or "")
+    path = os.path.normpath(tables.model.file_of("mesh") or "")
     file = read_model(path) if file is None else file
     try:
-        _check_groups(file, settings)
-        return with_found_surfaces(_compose(path, file, settings), settings)
+        _check_groups(file, tables)
+        return with_found_surfaces(_compose(path, file, tables), tables)
     except MeshError as problem:
         raise type(problem)(f"{path}: {problem}") from None
 
@@ -68,11 +68,11 @@ def read_whole(path: Path) -> Mesh:
         raise type(problem)(f"{path}: {problem}") from None
 
 
-def _check_groups(file: FileModel, settings: StructureTables) -> None:
+def _check_groups(file: FileModel, tables: StructureTables) -> None:
     """Raise MeshError unless every group that is named exists."""
-    of_file = [(f"[bodies.{name}] group", body.group) for name, body in settings.bodies.items()] + settings.attached
-    known = [*file.groups, *(one.name for one in settings.surfaces)]
-    for names, used in ((list(file.groups), of_file), (known, settings.groups_on_bodies)):
+    of_file = [(f"[bodies.{name}] group", body.group) for name, body in tables.bodies.items()] + tables.attached
+    known = [*file.groups, *(surface.name for surface in tables.surfaces)]
+    for names, used in ((list(file.groups), of_file), (known, tables.groups_on_bodies)):
         for key, group in used:
             if group not in names:
                 raise MeshError(f"{key} = {group!r}: there is no such group in the mesh{_existing(group, names)}")
@@ -85,14 +85,14 @@ def _existing(word: str, names: list[str]) -> str:
     return f"{hint(word, names, repr)}; it has: {shown}"
 
 
-def _compose(path: str, file: FileModel, settings: StructureTables) -> Mesh:
+def _compose(path: str, file: FileModel, tables: StructureTables) -> Mesh:
     """Keep the elements of the bodies and the nodes they use."""
     notes = list(file.notes)
     elements = []
-    for name, body in settings.bodies.items():
+    for name, body in tables.bodies.items():
         _check_kinds(name, body.group, file)
     for kind in SOLIDS:
-        elements += _elements_of_kind(kind, file, settings, notes)
+        elements += _elements_of_kind(kind, file, tables, notes)
     used = np.zeros(len(file.points), dtype=bool)
     for block in elements:
         used[block.nodes] = True
@@ -102,32 +102,32 @@ def _compose(path: str, file: FileModel, settings: StructureTables) -> Mesh:
     for name, group in file.groups.items():
         faces += _faces(name, group, file, used, new)
         node_groups[name] = new[_group_nodes(group, file, used)]
-    outside = _outside(file, settings, used)
+    outside = _outside(file, tables, used)
     n_left_out = np.count_nonzero(~used) - len(outside)
     if n_left_out:
         notes.append(f"{n_left_out} nodes that no element of a body uses are left out")
     mesh = Mesh(
         path,
-        file.points[used] * float(settings.model.metres),
+        file.points[used] * float(tables.model.metres),
         file.numbers[used],
         tuple(elements),
         tuple(faces),
         node_groups,
         tuple(notes),
         {name: values[used] for name, values in file.fields.items()},
-        _outside_nodes(file, float(settings.model.metres), outside),
-        _equations(file, settings, new, outside),
+        _outside_nodes(file, float(tables.model.metres), outside),
+        _equations(file, tables, new, outside),
     )
-    _check_groups_on_bodies(mesh, settings)
+    _check_groups_on_bodies(mesh, tables)
     return mesh
 
 
-def _outside(file: FileModel, settings: StructureTables, used: np.ndarray) -> np.ndarray:
+def _outside(file: FileModel, tables: StructureTables, used: np.ndarray) -> np.ndarray:
     """Return the nodes that no element of a body uses and that masses, springs or equations name, rising."""
     named = np.zeros(len(used), dtype=bool)
-    if file.equations is not None and settings.has_equations:
+    if file.equations is not None and tables.has_equations:
         named[file.equations.nodes] = True
-    for _, group in settings.attached:
+    for _, group in tables.attached:
         named[_all_nodes(file.groups[group], file)] = True
     return np.flatnonzero(named & ~used)
 
@@ -135,15 +135,15 @@ def _outside(file: FileModel, settings: StructureTables, used: np.ndarray) -> np
 def _outside_nodes(file: FileModel, scale: float, outside: np.ndarray) -> Outside:
     groups = {}
     for name, group in file.groups.items() if len(outside) else ():
-        own = np.flatnonzero(np.isin(outside, _all_nodes(group, file)))
-        if len(own):
-            groups[name] = own
+        members = np.flatnonzero(np.isin(outside, _all_nodes(group, file)))
+        if len(members):
+            groups[name] = members
     return Outside(file.points[outside] * scale, file.numbers[outside], groups)
 
 
-def _equations(file: FileModel, settings: StructureTables, new: np.ndarray, outside: np.ndarray) -> Equations | None:
+def _equations(file: FileModel, tables: StructureTables, new: np.ndarray, outside: np.ndarray) -> Equations | None:
     """Return the file's equations between the nodes that are kept."""
-    if file.equations is None or not settings.has_equations:
+    if file.equations is None or not tables.has_equations:
         return None
     kept = new.copy()
     kept[outside] = new[-1] + 1 + np.arange(len(outside))  # new[-1] + 1 nodes are used
@@ -168,7 +168,7 @@ def _check_kinds(body: str, group: str, file: FileModel) -> None:
             )
 
 
-def _elements_of_kind(kind: str, file: FileModel, settings: StructureTables, notes: list[str]) -> list[ElementBlock]:
+def _elements_of_kind(kind: str, file: FileModel, tables: StructureTables, notes: list[str]) -> list[ElementBlock]:
     """Return the elements of one kind, a block per body; an element stored twice counts once."""
     blocks = [i for i, cells in enumerate(file.cells) if cells.kind == kind and len(cells.nodes)]
     if not blocks:
@@ -177,10 +177,10 @@ def _elements_of_kind(kind: str, file: FileModel, settings: StructureTables, not
     numbers = np.concatenate([file.cells[i].numbers for i in blocks])
     start = dict(zip(blocks, np.cumsum([0] + [len(file.cells[i].nodes) for i in blocks]), strict=False))
     same = _same_elements(nodes)
-    names, n_unique = list(settings.bodies), same.max() + 1
+    names, n_unique = list(tables.bodies), same.max() + 1
     body = np.full(n_unique, -1)
     for i, name in enumerate(names):
-        mine = same[_rows(file.groups[settings.bodies[name].group], start)]
+        mine = same[_rows(file.groups[tables.bodies[name].group], start)]
         if (body[mine] >= 0).any():
             first = mine[np.argmax(body[mine] >= 0)]
             raise MeshError(
@@ -192,12 +192,12 @@ def _elements_of_kind(kind: str, file: FileModel, settings: StructureTables, not
         notes.append(_left_out(kind, numbers, same, body, file, start))
     first = np.unique(same, return_index=True)[1]  # the first copy of each element, in the order of the file
     first = np.sort(first)
-    found = []
+    of_groups = []
     for i, name in enumerate(names):
         mine = first[body[same[first]] == i]
         if len(mine):
-            found.append(ElementBlock(kind, settings.bodies[name].group, nodes[mine], numbers[mine]))
-    return found
+            of_groups.append(ElementBlock(kind, tables.bodies[name].group, nodes[mine], numbers[mine]))
+    return of_groups
 
 
 def _same_elements(nodes: np.ndarray) -> np.ndarray:
@@ -232,15 +232,15 @@ def _left_out(kind: str, numbers: np.ndarray, same: np.ndarray, body: np.ndarray
 
 def _faces(name: str, group: Group, file: FileModel, used: np.ndarray, new: np.ndarray) -> list[FaceBlock]:
     """Return the named faces of a group that lie on elements of bodies."""
-    found = []
+    blocks = []
     for block, rows in group.cells.items():
         cells = file.cells[block]
         if KINDS.get(cells.kind, (0, 0))[0] == 2 and len(rows):
             nodes = cells.nodes[rows]
             nodes = nodes[used[nodes].all(axis=1)]
             if len(nodes):
-                found.append(FaceBlock(cells.kind, name, new[nodes]))
-    return found
+                blocks.append(FaceBlock(cells.kind, name, new[nodes]))
+    return blocks
 
 
 def _group_nodes(group: Group, file: FileModel, used: np.ndarray) -> np.ndarray:
@@ -256,9 +256,9 @@ def _all_nodes(group: Group, file: FileModel) -> np.ndarray:
     return np.flatnonzero(named)
 
 
-def _check_groups_on_bodies(mesh: Mesh, settings: StructureTables) -> None:
+def _check_groups_on_bodies(mesh: Mesh, tables: StructureTables) -> None:
     """Raise MeshError for a support, surface or load group without a node on a body."""
-    found = {one.name for one in settings.surfaces}  # of faces on bodies
-    for key, group in settings.groups_on_bodies:
-        if group not in found and len(mesh.node_groups[group]) == 0 and group not in mesh.outside.groups:
+    on_bodies = {surface.name for surface in tables.surfaces}  # of faces on bodies
+    for key, group in tables.groups_on_bodies:
+        if group not in on_bodies and len(mesh.node_groups[group]) == 0 and group not in mesh.outside.groups:
             raise MeshError(f"{key} = {group!r}: no node of this group belongs to an element of a body")

@@ -77,8 +77,8 @@ def _shares(mesh: Mesh, group: str, nodes: np.ndarray) -> np.ndarray:
         faces = outward_faces(mesh, group)
     except MeshError:  # no faces
         faces = {}
-    for kind, own in faces.items():
-        np.add.at(total, own, elements.face_nodal_areas(kind, mesh.points[own]))
+    for kind, nodes_of_faces in faces.items():
+        np.add.at(total, nodes_of_faces, elements.face_nodal_areas(kind, mesh.points[nodes_of_faces]))
     share = total[nodes] if (total[nodes] > 0.0).all() else np.ones(len(nodes))
     return share / share.sum()
 

@@ -58,19 +58,19 @@ class _Integrals:
     def add(self, rows: np.ndarray, faces: np.ndarray, facets: np.ndarray, w1: np.ndarray, w2: np.ndarray) -> None:
         """Add integrals (m, q, n_face_nodes) and (m, q, n_facet_nodes) [m2] to rows (m, q), which lie near each other."""
         np.add.at(self.covered, rows, w1.sum(axis=2))
-        for found, nodes, values in zip(self.sides, (faces, facets), (w1, w2), strict=True):
+        for side, nodes, values in zip(self.sides, (faces, facets), (w1, w2), strict=True):
             first, last = rows.min(initial=0), rows.max(initial=0)
             row = np.broadcast_to(rows[:, :, None] - first, values.shape).ravel()
             column = np.broadcast_to(nodes[:, None], values.shape).ravel()
-            own = sp.csr_matrix((values.ravel(), (row, column)), (last - first + 1, self.n_nodes)).tocoo()
-            found.append((own.data, own.row + first, own.col))
+            weights = sp.csr_matrix((values.ravel(), (row, column)), (last - first + 1, self.n_nodes)).tocoo()
+            side.append((weights.data, weights.row + first, weights.col))
 
     def shared(self, whole: np.ndarray) -> Shared:
         """Return the sums; ``whole`` (n,) m2."""
         none = (np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
         sides = []
-        for found in self.sides:
-            values, rows, columns = map(np.concatenate, zip(none, *found, strict=True))
+        for side in self.sides:
+            values, rows, columns = map(np.concatenate, zip(none, *side, strict=True))
             sides.append(sp.csr_matrix((values, (rows, columns)), (self.n, self.n_nodes)))
         return Shared(side1=sides[0], side2=sides[1], covered=self.covered, whole=whole)
 
@@ -126,8 +126,8 @@ def _parts(mesh: Mesh, cells: Cells, polygons: np.ndarray, kind: str, facets: np
         at, on = at[meet], on[meet]
         piece, triangles = _triangles(shapely.intersection(polygons[at], rings[meet], grid_size=grain))
         for first in range(0, len(piece), _CHUNK):
-            own = slice(first, first + _CHUNK)
-            yield Parts(kind, at[piece[own]], facets[on[piece[own]]], triangles[own])
+            chunk = slice(first, first + _CHUNK)
+            yield Parts(kind, at[piece[chunk]], facets[on[piece[chunk]]], triangles[chunk])
 
 
 def _boxes_meet(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -32,12 +32,12 @@ class Skin:
         first = np.cumsum([0, *map(len, self.faces.values())])
         centre, normal, area = np.zeros((first[-1], 3)), np.zeros((first[-1], 3)), np.zeros(first[-1])
         for (kind, nodes), start in zip(self.faces.items(), first):
-            own, points, face = slice(start, start + len(nodes)), self.points[nodes], elements.FACE_KINDS[kind]
+            of_kind, points, face = slice(start, start + len(nodes)), self.points[nodes], elements.FACE_KINDS[kind]
             middle = face.nodes[: face.n_corners].mean(axis=0)[None]
-            centre[own] = np.einsum("a,fai->fi", face.values(middle)[0], points)
+            centre[of_kind] = np.einsum("a,fai->fi", face.values(middle)[0], points)
             along, across = np.einsum("ra,fai->rfi", face.derivatives(middle)[0], points)
-            normal[own] = np.cross(along, across)
-            area[own] = elements.face_nodal_areas(kind, points).sum(axis=1)
+            normal[of_kind] = np.cross(along, across)
+            area[of_kind] = elements.face_nodal_areas(kind, points).sum(axis=1)
         length = np.linalg.norm(normal, axis=1, keepdims=True)
         normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
         for name, value in {"first": first, "centre": centre, "normal": normal, "area": area}.items():
@@ -76,18 +76,20 @@ class Skin:
     @property
     def keys(self) -> np.ndarray:
         """Three corners that tell each face from all others, (n_faces, 3), rising."""
-        return np.concatenate([np.zeros((0, 3), dtype=np.int64), *(_key(own, kind) for kind, own in self.faces.items())])
+        return np.concatenate([np.zeros((0, 3), dtype=np.int64), *(_key(nodes, kind) for kind, nodes in self.faces.items())])
 
     def by_kind(self, some: np.ndarray) -> dict[str, np.ndarray]:
         """Return the nodes of some faces (a mask or numbers, rising) by kind; kinds without any are left out."""
         chosen = np.zeros(self.n_faces, dtype=bool)
         chosen[some] = True
-        found = {kind: nodes[chosen[start : start + len(nodes)]] for (kind, nodes), start in zip(self.faces.items(), self.first)}
-        return {kind: nodes for kind, nodes in found.items() if len(nodes)}
+        by_kind = {
+            kind: nodes[chosen[start : start + len(nodes)]] for (kind, nodes), start in zip(self.faces.items(), self.first)
+        }
+        return {kind: nodes for kind, nodes in by_kind.items() if len(nodes)}
 
     def nodes_of(self, some: np.ndarray) -> np.ndarray:
         """Return the nodes of some faces, rising."""
-        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(own.ravel() for own in self.by_kind(some).values())]))
+        return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(nodes.ravel() for nodes in self.by_kind(some).values())]))
 
 
 def skin_of(points: np.ndarray, blocks: Sequence[tuple[str, np.ndarray, int]]) -> Skin:
@@ -97,18 +99,18 @@ def skin_of(points: np.ndarray, blocks: Sequence[tuple[str, np.ndarray, int]]) -
     """
     nodes: dict[str, list[np.ndarray]] = {}
     bodies: dict[str, list[np.ndarray]] = {}
-    for kind, own, body in blocks:
+    for kind, nodes_of_elements, body in blocks:
         for face, local in elements.KINDS[kind].faces:
-            nodes.setdefault(face, []).append(own[:, list(local)])
-            bodies.setdefault(face, []).append(np.full(len(own), body))
-    _, part = parts_of([own for _, own, _ in blocks], len(points))
+            nodes.setdefault(face, []).append(nodes_of_elements[:, list(local)])
+            bodies.setdefault(face, []).append(np.full(len(nodes_of_elements), body))
+    _, part = parts_of([nodes_of_elements for _, nodes_of_elements, _ in blocks], len(points))
     faces, owners = {}, [np.zeros(0, dtype=np.int64)]
     for kind in sorted(nodes):
         all_faces, owner = np.concatenate(nodes[kind]), np.concatenate(bodies[kind])
         outer = _alone(_key(all_faces, kind), len(points))
         faces[kind] = all_faces[outer]
         owners.append(owner[outer])
-    parts = [np.zeros(0, dtype=np.int64), *(part[own[:, 0]] for own in faces.values())]
+    parts = [np.zeros(0, dtype=np.int64), *(part[nodes_of_elements[:, 0]] for nodes_of_elements in faces.values())]
     return Skin(points, faces, np.concatenate(owners), np.concatenate(parts))
 
 
@@ -127,10 +129,10 @@ def faces_of_group(mesh: Mesh, skin: Skin, name: str) -> np.ndarray:
     """Return the faces of a skin that a group stands for, rising: those it names, else those whose nodes it holds.  Local."""
     is_member = np.zeros(len(mesh.points), dtype=bool)
     is_member[mesh.node_groups[name]] = True
-    inside = [is_member[own].all(axis=1) for own in skin.faces.values()]
-    own = np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *inside]))
+    inside = [is_member[chosen].all(axis=1) for chosen in skin.faces.values()]
+    chosen = np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *inside]))
     named = [_key(block.nodes, block.kind) for block in mesh.faces if block.group == name]
-    return own[isin_rows(skin.keys[own], np.concatenate(named))] if named else own
+    return chosen[isin_rows(skin.keys[chosen], np.concatenate(named))] if named else chosen
 
 
 def _key(nodes: np.ndarray, kind: str) -> np.ndarray:

@@ -37,12 +37,12 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
     MeshError : no such faces, faces inside a body, or an edge too sharp for one normal a node
     """
     faces = outward_faces(mesh, group)
-    nodes = np.unique(np.concatenate([own.ravel() for own in faces.values()]))
+    nodes = np.unique(np.concatenate([nodes_of_faces.ravel() for nodes_of_faces in faces.values()]))
     area_normals, areas, parts = np.zeros((len(nodes), 3)), np.zeros(len(nodes)), []
-    for kind, own in faces.items():
-        at = np.searchsorted(nodes, own)
-        normal = elements.face_normals(kind, mesh.points[own])
-        area = elements.face_nodal_areas(kind, mesh.points[own])
+    for kind, nodes_of_faces in faces.items():
+        at = np.searchsorted(nodes, nodes_of_faces)
+        normal = elements.face_normals(kind, mesh.points[nodes_of_faces])
+        area = elements.face_nodal_areas(kind, mesh.points[nodes_of_faces])
         np.add.at(areas, at, area)
         np.add.at(area_normals, at, area[:, :, None] * normal)
         parts.append((at, normal))
@@ -95,13 +95,13 @@ def _faces_within(mesh: Mesh, members: np.ndarray) -> dict[str, np.ndarray]:
     """Return all element faces, by kind, whose nodes are all members of a set; an inner face comes twice."""
     is_member = np.zeros(len(mesh.points), dtype=bool)
     is_member[members] = True
-    found: dict[str, list[np.ndarray]] = {}
+    within: dict[str, list[np.ndarray]] = {}
     for block in mesh.elements:
         near = block.nodes[np.count_nonzero(is_member[block.nodes], axis=1) >= 3]
         for kind, local in elements.KINDS[block.kind].faces:
             faces = near[:, list(local)]
-            found.setdefault(kind, []).append(faces[is_member[faces].all(axis=1)])
-    return {kind: np.concatenate(found[kind]) for kind in sorted(found)}
+            within.setdefault(kind, []).append(faces[is_member[faces].all(axis=1)])
+    return {kind: np.concatenate(within[kind]) for kind in sorted(within)}
 
 
 def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray]) -> dict[str, np.ndarray]:
@@ -148,4 +148,6 @@ def _check_edges(mesh: Mesh, group: str, nodes: np.ndarray, at: np.ndarray, cosi
 
 def face_keys(faces: dict[str, np.ndarray]) -> set[tuple[int, ...]]:
     """Return what tells faces from each other: the corners of each, rising.  Local."""
-    return {tuple(sorted(map(int, face[: elements.FACE_KINDS[kind].n_corners]))) for kind, own in faces.items() for face in own}
+    return {
+        tuple(sorted(map(int, face[: elements.FACE_KINDS[kind].n_corners]))) for kind, nodes in faces.items() for face in nodes
+    }

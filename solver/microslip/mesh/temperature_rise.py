@@ -13,7 +13,7 @@ from .locate import nodes_numbered
 from .nodal_fields import field_at_nodes
 
 
-def temperature_rises(mesh: Mesh, settings: StructureTables) -> dict[str, float | np.ndarray]:
+def temperature_rises(mesh: Mesh, tables: StructureTables) -> dict[str, float | np.ndarray]:
     """Return the temperature of each body [K above that without stress], one or those of all nodes, (n_nodes,).
 
     Raises
@@ -21,9 +21,9 @@ def temperature_rises(mesh: Mesh, settings: StructureTables) -> dict[str, float 
     CaseError : a file at fault
     MeshError : no such field, or a node of the body without a value
     """
-    if settings.statics is None:
+    if tables.statics is None:
         return {}
-    return {settings.body_of[one.group]: _of_body(mesh, one) for one in settings.statics.temperatures}
+    return {tables.body_of[entry.group]: _of_body(mesh, entry) for entry in tables.statics.temperatures}
 
 
 def _of_body(mesh: Mesh, stated: Temperature) -> float | np.ndarray:
@@ -38,15 +38,15 @@ def _of_body(mesh: Mesh, stated: Temperature) -> float | np.ndarray:
     if path is None:
         raise ValueError(f"{where} states no temperature")
     table, lines = read_table(path, ("node", "temperature"), (), "node")
-    found = np.full(len(mesh.points), np.nan)
-    found[nodes_numbered(mesh.numbers, table["node"], lines, path)] = table["temperature"]
+    rise = np.full(len(mesh.points), np.nan)
+    rise[nodes_numbered(mesh.numbers, table["node"], lines, path)] = table["temperature"]
     named, count = np.unique(table["node"], return_counts=True)
     if (count > 1).any():
         raise CaseError(f"{path}: node {named[np.argmax(count)]:g} has {count.max()} rows; each needs one")
-    missing = nodes[np.isnan(found[nodes])]
+    missing = nodes[np.isnan(rise[nodes])]
     if len(missing):
         raise MeshError(
             f"{path}: {where}: {len(missing)} of {len(nodes)} nodes of the body have no row, the first is node "
             f"{mesh.numbers[missing[0]]}"
         )
-    return found
+    return rise

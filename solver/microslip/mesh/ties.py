@@ -40,7 +40,9 @@ class Follower:
 def of_tie(mesh: Mesh, tie: Tie, n_places: int) -> Follower:
     """Return how the nodes of the first surface follow the facets of the second."""
     first, second = (outward_faces(mesh, group) for group in tie.surfaces)
-    nodes, others = (np.unique(np.concatenate([own.ravel() for own in faces.values()])) for faces in (first, second))
+    nodes, others = (
+        np.unique(np.concatenate([nodes_of_faces.ravel() for nodes_of_faces in faces.values()])) for faces in (first, second)
+    )
     where = f"{mesh.path}: tie {tie.name!r}"
     shared = np.intersect1d(nodes, others)
     if len(shared):
@@ -48,14 +50,14 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int) -> Follower:
             f"{where}: {tie.surfaces[0]!r} and {tie.surfaces[1]!r} share {len(shared)} nodes (the first is node "
             f"{mesh.numbers[shared].min()}): they are one there already; leave the tie out, or tie the other faces alone"
         )
-    found = project_on_surface(mesh.points, second, mesh.points[nodes])
+    projection = project_on_surface(mesh.points, second, mesh.points[nodes])
     size = _facet_size(mesh, second)
-    _check_near(mesh, tie, nodes, found, TOLERANCE * size if tie.tolerance is None else tie.tolerance, where)
-    weights = _on_facets(mesh, found, mesh.points[nodes], TOUCHING * size, n_places)
-    joined = np.stack([np.repeat(nodes, found.nodes.shape[1]), found.nodes.ravel()])
+    _check_near(mesh, tie, nodes, projection, TOLERANCE * size if tie.tolerance is None else tie.tolerance, where)
+    weights = _on_facets(mesh, projection, mesh.points[nodes], TOUCHING * size, n_places)
+    joined = np.stack([np.repeat(nodes, projection.nodes.shape[1]), projection.nodes.ravel()])
     note = (
         f"tie {tie.name!r}: {len(nodes)} nodes of {tie.surfaces[0]!r} follow the facets of {tie.surfaces[1]!r}, up to "
-        f"{found.distance.max():.3g} m from them"
+        f"{projection.distance.max():.3g} m from them"
     )
     if _facet_size(mesh, first) > COARSER * size:
         note += "; the coarser surface follows the finer one: swapped, the stresses beside them are better"
@@ -64,58 +66,58 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int) -> Follower:
 
 def _facet_size(mesh: Mesh, faces: dict[str, np.ndarray]) -> float:
     """Return the mean of the roots of the facets' areas [m]."""
-    areas = [elements.face_nodal_areas(kind, mesh.points[own]).sum(axis=1) for kind, own in faces.items()]
+    areas = [elements.face_nodal_areas(kind, mesh.points[nodes]).sum(axis=1) for kind, nodes in faces.items()]
     return float(np.sqrt(np.concatenate(areas)).mean())
 
 
-def _on_facets(mesh: Mesh, found: Projection, points: np.ndarray, touching: float, n_places: int) -> sp.csr_matrix:
+def _on_facets(mesh: Mesh, projection: Projection, points: np.ndarray, touching: float, n_places: int) -> sp.csr_matrix:
     """Return the weights of the nodes of the facets, (3 n, 3 n_places): docs/theory.md, eq. (2.6).
 
     A point off its foot moves with it as if a rigid arm led there, so that turning both surfaces strains nothing.
     """
-    n, k = found.weights.shape
-    blocks = found.weights[:, :, None, None] * np.eye(3)
-    away = points - found.foot
-    off = np.flatnonzero(found.distance > touching)
-    for kind in np.unique(found.kind[off]):
-        mine = off[found.kind[off] == kind]
+    n, k = projection.weights.shape
+    blocks = projection.weights[:, :, None, None] * np.eye(3)
+    away = points - projection.foot
+    off = np.flatnonzero(projection.distance > touching)
+    for kind in np.unique(projection.kind[off]):
+        mine = off[projection.kind[off] == kind]
         face = elements.FACE_KINDS[str(kind)]
-        slopes, m = face.derivatives(found.xi[mine]), face.n_nodes
-        tangents = np.einsum("fra,fai->fri", slopes, mesh.points[found.nodes[mine, :m]])
+        slopes, m = face.derivatives(projection.xi[mine]), face.n_nodes
+        tangents = np.einsum("fra,fai->fri", slopes, mesh.points[projection.nodes[mine, :m]])
         gradients = np.einsum("fra,fir->fai", slopes, np.linalg.pinv(tangents))
-        along = away[mine] - found.gap[mine, None] * found.normals[mine]
+        along = away[mine] - projection.gap[mine, None] * projection.normals[mine]
         blocks[mine, :m] += np.einsum("fi,fai->fa", along, gradients)[:, :, None, None] * np.eye(3)
-        blocks[mine, :m] -= np.einsum("f,fai,fj->faij", found.gap[mine], gradients, found.normals[mine])
+        blocks[mine, :m] -= np.einsum("f,fai,fj->faij", projection.gap[mine], gradients, projection.normals[mine])
     row = np.broadcast_to(np.arange(3 * n).reshape(n, 1, 3, 1), (n, k, 3, 3))
-    column = np.broadcast_to(3 * found.nodes[:, :, None, None] + np.arange(3), (n, k, 3, 3))
+    column = np.broadcast_to(3 * projection.nodes[:, :, None, None] + np.arange(3), (n, k, 3, 3))
     weights = sp.csr_matrix((blocks.ravel(), (row.ravel(), column.ravel())), (3 * n, 3 * n_places))
     weights.eliminate_zeros()
     return weights
 
 
-def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, found: Projection, tolerance: float, where: str) -> None:
+def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, projection: Projection, tolerance: float, where: str) -> None:
     """Raise MeshError where nodes lie beyond the tolerance: left loose they would open a crack that nobody asked for."""
-    far = found.distance > tolerance
+    far = projection.distance > tolerance
     if far.any():
-        worst = int(np.argmax(found.distance))
+        worst = int(np.argmax(projection.distance))
         raise MeshError(
             f"{where}: {np.count_nonzero(far)} of {len(nodes)} nodes of {tie.surfaces[0]!r} lie farther than {tolerance:.3g} m "
             f"from the facets of {tie.surfaces[1]!r}; the worst is node {mesh.numbers[nodes[worst]]} at "
-            f"{place(mesh.points[nodes[worst]])} m, {found.distance[worst]:.3g} m from them; let the first surface be the "
+            f"{place(mesh.points[nodes[worst]])} m, {projection.distance[worst]:.3g} m from them; let the first surface be the "
             "smaller one, take faces that do not touch out of it, or state a larger tolerance"
         )
 
 
-def check_joints(mesh: Mesh, settings: StructureTables) -> None:
+def check_joints(mesh: Mesh, tables: StructureTables) -> None:
     """Raise MeshError where a face belongs to a tie and to a joint."""
-    if not settings.ties:
+    if not tables.ties:
         return
-    for joint in settings.joints:
+    for joint in tables.joints:
         for group in joint.groups:
-            own = face_keys(outward_faces(mesh, group))
-            for tie in settings.ties:
+            keys = face_keys(outward_faces(mesh, group))
+            for tie in tables.ties:
                 for tied in tie.surfaces:
-                    both = own & face_keys(outward_faces(mesh, tied))
+                    both = keys & face_keys(outward_faces(mesh, tied))
                     if both:
                         raise MeshError(
                             f"{mesh.path}: {len(both)} faces of {group!r} of joint {joint.name!r} are faces of {tied!r} of tie "

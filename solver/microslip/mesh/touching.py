@@ -77,7 +77,7 @@ def _reach(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | N
 
 def _candidates(skin: Skin, tolerance: float | None) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of faces, each once, that look at each other, are near, and neither of one piece nor joined by a node."""
-    found = [np.zeros((2, 0), dtype=np.int64)]
+    pairs = [np.zeros((2, 0), dtype=np.int64)]
     several = len(np.unique(skin.part)) > 1 or len(np.unique(skin.body)) > 1
     radius, size = skin.radius, skin.size
     for mine in _by_size(radius) if several else ():
@@ -91,8 +91,8 @@ def _candidates(skin: Skin, tolerance: float | None) -> tuple[np.ndarray, np.nda
         other = mine[np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=count.sum())]
         kept = (skin.body[face] != skin.body[other]) | (skin.part[face] != skin.part[other])
         kept[kept] = np.einsum("mi,mi->m", skin.normal[face[kept]], skin.normal[other[kept]]) < -_FACING
-        found.append(np.stack([face[kept], other[kept]]))
-    face, other = np.unique(np.sort(np.concatenate(found, axis=1), axis=0), axis=1)
+        pairs.append(np.stack([face[kept], other[kept]]))
+    face, other = np.unique(np.sort(np.concatenate(pairs, axis=1), axis=0), axis=1)
     apart = np.linalg.norm(skin.centre[face] - skin.centre[other], axis=1)
     kept = apart <= radius[face] + radius[other] + _reach(skin, face, other, tolerance)
     kept[kept] = ~_share_a_node(skin, face[kept], other[kept])
@@ -164,50 +164,52 @@ def _feet(skin: Skin, point: np.ndarray, other: np.ndarray, reach: np.ndarray):
     return distance, gap, (np.abs(gap) <= reach) & (beside <= _BESIDE * skin.size[other])
 
 
-def with_found_surfaces(mesh: Mesh, settings: StructureTables) -> Mesh:
+def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
     """Return the mesh with the groups of faces that are told by the bodies which touch.  Local, rank 0.
 
     Raises
     ------
     MeshError : faces that do not touch, a name that a group of the file has
     """
-    if not settings.surfaces:
+    if not tables.surfaces:
         return mesh
     skin = skin_of_mesh(mesh)
     touching: Mapping[float | None, Touching] = {
-        tolerance: find_touching(skin, tolerance) for tolerance in {one.tolerance for one in settings.surfaces}
+        tolerance: find_touching(skin, tolerance) for tolerance in {surface.tolerance for surface in tables.surfaces}
     }
     blocks, groups, notes = list(mesh.faces), dict(mesh.node_groups), list(mesh.notes)
-    for one in settings.surfaces:
-        if one.name in mesh.node_groups:
-            raise MeshError(f"[[surfaces]] {one.name!r}: a group of the mesh has this name already; take another")
-        faces = _faces_of(mesh, skin, touching[one.tolerance], one, settings)
-        blocks += [FaceBlock(kind, one.name, nodes) for kind, nodes in skin.by_kind(faces).items()]
-        groups[one.name] = skin.nodes_of(faces)
-        area = (skin.area * touching[one.tolerance].share)[faces].sum()
-        notes.append(f"surface {one.name!r}: {len(faces)} faces of {one.bodies[0]!r} on {one.bodies[1]!r}, {area:.6g} m2")
-    found = mesh.found | {one.name for one in settings.surfaces}
-    return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), found=found)
+    for surface in tables.surfaces:
+        if surface.name in mesh.node_groups:
+            raise MeshError(f"[[surfaces]] {surface.name!r}: a group of the mesh has this name already; take another")
+        faces = _faces_of(mesh, skin, touching[surface.tolerance], surface, tables)
+        blocks += [FaceBlock(kind, surface.name, nodes) for kind, nodes in skin.by_kind(faces).items()]
+        groups[surface.name] = skin.nodes_of(faces)
+        area = (skin.area * touching[surface.tolerance].share)[faces].sum()
+        notes.append(
+            f"surface {surface.name!r}: {len(faces)} faces of {surface.bodies[0]!r} on {surface.bodies[1]!r}, {area:.6g} m2"
+        )
+    names = mesh.found | {surface.name for surface in tables.surfaces}
+    return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), found=names)
 
 
-def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, one: Surface, settings: StructureTables) -> np.ndarray:
+def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, surface: Surface, tables: StructureTables) -> np.ndarray:
     """Return the faces of the first body that lie on the second, rising."""
     number = {group: i for i, group in enumerate(groups_of_bodies(mesh))}
-    body, other = (number[settings.bodies[name].group] for name in one.bodies)
+    body, other = (number[tables.bodies[name].group] for name in surface.bodies)
     face = np.unique(touching.face[(skin.body[touching.face] == body) & (skin.body[touching.other] == other)])
-    if len(face) and one.normal is not None:
-        turned = skin.normal[face] @ (np.array(one.normal) / np.linalg.norm(one.normal))
+    if len(face) and surface.normal is not None:
+        turned = skin.normal[face] @ (np.array(surface.normal) / np.linalg.norm(surface.normal))
         face = face[turned >= np.cos(np.radians(TURNED)) - 1e-12]
     if not len(face):
-        raise MeshError(_nothing(mesh, skin, one, body, other))
+        raise MeshError(_nothing(mesh, skin, surface, body, other))
     return face
 
 
-def _nothing(mesh: Mesh, skin: Skin, one: Surface, body: int, other: int) -> str:
+def _nothing(mesh: Mesh, skin: Skin, surface: Surface, body: int, other: int) -> str:
     """Say that no faces touch, and how near the two bodies come."""
-    within = f"within {one.tolerance:g} m" if one.tolerance is not None else f"within {NEAR:g} of the size of the faces"
-    facing = "" if one.normal is None else f" with normals within {TURNED:g} degrees of {place(one.normal)}"
-    text = f"[[surfaces]] {one.name!r}: no face of {one.bodies[0]!r}{facing} lies on {one.bodies[1]!r} {within}"
+    within = f"within {surface.tolerance:g} m" if surface.tolerance is not None else f"within {NEAR:g} of the size of the faces"
+    facing = "" if surface.normal is None else f" with normals within {TURNED:g} degrees of {place(surface.normal)}"
+    text = f"[[surfaces]] {surface.name!r}: no face of {surface.bodies[0]!r}{facing} lies on {surface.bodies[1]!r} {within}"
     if body != other:
         first, second = skin.nodes_of(skin.body == body), skin.nodes_of(skin.body == other)
         shared = np.intersect1d(first, second)

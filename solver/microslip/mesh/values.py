@@ -56,23 +56,23 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
         gap, preload = (of_nodes.get(name, np.full(len(mesh.points), stated[name])) for name in ("gap", "preload"))
         _check_open(where, mesh.points, gap, preload, _taken(points))
     everywhere = {name: np.full(points.n_points, value) for name, value in stated.items()}
-    found = _closed_or_open(Values(**everywhere | {name: _interpolated(points, own) for name, own in of_nodes.items()}))
+    values = _closed_or_open(Values(**everywhere | {name: _interpolated(points, nodal) for name, nodal in of_nodes.items()}))
     if not table or "node" in table:
-        return found
+        return values
     rows = _nearest_rows(joint, path, points, table, lines)
-    found = replace(found, **{name: table[name][rows] for name in COLUMNS if name in table})
-    _check_open(path, points.position, found.gap, found.preload, np.arange(points.n_points))
-    return found
+    values = replace(values, **{name: table[name][rows] for name in COLUMNS if name in table})
+    _check_open(path, points.position, values.gap, values.preload, np.arange(points.n_points))
+    return values
 
 
 def _of_rows(
     mesh: Mesh, table: Mapping[str, np.ndarray], rows: np.ndarray, others: Mapping[str, float | np.ndarray]
 ) -> dict[str, np.ndarray]:
     """Return the values of all nodes, (n_nodes,) each: of the nodes ``rows`` those of the table, of others what they have."""
-    found = {name: np.array(np.broadcast_to(others[name], len(mesh.points))) for name in COLUMNS if name in table}
-    for name, values in found.items():
+    nodal = {name: np.array(np.broadcast_to(others[name], len(mesh.points))) for name in COLUMNS if name in table}
+    for name, values in nodal.items():
         values[rows] = table[name]
-    return found
+    return nodal
 
 
 def _taken(points: ContactPoints) -> np.ndarray:
@@ -97,22 +97,22 @@ def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: OfPoints) -
     if name == "gap" and joint.has_gap_of_mesh:
         raise CaseError(f'{where}: the joint takes its gap from the mesh, gap = "geometry"; state one of them')
     taken = _taken(points)
-    found = field_at_nodes(mesh, field, taken, where, "the joint")
+    nodal = field_at_nodes(mesh, field, taken, where, "the joint")
     above = name.endswith("stiffness") or (name == "preload" and "n0" in LAWS[joint.law].above_0)
-    least = taken[np.argmin(found[taken])]
-    if found[least] < 0.0 or (above and found[least] == 0.0):
+    least = taken[np.argmin(nodal[taken])]
+    if nodal[least] < 0.0 or (above and nodal[least] == 0.0):
         raise MeshError(
-            f"{where} = {field!r} is {found[least]:g} at {place(mesh.points[least])} m; it must be "
+            f"{where} = {field!r} is {nodal[least]:g} at {place(mesh.points[least])} m; it must be "
             f"{'above 0' if above else 'at least 0'}"
         )
-    return found
+    return nodal
 
 
 def _interpolated(points: ContactPoints, of_nodes: np.ndarray) -> np.ndarray:
     """Return values of nodes (n_nodes,) at the points, as the first surface interpolates, within those of the nodes it takes."""
-    own, first = of_nodes[points.side1.indices], points.side1.indptr[:-1]
-    found = points.side1 @ np.nan_to_num(of_nodes)
-    return np.clip(found, np.minimum.reduceat(own, first), np.maximum.reduceat(own, first))
+    corners, first = of_nodes[points.side1.indices], points.side1.indptr[:-1]
+    mean = points.side1 @ np.nan_to_num(of_nodes)
+    return np.clip(mean, np.minimum.reduceat(corners, first), np.maximum.reduceat(corners, first))
 
 
 def _checked_table(joint: Joint, path: Path) -> tuple[dict[str, np.ndarray], list[int]]:

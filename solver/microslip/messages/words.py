@@ -14,10 +14,10 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word nearest to ``word``, capitals aside, or the first it abbreviates, or None.  Local."""
     by_lower = {name.lower()[:_LONGEST]: name for name in known}
     word = word.lower()[:_LONGEST]
-    found = difflib.get_close_matches(word, by_lower, n=1)
-    if not found and len(word) > 2:
-        found = [name for name in by_lower if name.startswith(word)]
-    return by_lower[found[0]] if found else None
+    near = difflib.get_close_matches(word, by_lower, n=1)
+    if not near and len(word) > 2:
+        near = [name for name in by_lower if name.startswith(word)]
+    return by_lower[near[0]] if near else None
 
 
 def quoted(name: str) -> str:

@@ -18,10 +18,10 @@ def raise_together(comm: MPI.Comm, problem: str | None, error: type[MicroslipErr
     Collective on ``comm``.  The message is that of the lowest rank with a problem.
     """
     moved()
-    found = [(rank, text) for rank, text in enumerate(comm.allgather(problem)) if text]
-    if found:
-        rank, text = found[0]
-        where = "" if comm.size == 1 else f" (rank {rank}; {len(found)} of {comm.size} ranks affected)"
+    problems = [(rank, text) for rank, text in enumerate(comm.allgather(problem)) if text]
+    if problems:
+        rank, text = problems[0]
+        where = "" if comm.size == 1 else f" (rank {rank}; {len(problems)} of {comm.size} ranks affected)"
         raise error(text + where)
 
 
@@ -43,8 +43,8 @@ def on_root(comm: MPI.Comm, function: Callable[..., Any], *args: Any, share: boo
             value = function(*args)
         except SystemExit as stop:  # libraries that exit instead of raising
             problem = CaseError(f"{getattr(function, '__name__', 'a library')} gave up: {stop}")
-        except Exception as found:  # re-raised below, on every rank
-            problem = found
+        except Exception as error:  # re-raised below, on every rank
+            problem = error
     moved()
     if comm.size > 1:
         problem, shared = comm.bcast((problem, value if share else None))
@@ -64,9 +64,9 @@ def on_each(comm: MPI.Comm, function: Callable[..., Any], *args: Any) -> Any:
     """
     with unwatched():  # the shares may take long, and longer than those of others
         value, problems = _each(comm, function, args)
-    for one in problems:
-        if one is not None:
-            raise one
+    for error in problems:
+        if error is not None:
+            raise error
     return value
 
 
@@ -76,6 +76,6 @@ def _each(comm: MPI.Comm, function: Callable[..., Any], args: tuple) -> tuple[An
     problem: Exception | None = None
     try:
         value = function(*args)
-    except Exception as found:  # re-raised by the caller, on every rank
-        problem = found
+    except Exception as error:  # re-raised by the caller, on every rank
+        problem = error
     return value, comm.allgather(problem)

@@ -22,9 +22,9 @@ def rows_of(those: np.ndarray) -> np.ndarray:
 
 def summed(comm: MPI.Comm, partial: np.ndarray) -> np.ndarray:
     """Return the sum of ``partial`` over the ranks, on every rank.  Collective on ``comm``: one sum."""
-    own = np.array(partial, dtype=float, order="C")
-    total = np.empty_like(own)
-    comm.Allreduce(own, total)
+    part = np.array(partial, dtype=float, order="C")
+    total = np.empty_like(part)
+    comm.Allreduce(part, total)
     return total
 
 
@@ -35,11 +35,11 @@ def gathered_rows(comm: MPI.Comm, owned: np.ndarray, limits: np.ndarray, root: i
     """
     if comm.size == 1:
         return owned
-    own, n = np.ascontiguousarray(owned, dtype=float), owned.shape[1]
+    part, n = np.ascontiguousarray(owned, dtype=float), owned.shape[1]
     whole = np.empty((limits[-1], n)) if root in (None, comm.rank) else None
     parts = [whole, n * np.diff(limits)]
     if root is None:
-        comm.Allgatherv(own, parts)
+        comm.Allgatherv(part, parts)
     else:
-        comm.Gatherv(own, parts if comm.rank == root else None, root)
+        comm.Gatherv(part, parts if comm.rank == root else None, root)
     return whole

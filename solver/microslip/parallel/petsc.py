@@ -76,13 +76,13 @@ def unused_options(options: tuple[str, ...]) -> list[str]:
 
     library = ctypes.CDLL(PETSc.__file__)
     used = ctypes.c_int(0)
-    found = []
+    unused = []
     for name in options:
         if name.startswith("-") and name[1:].startswith(PREFIXES):
             library.PetscOptionsUsed(None, name[1:].encode(), ctypes.byref(used))
             if not used.value:
-                found.append(name)
-    return found
+                unused.append(name)
+    return unused
 
 
 def refused_option(problem: BaseException) -> str | None:

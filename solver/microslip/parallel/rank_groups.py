@@ -86,11 +86,11 @@ class Counter:
 
     def next(self) -> int:
         """Return the next number.  Local."""
-        one, found = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
+        increment, number = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
         self._window.Lock(0)
-        self._window.Fetch_and_op(one, found, 0, 0, MPI.SUM)
+        self._window.Fetch_and_op(increment, number, 0, 0, MPI.SUM)
         self._window.Unlock(0)
-        return int(found[0])
+        return int(number[0])
 
     def free(self) -> None:
         """Release the memory of rank 0."""

@@ -38,18 +38,18 @@ def contradictions(scene: Scene) -> list[str]:
 
 def _of_a_mesh(scene: Scene) -> list[str]:
     """Return mistakes: what is missing beside a mesh, and what belongs to matrices."""
-    found = (
+    mistakes = (
         [] if scene.bodies or scene.awaits_file else [f"[bodies] is missing: expected {Scene.model_fields['bodies'].description}"]
     )
     for where, joint in _numbered(scene, "joints"):
         if joint.pairs is not None:
-            found.append(f"{where} pairs: belongs to a model given as matrices; with a mesh, name two surfaces")
+            mistakes.append(f"{where} pairs: belongs to a model given as matrices; with a mesh, name two surfaces")
         if joint.node_pairs is not None:
-            found.append(f"{where} node_pairs: belongs to a model given as matrices; with a mesh, name two surfaces")
+            mistakes.append(f"{where} node_pairs: belongs to a model given as matrices; with a mesh, name two surfaces")
     for where, entry in _numbered(scene, "loads", "outputs"):
         if entry.dof is not None:
-            found.append(f"{where} dof: belongs to a model given as matrices; with a mesh, name a position or a node")
-    return found
+            mistakes.append(f"{where} dof: belongs to a model given as matrices; with a mesh, name a position or a node")
+    return mistakes
 
 
 def _of_matrices(scene: Scene) -> list[str]:
@@ -65,31 +65,31 @@ def _of_matrices(scene: Scene) -> list[str]:
         ("[[masses]]", scene.masses),
         ("[[springs]]", scene.springs),
     )
-    found = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
-    found += ["[statics]: needs a mesh; pairs of matrices state their preload"] if scene.statics is not None else []
+    mistakes = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
+    mistakes += ["[statics]: needs a mesh; pairs of matrices state their preload"] if scene.statics is not None else []
     knows_nodes = may_know_nodes(scene.model, scene.folder)
     has_mesh = scene.model.nodes is not None and not scene.model.nodes.lower().endswith(".csv")
     for where, joint in _numbered(scene, "joints"):
         if joint.surfaces is not None and not (knows_nodes and has_mesh):
-            found.append(f"{where} surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file")
+            mistakes.append(f"{where} surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file")
         if joint.node_pairs is not None and not knows_nodes:
-            found.append(f"{where} node_pairs: the matrices tell no nodes; state [model] dofs, node and direction of each row")
+            mistakes.append(f"{where} node_pairs: the matrices tell no nodes; state [model] dofs, node and direction of each row")
     for where, entry in _numbered(scene, "loads", "outputs"):
         if getattr(entry, "pressure", None) is not None:
-            found.append(
+            mistakes.append(
                 f"{where} pressure: a model given as matrices has no surfaces; state its forces on DOFs, forces = a CSV file"
             )
         elif getattr(entry, "base_acceleration", None) is not None:
-            found.append(
+            mistakes.append(
                 f"{where} base_acceleration: a model given as matrices has no supports; state -M r as forces = a CSV file"
             )
         elif getattr(entry, "quantity", "") in ("stress", "strain"):
-            found.append(f'{where} quantity = "{entry.quantity}": a model given as matrices has no elements')
+            mistakes.append(f'{where} quantity = "{entry.quantity}": a model given as matrices has no elements')
         elif getattr(entry, "absolute", False):
-            found.append(f"{where} absolute: a model given as matrices has no base")
+            mistakes.append(f"{where} absolute: a model given as matrices has no base")
         elif entry.point is not None or (not knows_nodes and _is_nowhere(entry)):
-            found.append(f"{where}: a model given as matrices has no nodes; name a dof, a row of the matrices counted from 0")
-    return found
+            mistakes.append(f"{where}: a model given as matrices has no nodes; name a dof, a row of the matrices counted from 0")
+    return mistakes
 
 
 def _is_nowhere(entry: Any) -> bool:
@@ -119,7 +119,7 @@ def _materials(scene: Scene) -> list[str]:
     """Return mistakes: bodies whose material or orientation is not there."""
     if scene.awaits_file:
         return []
-    found = []
+    mistakes = []
     for name, body in scene.bodies.items():
         for key, wanted, tables in (
             ("material", body.material, scene.materials),
@@ -127,31 +127,31 @@ def _materials(scene: Scene) -> list[str]:
         ):
             if wanted is not None and wanted not in tables:
                 known = f"known: {', '.join(tables)}" if tables else f"there is no table [{key}s.NAME] at all"
-                found.append(f'[bodies.{name}] {key} = "{wanted}": there is no such {key}{hint(wanted, tables)}; {known}')
-    return found
+                mistakes.append(f'[bodies.{name}] {key} = "{wanted}": there is no such {key}{hint(wanted, tables)}; {known}')
+    return mistakes
 
 
 def _same_groups(scene: Scene) -> list[str]:
     """Return mistakes: bodies that claim the same elements."""
     first: dict[str, str] = {}
-    found = []
+    mistakes = []
     for name, body in scene.bodies.items():
         if body.group in first:
-            found.append(
+            mistakes.append(
                 f'[bodies.{name}] group = "{body.group}": [bodies.{first[body.group]}] has it already; '
                 "each element belongs to one body"
             )
         first.setdefault(body.group, name)
-    return found
+    return mistakes
 
 
 def _same_names(scene: Scene) -> list[str]:
     """Return mistakes: joints and outputs that share a name."""
-    found = []
+    mistakes = []
     for table in ("joints", "outputs", "surfaces", "ties", "points"):
         counts = Counter(entry.name for entry in getattr(scene, table) if entry.name is not None)
-        found += [f'[[{table}]] name = "{name}" is used {n} times; each needs its own' for name, n in counts.items() if n > 1]
-    return found
+        mistakes += [f'[[{table}]] name = "{name}" is used {n} times; each needs its own' for name, n in counts.items() if n > 1]
+    return mistakes
 
 
 def _harmonics(scene: Scene) -> list[str]:
@@ -166,24 +166,24 @@ def _harmonics(scene: Scene) -> list[str]:
 
 def _statics(scene: Scene) -> list[str]:
     """Return mistakes: preloads that nothing makes, a speed without an axis, temperatures without expansion."""
-    statics, found = scene.statics, _axis(scene)
+    statics, mistakes = scene.statics, _axis(scene)
     for where, joint in _numbered(scene, "joints"):
         if joint.preload == "static" and statics is None and not scene.awaits_file:
-            found.append(
+            mistakes.append(
                 f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa'
             )
     if statics is None:
-        return found
+        return mistakes
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
-        found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
-    acting = (any(one.pressure for one in statics.pressures), any(one.temperature != 0.0 for one in statics.temperatures))
+        mistakes.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
+    acting = (any(load.pressure for load in statics.pressures), any(load.temperature != 0.0 for load in statics.temperatures))
     if not (statics.rotation_speed or statics.forces or statics.bolts or statics.displacements or any(acting)):
-        found.append(
+        mistakes.append(
             "[statics] loads nothing: state rotation_speed, forces, pressures, temperatures, bolts or displacements, or leave "
             "the table out"
         )
-    found += _same_bolts(statics)
-    found += [
+    mistakes += _same_bolts(statics)
+    mistakes += [
         f'[[statics.temperatures]] group = "{group}" is used {n} times; a body has one temperature'
         for group, n in Counter(warm.group for warm in statics.temperatures).items()
         if n > 1
@@ -194,10 +194,10 @@ def _statics(scene: Scene) -> list[str]:
         if scene.awaits_file:
             continue
         if warm.group not in body_of:
-            found.append(f"{where}: no body has this group{hint(warm.group, body_of)}")
+            mistakes.append(f"{where}: no body has this group{hint(warm.group, body_of)}")
         elif body_of[warm.group].material in scene.materials and scene.materials[body_of[warm.group].material].expansion is None:
-            found.append(f"{where}: [materials.{body_of[warm.group].material}] expansion is missing, in 1/K")
-    return found
+            mistakes.append(f"{where}: [materials.{body_of[warm.group].material}] expansion is missing, in 1/K")
+    return mistakes
 
 
 def _volumes_as_faces(scene: Scene) -> list[str]:
@@ -212,8 +212,8 @@ def _volumes_as_faces(scene: Scene) -> list[str]:
     ]
     if scene.statics is not None:
         pressures, bolts = enumerate(scene.statics.pressures, 1), enumerate(scene.statics.bolts, 1)
-        used += [(f"[[statics.pressures]] {i}", one.group, "a pressure acts on faces") for i, one in pressures]
-        used += [(f"[[statics.bolts]] {i}", one.group, "a bolt is cut by faces across its shank") for i, one in bolts]
+        used += [(f"[[statics.pressures]] {i}", entry.group, "a pressure acts on faces") for i, entry in pressures]
+        used += [(f"[[statics.bolts]] {i}", entry.group, "a bolt is cut by faces across its shank") for i, entry in bolts]
     return [
         f"{where} group = {group!r}: these are the elements of a body, and {what}; name a group of them"
         for where, group, what in used
@@ -223,53 +223,55 @@ def _volumes_as_faces(scene: Scene) -> list[str]:
 
 def _same_bolts(statics: Statics) -> list[str]:
     """Bolts that share a cut or a name."""
-    found = []
+    mistakes = []
     for key in ("group", "name"):
         counts = Counter(value for bolt in statics.bolts if (value := getattr(bolt, key)) is not None)
-        found += [
-            f'[[statics.bolts]] {key} = "{one}" is used {n} times; each bolt needs its own' for one, n in counts.items() if n > 1
+        mistakes += [
+            f'[[statics.bolts]] {key} = "{repeated}" is used {n} times; each bolt needs its own'
+            for repeated, n in counts.items()
+            if n > 1
         ]
-    return found
+    return mistakes
 
 
 def _base(scene: Scene) -> list[str]:
     """Return mistakes: a base that accelerates and holds nothing, or outputs with its motion that have none."""
     moving = [(where, load) for where, load in _numbered(scene, "loads") if load.base_acceleration is not None]
     absolute = [(where, output) for where, output in _numbered(scene, "outputs") if output.absolute]
-    found = []
+    mistakes = []
     has_base = scene.supports or scene.awaits_file
     if moving and scene.model.mesh is not None and not has_base and not any(joint.against for joint in scene.joints):
-        found.append(f"{moving[0][0]} base_acceleration: there are no [[supports]], which are the base that moves")
+        mistakes.append(f"{moving[0][0]} base_acceleration: there are no [[supports]], which are the base that moves")
     for where, output in absolute if scene.model.mesh is not None else ():
         if not moving:
-            found.append(f"{where} absolute: no load has a base_acceleration, and the base is at rest; leave it out")
+            mistakes.append(f"{where} absolute: no load has a base_acceleration, and the base is at rest; leave it out")
         elif output.quantity != "acceleration" and any(load.harmonic == 0 for _, load in moving):
-            found.append(
+            mistakes.append(
                 f"{where} absolute: under a constant base_acceleration (harmonic = 0) {output.quantity} grows without end; "
                 'ask for quantity = "acceleration", or for the motion relative to the base'
             )
-    return found
+    return mistakes
 
 
 def _outputs(scene: Scene) -> list[str]:
     """Return mistakes: outputs of bodies and joints that are not there."""
-    found = []
+    mistakes = []
     joints = [joint.name for joint in scene.joints]
     for where, output in _numbered(scene, "outputs"):
         for key, name, known in (("body", output.body, list(scene.bodies)), ("joint", output.joint, joints)):
             if name is not None and name not in known and not scene.awaits_file:
-                found.append(f'{where} {key} = "{name}": there is no such {key}{hint(name, known)}')
-    return found
+                mistakes.append(f'{where} {key} = "{name}": there is no such {key}{hint(name, known)}')
+    return mistakes
 
 
 def _surfaces(scene: Scene) -> list[str]:
     """Return mistakes: surfaces of bodies that are not there."""
-    found = []
+    mistakes = []
     for where, surface in _numbered(scene, "surfaces"):
         for name in dict.fromkeys(surface.bodies):
             if name not in scene.bodies and not scene.awaits_file and scene.model.mesh is not None:
-                found.append(f'{where} bodies holds "{name}": there is no such body{hint(name, scene.bodies)}')
-    return found
+                mistakes.append(f'{where} bodies holds "{name}": there is no such body{hint(name, scene.bodies)}')
+    return mistakes
 
 
 def _axis(scene: Scene) -> list[str]:
@@ -295,7 +297,7 @@ def remarks(scene: Scene) -> list[str]:
 
 def _points(scene: Scene) -> list[str]:
     """Return mistakes: points that are not there, that cannot be held, or whose inertia would have to turn with the structure."""
-    found, points = [], {point.name: point for point in scene.points}
+    mistakes, points = [], {point.name: point for point in scene.points}
     used = [*_numbered(scene, "supports", "loads", "outputs", "masses")]
     if scene.statics is not None:
         used += [(f"[[statics.forces]] {i}", force) for i, force in enumerate(scene.statics.forces, 1)]
@@ -304,21 +306,21 @@ def _points(scene: Scene) -> list[str]:
     for where, name in named:
         if name not in points and scene.model.mesh is not None and not scene.awaits_file:
             known = f"; known: {', '.join(points)}" if points else "; there are no [[points]] at all"
-            found.append(f'{where} point = "{name}": there is no such point{hint(name, points) or known}')
+            mistakes.append(f'{where} point = "{name}": there is no such point{hint(name, points) or known}')
     for where, support in _numbered(scene, "supports"):
         if support.point in points and points[support.point].connection == "distributing":
-            found.append(
+            mistakes.append(
                 f'{where} point = "{support.point}": a distributing point follows its nodes and cannot be held; take '
                 'connection = "rigid", or give the point a stiffness'
             )
     if scene.statics is not None and scene.statics.rotation_speed > 0.0:
         for where, point in _numbered(scene, "points"):
             if point.inertia is not None:
-                found.append(
+                mistakes.append(
                     f"{where} inertia: with [statics] rotation_speed the inertia of a point would turn, which is not modelled; "
                     "leave it out, or mesh the body"
                 )
-    return found
+    return mistakes
 
 
 def _constant_loads(scene: Scene) -> list[str]:
@@ -371,7 +373,7 @@ def _mode(scene: Scene) -> list[str]:
 
 def missing_files(scene: Scene) -> list[str]:
     """Return which of the scene's files are not there, a text each.  Local."""
-    return [found for where, file in named_files(scene) if (found := _missing(where, file, scene.folder))]
+    return [mistake for where, file in named_files(scene) if (mistake := _missing(where, file, scene.folder))]
 
 
 def _missing(where: str, file: str, folder: Path) -> str | None:

@@ -92,13 +92,13 @@ def _in_words(problem: ErrorDetails, raw: Mapping[str, Any]) -> str:
     expected = _expected(loc)
     if problem["type"] == "missing" and len(loc) <= n_table + 1:
         return f"{_join(where, key)} is missing: expected {expected}"
-    found = raw
+    value = raw
     for step in loc[: n_table + 1]:
-        found = found[step]  # type: ignore[index]
-    hint = _hint(loc, found)
+        value = value[step]  # type: ignore[index]
+    hint = _hint(loc, value)
     if problem["type"] == "less_than_equal" and "at most" not in expected:
         hint += f"; at most {problem['ctx']['le']:g}"
-    return f"{_join(where, key)} = {shown(found)}: expected {expected}{hint}"
+    return f"{_join(where, key)} = {shown(value)}: expected {expected}{hint}"
 
 
 def _depth(loc: tuple[int | str, ...]) -> int:
@@ -150,8 +150,8 @@ def _header(table: tuple[int | str, ...], raw: Mapping[str, Any]) -> str:
 def _entry(name: str, number: int, entries: Any) -> str:
     """Return the header of an entry of a list of tables."""
     entry = entries[number]
-    own = entry.get("name") if isinstance(entry, Mapping) else None
-    return f"[[{name}]] {number + 1}" + (f' ("{own}")' if isinstance(own, str) and own else "")
+    stated = entry.get("name") if isinstance(entry, Mapping) else None
+    return f"[[{name}]] {number + 1}" + (f' ("{stated}")' if isinstance(stated, str) and stated else "")
 
 
 def _join(where: str, key: int | str | None) -> str:
@@ -193,9 +193,9 @@ def _any(name: str) -> str:
     return f"[{name}.NAME]" if name in _NAMED else f"[[{name}]]" if name in _LISTED else f"[{name}]"
 
 
-def _hint(loc: tuple[int | str, ...], found: Any) -> str:
+def _hint(loc: tuple[int | str, ...], value: Any) -> str:
     """Return what else helps: the nearest word, the known methods, quotes that should not be there."""
-    numbers = found if isinstance(found, tuple) else (found,)
+    numbers = value if isinstance(value, tuple) else (value,)
     if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
         return "; nan and inf are not numbers here"
     field = loc[_depth(loc)] if len(loc) > _depth(loc) else None
@@ -203,10 +203,10 @@ def _hint(loc: tuple[int | str, ...], found: Any) -> str:
         return f"; keys stand under a header [{loc[0]}.NAME]"
     annotation = _model(loc[: _depth(loc)]).model_fields[str(field)].annotation if field is not None else None
     words = _words(annotation)
-    if words and isinstance(found, str):
+    if words and isinstance(value, str):
         known = f"; known: {', '.join(words)}" if annotation is Method else ""
-        return hint(found, words) + known
-    if isinstance(found, str) and _is_number(found) and not words:
+        return hint(value, words) + known
+    if isinstance(value, str) and _is_number(value) and not words:
         return "; without quotes"
     return ""
 

@@ -149,9 +149,9 @@ def _no_scene(path: Path) -> str:
 
 def _line(problem: str, text: str) -> str:
     """Return the line that a TOML error names, for the message."""
-    found = re.search(r"line (\d+)", problem)
+    match = re.search(r"line (\d+)", problem)
     lines = text.splitlines()
-    number = int(found[1]) if found else 0
+    number = int(match[1]) if match else 0
     return f": {lines[number - 1].strip()[:80]}" if 0 < number <= len(lines) else ""
 
 

@@ -116,5 +116,5 @@ class Table(BaseModel):
 def _in_si(value: Any, units: Units, quantity: str | None) -> Any:
     """Return the value of a key in SI units; tables in a tuple as dictionaries."""
     if isinstance(value, tuple) and value and isinstance(value[0], Table):
-        return tuple(one.in_si(units) for one in value)
+        return tuple(table.in_si(units) for table in value)
     return value if quantity is None else times(value, getattr(units, quantity))

@@ -62,7 +62,7 @@ class Units:
 
 def times(value: Any, factor: float) -> Any:
     """Return a number, or numbers in tuples, times a factor.  Local."""
-    return tuple(times(one, factor) for one in value) if isinstance(value, tuple) else factor * value
+    return tuple(times(entry, factor) for entry in value) if isinstance(value, tuple) else factor * value
 
 
 UNITS = {
