@@ -11,7 +11,6 @@ from .library.build import build
 from .library.libraries import libraries_used
 from .library.logged_response import RunOptions, follow_logged, record_of
 from .library.origin_of_run import origin_of
-from .library.prepare import Prepared, prepare
 from .library.result_files import shapes_of, write_shapes
 from .messages.errors import ConvergenceError
 from .observe.log import RunLog
@@ -69,7 +68,7 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
     with goes_on(place), RunLog(comm, str(place / "run.log"), screen=options.screen, facts=facts) as log:
         for note in restart.notes:
             log.note(note)
-        prepared = restart.prepared(log, partial(set_up, scene, comm, log))
+        prepared = restart.prepared(log, partial(build, scene, comm, log, keeps_reference=False))
         with log.stage("response"):
             branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log))
         restart.share_columns(log)
@@ -94,10 +93,3 @@ def draw_again(comm: MPI.Comm, folder: Path, screen: bool) -> None:
         log.note(f"all of it is in {folder}, nothing is left to compute (--fresh computes it anew)")
         with log.stage("pictures"):
             draw(comm, folder)
-
-
-def set_up(scene: Scene, comm: MPI.Comm, log: RunLog) -> Prepared:
-    """Return the structure of a scene, built and reduced.  Collective."""
-    structure = build(scene, comm, log, keeps_reference=False)
-    with log.stage("reduction"):
-        return prepare(structure)

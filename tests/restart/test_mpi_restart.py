@@ -9,16 +9,18 @@ import pytest
 from bar_scene import write_bar
 from mpi4py import MPI
 
+import microslip.run as story
+from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.messages.errors import CaseError, ConvergenceError, Interrupted
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.restart import identity, restore
+from microslip.restart import identity, stored_structure
 from microslip.restart.folder import NAME, Restart
 from microslip.restart.kept_branch import KeptBranch
 from microslip.restart.records import pack
 from microslip.results.read import read_results
-from microslip.run import RunOptions, run, set_up
+from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -44,8 +46,8 @@ def built(monkeypatch):
 
         return counting
 
-    monkeypatch.setattr("microslip.run.build", count("first", restore.build))
-    monkeypatch.setattr(restore, "build", count("again", restore.build))
+    monkeypatch.setattr("microslip.run.build", count("first", build))
+    monkeypatch.setattr(stored_structure, "rebuilt", count("again", stored_structure.rebuilt))
     return calls
 
 
@@ -76,7 +78,7 @@ def followed(scene, folder, observers=(), fresh=False):
     """Return the branches of a scene, as a run follows them."""
     log = RunLog(COMM, screen=False)
     restart = Restart.open(COMM, folder, scene, (), fresh)
-    prepared = restart.prepared(log, partial(set_up, scene, COMM, log))
+    prepared = restart.prepared(log, partial(story.build, scene, COMM, log))
     try:
         return follow(prepared.response, observers, 1, log, restart.keepers_of(prepared, log))
     finally:
@@ -171,7 +173,7 @@ def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
     if COMM.rank == 0:
         log = RunLog(alone, screen=False)
         restart = Restart.open(alone, shared_path / "parts", scene)
-        prepared = restart.prepared(log, partial(set_up, scene, alone, log))
+        prepared = restart.prepared(log, partial(story.build, scene, alone, log))
         with pytest.raises(Interrupted):
             follow(prepared.response, [StopsAfter(7)], 1, log, restart.keepers_of(prepared, log))
         prepared.close()

@@ -7,10 +7,9 @@ from msh import write_msh
 from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentric, force, scene_of
 
 import microslip
-from microslip.library.prepare import prepare
 from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
-from microslip.restart.setup import pairs_of, to_arrays
+from microslip.restart.structure_arrays import pairs_of, to_arrays
 
 ELASTIC = 'friction = 0.3\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\npreload = "static"\n'
 HEIGHT_OF_ROUGHNESS, PRESSURE, AREA = 2e-6, 1e6, LENGTH * WIDTH
@@ -76,7 +75,7 @@ def test_rough_surfaces_that_open_at_rest_vibrate_about_their_gaps(comm, folder)
     """Pressed from none; or opened from a stated pressure."""
     for statics, law in ((eccentric(1000.0), FROM_NONE), (eccentric(-200.0), POWER)):
         with microslip.build(scene_of(comm, folder, statics, (ELASTIC, law), name="gaps"), comm) as structure:
-            pairs, again = structure.pairs, pairs_of(*to_arrays(prepare(structure)))
+            pairs, again = structure.pairs, pairs_of(*to_arrays(structure))
             response = microslip.respond(structure, levels=[20.0], points=3, span=[0.98, 1.02], error_bars=False)
         assert 0 < pairs.apart.sum() < pairs.n_pairs and not pairs.law.stiffness[pairs.apart].any()
         assert np.all(pairs.N0[pairs.apart] <= 0.0) and not pairs.T0[pairs.apart].any()
@@ -124,7 +123,7 @@ def test_an_iwan_joint_holds_without_pressure(comm, folder):
         assert np.einsum("pji,pj->i", pairs.frame[:, :2], pairs.T0)[:2] == pytest.approx([150.0, 50.0], rel=1e-9)
         stuck = pairs.law.bundle.held_at_rest
         assert stuck == pytest.approx(np.hypot(*pairs.T0.T), rel=1e-9) and np.isnan(pairs.N0).all() and not pairs.apart.any()
-        again = pairs_of(*to_arrays(prepare(structure)))
+        again = pairs_of(*to_arrays(structure))
         assert np.array_equal(again.law.w0, pairs.law.w0) and pairs.law.w0.any()
         response = microslip.respond(structure, levels=[20.0], points=3, span=[0.99, 1.01], samples=32, error_bars=False)
         assert response.branches[0].failure is None and max(point.energy.sum() for point in response.branches[0].points) > 0.0

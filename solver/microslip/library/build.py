@@ -27,7 +27,7 @@ from ..parallel.petsc import everyone
 from ..reduction.choose_modes import choose_modes
 from ..reduction.memory_of_modes import memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
-from ..reduction.stuck import Factored, StuckStructure, static_response
+from ..reduction.stuck import Factored, OnDemand, StuckStructure, static_response
 from ..scene.schema import Scene
 from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
@@ -43,26 +43,26 @@ if TYPE_CHECKING:
 _OTHER_REST = "other rest"  # of what a structure keeps
 
 
-@dataclass(frozen=True, eq=False)
-class Known:
-    """What an earlier run has found of a structure."""
-
-    modes: Callable[[Linearised], Modes]  # collective
-    factor: KnownFactor | None = None
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Structure(StuckStructure):
     """The stuck structure of a scene."""
 
     scene: Scene
-    mesh: Mesh | None  # rank 0 only; None of a scene given as matrices whose rows belong to no nodes
+    has_mesh: bool  # else its matrices belong to no nodes
+    numbers: np.ndarray | None = None  # (n_nodes,) the user's, of ``mesh.points``; on rank 0 of a scene with a mesh
     bolts: BoltsAtRest | None = None
     balance: Balance | None = None  # of forces at rest, with [statics]
     reference: ReferenceState | None = None  # with [statics]: before its loads act
 
+    @property
+    def mesh(self) -> Mesh | None:
+        """The mesh on rank 0, where there is one; None elsewhere.  Collective where the structure must be assembled first."""
+        return self.factored().mesh
+
     def close(self) -> None:
-        """Free the factors and the matrices.  Collective."""
+        """Free the factors and the matrices, where they are there.  Collective."""
+        if self.factored.made is None:
+            return
         free_other_rest(self)
         system = self.linearised.system
         if self.reference is not None:
@@ -73,7 +73,8 @@ class Structure(StuckStructure):
 
     def refuse_closed(self) -> None:
         """Raise CaseError once the factors are freed: PETSc would end the process.  Local; the same on every rank."""
-        _ = self.linearised.factor.solver
+        if self.factored.made is not None:
+            _ = self.factored.made.linearised.factor.solver
 
     def __enter__(self) -> Structure:
         return self
@@ -82,18 +83,38 @@ class Structure(StuckStructure):
         self.close()
 
 
-def build(
-    scene: Scene,
-    comm: MPI.Comm | None = None,
-    log: RunLog | None = None,
-    known: Known | None = None,
-    keeps_reference: bool = True,
-) -> Structure:
+@dataclass(frozen=True, eq=False)
+class Assembled:
+    """The mesh and matrices of a scene that its model file completes."""
+
+    scene: Scene
+    mesh: Mesh | None  # rank 0 only; None of a scene given as matrices whose rows belong to no nodes
+    rest: AtRest
+    reference: ReferenceState | None = None  # with [statics]
+
+
+def assembled(scene: Scene, comm: MPI.Comm, log: RunLog) -> Assembled:
+    """Return mesh and matrices of a scene, with [statics] at rest.  Collective.
+
+    Raises
+    ------
+    CaseError, MeshError, ResourceError : on every rank
+    """
+    if scene.model.mesh is None:
+        return Assembled(scene, *from_matrices(scene, comm, log))
+    with log.stage("model file"):
+        file, scene, notes = read_completed(scene, comm)
+    for note in notes:
+        log.note(note)
+    return Assembled(scene, *from_mesh(scene, file, comm, log))
+
+
+def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None, keeps_reference: bool = True) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.
 
-    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  What an earlier run has found may be
-    ``known``.  With [statics], what finds another rest is kept, unless ``keeps_reference`` is False: K before the loads act, and
-    the mesh.  The memory of structures that were dropped without being closed is freed first.
+    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  With [statics], what finds another rest
+    stays, unless ``keeps_reference`` is False: K before the loads act, and the mesh.  The memory of structures that were dropped
+    without being closed is freed first.
 
     Raises
     ------
@@ -102,57 +123,86 @@ def build(
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
     free_dropped(comm)
-    if scene.model.mesh is None:
-        mesh, rest, reference = *from_matrices(scene, comm, log), None
-    else:
-        with log.stage("model file"):
-            file, scene, notes = read_completed(scene, comm)
-        for note in notes:
-            log.note(note)
-        mesh, rest, reference = from_mesh(scene, file, comm, log)
-    if reference is not None and not keeps_reference:
-        reference.system.destroy(rest.system)  # its memory before the factor's
-        reference = None
-    return stuck_structure(scene, mesh, rest, log, known, reference)
+    return stuck_structure(_without_reference(assembled(scene, comm, log), keeps_reference), log)
 
 
-def stuck_structure(
-    scene: Scene,
-    mesh: Mesh | None,
-    rest: AtRest,
-    log: RunLog,
-    known: Known | None = None,
-    reference: ReferenceState | None = None,
-) -> Structure:
+def rebuilt(
+    scene: Scene, comm: MPI.Comm, log: RunLog, cached: KnownFactor | None, modes_of: Callable[[Linearised], Modes]
+) -> Factored:
+    """Return the large parts of a structure of which all else is known: assembled again, with a cached factor and cached modes.
+
+    Collective; ``modes_of`` is, too.
+
+    Raises
+    ------
+    CaseError, MeshError, ResourceError : on every rank
+    """
+    log.note("the structure is assembled again, its modes are known")
+    parts = _without_reference(assembled(scene, comm, log), False)
+    linearised = factor_of(parts, log, cached=cached, has_later=False)
+    with log.stage("modes"):
+        return Factored(linearised, modes_of(linearised), parts.mesh)
+
+
+def _without_reference(parts: Assembled, keeps_reference: bool) -> Assembled:
+    """Return what was assembled, without what finds another rest unless that is kept.  Collective."""
+    if parts.reference is None or keeps_reference:
+        return parts
+    parts.reference.system.destroy(parts.rest.system)  # its memory before the factor's
+    return replace(parts, reference=None)
+
+
+def factor_of(parts: Assembled, log: RunLog, cached: KnownFactor | None = None, has_later: bool = True) -> Linearised:
+    """Return the stuck structure, factored, or with a cached factor.  Collective.
+
+    Memory is left for the modes where they come later.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank
+    """
+    scene, pairs, settings = parts.scene, parts.rest.pairs, reduction_settings(parts.scene)
+    system = with_contact_forces(parts.rest.system, pairs, scene.outputs)
+    log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
+    refuse_too_many(settings.modes, system.n_dof, scene.path)
+    check_size(settings, system)
+    with log.stage("factor of the stuck structure"):
+        later = partial(memory_of_modes, system.K, settings) if has_later else None
+        linearised = linearise(system, pairs, str(scene.path), later, cached)
+    for note in (*linearised.factor.info["said"], factor_in_words(linearised.factor.info)):
+        log.note(note)
+    if linearised.factor.info.get("out_of_core") and parts.reference is None and keeps_to_K_L(settings):
+        linearised.let_K_go()  # memory is short
+    return linearised
+
+
+def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
     """Return the structure as it vibrates about its rest: factored, with its static response and its modes.  Collective.
 
     Raises
     ------
     CaseError, ResourceError : on every rank
     """
-    settings, pairs = reduction_settings(scene), rest.pairs
-    system = with_contact_forces(rest.system, pairs, scene.outputs)
-    log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
-    refuse_too_many(settings.modes, system.n_dof, scene.path)
-    check_size(settings, system)
-    with log.stage("factor of the stuck structure"):
-        later = None if known else partial(memory_of_modes, system.K, settings)
-        linearised = linearise(system, pairs, str(scene.path), later, known.factor if known else None)
-    for note in (*linearised.factor.info["said"], factor_in_words(linearised.factor.info)):
-        log.note(note)
-    if linearised.factor.info.get("out_of_core") and reference is None and keeps_to_K_L(settings):
-        linearised.let_K_go()  # memory is short
-    if not known:
-        refuse_modes(linearised, settings)
+    settings, rest, linearised = reduction_settings(parts.scene), parts.rest, factor_of(parts, log)
+    refuse_modes(linearised, settings)
     with log.stage("modes"):
-        statics = static_response(linearised)
-        stuck = StuckStructure.of(linearised, pairs, statics)
-        modes, why = (known.modes(linearised), "") if known else choose_modes(stuck, settings)
-    for note in filter(None, (*modes.info.get("said", ()), why)):
+        structure = Structure.of(
+            linearised,
+            rest.pairs,
+            static_response(linearised),
+            mesh=parts.mesh,
+            scene=parts.scene,
+            has_mesh=linearised.system.dof is not None,
+            numbers=None if parts.mesh is None else parts.mesh.numbers,
+            bolts=rest.bolts,
+            balance=rest.balance,
+            reference=parts.reference,
+        )
+        structure, why = choose_modes(structure, settings)
+    for note in filter(None, (*structure.modes.info.get("said", ()), why)):
         log.note(note)
-    free_if_dropped(linearised.system.comm, linearised.factor)
-    of_scene = {"scene": scene, "mesh": mesh, "bolts": rest.bolts, "balance": rest.balance, "reference": reference}
-    return Structure.of(linearised, pairs, statics, modes, **of_scene)
+    free_if_dropped(structure.comm, linearised.factor)
+    return structure
 
 
 def factor_in_words(info: dict[str, Any]) -> str:
@@ -174,8 +224,8 @@ def factor_in_words(info: dict[str, Any]) -> str:
 def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> tuple[Structure, tuple[str, ...]]:
     """Return a structure at the rest that it comes to with other ``pairs``, as ``scene`` states them, and what a log says of it.
 
-    Collective.  The last one is kept: the factor of the one before is freed.  Mesh, matrices and constant forces are those there
-    are; factor and static columns of the reference structure are made for the first other rest, and kept.  Where the rest leaves
+    Collective.  The last one stays: the factor of the one before is freed.  Mesh, matrices and constant forces are those there
+    are; factor and static columns of the reference structure are made for the first other rest, and stay.  Where the rest leaves
     stiffness and springs what they are for ``structure``, its factor, modes and all that was made of them serve on.
 
     Raises
@@ -183,35 +233,33 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
     CaseError, ConvergenceError, ResourceError : on every rank
     """
     assert structure.reference is not None, "a structure that keeps it"
-    key, own = ((one.mu.tobytes(), one.N0.tobytes()) for one in (pairs, structure.reference.pairs))
-    if key == own:
+    structure.refuse_closed()
+    key, of_scene = ((each.mu.tobytes(), each.N0.tobytes()) for each in (pairs, structure.reference.pairs))
+    if key == of_scene:
         return structure, ()
     if structure.kept.get(_OTHER_REST, (None,))[0] != key:
-        structure.refuse_closed()
         free_other_rest(structure)
         free_dropped(structure.comm)
-        known, log = structure.linearised, RunLog(structure.comm, screen=False)
-        rest = find_rest(structure.reference, pairs, known.system)
-        if rest.system.K is known.system.K and np.array_equal(joint_stiffness(rest.pairs), joint_stiffness(structure.pairs)):
-            linearised = replace(known, system=replace(known.system, rest_owned=rest.system.rest_owned))
-            factored = Factored(linearised, structure.modes)
-            found = replace(
-                structure, factored=lambda: factored, pairs=rest.pairs, scene=scene, bolts=rest.bolts, balance=rest.balance
-            )
+        linearised, log = structure.linearised, RunLog(structure.comm, screen=False)
+        rest = find_rest(structure.reference, pairs, linearised.system)
+        if rest.system.K is linearised.system.K and np.array_equal(joint_stiffness(rest.pairs), joint_stiffness(structure.pairs)):
+            linearised = replace(linearised, system=replace(linearised.system, rest_owned=rest.system.rest_owned))
+            factored = OnDemand.of(replace(structure.factored(), linearised=linearised))
+            other = replace(structure, factored=factored, pairs=rest.pairs, scene=scene, bolts=rest.bolts, balance=rest.balance)
         else:
-            found = stuck_structure(scene, structure.mesh, rest, log)
-        structure.kept[_OTHER_REST] = key, found, (*rest.said, *log.notes)
-    _, found, notes = structure.kept[_OTHER_REST]
-    return found, notes
+            other = stuck_structure(Assembled(scene, structure.mesh, rest), log)
+        structure.kept[_OTHER_REST] = key, other, (*rest.said, *log.notes)
+    _, other, notes = structure.kept[_OTHER_REST]
+    return other, notes
 
 
 def free_other_rest(structure: Structure) -> None:
     """Free the factor and the stiffness of the structure at another rest, if it has its own.  Collective."""
-    known = structure.kept.pop(_OTHER_REST, None)
-    if known is None or known[1].linearised.factor is structure.linearised.factor:
+    other = structure.kept.pop(_OTHER_REST, None)
+    if other is None or other[1].linearised.factor is structure.linearised.factor:
         return
     assert structure.reference is not None, "a structure that keeps it"
-    at_rest, reference = known[1].linearised, structure.reference.system
+    at_rest, reference = other[1].linearised, structure.reference.system
     at_rest.destroy()
     if at_rest.system.K is not reference.K:
         at_rest.system.destroy(structure.linearised.system)

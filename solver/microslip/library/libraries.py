@@ -20,10 +20,10 @@ _NOT_ASSEMBLED = {name: f"{_CACHED}, in its reduced model" for name in ("matrice
 
 def libraries_used(prepared: Prepared, branches: Sequence[Branch], results: Path) -> str:
     """Return lines on which library made each part.  Collective; before the factor is freed."""
-    version, structure = versions(), prepared.built()
+    version, structure = versions(), prepared.structure
     is_written = on_root(prepared.model.comm, h5py.is_hdf5, str(results))
     parts = {
-        **(_NOT_ASSEMBLED if structure is None else _of_structure(structure, version)),
+        **(_NOT_ASSEMBLED if structure.factored.made is None else _of_structure(structure, version)),
         "points": _of_points(branches),
         "files": f"HDF5 {version['HDF5']}, {results.name}" if is_written else f"no {results.name}",
     }

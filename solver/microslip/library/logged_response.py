@@ -45,7 +45,7 @@ def follow_logged(
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
-    n_groups = options.n_groups or groups_that_pay(response, prepared.outline.n_dof)
+    n_groups = options.n_groups or groups_that_pay(response, prepared.structure.n_dof)
     writer = writer_of(prepared, folder, options.petsc, replace(origin, n_groups=n_groups))
     levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, options.limit)
     try:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
@@ -16,16 +15,15 @@ from ..messages.errors import CaseError
 from ..messages.words import hint
 from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
-from ..receptance.motions import ActingForces
-from ..receptance.reduced_model import ReducedModel
 from ..reduction.choose_modes import choose_modes
 from ..reduction.settings import ReductionSettings
+from ..reduction.stuck import OnDemand
 from ..scene import schema
 from ..scene.read import changed
 from ..scene.schema import Scene
 from .build import Structure, at_another_rest
 from .follow_response import follow
-from .prepare import Prepared, prepare, reduced
+from .prepare import prepare
 from .response import Response
 from .settings import reduction_settings
 
@@ -122,40 +120,37 @@ def respond(
     scene = scene_with(structure.scene, keys, given)
     if structure.scene.statics is None or all(values is None for values in given.values()):
         pairs = pairs_with(structure.pairs, given)
-        structure, why = with_modes_for(structure, reduction_settings(scene), pairs)
-        prepared, notes = prepare(structure, scene, pairs), [why]
+        of_scene, why = with_modes_for(structure, reduction_settings(scene), pairs)
+        notes = [why]
     else:
-        find = partial(resting, structure, scene, given)
-        at_rest, notes = find()
-        prepared = found_again(prepare(at_rest, scene), lambda: find()[0])
+        of_scene, notes = at_rest_with(structure, scene, given)
+    prepared = prepare(of_scene, scene)
     return Response(prepared, follow(prepared.response, observers, n_groups), tuple(filter(None, notes)))
 
 
-def resting(structure: Structure, scene: Scene, of_joints: Mapping[str, OfJoints | None]) -> tuple[Structure, list[str]]:
+def at_rest_with(structure: Structure, scene: Scene, of_joints: Mapping[str, OfJoints | None]) -> tuple[Structure, list[str]]:
     """Return a structure at the rest that other friction and preload lead to, with the modes for ``scene``, and what is said.
 
-    Collective.
+    Collective.  Its large parts are those of the last other rest: where another one has taken their place, they are made again.
 
     Raises
     ------
     CaseError, ConvergenceError, ResourceError : on every rank
     """
-    if structure.reference is None:
+    reference = structure.reference
+    if reference is None:
         raise CaseError("respond: friction and preload take part in the statics; ask the structure that was built of the scene")
-    own = scene_with(structure.scene, {}, of_joints)
-    at_rest, notes = at_another_rest(structure, own, pairs_with(structure.reference.pairs, of_joints))
-    at_rest, why = with_modes_for(at_rest, reduction_settings(scene), at_rest.pairs)
-    return at_rest, [*notes, why]
+    at_rest_scene, pairs = scene_with(structure.scene, {}, of_joints), pairs_with(reference.pairs, of_joints)
 
+    def find() -> tuple[Structure, list[str]]:
+        at_rest, notes = at_another_rest(structure, at_rest_scene, pairs)
+        at_rest, why = with_modes_for(at_rest, reduction_settings(scene), at_rest.pairs)
+        return at_rest, [*notes, why]
 
-def found_again(prepared: Prepared, find: Callable[[], Structure]) -> Prepared:
-    """Return what was prepared, such that it asks for its structure where its fields need it.  Local."""
-    settings = reduction_settings(prepared.scene)
-
-    def displacements(model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
-        return reduced(find(), settings).displacements(model, points)
-
-    return replace(prepared, whole=find, reduction=replace(prepared.reduction, displacements=displacements))
+    at_rest, notes = find()
+    if at_rest is structure:
+        return structure, notes
+    return replace(at_rest, factored=OnDemand(lambda: find()[0].factored(), is_stored=False)), notes
 
 
 def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, OfJoints | None]) -> Scene:
@@ -225,21 +220,23 @@ def _by_joint(values: OfJoints | None, names: Iterable[str]) -> Mapping[str, Arr
 
 
 def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: ContactPairs) -> tuple[Structure, str]:
-    """Return the structure with the modes asked for, and why these: its own and "", unless number, accuracy or range differ.
+    """Return the structure with other pairs and the modes for them, and why these; "" where number, accuracy and range stay.
 
     Collective.
 
     What is chosen by an accuracy depends on levels, damping and the limits of the pairs, too; it is known again for those alone.
     """
+    is_same = np.array_equal(pairs.mu, structure.pairs.mu) and np.array_equal(pairs.N0, structure.pairs.N0)
+    with_pairs = structure if is_same else replace(structure, pairs=pairs)
     if _of_modes(settings) == _of_modes(reduction_settings(structure.scene)):
-        return structure, ""
+        return with_pairs, ""
     refuse_too_many(settings.modes, structure.n_dof, settings.where)
     key: tuple = ("modes", *_of_modes(settings))
     if settings.modes is None:
         limits = pairs.mu.tobytes(), pairs.N0.tobytes()
         key = (*key, settings.method, settings.excitation, settings.damping, settings.level, *limits)
-    modes, why = structure.once(key, lambda: choose_modes(replace(structure, pairs=pairs), settings))
-    return structure.once(("with", *key), lambda: structure.with_modes(modes)), why
+    chosen, why = structure.once(key, lambda: choose_modes(with_pairs, settings))
+    return chosen if is_same else replace(chosen, pairs=pairs), why
 
 
 def _of_modes(settings: ReductionSettings) -> tuple:

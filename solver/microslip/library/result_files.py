@@ -29,7 +29,7 @@ from .settings import asks_for_bars, asks_for_fields, reduction_settings, units_
 
 def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
     """Return what a result file says before its levels.  Local; with the user's node numbers on rank 0 only."""
-    scene, outline, curve = prepared.scene, prepared.outline, prepared.response.curve
+    scene, structure, curve = prepared.scene, prepared.structure, prepared.response.curve
     units = units_of(scene)
     return ResultFile(
         path="",
@@ -40,14 +40,14 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
         options=tuple(options),
         versions={"microslip": __version__, "commit": commit(), "program": program_hash(), **versions()},
         outputs=tuple(output.name for output in scene.outputs),
-        mode_frequency=outline.omega_n / (2.0 * np.pi),
-        joint=joint_of(prepared.pairs, outline.numbers),
+        mode_frequency=structure.omega_n / (2.0 * np.pi),
+        joint=joint_of(prepared.pairs, structure.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
-        at_rest=_tables(outline.balance, outline.bolts),
+        at_rest=_tables(structure.balance, structure.bolts),
         units=units.outputs,
         level_unit=units.level,
         asked=prepared.response.settings.levels,
-        n_dof=outline.n_dof,
+        n_dof=structure.n_dof,
         origin=origin,
     )
 
@@ -66,19 +66,19 @@ def _tables(balance: Balance | None, bolts: BoltsAtRest | None) -> dict[str, Sta
 
 def extent_of(prepared: Prepared) -> Extent:
     """Return how far a response reaches, for what is said of it at its end.  Local."""
-    scene, outline = prepared.scene, prepared.outline
+    scene, structure = prepared.scene, prepared.structure
     settings, n_damped = reduction_settings(scene), None
-    if settings.damping is not None and settings.damping.is_alone:
+    if settings.damping is not None and structure.seen.C is None:
         n_damped = max([len(settings.damping.ratios), *(mode for mode, _ in settings.damping.of_modes)])
     return Extent(
         method=settings.method,
         leaves_out=prepared.reduction.leaves_out,
-        omega_n=outline.omega_n,
-        n_dof=outline.n_dof,
+        omega_n=structure.omega_n,
+        n_dof=structure.n_dof,
         moves=not prepared.model.harmonics.is_constant,
         n_damped=n_damped,
         has_bars=asks_for_bars(scene),
-        has_mesh=outline.has_mesh,
+        has_mesh=structure.has_mesh,
     )
 
 
@@ -103,7 +103,7 @@ def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
 
     Collective: static solves for the peaks of all levels, and gathers.
     """
-    if not (prepared.outline.has_mesh and asks_for_fields(prepared.scene)):
+    if not (prepared.structure.has_mesh and asks_for_fields(prepared.scene)):
         return None
     structure, system = prepared.structure, prepared.structure.system
     structure.refuse_closed()

@@ -25,7 +25,7 @@ def reduction_settings(scene: Scene) -> ReductionSettings:
         accuracy=solver.accuracy or DEFAULT_ACCURACY,
         insists=solver.accuracy is not None,
         excitation=excitation(scene),
-        damping=None if damping is None else _damping(damping, scene),
+        damping=None if damping is None else _damping(damping),
         band=band(scene),
         level=max(scene.response.levels),
         where=str(scene.path),
@@ -110,14 +110,13 @@ def band(scene: Scene) -> Band:
     return Band(frequencies=response.frequencies, mode=response.mode, span=response.span)
 
 
-def _damping(damping: schema.Damping, scene: Scene) -> ModalDamping:
+def _damping(damping: schema.Damping) -> ModalDamping:
     return ModalDamping(
         ratio=damping.ratio,
         rayleigh=damping.rayleigh,
         ratios=damping.ratios or (),
         of_modes=damping.modes or (),
         structural=damping.structural or 0.0,
-        is_alone=not any(spring.damping for spring in scene.springs),
     )
 
 

@@ -36,7 +36,6 @@ class Modes:
     omega_n: np.ndarray  # (n,) rad/s
     phi_owned: np.ndarray  # (n_owned, n) this rank's rows [kg^-1/2]
     info: dict[str, Any] = field(default_factory=dict)  # method, seconds, residual, proof
-    found: Modes | None = None  # all that were found with them, these first; None: no more than these
 
     @property
     def frequency(self) -> np.ndarray:
@@ -45,10 +44,8 @@ class Modes:
 
     @property
     def n_proved(self) -> int:
-        """How many of the first of them, or of all found, are known to be the lowest."""
-        if self.info.get("complete", True):
-            return len((self.found or self).omega_n)  # all of the spectrum
-        return self.info.get("proved", 0)
+        """How many of the first of them are proved to be the lowest."""
+        return len(self.omega_n) if self.info.get("complete", True) else min(self.info.get("proved", 0), len(self.omega_n))
 
 
 def lowest_modes(
@@ -100,7 +97,7 @@ def lowest_modes(
 
 def first_of(modes: Modes, n_modes: int) -> Modes:
     """Return the first ``n_modes`` of some modes, in the memory of all.  Local."""
-    return Modes(modes.omega_n[:n_modes].copy(), modes.phi_owned[:, :n_modes], modes.info, modes)
+    return Modes(modes.omega_n[:n_modes], modes.phi_owned[:, :n_modes], modes.info)
 
 
 def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:

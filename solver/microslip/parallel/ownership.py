@@ -22,7 +22,7 @@ def rows_of(those: np.ndarray) -> np.ndarray:
 
 def summed(comm: MPI.Comm, partial: np.ndarray) -> np.ndarray:
     """Return the sum of ``partial`` over the ranks, on every rank.  Collective on ``comm``: one sum."""
-    part = np.array(partial, dtype=float, order="C")
+    part = np.array(partial, dtype=complex if np.iscomplexobj(partial) else float, order="C")
     total = np.empty_like(part)
     comm.Allreduce(part, total)
     return total

@@ -50,10 +50,6 @@ def structural_damping(omega_n: np.ndarray, R_phi: np.ndarray, K_J: np.ndarray, 
     return eta * diagonal_if_possible(np.diag(omega_n**2) - 0.5 * (of_springs + of_springs.conj().T))
 
 
-def _first(C: np.ndarray, n: int) -> np.ndarray:
-    return C[:n] if C.ndim == 1 else diagonal_if_possible(C[:n, :n])
-
-
 @dataclass(frozen=True, eq=False)
 class Damping:
     """phi^H C phi of M-normalised modes [1/s], and of structural damping eta phi^T K phi [1/s2]."""
@@ -87,10 +83,6 @@ class Damping:
         if self.S is None:
             return np.zeros(len(self.C))
         return np.diag(self.S).real if self.couples_modes else self.S
-
-    def of_first(self, n: int) -> Damping:
-        """Return that of the first n modes, as a structure with these alone has it."""
-        return Damping(_first(self.C, n), None if self.S is None else _first(self.S, n))
 
     def plus(self, sigma: float) -> Damping:
         """Return it with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""

@@ -36,7 +36,8 @@ class StaticColumns:
         # transposed, so that a pair's columns lie together; in the order in which they come, so that there is no more than needed
         self._held: list[np.ndarray] = []
         self._places = np.zeros((n_pairs, 3), dtype=np.intp)  # of each pair's columns
-        self.known = np.zeros(n_pairs, dtype=bool)
+        self.known = np.zeros(n_pairs, dtype=bool)  # those that were required
+        self.stored = np.zeros(n_pairs, dtype=bool)  # those that are there, of an earlier run if they were not required
         self._largest = np.zeros(n_pairs)  # of the columns' entries, on this rank
         self.likely = np.empty(0, dtype=int)
         self.batches, self.seconds = 0, 0.0  # solved for, and the time that took
@@ -63,21 +64,36 @@ class StaticColumns:
         start = perf_counter()
         for first in range(0, len(missing), together):
             part = missing[first : first + together]
-            self.put(part, self.solve(part))
+            new = part[~self.stored[part]]
+            if len(new):
+                self.store(new, self.solve(new))
+            self.known[part] = True
             self.on_new(part)
         self.batches, self.seconds = self.batches + 1, self.seconds + perf_counter() - start
 
     def put(self, pairs: np.ndarray, columns: np.ndarray) -> None:
-        """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Local."""
+        """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N], as known.  Local."""
+        self.store(pairs, columns)
+        self.known[pairs] = True
+
+    def store(self, pairs: np.ndarray, columns: np.ndarray) -> None:
+        """Take in the same for when they are required: the order in which columns become known decides which points a curve has.
+
+        Local.
+        """
         held = np.ascontiguousarray(columns.T, dtype=complex if self.is_complex else float)
         self._held.append(held)
         self._places[pairs] = places_of(held).reshape(-1, 3)
         self._largest[pairs] = np.abs(held).reshape(len(pairs), -1).max(axis=1, initial=0.0)
-        self.known[pairs], self._last = True, None
+        self.stored[pairs], self._last = True, None
 
     def chosen(self, pairs: np.ndarray) -> ChosenColumns:
         """Return the columns of ``pairs`` (m,), which are not copied.  Collective where some are new."""
         self.require(pairs)
+        return self.of_stored(pairs)
+
+    def of_stored(self, pairs: np.ndarray) -> ChosenColumns:
+        """Return the columns of ``pairs`` (m,) that are stored, which are not copied.  Local."""
         if self._last is None or not np.array_equal(self._last[0], pairs):
             largest = float(self._largest[pairs].max(initial=0.0))
             kind = ComplexColumns if self.is_complex else ChosenColumns

@@ -19,3 +19,4 @@ class StaticResponse:
     out_R: np.ndarray  # (n_outputs, 3 n_pairs) o K_L^-1 R^T
     load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
     outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
+    row_sums: np.ndarray | None = None  # (3 n_pairs,) of G_static with random signs [m/N]; None where it is not solved for

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeVar
 
 import numpy as np
 
 from ..messages.errors import CaseError
-from ..modes.eigen import Modes, first_of
 from ..modes.limits import FEW, SHARE, most_modes
 from ..points.band import Band, frequency_band
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 from .truncation import LeftOut, left_out
 
+Stuck = TypeVar("Stuck", bound=StuckStructure)
 _AT_ONCE = 400  # DOFs up to which LAPACK finds all modes at once
 _START, _MOST = 12, 600  # modes of the first batch, each further one has twice as many; and of the last
 _EQUAL = 1e-6  # relative difference of equal frequencies, which are kept or left out together
 
 
-def choose_modes(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Modes, str]:
-    """Return the modes of a stuck structure that are needed, whichever it has, and a line that says why so many.
+def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
+    """Return a stuck structure with as many modes in use as are needed, and a line that says why so many.
 
-    Collective on the structure's communicator.
+    Collective on the structure's communicator.  Modes that were computed before serve; others are computed.
 
     Raises
     ------
@@ -31,11 +32,11 @@ def choose_modes(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Mo
     """
     n_dof = stuck.n_dof
     if settings.modes is not None:
-        modes = stuck.lowest_modes(settings.modes, settings.verify_modes)
-        return modes, as_stated(modes.omega_n, settings, n_dof)
+        stuck = stuck.with_lowest(settings.modes, settings.verify_modes)
+        return stuck, as_stated(stuck.omega_n, settings, n_dof)
     if n_dof <= FEW:
-        modes = stuck.lowest_modes(n_dof, settings.verify_modes, fewer_will_do=True)
-        return modes, f"modes: all {len(modes.omega_n)} there are"
+        stuck = stuck.with_lowest(n_dof, settings.verify_modes, fewer_will_do=True)
+        return stuck, f"modes: all {stuck.n_modes} there are"
     return _fewest(stuck, settings)
 
 
@@ -57,22 +58,27 @@ def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:
     )
 
 
-def _fewest(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Modes, str]:
+def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
     n_dof, verify, mode = stuck.n_dof, settings.verify_modes, settings.band.mode or 0
-    n_found, search = 0, stuck.search()
+    n_found, search = 0, None
     for n_batch, is_last in batches(n_dof, mode):
-        modes = stuck.lowest_modes(n_batch, verify=False, fewer_will_do=True, search=search)
-        n_found = len(modes.omega_n)
+        if stuck.n_computed < n_batch:
+            search = search or stuck.search()
+            stuck = stuck.with_modes(stuck.lowest_modes(n_batch, verify=False, fewer_will_do=True, search=search))
+        n_found = min(n_batch, stuck.n_computed)
         is_all = n_found < n_batch or n_found == n_dof
         if mode < n_found or is_all or is_last:
-            bound = left_out(stuck.with_modes(modes), settings)
-            n_modes, why = stuck.comm.bcast(picked(bound, modes.omega_n, is_all, is_last, settings))
-            if n_modes == n_found:
-                return modes, why
-            if n_modes and (not verify or stuck.is_complete(modes, n_modes)):
-                return first_of(modes, n_modes), why
-    return stuck.lowest_modes(n_found, search=search), f"modes: {n_found}, the most the program picks by itself"
+            batch = stuck.using(n_found)
+            bound = left_out(batch, settings)
+            n_modes, why = stuck.comm.bcast(picked(bound, batch.omega_n, is_all, is_last, settings))
+            if n_modes and (n_modes == n_found or not verify):
+                return stuck.using(n_modes), why
+            chosen = stuck.using_proved(n_modes) if n_modes else None
+            if chosen is not None:
+                return chosen, why
+    modes = stuck.lowest_modes(n_found, search=search)
+    return stuck.with_modes(modes), f"modes: {n_found}, the most the program picks by itself"
 
 
 def batches(n_dof: int, mode: int) -> Iterator[tuple[int, bool]]:

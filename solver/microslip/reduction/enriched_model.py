@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -10,7 +11,7 @@ import scipy.sparse as sp
 from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
 from ..parallel.ownership import summed
-from ..receptance.modes import DampedModes
+from ..receptance.modes import SeenModes
 from ..receptance.per_group import PerGroup
 from ..receptance.receptance import Receptance
 from ..receptance.structural_coupling import StructuralCoupling
@@ -24,7 +25,7 @@ from .stuck import StuckStructure, owned_product, seen_rows
 def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: ReductionSettings) -> EnrichedModel:
     """Return the enriched model of a reduction.
 
-    Collective on the system's communicator: the static solves of ``truncated_modes``, for the group of harmonic 1 now, for
+    Collective on the system's communicator: the static solves of ``samples_beyond``, for the group of harmonic 1 now, for
     others when they are needed.
     """
     if reduction.leaves_out == "nothing":
@@ -40,46 +41,122 @@ def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: Red
     return EnrichedModel(reduction.structure if is_solved else reduce_structure(stuck, damping), truncated, is_solved)
 
 
-def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: ModalDamping | None = None) -> TruncatedModes | None:
-    """Return the samples for the truncated modes of one group of harmonics; None where there are none.
+# -- what is solved for, once: beyond all modes that were computed -------------------------------------------------
 
-    Collective on the system's communicator: ``SAMPLES`` static solves, with structural damping as many more as modes.
-    docs/theory.md, eq. (11.3).
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Random vectors s, loads and outputs under Z = K_L^-1 - phi Omega^-2 phi^H beyond all N modes computed; replicated.
+
+    s has the covariance diag(M).  docs/theory.md, section 11.
     """
-    if stuck.n_modes in (0, stuck.n_dof):
-        return None
-    modes, system, comm, (first, last) = stuck.modes, stuck.system, stuck.comm, stuck.K_L.getOwnershipRange()
-    n_rows, n_out, mass = system.R.shape[0], system.outputs.shape[0], np.maximum(diagonal_owned(stuck.M), 0.0)
-    # the diagonal of M, scaled to have the kinetic energy of the highest modes used
-    energies = summed(comm, mass @ modes.phi_owned[:, -LAST:] ** 2)
-    random = np.sqrt(mass / energies.mean())[:, None] * random_signs(first, last - first, SAMPLES, KEY)
-    given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
-    Z_random, Z_given = np.split(beyond_modes(stuck, np.hstack([random, given])), [SAMPLES], axis=1)
-    rows = owned_product(seen_rows(system), Z_random, system) / np.sqrt(SAMPLES)
-    W = gram(comm, Z_given, multiply(stuck.M, Z_given))
-    beyond = damping_beyond(damping, receptance.modes)
-    if system.C is not None:  # what it is of the motions that the samples are
-        C, M = (summed(comm, np.vdot(Z_random, multiply(A, Z_random))) for A in (system.C, stuck.M))
-        beyond = replace(beyond, alpha=max(beyond.alpha, float(C / M)))
-    coupling = structural_coupling(stuck, receptance.modes, beyond.loss_factor) if beyond.loss_factor > 0.0 and n_rows else None
-    return of_samples(receptance, rows, W[-n_out:, :-n_out], np.diag(W)[:-n_out], beyond, coupling)
+
+    rows: np.ndarray  # (3 n_pairs + n_outputs + n_loads, SAMPLES) Z s seen from pairs, outputs and loads
+    direct: np.ndarray  # (n_outputs, n_loads) W = Z M Z between outputs and loads
+    own: np.ndarray  # (n_loads,) W of each load with itself
+    energies: np.ndarray  # (N,) of each mode in diag(M)
+    amplitudes: np.ndarray  # (N, SAMPLES) phi^H s
+    mass: float  # sum of (Z s)^H M Z s
+    damping: float = 0.0  # sum of (Z s)^H C Z s with the structure's damping matrix C
+    coupled: np.ndarray | None = None  # (N, SAMPLES) phi^H C Z s; None: there is no C
 
 
-def structural_coupling(stuck: StuckStructure, modes: DampedModes, eta: float) -> StructuralCoupling:
-    """Return how a loss factor couples the modes to the truncated ones.  Collective: as many static solves as modes."""
-    system = stuck.system
-    forces = eta * stuck.pairs.law.stiffness.reshape(-1, 1) * modes.R_phi
-    d_owned = system.R.T.tocsr()[stuck.rows] @ forces  # eta R^T K_J R phi
-    Z_owned = beyond_modes(stuck, d_owned)
-    n_rows, n_out = system.R.shape[0], system.outputs.shape[0]
-    seen = owned_product(seen_rows(system), Z_owned, system)
-    return StructuralCoupling(
-        seen[:n_rows], seen[n_rows : n_rows + n_out], seen[n_rows + n_out :], gram(system.comm, d_owned, Z_owned)
-    )
+SAMPLED, COUPLED = "samples", "structural coupling"  # keys of what is made of a structure once, for its modes computed
+
+
+def samples_beyond(stuck: StuckStructure) -> Samples:
+    """Return the samples beyond all modes computed, made once.  Collective: a solve a random vector, load and output."""
+
+    def make() -> Samples:
+        everything = stuck.using(stuck.n_computed)
+        system, comm, (first, last) = stuck.system, stuck.comm, stuck.K_L.getOwnershipRange()
+        n_out, mass, phi_owned = system.outputs.shape[0], np.maximum(diagonal_owned(stuck.M), 0.0), everything.modes.phi_owned
+        random = np.sqrt(mass)[:, None] * random_signs(first, last - first, SAMPLES, KEY)
+        given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
+        Z_random, Z_given = np.split(beyond_modes(everything, np.hstack([random, given])), [SAMPLES], axis=1)
+        W = gram(comm, Z_given, multiply(stuck.M, Z_given))
+        samples = Samples(
+            rows=owned_product(seen_rows(system), Z_random, system),
+            direct=W[-n_out:, :-n_out].copy(),
+            own=np.diag(W)[:-n_out].copy(),
+            energies=summed(comm, mass @ np.abs(phi_owned) ** 2),
+            amplitudes=everything.participation(random),
+            mass=float(summed(comm, np.vdot(Z_random, multiply(stuck.M, Z_random)))),
+        )
+        if system.C is None:
+            return samples
+        CZ_owned = multiply(system.C, Z_random)
+        lost = float(summed(comm, np.vdot(Z_random, CZ_owned)))
+        return replace(samples, damping=lost, coupled=everything.participation(CZ_owned))
+
+    return stuck.once((SAMPLED, stuck.seen), make)
+
+
+def coupling_beyond(stuck: StuckStructure) -> StructuralCoupling:
+    """Return Z under d = R^H K_J R phi of all modes computed, for a loss factor of 1, made once.  Collective: a solve a mode."""
+
+    def make() -> StructuralCoupling:
+        system, everything = stuck.system, stuck.using(stuck.n_computed)
+        d_owned = stuck.pair_forces(stuck.pairs.law.stiffness.reshape(-1, 1) * stuck.seen.R_phi)
+        Z_owned = beyond_modes(everything, d_owned)
+        of_pairs, of_outputs, of_loads = _parts(stuck, owned_product(seen_rows(system), Z_owned, system))
+        return StructuralCoupling(of_pairs, of_outputs, of_loads, gram(stuck.comm, d_owned, Z_owned))
+
+    return stuck.once((COUPLED, stuck.seen), make)
 
 
 def beyond_modes(stuck: StuckStructure, right_owned: np.ndarray) -> np.ndarray:
-    """Return Z B = K_L^-1 B - phi Omega^-2 phi^T B, this rank's rows.  Collective: as many static solves as columns."""
-    modes = stuck.modes
-    of_modes = gram(stuck.comm, modes.phi_owned, right_owned) / modes.omega_n[:, None] ** 2
-    return stuck.solve(right_owned) - modes.phi_owned @ of_modes
+    """Return Z B = K_L^-1 B - phi Omega^-2 phi^H B, this rank's rows.  Collective: as many static solves as columns."""
+    of_modes = stuck.participation(right_owned) / stuck.omega_n[:, None] ** 2
+    return stuck.solve(right_owned) - stuck.modes.phi_owned @ of_modes
+
+
+# -- beyond the modes in use: with the terms of those that were computed in addition -------------------------------
+
+
+def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: ModalDamping | None = None) -> TruncatedModes | None:
+    """Return the samples for the truncated modes of one group of harmonics; None where there are none.
+
+    Collective where its :class:`Samples` must be made.  With M-orthonormal modes Z M Z beyond m modes of N is that beyond N, and
+    phi_k phi_k^H / omega_k^4 of each mode in between.  docs/theory.md, eq. (11.3).
+    """
+    if stuck.n_modes in (0, stuck.n_dof):
+        return None
+    samples, seen, between = samples_beyond(stuck), stuck.seen, slice(stuck.n_modes, None)
+    squares, o, b = seen.omega_n[between] ** 2, seen.o[:, between], seen.b[between]
+    motions = samples.amplitudes[between] / squares[:, None]
+    # random vectors are scaled to have the kinetic energy of the highest modes in use
+    scale = 1.0 / np.sqrt(samples.energies[: stuck.n_modes][-LAST:].mean() * SAMPLES)
+    rows = scale * (samples.rows + _of_modes(seen, between) @ motions)
+    direct = samples.direct + (o / squares**2) @ b
+    own = samples.own + (np.abs(b) ** 2 / squares[:, None] ** 2).sum(axis=0)
+    beyond = damping_beyond(damping, receptance.modes)
+    if samples.coupled is not None and seen.C is not None:  # what C is of the motions that the samples are
+        lost = np.vdot(motions, 2.0 * samples.coupled[between] + seen.C[between, between] @ motions).real
+        kinetic = samples.mass + float(np.sum(np.abs(motions) ** 2))
+        beyond = replace(beyond, alpha=max(beyond.alpha, float(samples.damping + lost) / kinetic))
+    has_coupling = beyond.loss_factor > 0.0 and stuck.pairs.n_pairs > 0
+    coupling = structural_coupling(stuck, beyond.loss_factor) if has_coupling else None
+    return of_samples(receptance, rows, direct, own, beyond, coupling)
+
+
+def structural_coupling(stuck: StuckStructure, eta: float) -> StructuralCoupling:
+    """Return how a loss factor couples the modes in use to the truncated ones.  Collective where it must be solved for."""
+    found, seen, n = coupling_beyond(stuck), stuck.seen, stuck.n_modes
+    between, K_J = slice(n, None), stuck.pairs.law.stiffness.reshape(-1, 1)
+    of_modes = seen.R_phi[:, between].conj().T @ (K_J * seen.R_phi[:, :n])  # phi^H d of the modes in between
+    motions = of_modes / seen.omega_n[between, None] ** 2
+    rows = np.concatenate([found.of_pairs, found.of_outputs, found.of_loads])[:, :n] + _of_modes(seen, between) @ motions
+    own = found.own[:n, :n] + of_modes.conj().T @ motions
+    of_pairs, of_outputs, of_loads = (eta * part for part in _parts(stuck, rows))
+    return StructuralCoupling(of_pairs, of_outputs, of_loads, eta**2 * own)
+
+
+def _of_modes(seen: SeenModes, between: slice) -> np.ndarray:
+    """Return what pairs, outputs and loads see of some modes, (3 n_pairs + n_outputs + n_loads, m).  Local."""
+    return np.concatenate([seen.R_phi[:, between], seen.o[:, between], seen.b[between].conj().T])
+
+
+def _parts(stuck: StuckStructure, rows: np.ndarray) -> Sequence[np.ndarray]:
+    """Return rows as those of pairs, outputs and loads.  Local."""
+    return np.split(rows, np.cumsum([3 * stuck.pairs.n_pairs, len(stuck.statics.out_static)]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..fourier.amplitudes import matrix_times
 from ..fourier.harmonics import Harmonics
 from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
@@ -21,19 +22,21 @@ if TYPE_CHECKING:
 def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
     """Return the harmonics of u on this rank's rows at some points, (n_owned, N_H) each [m].
 
-    Collective: static solves with N_H right-hand sides a point, all at once.  u = K_L^-1 (f - R^H p) + phi c(omega) phi^H
-    (f - R^H p); docs/theory.md, section 4.  The harmonics of the points may be others than the model's.
+    Collective: static solves with N_H right-hand sides a point, all of a group of harmonics at once.  u = K_L^-1 (f - R^H p) +
+    phi c(omega) phi^H (f - R^H p); docs/theory.md, section 4.  The harmonics of the points may be others than the model's.
     """
-    system, forces, dynamic = stuck.system, [], []
-    loads, R_T = system.loads.tocsr()[stuck.rows], system.R.T.tocsr()[stuck.rows]
-    for level, omega, p in points:
-        full = model.with_harmonics(Harmonics.full(p.shape[-1]))
-        forces.append(loads @ (level * full.f) - R_T @ p)
-        (c,), (group,) = full.flexibilities(omega), full.groups
-        dynamic.append(stuck.modes.phi_owned @ c.apply(group.receptance.modal_forces(level * full.f, p)))
-    static = stuck.solve(np.hstack(forces)) if forces else np.empty((loads.shape[0], 0))
-    ends = np.cumsum([force.shape[1] for force in forces])[:-1]
-    return [own + more for own, more in zip(np.split(static, ends, axis=1), dynamic)]
+    full = [model.with_harmonics(Harmonics.full(p.shape[-1])) for _, _, p in points]
+    fields: list[list[np.ndarray]] = [[] for _ in points]
+    for group in {n: None for each in full for n in map(model.receptances.group_of, each.harmonics.chosen)}:
+        of_group, at = stuck.per_group.of_group(group), []
+        for i, ((level, omega, p), each) in enumerate(zip(points, full)):
+            for own, c in zip(each.groups, each.flexibilities(omega)):
+                if model.receptances.group_of(own.harmonics.chosen[0]) == group:
+                    at.append((i, own, c, level * each.f[:, own.columns], p[:, own.columns]))
+        static = of_group.static_motions([(f, p) for *_, f, p in at])
+        for (i, own, c, f, p), u in zip(at, static):
+            fields[i].append(u + matrix_times(of_group.modes.phi_owned, c.apply(own.receptance.modal_forces(f, p))))
+    return [each.joined(terms) for each, terms in zip(full, fields)]
 
 
 def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:

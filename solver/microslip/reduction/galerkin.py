@@ -12,6 +12,7 @@ mass are harmless.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -33,7 +34,7 @@ from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.static_columns import StaticColumns
 from ..receptance.static_response import StaticResponse
 from .modal_structure import damped_modes
-from .reduction import Reduction
+from .reduction import Basis, Expansion, Reduction
 from .settings import ReductionSettings
 from .stuck import StuckStructure, seen_modes
 
@@ -58,8 +59,6 @@ def reduce_on_basis(
     Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
     """
     omega_n, phi_owned = galerkin_modes(stuck, V_owned)
-    modes = damped_modes(seen_modes(stuck.system, omega_n, phi_owned), stuck.pairs.law.stiffness.ravel(), settings.damping)
-    structure = structure_of_modes(stuck.comm, modes, stuck.observed)
 
     def displacements(model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
         fields = []
@@ -69,7 +68,15 @@ def reduce_on_basis(
             fields.append(phi_owned @ to_real(eta, full.N_H))
         return fields
 
-    return Reduction(structure, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacements, leaves_out, phi_owned)
+    basis = Basis(seen_modes(stuck.system, omega_n, phi_owned), unknowns or V_owned.shape[1], leaves_out)
+    return replace(reduction_of_basis(stuck, basis, settings, displacements), phi_owned=phi_owned)
+
+
+def reduction_of_basis(stuck: StuckStructure, basis: Basis, settings: ReductionSettings, displacements: Expansion) -> Reduction:
+    """Return the reduction whose modes are those of a basis.  Local."""
+    modes = damped_modes(basis.modes, stuck.pairs.law.stiffness.ravel(), settings.damping)
+    structure = structure_of_modes(stuck.comm, modes, stuck.observed)
+    return Reduction(structure, AllPairs(coordinates=basis.unknowns), displacements, basis.leaves_out, basis)
 
 
 def galerkin_modes(stuck: StuckStructure, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

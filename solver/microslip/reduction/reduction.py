@@ -9,11 +9,21 @@ from typing import Literal
 import numpy as np
 
 from ..points.selection import Selection
+from ..receptance.modes import SeenModes
 from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
 
 Expansion = Callable[[ReducedModel, Sequence[ActingForces]], list[np.ndarray]]  # collective; u of each point, owned rows
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """The modes in the span of a basis, which are the whole model of a Galerkin method."""
+
+    modes: SeenModes
+    unknowns: int  # reported, a harmonic coefficient
+    leaves_out: Literal["basis", "nothing"]
 
 
 @dataclass(frozen=True)
@@ -24,4 +34,5 @@ class Reduction:
     selection: Selection
     displacements: Expansion
     leaves_out: Literal["modes", "basis", "nothing"]  # "modes": their dynamics, not their statics; "basis": what it lacks
-    phi_owned: np.ndarray | None = None  # (n_owned, m) the modes that are the whole model of a Galerkin method; None of others
+    basis: Basis | None = None  # of a Galerkin method
+    phi_owned: np.ndarray | None = None  # (n_owned, m) the modes of the basis, where they were made

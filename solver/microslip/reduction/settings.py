@@ -22,7 +22,6 @@ class ModalDamping:
     ratios: tuple[float, ...] = ()  # of modes 1, 2, ...
     of_modes: tuple[tuple[int, float], ...] = ()  # number of a mode from 1, its ratio
     structural: float = 0.0  # loss factor eta of K, without the springs of the joints
-    is_alone: bool = True  # the structure has no dampers beside it
 
     def ratios_of(self, n_modes: int) -> np.ndarray:
         """Return the damping ratios of modes 1 to ``n_modes``, (n_modes,) [-]."""

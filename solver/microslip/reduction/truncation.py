@@ -12,23 +12,20 @@ that of the stuck motion at a resonance, at the highest level: what exceeds half
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse as sp
 
-from ..assembly.system import System
 from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
-from ..linear.dense import gram, multiply
-from ..parallel.ownership import summed
+from ..fourier.harmonics import Harmonics
+from ..parallel.ownership import rows_of, split_evenly, summed
 from ..points.band import frequency_band
 from ..receptance.modes import DampedModes
 from ..receptance.motions import linear_motion, output_motion
+from ..receptance.per_group import PerGroup
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
-from ..receptance.reduced_structure import ReducedStructure
 from .modal_structure import reduce_structure
 from .settings import ReductionSettings
 from .stuck import StuckStructure
@@ -36,7 +33,7 @@ from .stuck import StuckStructure
 _EARLY = 0.5  # share of its limit from which a pair counts as slipping or open: its neighbours' slip loads it further
 _RESONANCES = 3  # frequencies at which the joint stores most energy, where its part is evaluated
 _FAINT = 1e-3  # of the largest output's peak: fainter outputs are judged against that
-_COLUMNS = 64  # right-hand sides at a time
+_COLUMNS = 32  # complex right-hand sides at a time
 
 
 @dataclass(frozen=True)
@@ -63,58 +60,73 @@ class Resonance:
 
 
 def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
-    """Return the bounds of (4.5) for keeping the first 1 to n of n modes; the mode after the last kept must be known.
+    """Return the bounds of (4.5) for keeping the first 1 to n of the n modes of a group of harmonics that are in use.
 
-    Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
+    Collective on the system's communicator: a few static solves.  The mode after the last kept must be known: the last entries,
+    of all n kept, are infinite.  Loads may act in other groups, too: these have the modes of ``stuck.per_group``.
+
     docs/theory.md, eq. (4.5).
     """
-    structure = reduce_structure(stuck, settings.damping)
-    norms = Solved(structure.receptance_of(1), stuck)
-    return bound(structure, stuck.pairs.law, norms, settings)
-
-
-def bound(structure: ReducedStructure, law: Law, norms: Norms, settings: ReductionSettings) -> LeftOut:
-    """Return the bounds for the modes of a structure, by residual norms that are solved for or known.  Collective."""
-    model = ReducedModel.of(structure, settings.excitation)
-    modes = modes_of(model)
+    model, law, comm = model_for(stuck, settings), stuck.pairs.law, stuck.comm
+    norms = Norms(stuck, model.receptances.of_group(stuck.group), settings)
+    modes = norms.receptance.modes
     n = len(modes.omega_n)
-    low, high = 2.0 * np.pi * np.array(frequency_band(settings.band, modes.omega_n))
-    omegas = np.union1d(np.linspace(low, high, 60), modes.omega_n[(modes.omega_n > low) & (modes.omega_n < high)])
+    low, high = 2.0 * np.pi * np.array(frequency_band(settings.band, model.receptance_of(1).modes.omega_n))
+    resonant = model.omega_n[(model.omega_n > low) & (model.omega_n < high)]
+    omegas = np.union1d(np.linspace(low, high, 60), resonant)
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
-    comm = model.comm
     peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
     direct, joint = np.zeros((2, n))
     if not loaded or not peaks.any():
         return LeftOut(direct, joint)  # a constant load: the static part is exact
     peaks = np.maximum(peaks, _FAINT * peaks.max())
-    of_load = {h: norms.of_load(_load(model, h)) for h in loaded}
+    of_load = {h: norms.of_load(_load(model, h)) for h in loaded if stuck.has(h)}
     of_output = norms.of_outputs()
     # of the rows of the outputs, where velocities and the like count most
     peaks_u = {h: peaks / model.output_factors(h * high) for h in loaded}
-    for h in loaded:
-        error = (gains(modes, h * high) * of_load[h])[:, None] * of_output / peaks_u[h]
+    for h, of_h in of_load.items():
+        error = (gains(modes, h * high) * of_h)[:, None] * of_output / peaks_u[h]
         direct = np.maximum(direct, error.max(axis=1))
     if model.n_pairs or modes.damping.couples_modes:
         at_which = [(h, omega) for omega in comm.bcast(resonances(model, law, omegas)) for h in loaded]
         for (h, _), at in zip(at_which, acting(norms, model, law, at_which, settings)):
-            error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks_u[h]
+            numbers = [n for n in settings.excitation.harmonics.above_mean if stuck.has(n)]
+            error = _through_the_joint(modes, numbers, at, h, of_load.get(h), of_output, settings.level) / peaks_u[h]
             joint = np.maximum(joint, error.max(axis=1))
     direct[-1] = np.inf  # the first mode left out is not known
     return LeftOut(direct, joint)
 
 
-def _through_the_joint(model: ReducedModel, at: Resonance, h: int, of_load, of_output, level: float) -> np.ndarray:
+def model_for(stuck: StuckStructure, settings: ReductionSettings) -> ReducedModel:
+    """Return the model by which the modes of one group of harmonics are chosen: its own harmonics, and those of the loads.
+
+    Collective where the group of a load is new.
+    """
+    others = stuck.per_group
+    structures = PerGroup(lambda g: stuck if g == stuck.group else others.of_group(g), others.group_of, others.groups)
+    structure = reduce_structure(replace(stuck, groups=structures), settings.damping)
+    model = ReducedModel.of(structure, settings.excitation)
+    if len(others.groups) == 1:
+        return model
+    chosen = [n for n in model.harmonics.chosen if stuck.has(n) or model.f[:, model.harmonics.columns(n)].any()]
+    return model.with_harmonics(Harmonics(tuple(chosen)))
+
+
+def _through_the_joint(
+    modes: DampedModes, numbers: list[int], at: Resonance, h: int, of_load: np.ndarray | None, of_output: np.ndarray, level: float
+) -> np.ndarray:
     """Return the sum over the harmonics n of (4.5) but for load and output themselves, (n, n_outputs) [m/N].  Local.
 
     The drag of a full damping matrix is no part of the static solution: it counts with 1 + rho.
     """
     error = np.zeros_like(of_output)
-    for n in model.harmonics.above_mean:
-        rho = gains(modes_of(model), n * at.omega)[:, None]
+    for n in numbers:
+        rho = gains(modes, n * at.omega)[:, None]
         force, motion = (_content(n, h) * at.p / level)[:, None], _content(n, h) * at.pairs
         if n != h:
             error += rho * force * motion
             continue
+        assert of_load is not None, "a load in a harmonic of the group"
         load, drag = of_load[:, None], at.drag[:, None] / level
         error += rho * ((load + force) * (of_output + motion) - load * of_output)
         error += (1.0 + rho) * (drag * (of_output + motion + at.drag_adjoint) + (load + force) * at.drag_adjoint)
@@ -128,12 +140,6 @@ def _content(n: int, h: int) -> float:
     cycle is at most four times the largest, and its n-th harmonic at most 4 / pi (h / n)^2.
     """
     return 1.0 if n <= h else 4.0 / np.pi * (h / n) ** 2
-
-
-def modes_of(model: ReducedModel) -> DampedModes:
-    """Return the modes whose number is chosen: those of the one group that there is.  Local."""
-    (group,) = model.groups
-    return group.receptance.modes
 
 
 def gains(modes: DampedModes, n_omega: float) -> np.ndarray:
@@ -155,21 +161,6 @@ def gains(modes: DampedModes, n_omega: float) -> np.ndarray:
 def _of_left_out(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
     """Return the extreme value of the modes left out where 1 to n are kept, (n,); beyond the n, that of the last one."""
     return extreme.accumulate(np.append(values[1:], values[-1])[::-1])[::-1]
-
-
-def residual_norms(stuck: StuckStructure, X_owned: np.ndarray) -> np.ndarray:
-    """Return the residual norms of complex columns X (n_owned, q) for keeping 1 to n modes, (n, q).
-
-    Collective: 2 q static solves.  docs/theory.md, eq. (4.4).
-    """
-    modes, comm, q = stuck.modes, stuck.comm, X_owned.shape[1]
-    parts = np.concatenate([X_owned.real, X_owned.imag], axis=1)
-    static = np.zeros(2 * q)
-    for start in range(0, 2 * q, _COLUMNS):
-        columns = slice(start, start + _COLUMNS)
-        u_owned = stuck.solve(parts[:, columns])
-        static[columns] = summed(comm, np.einsum("ij,ij->j", parts[:, columns], u_owned))
-    return norms_beyond(static, gram(comm, modes.phi_owned, parts), modes.omega_n)
 
 
 def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
@@ -196,11 +187,12 @@ def acting(
     """Return the residual norms of what acts in each harmonic h at each omega of ``at_which``.  Collective: all at once."""
     everything = [_at_joint(model, law, h, omega, settings.level) for h, omega in at_which]
     of_everything = np.split(norms.of_pairs(np.hstack([p for p, _ in everything])), len(everything), axis=1)
-    found = []
+    resonances = []
     for (h, omega), (_, z), of_p in zip(at_which, everything, of_everything):
-        drags = norms.of_drag(z, h * omega, settings) if modes_of(model).damping.couples_modes else np.zeros_like(of_p)
-        found.append(Resonance(omega, of_p[:, 0], drags[:, 0], of_p[:, 1:], drags[:, 1:]))
-    return found
+        has_drag = norms.stuck.has(h) and norms.receptance.modes.damping.couples_modes
+        drags = norms.of_drag(z, h * omega) if has_drag else np.zeros_like(of_p)
+        resonances.append(Resonance(omega, of_p[:, 0], drags[:, 0], of_p[:, 1:], drags[:, 1:]))
+    return resonances
 
 
 def _at_joint(model: ReducedModel, law: Law, h: int, omega: float, level: float) -> tuple[np.ndarray, np.ndarray]:
@@ -208,14 +200,15 @@ def _at_joint(model: ReducedModel, law: Law, h: int, omega: float, level: float)
 
     Local.
     """
-    (group,), (c,), i = model.groups, model.flexibilities(omega), model.harmonics.chosen.index(h)
-    modes = group.receptance.modes
+    (k, i), column = model.index_of(h), model.harmonics.chosen.index(h)
+    receptance, c = model.groups[k].receptance, model.flexibilities(omega)[k]
+    modes = receptance.modes
     U = to_complex(linear_motion(model, level, omega, slice(None)))
-    U_adjoint = group.receptance.static.out_R.T + c.between(modes.R_phi, i, modes.o)  # (3 n_pairs, n_outputs)
+    U_adjoint = receptance.of_outputs(c, i).conj().T  # (3 n_pairs, n_outputs)
     share = law.slipping_share(np.abs(U).sum(axis=1).reshape(-1, 3), _EARLY).ravel()
     K_J = law.stiffness.ravel()
-    p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
-    return p, c.whole(np.column_stack([level * modes.b @ to_complex(model.f)[:, i], modes.o.T]), i)
+    p = np.column_stack([share * K_J * U[:, column], ((share > 0.0) * K_J)[:, None] * U_adjoint])
+    return p, c.whole(np.column_stack([level * modes.b @ to_complex(model.f)[:, column], modes.o.conj().T]), i)
 
 
 def _load(model: ReducedModel, h: int) -> np.ndarray:
@@ -223,72 +216,52 @@ def _load(model: ReducedModel, h: int) -> np.ndarray:
     return to_complex(model.f)[:, model.harmonics.chosen.index(h)]
 
 
-class Norms(Protocol):
-    """The residual norms of what acts on a structure, for keeping 1 to n of n modes.  Collective."""
-
-    def of_load(self, f: np.ndarray) -> np.ndarray:
-        """Return those of complex load coefficients (n_loads,), (n,)."""
-
-    def of_outputs(self) -> np.ndarray:
-        """Return those of the rows of the outputs, (n, n_outputs)."""
-
-    def of_pairs(self, p: np.ndarray) -> np.ndarray:
-        """Return those of R^T p, p complex (3 n_pairs, q), (n, q)."""
-
-    def of_drag(self, z: np.ndarray, n_omega: float, settings: ReductionSettings) -> np.ndarray:
-        """Return those of the damping forces of modal motions z, complex (n, q), at n omega, (n, q)."""
-
-
 @dataclass(frozen=True)
-class KnownNorms:
-    """Those of loads and outputs, whose static solutions are known."""
+class Norms:
+    """The residual norms |x|_m of what acts on the structure of a group, for keeping 1 to n of its n modes.  Collective.
 
-    receptance: Receptance
-
-    def of_load(self, f: np.ndarray) -> np.ndarray:
-        parts = np.column_stack([f.real, f.imag])
-        modes, static = self.receptance.modes, np.einsum("lp,lm,mp->p", parts, self.receptance.static.load_static, parts)
-        return norms_beyond(static, modes.b @ parts, modes.omega_n)[:, 0]
-
-    def of_outputs(self) -> np.ndarray:
-        of_modes, static = self.receptance.modes.o.T, self.receptance.static.outputs_static
-        both = np.concatenate([of_modes, np.zeros_like(of_modes)], axis=1)
-        return norms_beyond(np.concatenate([static, np.zeros_like(static)]), both, self.receptance.modes.omega_n)
-
-
-def norms_beyond(static: np.ndarray, of_modes: np.ndarray, omega_n: np.ndarray) -> np.ndarray:
-    """Return the residual norms (n, q) for keeping 1 to n modes of columns whose real parts come first, then the imaginary ones.
-
-    Local.  ``static`` (2 q,) x^T K_L^-1 x, ``of_modes`` (n, 2 q) phi^T x.
+    docs/theory.md, eq. (4.4).
     """
-    rest = np.maximum(static - np.cumsum((of_modes / omega_n[:, None]) ** 2, axis=0), 0.0)
-    q = rest.shape[1] // 2
-    return np.sqrt(rest[:, :q] + rest[:, q:])
-
-
-@dataclass(frozen=True)
-class Solved(KnownNorms):
-    """Those of loads and outputs as known, the others by static solves."""
 
     stuck: StuckStructure
+    receptance: Receptance
+    settings: ReductionSettings
+
+    def beyond(self, static: np.ndarray, of_modes: np.ndarray) -> np.ndarray:
+        """Return the norms (n, q) of columns x with ``static`` (q,) x^H K_L^-1 x and ``of_modes`` (n, q) phi^H x.  Local."""
+        known = np.cumsum(np.abs(of_modes / self.receptance.modes.omega_n[:, None]) ** 2, axis=0)
+        return np.sqrt(np.maximum(static.real - known, 0.0))
+
+    def of_load(self, f: np.ndarray) -> np.ndarray:
+        """Return those of complex load coefficients (n_loads,), (n,).  Local."""
+        static = np.array([f.conj() @ self.receptance.static.load_static @ f])
+        return self.beyond(static, self.receptance.modes.b @ f[:, None])[:, 0]
+
+    def of_outputs(self) -> np.ndarray:
+        """Return those of the rows of the outputs, (n, n_outputs).  Local."""
+        return self.beyond(self.receptance.static.outputs_static, self.receptance.modes.o.conj().T)
 
     def of_pairs(self, p: np.ndarray) -> np.ndarray:
-        return residual_norms(self.stuck, _owned(self.stuck.system, self.stuck.system.R.T) @ p)
+        """Return those of R^H p, p complex (3 n_pairs, q), (n, q): by static columns where all are there, or by solves."""
+        static, comm = self.receptance.static, self.stuck.comm
+        moving = comm.bcast(np.flatnonzero(p.reshape(self.stuck.pairs.n_pairs, -1).any(axis=1)))
+        if not static.G_static.stored[moving].all():
+            return self.of_forces(self.stuck.pair_forces(p))
+        ranges = split_evenly(self.stuck.pairs.n_pairs, comm.size)
+        owned = p[3 * ranges[comm.rank] : 3 * ranges[comm.rank + 1]]
+        Gp_owned = static.G_static.of_stored(moving).columns(np.arange(len(owned))).T @ p[rows_of(moving)]
+        of_modes = self.receptance.modes.R_phi.conj().T @ p
+        return self.beyond(summed(comm, np.einsum("ij,ij->j", owned.conj(), Gp_owned)), of_modes)
 
-    def of_drag(self, z: np.ndarray, n_omega: float, settings: ReductionSettings) -> np.ndarray:
-        system, eta = self.stuck.system, 0.0 if settings.damping is None else settings.damping.structural
-        parts = np.concatenate([z.real, z.imag], axis=1)
-        u_owned = self.stuck.modes.phi_owned @ parts
-        Cu_owned = n_omega * multiply(system.C, u_owned) if system.C is not None else np.zeros_like(u_owned)
-        if eta > 0.0:  # of K, without the springs of the joints
-            springs = self.stuck.pairs.law.stiffness.reshape(-1, 1) * (self.receptance.modes.R_phi @ parts)
-            Ku_owned = multiply(self.stuck.K_L, u_owned) - _owned(system, system.R.T) @ springs
-            Cu_owned = Cu_owned + eta * Ku_owned
-        q = z.shape[1]
-        return residual_norms(self.stuck, Cu_owned[:, :q] + 1j * Cu_owned[:, q:])
+    def of_drag(self, z: np.ndarray, n_omega: float) -> np.ndarray:
+        """Return those of the damping forces of modal motions z, complex (n, q), at n omega, (n, q): by solves."""
+        damping = self.settings.damping
+        return self.of_forces(self.stuck.damping_forces(z, n_omega, 0.0 if damping is None else damping.structural))
 
-
-def _owned(system: System, columns: sp.spmatrix) -> sp.csr_matrix:
-    """Return this rank's rows of sparse columns over all DOFs."""
-    first, last = system.M.getOwnershipRange()
-    return columns.tocsr()[first:last]
+    def of_forces(self, X_owned: np.ndarray) -> np.ndarray:
+        """Return those of complex columns X (n_owned, q), (n, q): 2 q static solves."""
+        stuck, static = self.stuck, np.zeros(X_owned.shape[1], dtype=complex)
+        for start in range(0, len(static), _COLUMNS):
+            x_owned = X_owned[:, start : start + _COLUMNS]
+            static[start : start + _COLUMNS] = summed(stuck.comm, np.einsum("ij,ij->j", x_owned.conj(), stuck.solve(x_owned)))
+        return self.beyond(static, stuck.participation(X_owned))

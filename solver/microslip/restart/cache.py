@@ -1,38 +1,42 @@
-"""Set-ups that the runs of one structure share, beside their folders for results.
+"""Structures that runs share, beside their folders for results.
 
-    cache/setup-KEY/model         the reduced model of all modes that were found, samples, pairs; names the file of its modes
-    cache/setup-KEY/modes-NAME    the modes themselves, for fields on the mesh
-    cache/setup-KEY/columns       static columns, of the run that knew most of them
-    cache/setup-KEY/factor-N      the factor on N ranks: kept_factor.py
+    cache/setup-KEY/model, modes-NAME, columns   a stuck structure: stored_structure.py; columns of the run that knew most of them
+    cache/setup-KEY/factor-N                     its factor on N ranks: cached_factor.py
 
-The key is a hash of all that these depend on (identity.py).  Files are written beside, take their places whole and are never
-changed there, so that any number of runs may read and write them at a time: whoever comes last is the one who counts.  What is
-damaged is dropped.  Nothing here is needed: where the cache fails, a run does without.
+The key is a hash of all that a stuck structure depends on (identity.py).  Files are written beside, take their places whole and
+are never changed there, so that any number of runs may read and write them at a time: whoever comes last is the one who counts.
+What is damaged is dropped.  Nothing here is needed: where the cache fails, a run does without.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
-import uuid
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ..library.prepare import Prepared
+import numpy as np
+
+from ..library.build import Structure
+from ..library.complete import read_completed
+from ..library.settings import reduction_settings
+from ..mesh.data import ContactPairs
+from ..mesh.pairing import pair_contacts
+from ..mesh.read import read_mesh
 from ..messages.errors import CaseError, ResourceError
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
-from ..system.files import make_folder
-from .kept_columns import KeptColumns, n_pairs_in
-from .kept_factor import KeptFactor
+from ..reduction.choose_modes import choose_modes
+from .cached_factor import CachedFactor
+from .columns_file import n_pairs_in
 from .place import is_part
-from .records import Arrays, read_record, write_record
-from .restore import KeptSetup
-from .shared import WHY, all_found, is_shared, made_of, shared_arrays
+from .records import Arrays
+from .stored_structure import StoredStructure, extent_of, take
+from .structure_arrays import numbers_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -41,6 +45,8 @@ if TYPE_CHECKING:
     from ..scene.schema import Scene
 
 NAME, VARIABLE, OFF = "cache", "MICROSLIP_CACHE", "off"
+WHY = "modes: "  # how the note begins that says why so many
+_LIMITS = ("mu", "N0", "own/mu_y")  # of pairs: the stuck structure does not know of them
 LARGEST = 4e9  # bytes: factors, and then set-ups, that were used longest ago are removed beyond
 
 
@@ -52,7 +58,7 @@ def cache_of(folder: Path) -> Path | None:
 
 @dataclass(eq=False)
 class Cache:
-    """The set-up of one structure in a cache.  All methods are collective on ``comm``; files at fault raise nothing."""
+    """A structure in a cache.  All methods are collective on ``comm``; files at fault raise nothing."""
 
     comm: MPI.Comm
     path: Path  # of the cache
@@ -63,72 +69,65 @@ class Cache:
         return self.path / f"setup-{self.key}"
 
     @cached_property
-    def factor(self) -> KeptFactor:
+    def factor(self) -> CachedFactor:
         """The factor on as many ranks as this run has."""
-        return KeptFactor(self.comm, self._entry)
+        return CachedFactor(self.comm, self._entry)
 
-    def prepared(self, scene: Scene, log: RunLog) -> tuple[Prepared, list[str], Path] | None:
-        """Return a scene prepared from the set-up that is there, its notes, the file of its modes; None where that is none."""
+    @cached_property
+    def stored(self) -> StoredStructure:
+        """The files of the structure."""
+        return StoredStructure(self.comm, self._entry, self.factor)
+
+    def structure(self, scene: Scene, log: RunLog) -> tuple[Structure, list[str], Path] | None:
+        """Return the structure for a scene, notes, and the file of its modes; None where it cannot be had."""
         found = on_root(self.comm, self._read)
         if found is None:
             return None
-        texts = found[1]
-        modes = self._entry / texts["modes"]
-        columns = KeptColumns(self.comm, self._entry / "columns")
-        with log.stage("set-up of an earlier run"):
-            made = made_of(KeptSetup(found[0], texts, columns, lambda: read_modes(modes), self.factor), scene, log)
-        if made is None:
-            return None
-        prepared, why = made
-        return prepared, [f"the set-up is that of an earlier run, in {self._entry}", *texts["notes"], why], modes
+        arrays, texts = found
+        with log.stage("structure from the cache"):
+            structure = self.stored.structure((arrays, texts), scene, log)
+            pairs = structure.pairs if texts["is_at_rest"] else pairs_for(scene, structure.pairs, texts["joints"], self.comm)
+            if pairs is None:
+                return None
+            self.stored.columns.restore(structure.statics.G_static, is_known=False)
+            structure, why = choose_modes(replace(structure, pairs=pairs), reduction_settings(scene))
+        before = [note for note in texts["notes"] if not note.startswith(WHY)]
+        notes = [f"the set-up is that of an earlier run, in {self._entry}", *before, why]
+        return structure, notes, self._entry / texts["modes"]
 
-    def _read(self) -> tuple[Arrays, dict] | None:
+    def _read(self) -> tuple[Arrays, dict[str, Any]] | None:
         """Return what is there, as used now; an entry that is damaged is removed.  Rank 0."""
-        path = self._entry / "model"
         with suppress(OSError):
-            found = read_record(path)
+            found = self.stored.read()
             if found is not None and (self._entry / found[1]["modes"]).is_file():
-                os.utime(path)
+                os.utime(self.stored.model)
                 return found
-            if path.exists():
+            if self.stored.model.exists():
                 shutil.rmtree(self._entry, ignore_errors=True)
         return None
 
-    def keep(self, prepared: Prepared, notes: list[str]) -> str:
-        """Keep a set-up that was made anew; return why that could not be, or nothing."""
-        if not is_shared(prepared):
-            return ""
-        try:
-            arrays, texts = shared_arrays(prepared)
-        except CaseError:
-            return ""  # of modes that this run does without
-        structure = prepared.structure
-        phi = structure.in_user_order(all_found(structure).phi_owned)
-        said = [note for note in notes if not note.startswith(WHY)]
-        return self._tried(lambda: self._write(arrays, {**texts, "notes": said}, phi))
+    def share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> str:
+        """Share the files of a structure, where those there are of less or are to be renewed; return why not, or nothing."""
+        return self._tried(lambda: self._share(structure, of_run, renews))
 
-    def _write(self, arrays: Arrays, texts: dict, phi) -> None:
-        """Write the modes, then the model that names them, and make room.  Rank 0."""
-        make_folder(str(self._entry))
-        name = f"modes-{uuid.uuid4().hex[:12]}"
-        write_record(self._entry / name, {"phi": phi})
-        write_record(self._entry / "model", arrays, {**texts, "modes": name})
-        for other in self._entry.glob("modes-*"):
-            if other.name != name:
-                other.unlink(missing_ok=True)
-        make_room(self.path, self._entry)
+    def _share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> None:
+        there = None if renews else self.stored.read()
+        if there is None or there[1]["extent"] != extent_of(structure):
+            self.stored.take_from(of_run)
+            make_room(self.path, self._entry)
 
-    def keep_columns(self, journal: Path) -> str:
-        """Keep the static columns in the journal of a run, where they are more than those there; return why not, or nothing."""
+    def share_columns(self, journal: Path) -> str:
+        """Share the static columns in the journal of a run, where they are more than those there; return why not, or nothing."""
         return self._tried(lambda: self._link_columns(journal))
 
     def _link_columns(self, journal: Path) -> None:
-        if (self._entry / "model").is_file() and n_pairs_in(journal) > n_pairs_in(self._entry / "columns"):
-            take(journal, self._entry / "columns")
+        columns = self.stored.columns.path
+        if self.stored.model.is_file() and n_pairs_in(journal) > n_pairs_in(columns):
+            take(journal, columns)
             make_room(self.path, self._entry)
 
-    def keep_factor(self, factor: Factor) -> str:
-        """Keep a factor that is wanted for later runs; return why that could not be, or nothing."""
+    def share_factor(self, factor: Factor) -> str:
+        """Share a factor that is wanted for later runs; return why that could not be, or nothing."""
         return self.factor.keep(factor) or self._tried(lambda: make_room(self.path, self._entry))
 
     def _tried(self, write: Callable[[], None]) -> str:
@@ -142,27 +141,6 @@ class Cache:
             return ""
 
         return on_root(self.comm, tried)
-
-
-def read_modes(path: Path):
-    """Return modes from their file, None where it is gone or damaged.  Rank 0."""
-    with suppress(OSError):
-        found = read_record(path)
-        return None if found is None else found[0]["phi"]
-    return None
-
-
-def take(source: Path, target: Path) -> None:
-    """Give a file a second name, in place of what has it, or copy it where the file system has but one name each.  Rank 0."""
-    beside = target.with_name(f"{target.name}-{uuid.uuid4().hex[:12]}.part")
-    try:
-        try:
-            os.link(source, beside)
-        except OSError:
-            shutil.copyfile(source, beside)
-        os.replace(beside, target)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def make_room(path: Path, newest: Path) -> None:
@@ -192,3 +170,33 @@ def _used(entry: Path) -> float:
     with suppress(OSError):
         return (entry / "model").stat().st_mtime
     return 0.0
+
+
+# -- the pairs of another friction or preload ----------------------------------------------------------------------
+
+
+def joints_of(scene: Scene) -> list[dict[str, Any]]:
+    """Return the joints of a scene as stated, as JSON has them.  Local."""
+    return [joint.model_dump(mode="json", exclude_unset=True) for joint in scene.joints]
+
+
+def pairs_for(scene: Scene, cached: ContactPairs, joints: list[dict[str, Any]], comm: MPI.Comm) -> ContactPairs | None:
+    """Return the contact pairs of a scene: those cached, or with limits of its own; None where more than these differs.
+
+    Collective.
+    """
+    if joints == joints_of(scene):
+        return cached
+    if scene.model.mesh is None:
+        return None
+    file, whole, _ = read_completed(scene, comm)
+    return on_root(comm, _paired, whole, file, cached)
+
+
+def _paired(scene: Scene, file, cached: ContactPairs) -> ContactPairs | None:
+    """Return the pairs of a scene as they are found, if they have the springs and places of those cached.  Rank 0."""
+    pairs = pair_contacts(read_mesh(scene, file), scene.joints)
+    mine, other = ({k: v for k, v in numbers_of(which).items() if k not in _LIMITS} for which in (pairs, cached))
+    same = mine.keys() == other.keys() and all(np.array_equal(mine[key], other[key], equal_nan=True) for key in mine)
+    same = same and pairs.joint == cached.joint and np.array_equal(pairs.laws, cached.laws)
+    return pairs if same and np.array_equal(pairs.law.stiffness, cached.law.stiffness) else None

@@ -1,7 +1,7 @@
 """The folder in which a run keeps its work: what is there of it already, and where the rest goes.
 
     restart/identity         what the last run was of
-    restart/setup-KEY/       model, modes, columns: the set-up
+    restart/setup-KEY/       the stuck structure: stored_structure.py
     restart/level-KEY/       of; points.S, state.S.0, state.S.1, end.S of each segment S of a level
 
 Each key is a hash of all that the part depends on (identity.py), so that a part which is there is one that can be used.
@@ -12,27 +12,27 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..library.prepare import Prepared
+from ..library.build import Structure
+from ..library.prepare import Prepared, prepare, put_basis
 from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
 from ..points.sweep import Sweep
+from ..reduction.reduction import Basis
 from ..system.files import make_folder, said_of
-from .cache import Cache, read_modes, take
+from .cache import Cache, joints_of
 from .identity import Identity, identity_of
 from .kept_branch import KeptBranch
-from .kept_columns import KeptColumns
 from .place import RESULTS, TABLE, UNFINISHED, is_part
-from .records import Disk, as_written, note_record, read_record, write_record
-from .restore import KeptSetup, exact_columns, restored
-from .setup import to_arrays
+from .records import Arrays, Disk, as_written, note_record, read_record, write_record
+from .stored_structure import StoredStructure
+from .structure_arrays import basis_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -92,81 +92,73 @@ class Restart:
         """Return the same with more to say of the folder, first.  Local."""
         return replace(self, notes=(*more, *self.notes))
 
-    # -- the set-up --------------------------------------------------------------------------------------------------
+    # -- the structure -----------------------------------------------------------------------------------------------
 
-    @property
-    def _setup(self) -> Path:
-        return self.path / f"setup-{self.identity.setup}"
+    @cached_property
+    def _stored(self) -> StoredStructure:
+        """The files of the structure in this folder."""
+        factor = None if self.cache is None else self.cache.factor
+        return StoredStructure(self.comm, self.path / f"setup-{self.identity.setup}", factor, self._disk)
 
-    def prepared(self, log: RunLog, make: Callable[[], Prepared]) -> Prepared:
-        """Return the structure made ready: from the set-up that is there, or by ``make``, and then it is kept."""
-        self._used.add(self._setup.name)
-        columns = KeptColumns(self.comm, self._setup / "columns", self._disk)
-        found = on_root(self.comm, read_record, self._setup / "model")
-        if found is None:
-            prepared = self._shared(log) or self._anew(log, make)
-        else:
-            with log.stage("set-up as it was kept"):
-                kept = KeptSetup(found[0], found[1], columns, self._read_modes, None if self.cache is None else self.cache.factor)
-                prepared = as_written(self._setup, restored, kept, self.scene, log)
-            for note in found[1]["notes"]:
+    def prepared(self, log: RunLog, build: Callable[[], Structure]) -> Prepared:
+        """Return the structure made ready: that of this folder, or of the cache, or as ``build`` makes it; then it is stored."""
+        self._used.add(self._stored.path.name)
+        before, modes = len(log.notes), None
+        structure = self._restored(log)
+        is_stored, cached = structure is not None, None
+        if structure is None:
+            cached = None if self.cache is None or self.fresh else self.cache.structure(self.scene, log)
+            structure, notes, modes = cached if cached is not None else (build(), log.notes[before:], None)
+            for note in notes if cached is not None else ():
                 log.note(note)
-        known = exact_columns(prepared.reduction, prepared.response.better)
-        if known is not None:
-            columns.follow(known)
+        with log.stage("reduction"):
+            prepared = prepare(structure)
+        if not is_stored:
+            self._store(prepared, notes[1:] if cached else notes, modes, log)
+        self._stored.columns.follow(structure.statics.G_static)
         return prepared
 
-    def _shared(self, log: RunLog) -> Prepared | None:
-        """Return the structure made ready from the set-up of another run, which is kept here, too; None where there is none."""
-        found = None if self.cache is None or self.fresh else self.cache.prepared(self.scene, log)
+    def _restored(self, log: RunLog) -> Structure | None:
+        """Return the structure of this folder, and note what was noted of it; None where there is none."""
+        found = on_root(self.comm, self._stored.read)
         if found is None:
             return None
-        prepared, notes, modes = found
-        for note in notes:
+        with log.stage("structure from this folder"):
+            structure, basis = as_written(self._stored.path, self._structure_and_basis, found, log)
+            if basis is not None:
+                put_basis(structure, basis)
+            if self.cache is not None:
+                self.cache.stored.columns.restore(structure.statics.G_static, is_known=False)
+            self._stored.columns.restore(structure.statics.G_static, is_known=True)
+        for note in found[1]["notes"]:
             log.note(note)
-        on_root(self.comm, self._write, prepared, partial(take, modes), notes[1:])
-        return prepared
+        return structure
 
-    def _anew(self, log: RunLog, make: Callable[[], Prepared]) -> Prepared:
-        """Return the structure made ready by ``make``, and keep it, for other runs, too."""
-        before, prepared = len(log.notes), make()
-        notes = log.notes[before:]
-        self._keep(prepared, notes)
-        if self.cache is not None and (problem := self.cache.keep(prepared, notes)):
-            log.note(problem)
-        return prepared
+    def _structure_and_basis(self, found: tuple[Arrays, dict[str, Any]], log: RunLog) -> tuple[Structure, Basis | None]:
+        return self._stored.structure(found, self.scene, log), basis_of(*found)
 
-    def _keep(self, prepared: Prepared, notes: list[str]) -> None:
-        """Keep the modes in the order of the user's nodes, then the model."""
+    def _store(self, prepared: Prepared, notes: list[str], modes: Path | None, log: RunLog) -> None:
+        """Store a structure in this folder, and for other runs; its modes are those of a file, if nothing was computed."""
         structure = prepared.structure
-        phi = structure.in_user_order(structure.modes.phi_owned)
-        modes = {} if phi is None else {"phi": phi}
-        on_root(self.comm, self._write, prepared, lambda path: write_record(path, modes), notes, share=False)
-
-    def _write(self, prepared: Prepared, write_modes: Callable[[Path], None], notes: list[str]) -> None:
-        """Write the modes, then the model: a set-up without it is none."""
-        make_folder(str(self._setup))
-        with suppress(OSError):  # modes that have just been removed are found again where they are wanted
-            write_modes(self._setup / "modes")
-        arrays, texts = to_arrays(prepared)
-        write_record(self._setup / "model", arrays, {**texts, "notes": notes})
-
-    def _read_modes(self) -> np.ndarray | None:
-        return read_modes(self._setup / "modes")
+        more = {"notes": notes, "joints": joints_of(structure.scene), "is_at_rest": structure.scene.statics is not None}
+        modes = modes if structure.factored.made is None else None
+        self._stored.write(structure, prepared.reduction.basis, modes, more)
+        if self.cache is not None and (problem := self.cache.share(structure, self._stored, self.fresh)):
+            log.note(problem)
 
     def share_columns(self, log: RunLog) -> None:
         """Let other runs use the static columns that this one has solved for."""
-        problem = "" if self.cache is None else self.cache.keep_columns(self._setup / "columns")
+        problem = "" if self.cache is None else self.cache.share_columns(self._stored.columns.path)
         if problem:
             log.note(problem)
 
     def share_factor(self, prepared: Prepared, log: RunLog) -> None:
         """Let later runs use the factor, if there is one that they lack: it is made for the fields on the mesh alone."""
-        structure = prepared.built()
-        if self.cache is None or structure is None or not self.cache.factor.is_wanted(structure.factor):
+        made = prepared.structure.factored.made
+        if self.cache is None or made is None or not self.cache.factor.is_wanted(made.linearised.factor):
             return
         with log.stage("factor for other runs"):
-            problem = self.cache.keep_factor(structure.factor)
+            problem = self.cache.share_factor(made.linearised.factor)
         if problem:
             log.note(problem)
 
@@ -174,7 +166,7 @@ class Restart:
 
     def keepers_of(self, prepared: Prepared, log: RunLog) -> Keepers:
         """Return what keeps the levels of a response, and says what it has of them.  Local."""
-        n_modes = len(prepared.outline.omega_n)
+        n_modes = prepared.structure.n_modes
 
         sweep = prepared.response.sweep
 

@@ -75,7 +75,6 @@ class Identity:
         nor the state of rest follows from them.
         """
         scene = {key: value for key, value in self.scene.items() if key not in _NOT_OF_STRUCTURE}
-        scene["structural"] = (self.scene.get("damping") or {}).get("structural")
         if "mesh" in self.scene["model"] and not self.scene.get("statics") and _AT_REST not in self.files:
             scene["joints"] = [_without_limits(joint) for joint in self.scene.get("joints", [])]
         return self._key(scene)

@@ -53,7 +53,7 @@ SELECTIONS: dict[str, Callable[[ReductionSettings], Selection]] = _with("selecti
 def check_size(settings: ReductionSettings, system: System) -> None:
     """Refuse a structure that is too large for the method, before anything is solved.  Collective on ``system.comm``."""
     if settings.method in CHECKS:
-        CHECKS[settings.method](settings, system.n_dof, system.R.shape[0], system.comm)
+        CHECKS[settings.method](settings, system)
 
 
 def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
@@ -78,6 +78,7 @@ def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Redu
     Collective; in that form static solves of a pair when it first leaves sticking.
     """
     if not keeps_to_K_L(settings):
+        check_size(settings, stuck.system)
         stuck.bring_K_back()
     if settings.method in REDUCTIONS:
         return REDUCTIONS[settings.method](stuck, settings)

@@ -37,6 +37,8 @@ from ..stuck import StuckStructure
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ...assembly.system import System
+
 ALL_MODES = 1000  # DOFs up to which every mode is computed
 MOST_WITH_C = 3000  # the same with a damping matrix: beyond, `full` is refused
 ACCURACY = 1e-13  # of the residual receptance
@@ -46,23 +48,23 @@ _LEAST_BLOCKS = 2
 FACTS = Facts(lambda _, n: n.dof, knows_range=True)
 
 
-def check(settings: ReductionSettings, n_dof: int, n_rows: int, comm: MPI.Comm) -> None:
+def check(settings: ReductionSettings, system: System) -> None:
     """Refuse what cannot be held, before anything is solved.
 
-    Collective on ``comm``.
+    Collective on ``system.comm``.
 
     Raises
     ------
     CaseError : too large for the memory, with the estimate, or for a damping matrix; on every rank
     """
-    has_C = settings.damping is None or not settings.damping.is_alone
+    n_dof, has_C = system.n_dof, system.C is not None
     if has_C and n_dof > MOST_WITH_C:
         raise CaseError(
             f'{settings.where}: [solver] method = "full" with a damping matrix, [model] damping or dampers, needs every mode, of '
             f'{MOST_WITH_C} DOF at most; there are {n_dof}. Choose "receptance", or state [damping] in its place'
         )
-    n_columns = n_dof if n_dof <= ALL_MODES or has_C else _LEAST_BLOCKS * (n_rows + 2)
-    _refuse_too_large(settings.where, n_dof, n_columns, comm)
+    n_columns = n_dof if n_dof <= ALL_MODES or has_C else _LEAST_BLOCKS * (system.R.shape[0] + 2)
+    _refuse_too_large(settings.where, n_dof, n_columns, system.comm)
 
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:

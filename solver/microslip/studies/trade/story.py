@@ -277,10 +277,10 @@ def with_modes_for(bench: Bench, setting: Setting) -> Setting:
         return setting
     try:
         settings = replace(reduction_settings(bench.scene_of(setting)), modes=None, verify_modes=False)
-        modes, _ = choose_modes(bench.structure, settings)
+        structure, _ = choose_modes(bench.structure, settings)
     except MicroslipError:
         return replace(setting, modes=len(bench.modes.omega_n))
-    return replace(setting, modes=min(len(modes.omega_n), len(bench.modes.omega_n)))
+    return replace(setting, modes=min(structure.n_modes, len(bench.modes.omega_n)))
 
 
 def log_run(log: RunLog, study: Study, run: Run) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..parallel.agree import on_root
+from ..parallel.ownership import split_evenly
 from ..receptance.static_columns import StaticColumns
 from .records import Arrays, Disk, Journal, as_written, length_of, read_records, unpack
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 BATCH = 64  # pairs whose columns travel together
 
 
-class KeptColumns:
+class ColumnsFile:
     """Columns of G_static by pairs, in a file of which whole records count.  All methods are collective on ``comm``.
 
     Raises
@@ -30,12 +31,13 @@ class KeptColumns:
         self.comm, self.path, self._disk = comm, path, disk or Disk()
         self._journal: Journal | None = None
 
-    def restore(self, G_static: StaticColumns, owned_rows: slice) -> None:
-        """Put what is there into ``G_static``, whose ranks have the rows ``owned_rows`` of it."""
+    def restore(self, G_static: StaticColumns, is_known: bool) -> None:
+        """Put what is there into ``G_static``: as known, or as stored until it is required."""
         records = on_root(self.comm, read_records, self.path, share=False)
+        ends = 3 * split_evenly(len(G_static.known), self.comm.size)[self.comm.rank :][:2]
         for i in range(self.comm.bcast(len(records) if records is not None else None)):
-            kept = on_root(self.comm, as_written, self.path, self._columns, records, i)
-            G_static.put(kept["pairs"], kept["columns"][owned_rows])
+            there = on_root(self.comm, as_written, self.path, self._columns, records, i)
+            (G_static.put if is_known else G_static.store)(there["pairs"], there["columns"][slice(*ends)])
 
     def _columns(self, records: Sequence[bytes], i: int) -> Arrays:
         """Return pairs and columns of a record."""

@@ -72,7 +72,7 @@ class Saved:
         return np.array_equal(self.ranges, A.getOwnershipRanges()) and self.sizes.shape == self.sums.shape == (size,)
 
 
-class KeptFactor:
+class CachedFactor:
     """The factor of a set-up in a cache.  All methods are collective on ``comm``; files at fault raise nothing."""
 
     def __init__(self, comm: MPI.Comm, entry: Path):

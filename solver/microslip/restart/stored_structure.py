@@ -1,0 +1,144 @@
+"""A stuck structure in a folder, of a run by itself or in a cache that runs share.
+
+    model        all but what is as large as the mesh (structure_arrays.py); names the file of its modes
+    modes-NAME   all modes computed, in the order of the user's nodes, for fields on the mesh
+    columns      static columns (columns_file.py)
+
+The modes are written first: a folder without a model holds no structure.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import uuid
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..library.build import Structure, rebuilt
+from ..linear.factor import KnownFactor
+from ..linear.joint_springs import Linearised
+from ..modes.eigen import Modes, lowest_modes
+from ..modes.user_order import from_user_order
+from ..observe.log import RunLog
+from ..parallel.agree import on_root
+from ..reduction.enriched_model import COUPLED, SAMPLED
+from ..reduction.reduction import Basis
+from ..reduction.stuck import Factored, OnDemand
+from ..system.files import make_folder
+from .columns_file import ColumnsFile
+from .records import Arrays, Disk, read_record, write_record
+from .structure_arrays import structure_of, to_arrays
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..scene.schema import Scene
+
+
+class StoredStructure:
+    """The files of a structure in a folder; ``factor`` is that of a cache.
+
+    Raises
+    ------
+    CaseError, ResourceError : files cannot be written; on every rank
+    """
+
+    def __init__(self, comm: MPI.Comm, path: Path, factor: KnownFactor | None = None, disk: Disk | None = None):
+        self.comm, self.path, self.factor = comm, path, factor
+        self.model = path / "model"
+        self.columns = ColumnsFile(comm, path / "columns", disk)
+
+    def read(self) -> tuple[Arrays, dict[str, Any]] | None:
+        """Return the arrays and texts of the model; None where it is missing or damaged.  Rank 0."""
+        return read_record(self.model)
+
+    def structure(self, found: tuple[Arrays, dict[str, Any]], scene: Scene, log: RunLog) -> Structure:
+        """Return the structure of arrays and texts, the same on every rank; its large parts are made when they are needed.
+
+        Local.
+        """
+        arrays, texts = found
+
+        def assemble() -> Factored:
+            seen, n_proved = structure.seen, structure.n_proved
+            return rebuilt(scene, self.comm, log, self.factor, partial(self._modes, texts["modes"], seen.omega_n, n_proved))
+
+        structure = structure_of(arrays, texts, scene, self.comm, lambda group: OnDemand(assemble))
+        return structure
+
+    def _modes(self, name: str, omega_n: np.ndarray, n_proved: int, linearised: Linearised) -> Modes:
+        """Return the modes of a file; computed again where that is gone or damaged.  Collective."""
+        whole = on_root(self.comm, read_modes, self.path / name, share=False)
+        if not self.comm.bcast(whole is not None):
+            return lowest_modes(linearised, len(omega_n))
+        return Modes(omega_n, from_user_order(linearised, whole), {"complete": False, "proved": n_proved})
+
+    def write(
+        self, structure: Structure, basis: Basis | None, modes: Path | None = None, more: dict[str, Any] | None = None
+    ) -> None:
+        """Write a structure, with ``more`` texts; its modes are those of the file ``modes`` if that is given.  Collective."""
+        phi = None
+        if modes is None:
+            phi = structure.in_user_order(structure.using(structure.n_computed).modes.phi_owned)
+        on_root(self.comm, self._write, structure, basis, phi, modes, more, share=False)
+
+    def _write(self, structure: Structure, basis: Basis | None, phi: np.ndarray | None, modes: Path | None, more) -> None:
+        """Write the modes, then the model that names them.  Rank 0."""
+        make_folder(str(self.path))
+        name = f"modes-{uuid.uuid4().hex[:12]}" if modes is None else modes.name
+        if modes is not None:
+            with suppress(OSError):  # modes that have just been removed are computed again where they are needed
+                take(modes, self.path / name)
+        elif phi is not None:
+            write_record(self.path / name, {"phi": phi})
+        arrays, texts = to_arrays(structure, basis)
+        write_record(self.model, arrays, {**texts, "modes": name, "extent": extent_of(structure), **(more or {})})
+        self._remove_other_modes(name)
+
+    def take_from(self, other: StoredStructure) -> None:
+        """Have the model and the modes of another folder.  Rank 0."""
+        found = other.read()
+        if found is None:
+            return
+        make_folder(str(self.path))
+        name = found[1]["modes"]
+        take(other.path / name, self.path / name)
+        take(other.model, self.model)
+        self._remove_other_modes(name)
+
+    def _remove_other_modes(self, name: str) -> None:
+        for other in self.path.glob("modes-*"):
+            if other.name != name:
+                other.unlink(missing_ok=True)
+
+
+def extent_of(structure: Structure) -> list[int]:
+    """Return how much of a structure is known: modes computed and proved; samples and coupling, if any.  Local."""
+    has_made = (int((name, structure.seen) in structure.kept) for name in (SAMPLED, COUPLED))
+    return [structure.n_computed, structure.n_proved, *has_made]
+
+
+def read_modes(path: Path) -> np.ndarray | None:
+    """Return modes from their file, None where it is gone or damaged.  Rank 0."""
+    with suppress(OSError):
+        found = read_record(path)
+        return None if found is None else found[0]["phi"]
+    return None
+
+
+def take(source: Path, target: Path) -> None:
+    """Give a file a second name, in place of what has it, or copy it where the file system has but one name each.  Rank 0."""
+    beside = target.with_name(f"{target.name}-{uuid.uuid4().hex[:12]}.part")
+    try:
+        try:
+            os.link(source, beside)
+        except OSError:
+            shutil.copyfile(source, beside)
+        os.replace(beside, target)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -1,0 +1,180 @@
+"""A stuck structure as arrays and texts: all that a response needs of it but what is as large as its mesh, and static columns.
+
+Everything is small, and whole on every rank.  The structure that is made of it again has its matrices, factor and modes over all
+DOFs made when they are first needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..continuation.checkpoint import over, under
+from ..library.build import Structure
+from ..mesh.data import ContactPairs
+from ..receptance.modes import SeenModes
+from ..receptance.observed import Observed
+from ..receptance.per_group import PerGroup
+from ..receptance.static_response import StaticResponse
+from ..receptance.structural_coupling import StructuralCoupling
+from ..reduction.enriched_model import COUPLED, SAMPLED, Samples
+from ..reduction.reduction import Basis
+from ..reduction.stuck import OnDemand, StuckStructure, pair_columns
+from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
+from ..statics.bolts import BoltsAtRest
+from .records import Arrays
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..scene.schema import Scene
+
+_OF_MESH = ("weights1", "weights2", "notes")  # of pairs: assembly alone needs them
+_COUNTS = ("n_modes", "n_proved")
+_MADE: dict[str, type] = {SAMPLED: Samples, COUPLED: StructuralCoupling}  # what is made of a group once, by its key
+
+
+# -- to arrays -----------------------------------------------------------------------------------------------------
+
+
+def to_arrays(structure: Structure, basis: Basis | None = None) -> tuple[Arrays, dict[str, Any]]:
+    """Return the arrays and texts of a structure, and of the basis of a Galerkin method.  Local, on rank 0."""
+    tables = _tables_of(structure)
+    parts: dict[str, Any] = {"pairs": structure.pairs, "observed": structure.observed, **tables}
+    arrays = {"n_dof": np.array(structure.n_dof), "has_mesh": np.array(structure.has_mesh)}
+    if structure.numbers is not None:
+        arrays["numbers"] = structure.numbers
+    for group, stuck in structure.made_groups.items():
+        arrays |= over(f"group/{structure.per_group.groups.index(group)}", _of_group(stuck))
+    texts: dict[str, Any] = {"joint": list(structure.pairs.joint), "laws": list(map(str, structure.pairs.laws))}
+    texts |= {name: list(table.names) for name, table in tables.items()}
+    if basis is not None:
+        parts["basis"] = basis.modes
+        texts["basis"] = [basis.unknowns, basis.leaves_out]
+    for name, part in parts.items():
+        arrays |= over(name, numbers_of(part)) if part is not None else {}
+    return arrays, texts
+
+
+def _of_group(stuck: StuckStructure) -> Arrays:
+    """Return the arrays of one group of harmonics."""
+    arrays = {name: np.array(getattr(stuck, name)) for name in _COUNTS}
+    made = {name: stuck.kept.get((name, stuck.seen)) for name in _MADE}
+    for name, part in {"seen": stuck.seen, "statics": stuck.statics, **made}.items():
+        arrays |= over(name, numbers_of(part)) if part is not None else {}
+    return arrays
+
+
+def _tables_of(structure: Structure) -> dict[str, BoltsAtRest | JointsAtRest | BodiesAtRest]:
+    """Return what is known of the equilibrium at rest."""
+    tables: dict[str, Any] = {} if structure.bolts is None else {"bolts": structure.bolts}
+    balance = structure.balance
+    return tables if balance is None else tables | {"across_joints": balance.joints, "on_bodies": balance.bodies}
+
+
+def numbers_of(of: Any) -> Arrays:
+    """Return what a dataclass holds of numbers, by path: arrays, single ones, and those of what it holds in turn."""
+    arrays: Arrays = {}
+    for field in fields(of):
+        value = getattr(of, field.name)
+        if field.name in _OF_MESH or value is None:
+            continue
+        if is_dataclass(value):
+            arrays |= over(field.name, numbers_of(value))
+        elif isinstance(value, Mapping):
+            arrays |= over(field.name, value)
+        elif isinstance(value, tuple) and value and isinstance(value[0], np.ndarray):
+            arrays |= over(field.name, {str(i): each for i, each in enumerate(value)})
+        elif isinstance(value, (np.ndarray, float, int, bool, np.generic)) and np.asarray(value).dtype.kind in "iufbc":
+            arrays[field.name] = np.asarray(value)
+    return arrays
+
+
+# -- and back ------------------------------------------------------------------------------------------------------
+
+
+def structure_of(
+    arrays: Arrays,
+    texts: Mapping[str, Any],
+    scene: Scene,
+    comm: MPI.Comm,
+    factored: Callable[[Hashable], OnDemand],
+    others: PerGroup[StuckStructure] | None = None,
+) -> Structure:
+    """Return the structure of arrays and texts, the same on every rank, without static columns.  Local.
+
+    Parameters
+    ----------
+    factored : returns what makes the large parts of a group of harmonics
+    others : makes the groups that are not among the arrays; None: the structure has one group
+    """
+    bolts, balance, observed = None, None, under("observed", arrays)
+    if "bolts" in texts:
+        bolts = BoltsAtRest(tuple(texts["bolts"]), **under("bolts", arrays))
+    if "across_joints" in texts:
+        joints = JointsAtRest(tuple(texts["across_joints"]), **under("across_joints", arrays))
+        balance = Balance(joints, BodiesAtRest(tuple(texts["on_bodies"]), **under("on_bodies", arrays)))
+    whole: dict[str, Any] = {
+        "scene": scene,
+        "comm": comm,
+        "n_dof": int(arrays["n_dof"]),
+        "has_mesh": bool(arrays["has_mesh"]),
+        "numbers": arrays.get("numbers"),
+        "pairs": pairs_of(arrays, texts),
+        "observed": Observed(**observed) if observed else None,
+        "bolts": bolts,
+        "balance": balance,
+    }
+    group_ids = PerGroup.single(None).groups if others is None else others.groups
+    stored = {group: under(f"group/{i}", arrays) for i, group in enumerate(group_ids)}
+    groups = {group: _group_of(of_group, comm, factored(group), group, whole) for group, of_group in stored.items() if of_group}
+    if others is None:
+        return groups[group_ids[0]]
+    make = others.of_group
+    per_group = PerGroup(lambda group: groups[group] if group in groups else make(group), others.group_of, group_ids)
+    for group, stuck in groups.items():
+        groups[group] = replace(stuck, groups=per_group)
+    return groups[others.group_of(1)]
+
+
+def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashable, whole: Mapping[str, Any]) -> Structure:
+    """Return the structure of one group of harmonics.  Local."""
+    seen, statics, counts = SeenModes(**under("seen", arrays)), under("statics", arrays), {n: int(arrays[n]) for n in _COUNTS}
+    is_complex = np.iscomplexobj(seen.R_phi) or np.iscomplexobj(statics["out_R"])
+    columns = pair_columns(lambda: factored().linearised, comm, statics["row_sums"], is_complex=is_complex)
+    made: dict[Hashable, Any] = {
+        (name, seen): _made_of(kind, under(name, arrays)) for name, kind in _MADE.items() if under(name, arrays)
+    }
+    return Structure(
+        seen=seen, statics=StaticResponse(columns, **statics), factored=factored, group=group, kept=made, **(counts | whole)
+    )
+
+
+def _made_of(kind: type, arrays: Arrays) -> Any:
+    """Return a dataclass of its arrays, its single numbers as floats."""
+    return kind(**{name: value if value.ndim else float(value) for name, value in arrays.items()})
+
+
+def pairs_of(arrays: Arrays, texts: Mapping[str, Any]) -> ContactPairs:
+    """Return the contact pairs.  Local."""
+    of_pairs = under("pairs", arrays)
+    faces, own = under("faces", of_pairs), under("own", of_pairs)
+    whole = {name: values for name, values in of_pairs.items() if "/" not in name}
+    return ContactPairs(
+        joint=tuple(texts["joint"]),
+        laws=np.array(texts["laws"], dtype=str),
+        faces=tuple(faces[name] for name in sorted(faces, key=int)),
+        own=own,
+        **whole,
+    )
+
+
+def basis_of(arrays: Arrays, texts: Mapping[str, Any]) -> Basis | None:
+    """Return the basis of a Galerkin method; None where there is none.  Local."""
+    if "basis" not in texts:
+        return None
+    unknowns, leaves_out = texts["basis"]
+    return Basis(SeenModes(**under("basis", arrays)), int(unknowns), leaves_out)
