@@ -23,7 +23,7 @@ from microslip.formats.via_meshio import load_meshio
 from microslip.mesh.data import ContactPairs
 from microslip.restart.kept_points import of_point
 from microslip.restart.records import checksum_of, pack
-from microslip.restart.setup import numbers_of
+from microslip.restart.structure_arrays import numbers_of
 from microslip.results.fields import RunRecord, StageRecord, keep_fields
 
 ROOT = Path(__file__).parents[1]
@@ -168,11 +168,14 @@ def _restart(folder: Path) -> list[bytes]:
 
 def _set_up(pairs: ContactPairs) -> tuple[dict[str, np.ndarray], dict]:
     """Return arrays and texts as a set-up has them."""
-    n, family = 3 * pairs.n_pairs, {"omega_n": np.ones(2), "C": np.ones(2), "b": np.ones((2, 1)), "o": np.ones((1, 2))}
-    arrays = over("pairs", numbers_of(pairs)) | over("model/family", {**family, "R_phi": np.ones((n, 2))})
-    arrays |= over("outline", {"n_dof": np.array(9), "omega_n": np.ones(2), "has_mesh": np.array(True)})
-    texts = {"joint": list(pairs.joint), "laws": list(pairs.laws), "selection": ["AllPairs", {}], "leaves_out": "modes"}
-    return arrays, {**texts, "has_bars": False, "notes": []}
+    n, seen = 3 * pairs.n_pairs, {"omega_n": np.ones(2), "b": np.ones((2, 1)), "o": np.ones((1, 2))}
+    statics = {"du_static": np.ones((n, 1)), "out_static": np.ones((1, 1)), "out_R": np.ones((1, n)), "row_sums": np.ones(n)}
+    statics |= {"load_static": np.ones((1, 1)), "outputs_static": np.ones(1)}
+    arrays = over("pairs", numbers_of(pairs)) | over("group/0/seen", {**seen, "R_phi": np.ones((n, 2))})
+    arrays |= over("group/0/statics", statics) | {"group/0/n_modes": np.array(2), "group/0/n_proved": np.array(2)}
+    arrays |= {"n_dof": np.array(9), "has_mesh": np.array(True)}
+    texts = {"joint": list(pairs.joint), "laws": list(pairs.laws), "modes": "modes-1", "extent": [2, 2, 0, 0]}
+    return arrays, {**texts, "joints": [], "is_at_rest": False, "notes": []}
 
 
 def _text(*texts: str) -> Callable[[Path], list[bytes]]:

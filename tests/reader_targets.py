@@ -16,7 +16,6 @@ from mpi4py import MPI
 from microslip.assembly.force_file import forces_on_dofs, forces_on_nodes
 from microslip.assembly.matrix_places import dofs_of_rows, names_nodes
 from microslip.assembly.pair_file import read_pairs
-from microslip.continuation.checkpoint import under
 from microslip.formats.csv_table import read_table
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
@@ -28,12 +27,13 @@ from microslip.mesh.values import COLUMNS, PLACES
 from microslip.messages.errors import CaseError, MicroslipError, ResourceError
 from microslip.points.branch import Point
 from microslip.receptance.static_columns import StaticColumns
+from microslip.reduction.stuck import Factored, OnDemand
+from microslip.restart.columns_file import ColumnsFile
 from microslip.restart.identity import Identity
 from microslip.restart.kept_branch import KeptBranch
-from microslip.restart.kept_columns import KeptColumns
 from microslip.restart.kept_points import to_point
 from microslip.restart.records import Latest, as_written, length_of, read_record, read_records, unpack
-from microslip.restart.setup import left_out_of, modes_of, observed_of, outline_of, pairs_of, selection_of
+from microslip.restart.structure_arrays import basis_of, structure_of
 from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results, refuse_deadly
 from microslip.scene.read import read_scene
@@ -150,19 +150,15 @@ def _set_up(path: Path) -> Any:
     found = read_record(path)
     if found is None:
         return None
-    model = under("model", found[0])
-    return (
-        outline_of(*found),
-        pairs_of(*found),
-        selection_of(found[1]),
-        modes_of(model),
-        observed_of(model),
-        left_out_of(found[0]),
-    )
+    return structure_of(*found, None, MPI.COMM_SELF, lambda group: OnDemand(_nothing)), basis_of(*found)
+
+
+def _nothing() -> Factored:
+    raise AssertionError("a file alone is read")
 
 
 def _columns(path: Path) -> None:
-    KeptColumns(MPI.COMM_SELF, path).restore(StaticColumns(2, 2, lambda pairs: np.zeros((6, 3 * len(pairs)))), slice(None))
+    ColumnsFile(MPI.COMM_SELF, path).restore(StaticColumns(2, 2, lambda pairs: np.zeros((6, 3 * len(pairs)))), is_known=True)
 
 
 def _results(path: Path) -> Any:

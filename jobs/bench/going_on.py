@@ -28,11 +28,18 @@ from mpi4py import MPI
 import microslip.run as story
 from microslip.parallel.agree import on_root
 from microslip.restart import folder as kept
+from microslip.restart.columns_file import ColumnsFile
 from microslip.restart.kept_branch import KeptBranch
-from microslip.restart.kept_columns import KeptColumns
+from microslip.restart.stored_structure import StoredStructure
 from microslip.scene.read import read_scene
 
-KEEPING = ((KeptBranch, "keep"), (KeptBranch, "end"), (KeptColumns, "_keep"), (kept.Restart, "_keep"), (kept.Restart, "finish"))
+KEEPING = (
+    (KeptBranch, "keep"),
+    (KeptBranch, "end"),
+    (ColumnsFile, "_keep"),
+    (StoredStructure, "write"),
+    (kept.Restart, "finish"),
+)
 
 
 class Clock:
@@ -62,7 +69,7 @@ def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
     """Return what a run takes: all of it, its set-up, keeping, going on with a kept set-up.  Collective."""
     clocks = {name: Clock() for name in ("run", "set-up", "keeping", "identity", "going on")}
     patched: list[tuple[Any, str, str]] = [(owner, name, "keeping") for owner, name in KEEPING]
-    patched += [(story, "set_up", "set-up"), (kept, "identity_of", "identity"), (kept, "restored", "going on")]
+    patched += [(story, "build", "set-up"), (kept, "identity_of", "identity"), (kept.Restart, "_restored", "going on")]
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in patched]
     try:
         for owner, name, of in patched:

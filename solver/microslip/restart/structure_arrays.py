@@ -149,7 +149,7 @@ def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashabl
         (name, seen): _made_of(kind, under(name, arrays)) for name, kind in _MADE.items() if under(name, arrays)
     }
     return Structure(
-        seen=seen, statics=StaticResponse(columns, **statics), factored=factored, group=group, kept=made, **(counts | whole)
+        seen=seen, statics=StaticResponse(columns, **statics), factored=factored, group=group, kept=made, **{**counts, **whole}
     )
 
 
