@@ -116,8 +116,8 @@ def test_abaqus_sets_surfaces_and_numbers(tmp_path):
     assert mesh.numbers[mesh.node_groups["low"]].tolist() == [10, 20, 30, 40]
     assert mesh.numbers[mesh.node_groups["of_wedge"]].tolist() == [20, 30, 60, 70, 90, 100]
     assert {block.kind: mesh.numbers[block.nodes].tolist() for block in mesh.faces if block.group == "top"} == {
-        "quad4": [[50, 80, 70, 60]],
-        "tri3": [[60, 70, 100]],
+        "quad4": [[50, 60, 70, 80]],
+        "tri3": [[60, 100, 70]],
     }
     assert any("SPRINGA" in note for note in mesh.notes)
 
