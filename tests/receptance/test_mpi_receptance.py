@@ -323,6 +323,40 @@ def test_groups_of_other_harmonics_are_made_when_they_are_needed():
     assert damped.receptance_of(3).static is wider.receptance_of(3).static and made == [1, 0, 2]
 
 
+@pytest.mark.parametrize("full", [False, True], ids=["modal", "full"])
+def test_the_conjugate_receptance_is_that_of_conjugate_matrices(full):
+    """G of nodal diameter N - d from that of d, against a receptance built from conjugate arrays; static columns are shared."""
+    base, harmonics = receptance(modes_of(1, 4, full, is_complex=True)), Harmonics((1, 2, 5))
+    modes, static = base.modes, base.static
+    reference = Receptance(
+        DampedModes(modes.omega_n, Damping(modes.damping.C.conj()), modes.R_phi.conj(), modes.b.conj(), modes.o.conj()),
+        replace(
+            static,
+            G_static=StaticColumns(
+                N_PAIRS, static.G_static.n_owned, lambda of: static.G_static.solve(of).conj(), is_complex=True
+            ),
+            **{name: getattr(static, name).conj() for name in ("du_static", "out_static", "out_R", "load_static")},
+        ),
+    )
+    view, dense = (model_of(each, harmonics=harmonics) for each in (base.conjugated(), reference))
+    G, G_dense = (ReceptanceColumns(model, OMEGA, ACTIVE) for model in (view, dense))
+    p, x = random(5, 3 * len(ACTIVE), view.N_H), random(6, view.owned.stop - view.owned.start, 3, view.N_H)
+    assert np.allclose(G.matrix(), G_dense.matrix(), rtol=1e-13, atol=1e-13)
+    assert np.allclose(whole(G.apply(p)).reshape(-1), whole(G_dense.apply(p)).reshape(-1), rtol=1e-12, atol=1e-13)
+    assert np.allclose(G.apply_transposed(x), G_dense.apply_transposed(x), rtol=1e-12, atol=1e-13)
+    assert np.allclose(ActiveColumns(G, np.float64).apply(p), ActiveColumns(G_dense, np.float64).apply(p), rtol=1e-12, atol=1e-13)
+    # one memory: what either requires is known to both, and twice conjugated is the receptance itself
+    columns, twice = view.receptance_of(1).static.G_static, view.receptance_of(1).conjugated()
+    assert columns.known is static.G_static.known and static.G_static.known[ACTIVE].all() and columns.batches == 0
+    assert twice.static.G_static is static.G_static
+    assert np.array_equal(twice.modes.R_phi, modes.R_phi)
+
+
+def test_a_real_receptance_is_its_own_conjugate():
+    real = receptance(modes_of(1, 4))
+    assert real.conjugated() is real
+
+
 def test_one_group_has_all_columns_without_a_copy():
     model = MODELS["modal"]()
     (group,) = model.groups

@@ -88,6 +88,10 @@ class Damping:
         """Return it with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""
         return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma), self.S)
 
+    def conjugated(self) -> Damping:
+        """Return the damping of the complex conjugate modes."""
+        return Damping(self.C.conj(), None if self.S is None else self.S.conj())
+
     def apply(self, eta: np.ndarray) -> np.ndarray:
         """Return phi^H C phi eta, (m, n) both."""
         return self.C @ eta if self.couples_modes else self.C[:, None] * eta

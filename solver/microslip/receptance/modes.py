@@ -55,6 +55,10 @@ class DampedModes:
         """Return the same modes with sigma M [1/s] added to the damping matrix.  Local."""
         return replace(self, damping=self.damping.plus(sigma))
 
+    def conjugated(self) -> DampedModes:
+        """Return the modes of the complex conjugate matrices, as their conjugates.  Local."""
+        return DampedModes(self.omega_n, self.damping.conjugated(), self.R_phi.conj(), self.b.conj(), self.o.conj())
+
     def flexibility(self, harmonics: Harmonics, omega: float) -> DynamicFlexibility:
         """Return c_n of (4.1) of a set of harmonics at ``omega`` [rad/s].  Local."""
         return DynamicFlexibility(self.omega_n, self.damping, harmonics.numbers, omega)

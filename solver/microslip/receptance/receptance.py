@@ -35,6 +35,13 @@ class Receptance:
         """Return the same with sigma M [1/s] added to the damping matrix."""
         return replace(self, modes=self.modes.with_damping(sigma))
 
+    def conjugated(self) -> Receptance:
+        """Return the receptance of conj(K_L), conj(M) and conj(C) under conjugate load vectors: of nodal diameter N - d from d.
+
+        The static columns, by far the most memory, are a view of those here.  A real receptance is its own conjugate.
+        """
+        return Receptance(self.modes.conjugated(), self.static.conjugated()) if self.is_complex else self
+
     def modal_forces(self, f: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
         """Return phi^H (f - R^H p), (m, N_H), for loads (n_loads, N_H) and forces of the pairs (3 n_pairs, N_H)."""
         q = matrix_times(self.modes.b, f)

@@ -104,6 +104,45 @@ class StaticColumns:
         """Return a copy of the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N].  Collective where some are new."""
         return self.chosen(pairs).columns(np.arange(3 * self.n_owned))
 
+    def conjugated(self) -> StaticColumns:
+        """Return a view of the complex conjugate of G_static: no column is copied or solved for twice.  Local."""
+        return ConjugateStaticColumns(self) if self.is_complex else self
+
+
+class ConjugateStaticColumns(StaticColumns):
+    """The complex conjugate of G_static, as a view of the columns of ``base``, which solves for them and counts its solutions.
+
+    The groups of nodal diameters d and N - d have conjugate receptances.
+    """
+
+    def __init__(self, base: StaticColumns):
+        super().__init__(0, base.n_owned, lambda pairs: base.solve(pairs).conj(), base.batch, is_complex=True)
+        self._base, self.known, self.stored = base, base.known, base.stored
+
+    def expect(self, pairs: np.ndarray) -> None:
+        """Order the missing pairs of both, as :meth:`StaticColumns.expect`.  Local."""
+        self._base.expect(pairs)
+
+    def tell(self, hears: Callable[[np.ndarray], None]) -> None:
+        """Tell of the columns of both, as :meth:`StaticColumns.tell`.  Local."""
+        self._base.tell(hears)
+
+    def require(self, pairs: np.ndarray) -> None:
+        """Solve for missing columns of both, as :meth:`StaticColumns.require`.  Collective."""
+        self._base.require(pairs)
+
+    def store(self, pairs: np.ndarray, columns: np.ndarray) -> None:
+        """Store the conjugates of ``columns`` in the base, as :meth:`StaticColumns.store`.  Local."""
+        self._base.store(pairs, columns.conj())
+
+    def of_stored(self, pairs: np.ndarray) -> ChosenColumns:
+        """Return the conjugates of stored columns of ``pairs`` (m,), which are not copied.  Local."""
+        return ConjugateColumns.of_columns(self._base.of_stored(pairs))
+
+    def conjugated(self) -> StaticColumns:
+        """Return the columns of which these are a view.  Local."""
+        return self._base
+
 
 class ChosenColumns(Rows):
     """Rows of this rank of the columns of some pairs, as the rows of the transposed matrix, (3 m, 3 n_owned) [m/N]."""
@@ -160,3 +199,29 @@ class ComplexColumns(ChosenColumns):
         """Return a copy of the rows ``wanted`` (k,) of G, transposed, complex (3 m, k)."""
         both = (2 * np.asarray(wanted)[:, None] + np.arange(2)).ravel()
         return super().columns(both).view(complex)
+
+
+class ConjugateColumns(ComplexColumns):
+    """The complex conjugates of complex columns, of the same memory: conj(G) p is the conjugate of G conj(p)."""
+
+    @classmethod
+    def of_columns(cls, base: ChosenColumns) -> ConjugateColumns:
+        """Return the conjugates of ``base``, which is complex.  Local."""
+        return cls(base._places, base.n_rows, base._kept, base.largest)
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return the real coefficients of conj(G) p, (n_rows, N_H) [m]; there is no mean."""
+        return _conjugate(super().apply(_conjugate(p)))
+
+    def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
+        """Return this rank's part of the real coefficients of G^T x, (3 m, N_H); there is no mean."""
+        return _conjugate(super().apply_adjoint(_conjugate(x)))
+
+    def columns(self, wanted: np.ndarray) -> np.ndarray:
+        """Return a copy of the rows ``wanted`` (k,) of conj(G), transposed, complex (3 m, k)."""
+        return super().columns(wanted).conj()
+
+
+def _conjugate(q: np.ndarray) -> np.ndarray:
+    """Return the coefficients (n, N_H) of conjugate amplitudes cos + i sin, for harmonics without a mean."""
+    return q * np.where(np.arange(q.shape[1]) % 2, -1.0, 1.0)

@@ -20,3 +20,9 @@ class StaticResponse:
     load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
     outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
     row_sums: np.ndarray | None = None  # (3 n_pairs,) of G_static with random signs [m/N]; None where it is not solved for
+
+    def conjugated(self) -> StaticResponse:
+        """Return the response of the complex conjugate stiffness; ``G_static`` is a view.  Local."""
+        arrays = (self.du_static, self.out_static, self.out_R, self.load_static, self.outputs_static)
+        sums = None if self.row_sums is None else self.row_sums.conj()
+        return StaticResponse(self.G_static.conjugated(), *(values.conj() for values in arrays), row_sums=sums)
