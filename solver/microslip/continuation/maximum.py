@@ -66,7 +66,7 @@ class Maximum:
         return _Search(self, corrector, system, is_patient).maximum(guess)
 
     def rates(self, system: BorderedSystem, there: Iterate) -> Rates | None:
-        """Return the output and its rates at a solution, with dU/dnu = -J^-1 dr/dnu; None where J is singular.  Collective."""
+        """Return the output and its rates at a solution, eq. (7.7), dU/dnu = -J^-1 dr/dnu; None if J is singular.  Collective."""
         problem, units, scaling = system.problem, np.array(system.scaling.parameters), system.scaling
         at = problem.at(there.parameters)
         equation = system.equation.under(at)
@@ -254,7 +254,7 @@ class _Search:
 
 
 def crossing(low: Sample, high: Sample) -> float:
-    """Return where the tangents of the amplitude at two solutions cross, between them; the middle where they do not."""
+    """Return where the tangents of the amplitude at two solutions cross, eq. (7.8), between them; else the middle."""
     width = high.t - low.t
     way = np.divide(high.size - low.size - high.slope * width, low.slope - high.slope) if low.slope != high.slope else np.nan
     return low.t + float(way) if 0.0 < way < width else 0.5 * (low.t + high.t)
