@@ -23,6 +23,12 @@ class StaticResponse:
 
     def conjugated(self) -> StaticResponse:
         """Return the response of the complex conjugate stiffness; ``G_static`` is a view.  Local."""
-        arrays = (self.du_static, self.out_static, self.out_R, self.load_static, self.outputs_static)
-        sums = None if self.row_sums is None else self.row_sums.conj()
-        return StaticResponse(self.G_static.conjugated(), *(values.conj() for values in arrays), row_sums=sums)
+        return StaticResponse(
+            G_static=self.G_static.conjugated(),
+            du_static=self.du_static.conj(),
+            out_static=self.out_static.conj(),
+            out_R=self.out_R.conj(),
+            load_static=self.load_static.conj(),
+            outputs_static=self.outputs_static.conj(),
+            row_sums=None if self.row_sums is None else self.row_sums.conj(),
+        )
