@@ -8,8 +8,9 @@ import sys
 if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
     # the folder of a scene is no place for modules: python -m puts it before all others
     sys.path[:] = [folder for folder in sys.path if folder not in ("", os.getcwd())]
-    from microslip.system.start import stop_at_once
+    from microslip.system.start import open_streams, stop_at_once
 
+    open_streams()
     stop_at_once()
 
 from contextlib import suppress

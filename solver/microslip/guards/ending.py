@@ -120,10 +120,9 @@ def leave(status: int) -> NoReturn:
 
     After a signal at once: a solver that it interrupted can neither go on nor be freed.
     """
+    status = max(status, _flush())
     if not _INTERRUPTED:
         sys.exit(status)
-    sys.stdout.flush()
-    sys.stderr.flush()
     with suppress(ImportError):
         from mpi4py import MPI
 
@@ -131,9 +130,28 @@ def leave(status: int) -> NoReturn:
     os._exit(status)
 
 
+def _flush() -> int:
+    """Write what standard output and error still hold; return the status of the problem where that fails, else 0.  Local.
+
+    What cannot be written is dropped: the interpreter would try again at its end, and exit with a status of its own.
+    """
+    status = 0
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError as problem:
+            expected_problem = expected(problem) or ResourceError(f"standard output or error: {problem.strerror}")
+            drop_output(stream.fileno())
+            if stream is sys.stdout:
+                _say(str(expected_problem))
+            status = max(status, expected_problem.exit_status)
+    return status
+
+
 def _say(text: str) -> None:
     """Write a problem to standard error at once."""
-    sys.stdout.flush()
+    with suppress(OSError):
+        sys.stdout.flush()
     plain = "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in text)
     sys.stderr.write(f"microslip: error: {plain}\n")  # names of a file may hold what steers a terminal
     sys.stderr.flush()

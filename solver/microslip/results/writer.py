@@ -211,5 +211,5 @@ def write_texts(group: h5py.Group, name: str, texts) -> None:
 
 
 def _clean(text: str) -> str:
-    """Return a text that HDF5 can hold: it would end at a zero byte."""
-    return text.replace("\0", "\ufffd")
+    """Return a text that HDF5 can hold: it would end at a zero byte, and bytes of a file's name need not be UTF-8."""
+    return text.replace("\0", "\ufffd").encode(errors="backslashreplace").decode()

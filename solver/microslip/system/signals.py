@@ -40,6 +40,7 @@ def obey_signals(is_first: bool = True) -> None:
     for number, answer in (*((number, _stop) for number in STOPPING), (signal.SIGUSR1, _save)):
         ignored = signal.getsignal(number) == signal.SIG_IGN
         signal.signal(number, signal.SIG_IGN if ignored else answer)
+    signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc's handler ends the process; without it the write fails
 
 
 def asked_to_save() -> bool:

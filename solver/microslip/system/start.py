@@ -5,6 +5,7 @@ This module imports next to nothing, so that signals are answered from the first
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 import sys
@@ -18,6 +19,24 @@ def launcher_rank() -> int:
     """Return this process's rank as its launcher tells it: known before MPI starts, and without MPI.  Local."""
     ranks = [os.environ[name] for name in _LAUNCHERS if os.environ.get(name, "").isdigit()]
     return int(ranks[0]) if ranks else 0
+
+
+def open_streams() -> None:
+    """Open /dev/null in the place of standard streams that the caller closed, and let any name be printed.  Local.
+
+    Without that MPI's sockets would take the numbers of the closed ones, and be written to.  A letter that the stream's
+    encoding lacks is written as an escape.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest free number, which is this one
+    sys.stdout = sys.stdout or open(1, "w", closefd=False)
+    sys.stderr = sys.stderr or open(2, "w", closefd=False)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def stop_at_once() -> None:

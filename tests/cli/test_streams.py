@@ -1,0 +1,61 @@
+"""Standard streams that are closed, full or no longer read: one message, the status of the problem, no traceback."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from block_scenes import OF_CALCULIX, write_scene
+from processes import LIMIT, environment
+
+pytestmark = pytest.mark.ranks(1)
+
+
+@pytest.fixture
+def scene(tmp_path):
+    return write_scene(tmp_path, OF_CALCULIX)
+
+
+def shell(line: str, cwd, **variables) -> subprocess.CompletedProcess:
+    """Run a line of bash, in which ``microslip`` is the program; the status is that of the first command of a pipe."""
+    program = f'microslip() {{ "{sys.executable}" -m microslip "$@"; }}; {line}; exit ${{PIPESTATUS[0]}}'
+    env = environment() | variables
+    return subprocess.run(["bash", "-c", program], cwd=cwd, env=env, capture_output=True, text=True, timeout=LIMIT, check=False)
+
+
+def test_output_that_nobody_reads_stops_a_run(scene):
+    done = shell(f"microslip run {scene} --out out | head -c 1", scene.parent)
+    assert done.returncode == 5 and done.stderr.strip().endswith("the reader of the output went away")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+@pytest.mark.parametrize("command", ["check scene.toml", "diff results.h5 results.h5 --help"])
+def test_full_output(scene, command):
+    done = shell(f"microslip {command} > /dev/full", scene.parent)
+    assert done.returncode == 4 and "No space left on device" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_closed_streams(scene):
+    wrong = shell("microslip check absent.toml >&-", scene.parent)
+    assert wrong.returncode == 2 and "absent.toml" in wrong.stderr and "Traceback" not in wrong.stderr
+    done = shell(f"microslip run {scene} --out out 2>&-", scene.parent)
+    assert done.returncode == 0 and done.stdout.rstrip().endswith("done")
+
+
+@pytest.mark.parametrize(
+    "variables", [{"PYTHONIOENCODING": "latin-1"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
+)
+def test_encodings_that_lack_letters(scene, variables):
+    odd = scene.with_name("Ωmega.toml")
+    odd.write_bytes(scene.read_bytes())
+    for command in (f"check {odd.name}", f"run {odd.name} --out out"):
+        done = shell(f"microslip {command}", scene.parent, **variables)
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_scene_whose_name_is_no_text(scene):
+    odd = os.fsencode(scene.parent) + b"/sc\xff.toml"
+    with open(odd, "wb") as file:
+        file.write(scene.read_bytes())
+    done = shell("microslip run sc$'\\xff'.toml --out out", scene.parent)
+    assert done.returncode == 0, done.stderr
