@@ -15,6 +15,7 @@ from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
 from ..linear.factor import KnownFactor
 from ..linear.joint_springs import Linearised, joint_stiffness, linearise
+from ..linear.soft_modes import SoftModes
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
@@ -24,6 +25,7 @@ from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.petsc import everyone
+from ..points.band import frequency_band
 from ..reduction.choose_modes import choose_modes
 from ..reduction.memory_of_modes import memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
@@ -141,7 +143,9 @@ def rebuilt(
     parts = _without_reference(assembled(scene, comm, log), False)
     linearised = factor_of(parts, log, cached=cached, has_later=False)
     with log.stage("modes"):
-        return Factored(linearised, modes_of(linearised), parts.mesh)
+        modes = modes_of(linearised)
+    correct_soft_modes(linearised, modes, parts.scene)
+    return Factored(linearised, modes, parts.mesh)
 
 
 def _without_reference(parts: Assembled, keeps_reference: bool) -> Assembled:
@@ -199,10 +203,20 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
             reference=parts.reference,
         )
         structure, why = choose_modes(structure, settings)
+        if correct_soft_modes(linearised, structure.modes, parts.scene):
+            structure, why = choose_modes(replace(structure, statics=static_response(linearised)), settings)
     for note in filter(None, (*structure.modes.info.get("said", ()), why)):
         log.note(note)
     free_if_dropped(structure.comm, linearised.factor)
     return structure
+
+
+def correct_soft_modes(linearised: Linearised, modes: Modes, scene: Scene) -> bool:
+    """Make static solutions exact in the modes far below the response's range; return whether there are any.  Collective."""
+    lowest = frequency_band(reduction_settings(scene).band, modes.omega_n)[0] if len(modes.omega_n) else 0.0
+    of_system = linearised.system.comm, linearised.M
+    linearised.factor.soft_modes = SoftModes.of(*of_system, modes.omega_n, modes.phi_owned, 2.0 * np.pi * lowest)
+    return linearised.factor.soft_modes is not None
 
 
 def factor_in_words(info: dict[str, Any]) -> str:

@@ -18,6 +18,7 @@ from .free_motion import explain_singular, is_singular
 from .mumps import SINGULAR
 from .ordering import Elimination
 from .random_signs import random_signs
+from .soft_modes import SoftModes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -54,6 +55,7 @@ class Factor:
     A : PETSc.Mat (n_dof, n_dof), kept by the caller
     info : ordering, entries, memory [MB], seconds of the factorisation, lines on what was done for want of memory; solves,
         seconds and worst residual since
+    soft_modes : by which solutions are corrected, where the structure is held softly; None: by none
     """
 
     def __init__(
@@ -86,6 +88,7 @@ class Factor:
         self.A, self.what = A, what
         self.comm = A.comm.tompi4py()
         self._solver: DirectSolver | None = None
+        self.soft_modes: SoftModes | None = None
         self.diagonal_owned = diagonal_owned(A)
         if known is not None and self._takes(known):
             return
@@ -169,8 +172,11 @@ class Factor:
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
         """Return the entries of A^-1 in some rows and columns, (n_rows, n_columns) on rank 0, (0, 0) elsewhere; unchecked.
 
-        Collective on A's communicator.  None, on every rank, where the factor cannot give them: :class:`.direct.DirectSolver`.
+        Collective on A's communicator.  None, on every rank, where the factor cannot give them: :class:`.direct.DirectSolver`,
+        and where solutions are corrected by ``soft_modes``.
         """
+        if self.soft_modes is not None:
+            return None
         return self.solver.inverse_entries(rows, columns)
 
     def _checked(self, B_owned, X_owned: np.ndarray, start: float) -> np.ndarray:
@@ -193,7 +199,7 @@ class Factor:
         self.info["solves"] += X_owned.shape[1]
         self.info["solve_seconds"] += perf_counter() - start
         self.info["residual"] = max(self.info["residual"], error)
-        return X_owned
+        return X_owned if self.soft_modes is None else self.soft_modes.corrected(X_owned, B_owned)
 
     def relative_residual(self, B_owned, X_owned: np.ndarray) -> tuple[float, float]:
         """Return the largest |A x - b| / |b| of the columns (the root of the sum of squares, if many), and that of rounding.
