@@ -8,6 +8,8 @@ import scipy.sparse as sp
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
 
+FEW = 0.1  # share of a joint's pairs up to which they are the edge of a clamped body, and no warning
+
 
 def fixed_by_nodes(pairs: ContactPairs, is_fixed: np.ndarray) -> np.ndarray:
     """Return which pairs have no free DOF on either side, (n_pairs,) bool.  Local.
@@ -42,8 +44,9 @@ def notes_on_fixed(pairs: ContactPairs, is_fixed: np.ndarray, source: str) -> tu
                 "[[supports]] in the scene, they replace those of the file)"
             )
         if n_fixed:
+            warning = "WARNING: " if n_fixed > FEW * n else ""
             notes.append(
-                f"WARNING: joint {name!r}: supports fix both sides of {n_fixed} of its {n} pairs ({100 * n_fixed / n:.0f} %); "
+                f"{warning}joint {name!r}: supports fix both sides of {n_fixed} of its {n} pairs ({100 * n_fixed / n:.0f} %); "
                 "these pairs never slip or separate"
             )
     return tuple(notes)
