@@ -72,6 +72,12 @@ def test_joint_stiffness_runs_over_directions_first():
     assert joint_stiffness(pairs)[:6].tolist() == [2.0, 2.0, 5.0, 2.0, 2.0, 5.0]
 
 
+@pytest.mark.parametrize("stiffness", [1e20, 1e300])
+def test_springs_beside_which_the_structure_is_lost_in_rounding_are_refused(stiffness):
+    with pytest.raises(CaseError, match="joint 'cut': tangential_stiffness: pair 0 has a spring of .* lost in rounding"):
+        linearise(*lattices.lattice(comm, SHAPE, k_t=stiffness))
+
+
 def test_negative_and_infinite_input_is_refused():
     system, pairs = lattices.lattice(comm, SHAPE, k_t=-1.0)
     with pytest.raises(CaseError, match="'cut'.*-1.0 N/m of pair 0"):

@@ -17,6 +17,8 @@ from .analysis import FactorMemory
 from .factor import Factor, KnownFactor
 from .mumps import ADVICE
 
+STIFFEST = 1e9  # a spring of a joint over the norm of the stiffness matrix
+
 # bytes an entry of K
 MADE = 25.0  # K_L while the springs are added: twice
 KEPT = 12.0  # K_L
@@ -72,9 +74,11 @@ def linearise(
     K_J = joint_stiffness(pairs)
     if len(K_J) != system.R.shape[0]:
         raise CaseError(f"R has {system.R.shape[0]} rows for {pairs.n_pairs} pairs; it needs three a pair")
-    for name, matrix in (("stiffness matrix", system.K), ("mass matrix", system.M)):
-        if not np.isfinite(matrix.norm(PETSc.NormType.FROBENIUS)):
-            raise CaseError(f"the {name} has entries that are not finite numbers; check the material data and the mesh")
+    size = {name: matrix.norm(PETSc.NormType.FROBENIUS) for name, matrix in (("stiffness", system.K), ("mass", system.M))}
+    for name, norm in size.items():
+        if not np.isfinite(norm):
+            raise CaseError(f"the {name} matrix has entries that are not finite numbers; check the material data and the mesh")
+    _refuse_too_stiff(K_J, pairs, size["stiffness"], where)
     refuse_beyond(system.comm, memory_before_factor(system.K), "K_L, the stiffness with all pairs stuck", ADVICE)
     springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
     K_L = add_springs(system.K, springs)
@@ -111,6 +115,18 @@ def joint_stiffness(pairs: ContactPairs) -> np.ndarray:
                 "it must be a finite number, not negative"
             )
     return pairs.law.stiffness.ravel()
+
+
+def _refuse_too_stiff(K_J: np.ndarray, pairs: ContactPairs, size: float, where: str) -> None:
+    """Raise CaseError for a spring beside which the structure's stiffness is lost in rounding.  Local; the same on every rank."""
+    worst = int(np.argmax(K_J)) if len(K_J) else 0
+    if size > 0.0 and len(K_J) and K_J[worst] > STIFFEST * size:
+        key = "normal_stiffness" if worst % 3 == 2 else "tangential_stiffness"
+        raise CaseError(
+            f"{where}: joint {pairs.joint[worst // 3]!r}: {key}: pair {worst // 3} has a spring of {K_J[worst]:.1e} N/m, the "
+            f"structure's stiffness matrix a norm of {size:.1e} N/m: beside the spring it is lost in rounding; state at most "
+            f"{STIFFEST * size / K_J[worst]:.0e} of that stiffness"
+        )
 
 
 def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
