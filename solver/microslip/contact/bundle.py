@@ -64,7 +64,7 @@ class Bundle:
         """Return what belongs to each element as (..., n, size)."""
         return values.reshape(*values.shape[:-1], -1, self.size)
 
-    def take(self, indices) -> Bundle:
+    def take(self, indices: np.ndarray | slice) -> Bundle:
         """Return the elements of some pairs: an index array, a mask or a slice.  Local."""
         chosen = np.arange(self.n_pairs)[indices]
         return replace(self, elements=self.elements.take((chosen[:, None] * self.size + np.arange(self.size)).ravel()))
@@ -87,7 +87,7 @@ class Bundle:
         parts = [slice(i, i + step) for i in range(0, self.n_pairs, step)]
         return _joined([self.take(part)._cycle_of_part(U[part], n_samples, tangents, harmonics) for part in parts])
 
-    def _cycle_of_part(self, U, n_samples, tangents, harmonics) -> ContactCycle:
+    def _cycle_of_part(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
         """Return eq. (3.10) of a motion U (n, 3, N_H), from the elements that come to touch; the others carry nothing.  Local."""
         n, _, N_H = U.shape
         touching = np.flatnonzero(self._touch(U, n_samples, harmonics))
@@ -111,7 +111,7 @@ class Bundle:
             P[:, i, i] += of_gaps[:, None]
         return ContactCycle(p, state, active, P, creeps)
 
-    def _touch(self, U, n_samples, harmonics) -> np.ndarray:
+    def _touch(self, U: np.ndarray, n_samples: int, harmonics: Harmonics | None) -> np.ndarray:
         """Return which elements touch at a sample, (n, size): of those with a gap; the others are taken to."""
         if not self.has_gap.any():
             return ~self.has_gap

@@ -41,7 +41,7 @@ class CombinedLaw:
         """The springs of a pair that touches, (n, 3) [N/m]."""
         return self._together(lambda law, own: law.springs)
 
-    def take(self, indices) -> Law:
+    def take(self, indices: np.ndarray | slice) -> Law:
         """Return the law of some pairs, an index array, a mask or a slice; that of their part where they share one.  Local."""
         chosen = np.arange(self.n_pairs)[indices]
         part_of, place = np.empty((2, self.n_pairs), dtype=np.intp)

@@ -41,7 +41,7 @@ class ElasticCoulomb:
     k_ty: np.ndarray | None = None  # (n,) tangential stiffness along y, where limits are separate [N/m]; None: k_t
     mu_y: np.ndarray | None = None  # (n,) friction coefficient along y, where limits are separate [-]; None: mu
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         n = np.size(self.k_t)
         for name in ("mu", "N0", "k_t", "k_n", "separate"):
             kind = bool if name == "separate" else np.float64
@@ -113,7 +113,7 @@ class ElasticCoulomb:
         """k_y / k_x, (n,): a motion in y takes up as much force as one in x that is so much longer."""
         return np.divide(self._k_xy[:, 1], self.k_t, out=np.ones(self.n_pairs), where=self._k_xy[:, 1] != self.k_t)
 
-    def take(self, indices) -> ElasticCoulomb:
+    def take(self, indices: np.ndarray | slice) -> ElasticCoulomb:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
         names = ("mu", "N0", "k_t", "k_n", "separate", "w0", "apart", "k_ty", "mu_y")
         return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})

@@ -37,7 +37,7 @@ class Iwan(OfElements):
     w0: np.ndarray | None = None  # (n, n_sliders + 1, 2) where they start [m], as elastic-Coulomb sliders do; None: at 0
     bundle: Bundle = field(init=False, repr=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, least in (("F_S", 0.0), ("K_T", 0.0), ("k_n", None), ("chi", -1.0), ("beta", None)):
             values = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
             if np.any(values < 0.0 if least is None else values <= least):
@@ -64,7 +64,7 @@ class Iwan(OfElements):
         """The springs of a pair that touches, (n, 3) [N/m]: those at rest."""
         return self.stiffness
 
-    def take(self, indices) -> Iwan:
+    def take(self, indices: np.ndarray | slice) -> Iwan:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
         names = ("F_S", "K_T", "k_n", "chi", "beta", "w0")
         return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})

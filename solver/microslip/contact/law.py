@@ -49,7 +49,7 @@ class Law(Protocol):
     def order(self) -> int:
         """The order in 1 / N_t at which the harmonics of a cycle converge."""
 
-    def take(self, indices) -> Law:
+    def take(self, indices: np.ndarray | slice) -> Law:
         """Return the law of some of the pairs: an index array, a mask or a slice."""
 
     def followed(self, path: bool) -> Law:

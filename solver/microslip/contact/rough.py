@@ -53,7 +53,7 @@ class Rough(OfElements):
     apart: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs
     bundle: Bundle = field(init=False, repr=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("mu", "N0", "k_t", "k_n", "exponent"):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
         object.__setattr__(self, "separate", np.array(np.broadcast_to(self.separate, self.N0.shape), dtype=bool))
@@ -97,7 +97,7 @@ class Rough(OfElements):
         """The springs of a pair that touches, (n, 3) [N/m]: those at rest, or at the reference."""
         return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
 
-    def take(self, indices) -> Rough:
+    def take(self, indices: np.ndarray | slice) -> Rough:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
         names = ("mu", "N0", "k_t", "k_n", "exponent", "separate", "w0", "reference", "apart")
         return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})

@@ -147,7 +147,7 @@ def _of_preconditioner(made: WholeInverse | PairsPreconditioner) -> Arrays:
     }
 
 
-def _made_again(arrays: Arrays, problem: Problem, exact=None, transposed: bool = False):
+def _made_again(arrays: Arrays, problem: Problem, exact: Any = None, transposed: bool = False) -> Any:
     """Return the preconditioner made there, of the ``transposed`` one if told; ``exact`` gives a better equation.  Collective."""
     omega, level, sigma, *values = map(float, arrays["at"])
     at = OperatingPoint(omega, level, sigma, tuple(zip(problem.law_parameters, values)))

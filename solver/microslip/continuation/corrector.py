@@ -187,7 +187,7 @@ class Corrector:
         self._J.setUp()
         self._snes = self._configure(PETSc.SNES().create(comm))
 
-    def _configure(self, snes):
+    def _configure(self, snes: PETSc.SNES) -> PETSc.SNES:
         snes.setOptionsPrefix("hb_")
         snes.setTolerances(rtol=0.0, atol=self.tolerance, stol=0.0, max_it=MOST_ITERATIONS)
         snes.setConvergenceTest(self._converged)
@@ -200,7 +200,7 @@ class Corrector:
         self._max_it = snes.getTolerances()[3]
         return snes
 
-    def _converged(self, snes, iteration: int, norms) -> PETSc.SNES.ConvergedReason | None:
+    def _converged(self, snes: PETSc.SNES, iteration: int, norms: tuple[float, ...]) -> PETSc.SNES.ConvergedReason | None:
         """Tell SNES when to stop: at the tolerance, or where the residual has fallen too little for some iterations.  Local.
 
         docs/theory.md, eq. (7.6): one more iteration follows where the last step says that the tolerance leaves more in U.
@@ -299,7 +299,7 @@ class Corrector:
 
     # -- SNES callbacks ----------------------------------------------------------------------------------------
 
-    def _residual(self, snes, x, r, system: BorderedSystem) -> None:
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, r: PETSc.Vec, system: BorderedSystem) -> None:
         values, out = x.getArray(readonly=True), r.getArray()
         tangents, self._is_first = self._is_first or self._tangents_at_end, False  # Newton linearises at the guess in any case
         rows, constraints = system.residual(self._motion(values, system.scaling), self._nu(values), tangents)
@@ -307,14 +307,16 @@ class Corrector:
         if self.last:
             out[self.n_U :] = constraints
 
-    def _linearise(self, snes, x, J, B, system: BorderedSystem, exactness: Exactness) -> None:
+    def _linearise(
+        self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, B: PETSc.Mat, system: BorderedSystem, exactness: Exactness
+    ) -> None:
         """Make what a step and the products with the Jacobian are about, until the next linearisation."""
         values = x.getArray(readonly=True)
         linear, border = system.linearise(self._motion(values, system.scaling), self._nu(values))
         self._newton = NewtonSystem(linear, border, system.scaling, exactness)
         J.assemble()
 
-    def _solve_step(self, b, x) -> tuple[int, int]:
+    def _solve_step(self, b: PETSc.Vec, x: PETSc.Vec) -> tuple[int, int]:
         """Solve a Newton system; return GMRES iterations and PETSc's reason.  Collective."""
         values, out, at = b.getArray(readonly=True), x.getArray(), self._newton
         b_U = values[: self.n_U].reshape(self.shape) / at.scaling.rows
@@ -323,7 +325,7 @@ class Corrector:
         self._newton = replace(at, step=step, as_vector=out.copy())
         return step.iterations, step.reason
 
-    def _multiply(self, x, y) -> None:
+    def _multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Apply the Jacobian in scaled unknowns.  Collective: one gather.
 
         The line search asks for the product with the step that was solved for last, which is known.

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -217,7 +217,7 @@ def levels_of_slip(of: ResponseProblem) -> tuple[float, float] | None:
     return float(levels[0]), float(levels[(len(levels) - 1) // 2])
 
 
-def nobody(event: str, *news) -> None:
+def nobody(event: str, *news: Any) -> None:
     """Tell nobody."""
 
 

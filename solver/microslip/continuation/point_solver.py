@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
+from mpi4py import MPI
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
@@ -91,7 +92,7 @@ class PointSolver:
         return self.problem.equation
 
     @property
-    def comm(self):
+    def comm(self) -> MPI.Comm:
         return self.equation.comm
 
     @property

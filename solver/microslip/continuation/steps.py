@@ -33,7 +33,7 @@ class ArcLength:
     turn: float = 0.12  # rad between two steps at which ds is kept: a straighter branch grows it
     easy: int = 4  # Newton iterations at which ds is kept
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not 0.0 < self.ds_min <= self.ds <= self.ds_max:
             raise CaseError(
                 f"[continuation] needs 0 < ds_min <= ds <= ds_max, got ds_min = {self.ds_min:g}, "

@@ -18,7 +18,7 @@ class Harmonics:
 
     chosen: tuple[int, ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         chosen = tuple(int(n) for n in self.chosen)
         if not chosen or chosen[0] < 0 or any(b <= a for a, b in zip(chosen, chosen[1:])):
             raise ValueError(f"harmonics {self.chosen}: at least one is needed, none below 0, each above the one before")

@@ -6,9 +6,12 @@ gathered once an application.  ``p`` and dp/dU vanish where a pair sticks, so th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ..contact.law import ContactCycle, Law
 from ..fourier.harmonics import Harmonics
@@ -42,7 +45,7 @@ class HarmonicBalance:
     # -- what it is made of --------------------------------------------------------------------------------------
 
     @property
-    def comm(self):
+    def comm(self) -> MPI.Comm:
         return self.model.comm
 
     @property
@@ -253,7 +256,7 @@ class HarmonicBalance:
         """Return the same under any forces ``p`` (3 n_active, N_H) [N] of the ``active`` pairs."""
         return U - self.linear_motion(at) + (G or self.receptance(at, active)).apply(p)
 
-    def _kept(self, name: str, key, make):
+    def _kept(self, name: str, key: Any, make: Callable[[], Any]) -> Any:
         """Return what ``make`` returns, made once for a key."""
         found = self._known.get(name)
         if found is None or found[0] != key:

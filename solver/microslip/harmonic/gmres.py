@@ -81,5 +81,5 @@ def kept(gmres: Gmres | None, comm: MPI.Comm, n_owned: int, make: Callable[[], G
     return make()
 
 
-def _on_arrays(product: Product):
+def _on_arrays(product: Product) -> Callable[[PETSc.Vec, PETSc.Vec], None]:
     return lambda x, y: product(x.getArray(readonly=True), y.getArray())

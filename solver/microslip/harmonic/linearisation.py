@@ -6,6 +6,7 @@ its motion once that of the other pairs is known, so that an iteration needs onl
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -62,7 +63,7 @@ class Gatherer:
             self.rows = np.concatenate([np.arange(a + n_extras, b) for a, b in zip(self.starts, self.starts[1:])])
             self.heads = self.starts[:-1, None] + np.arange(n_extras)
 
-    def __call__(self, owned: np.ndarray, extras=()) -> tuple[np.ndarray, np.ndarray]:
+    def __call__(self, owned: np.ndarray, extras: Sequence[np.ndarray | float] = ()) -> tuple[np.ndarray, np.ndarray]:
         """Return the rows of all ranks and the sums of the extras.  Collective."""
         if self.comm.size == 1:
             return owned, np.array(extras)

@@ -11,6 +11,8 @@ with P_n the complex-linear part of dp_n / dU_n, has the same weakness and is sm
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.linalg
 from mpi4py import MPI
@@ -70,7 +72,7 @@ def own_rows(at: Linearisation) -> slice:
     return slice(first, first + 3 * n)
 
 
-def applied(preconditioner, x: np.ndarray, at: Linearisation) -> np.ndarray:
+def applied(preconditioner: Any, x: np.ndarray, at: Linearisation) -> np.ndarray:
     """Return a preconditioner's answer to rows ``x`` of this rank's active pairs at another linearisation, flat.
 
     The identity for pairs that were not active where it was made.  Collective.

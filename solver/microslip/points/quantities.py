@@ -15,7 +15,7 @@ LABELS = {"parts": PARTS, "quadratures": QUADRATURES}  # of the axes whose entri
 TEXT = "O"  # the type of texts
 
 
-def as_it_is(value):
+def as_it_is(value: Any) -> Any:
     return value
 
 
@@ -64,7 +64,7 @@ class Quantity:
         """Whether it is one of the large ones, which pictures do without."""
         return "pairs" in self.axes and "coefficients" in self.axes
 
-    def of(self, point) -> Any:
+    def of(self, point: Any) -> Any:
         """Return what is stored of a point; None where it was not computed."""
         value = getattr(point, self.field)
         return None if value is None else self.stored(value)
@@ -80,7 +80,7 @@ class Quantity:
             return None
         return np.array([_padded(value, shape) for value in values], dtype=self.kind).reshape(len(points), *shape)
 
-    def cells(self, point, output: int) -> list[str]:
+    def cells(self, point: Any, output: int) -> list[str]:
         """Return the cells of its columns, in the row of a point and output."""
         value = self.of(point) if self.columns else None
         if value is None:
@@ -119,7 +119,7 @@ def declared(kind: type) -> tuple[Quantity, ...]:
     )
 
 
-def _padded(values, shape: tuple[int, ...]):
+def _padded(values: Any, shape: tuple[int, ...]) -> Any:
     """Return the values of a point with zeros for the harmonics that it lacks."""
     if not shape or np.shape(values)[-1] == shape[-1]:
         return values

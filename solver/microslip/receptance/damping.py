@@ -57,7 +57,7 @@ class Damping:
     C: np.ndarray  # (m,) 2 zeta omega_n of modal damping, or the full, Hermitian (m, m)
     S: np.ndarray | None = None  # of the same shape; None: no structural damping
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.S is not None and self.S.ndim != self.C.ndim:
             for name in ("C", "S"):
                 values = getattr(self, name)
