@@ -92,20 +92,20 @@ class Bundle:
         n, _, N_H = U.shape
         touching = np.flatnonzero(self._touch(U, n_samples, harmonics))
         pair, elements = touching // self.size, self.elements.take(touching)
-        found = elements.cycle(U[pair], n_samples, tangents, harmonics)
+        cycle = elements.cycle(U[pair], n_samples, tangents, harmonics)
         springs = np.where(elements.N0 < 0.0, elements.k_t, 0.0)  # of the stuck element, which is no part of the stuck pair
         those, first = np.unique(pair, return_index=True)  # pairs with an element that touches
         p = np.zeros_like(U)
         state, creeps = np.zeros(n, dtype=np.uint8), np.zeros(n, dtype=bool)
         if len(those):
-            p[those, :2] = np.add.reduceat(found.p[:, :2] + springs[:, None, None] * U[pair, :2], first)
-            slips = np.logical_and.reduceat((found.state != STICK) | (elements.k_t == 0.0), first)
+            p[those, :2] = np.add.reduceat(cycle.p[:, :2] + springs[:, None, None] * U[pair, :2], first)
+            slips = np.logical_and.reduceat((cycle.state != STICK) | (elements.k_t == 0.0), first)
             state[those[slips]] = SLIP
-            creeps[those] = np.logical_or.reduceat(found.creeps, first)
-        active, start = np.unique(pair[found.active], return_index=True)
+            creeps[those] = np.logical_or.reduceat(cycle.creeps, first)
+        active, start = np.unique(pair[cycle.active], return_index=True)
         P = None
-        if found.P is not None:
-            P = np.add.reduceat(found.P, start) if len(active) else np.empty((0, 3 * N_H, 3 * N_H))
+        if cycle.P is not None:
+            P = np.add.reduceat(cycle.P, start) if len(active) else np.empty((0, 3 * N_H, 3 * N_H))
             P[:, 2 * N_H :] = 0.0
             of_gaps, i = np.bincount(pair, springs, n)[active], np.arange(2 * N_H)
             P[:, i, i] += of_gaps[:, None]
@@ -134,9 +134,9 @@ class Bundle:
             those = np.flatnonzero(of._touch(U[part], n_samples, harmonics) & changes)
             pair, elements = those // self.size, of.elements.take(those)
             elements = replace(elements, apart=elements.N0 < 0.0)
-            found = elements.parameter_rate(name, U[part][pair], n_samples, harmonics)
-            found *= per_pair[i * self.size + those, None, None]
-            np.add.at(rate[part, :2], pair, found[:, :2])
+            of_elements = elements.parameter_rate(name, U[part][pair], n_samples, harmonics)
+            of_elements *= per_pair[i * self.size + those, None, None]
+            np.add.at(rate[part, :2], pair, of_elements[:, :2])
         return rate
 
     # -- a step of time ----------------------------------------------------------------------------------------
@@ -202,10 +202,10 @@ def started(columns: Mapping[str, np.ndarray], size: int) -> np.ndarray | None:
     return None if w0 is None or w0.shape[1] < size else w0[:, :size]
 
 
-def _joined(found: list[ContactCycle]) -> ContactCycle:
+def _joined(cycles: list[ContactCycle]) -> ContactCycle:
     """Return the cycles of pairs that follow each other as one."""
-    starts = np.cumsum([0, *(len(one.p) for one in found)])
-    p, state, creeps = (np.concatenate([getattr(one, name) for one in found]) for name in ("p", "state", "creeps"))
-    active = np.concatenate([one.active + start for one, start in zip(found, starts)])
-    P = None if found[0].P is None else np.concatenate([one.P for one in found if one.P is not None])
+    starts = np.cumsum([0, *(len(cycle.p) for cycle in cycles)])
+    p, state, creeps = (np.concatenate([getattr(cycle, name) for cycle in cycles]) for name in ("p", "state", "creeps"))
+    active = np.concatenate([cycle.active + start for cycle, start in zip(cycles, starts)])
+    P = None if cycles[0].P is None else np.concatenate([cycle.P for cycle in cycles if cycle.P is not None])
     return ContactCycle(p, state, active, P, creeps)

@@ -19,7 +19,7 @@ class CombinedLaw:
 
     @property
     def n_pairs(self) -> int:
-        return sum(len(own) for own, _ in self.parts)
+        return sum(len(pairs) for pairs, _ in self.parts)
 
     @property
     def order(self) -> int:
@@ -34,37 +34,37 @@ class CombinedLaw:
     @property
     def stiffness(self) -> np.ndarray:
         """The springs K_J of a pair that sticks, (n, 3) [N/m]."""
-        return self._together(lambda law, own: law.stiffness)
+        return self._together(lambda law, pairs: law.stiffness)
 
     @property
     def springs(self) -> np.ndarray:
         """The springs of a pair that touches, (n, 3) [N/m]."""
-        return self._together(lambda law, own: law.springs)
+        return self._together(lambda law, pairs: law.springs)
 
     def take(self, indices: np.ndarray | slice) -> Law:
         """Return the law of some pairs, an index array, a mask or a slice; that of their part where they share one.  Local."""
         chosen = np.arange(self.n_pairs)[indices]
         part_of, place = np.empty((2, self.n_pairs), dtype=np.intp)
-        for i, (own, _) in enumerate(self.parts):
-            part_of[own], place[own] = i, np.arange(len(own))
-        found = [(np.flatnonzero(part_of[chosen] == i), law) for i, (_, law) in enumerate(self.parts)]
-        return as_one([(own, law.take(place[chosen[own]])) for own, law in found])
+        for i, (pairs, _) in enumerate(self.parts):
+            part_of[pairs], place[pairs] = i, np.arange(len(pairs))
+        parts = [(np.flatnonzero(part_of[chosen] == i), law) for i, (_, law) in enumerate(self.parts)]
+        return as_one([(pairs, law.take(place[chosen[pairs]])) for pairs, law in parts])
 
     def followed(self, path: bool) -> CombinedLaw:
         """Return the law that follows the path between samples, or one that knows samples alone.  Local."""
-        return CombinedLaw(tuple((own, law.followed(path)) for own, law in self.parts))
+        return CombinedLaw(tuple((pairs, law.followed(path)) for pairs, law in self.parts))
 
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.  Local."""
         if self.n_pairs != len(U):
             raise ValueError(f"harmonics of {len(U)} pairs with the law of {self.n_pairs}")
-        found = [(own, law.cycle(U[own], n_samples, tangents, harmonics)) for own, law in self.parts]
+        cycles = [(pairs, law.cycle(U[pairs], n_samples, tangents, harmonics)) for pairs, law in self.parts]
         p, state, creeps = np.zeros_like(U), np.zeros(len(U), dtype=np.uint8), np.zeros(len(U), dtype=bool)
-        for own, cycle in found:
-            p[own], state[own], creeps[own] = cycle.p, cycle.state, cycle.creeps
-        active = np.concatenate([own[cycle.active] for own, cycle in found])
+        for pairs, cycle in cycles:
+            p[pairs], state[pairs], creeps[pairs] = cycle.p, cycle.state, cycle.creeps
+        active = np.concatenate([pairs[cycle.active] for pairs, cycle in cycles])
         order = np.argsort(active)
-        P = np.concatenate([cycle.P for _, cycle in found if cycle.P is not None])[order] if tangents else None
+        P = np.concatenate([cycle.P for _, cycle in cycles if cycle.P is not None])[order] if tangents else None
         return ContactCycle(p, state, active[order], P, creeps)
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> CombinedLaw:
@@ -73,62 +73,64 @@ class CombinedLaw:
         chosen = np.zeros(self.n_pairs, dtype=bool)
         whole[pairs], chosen[pairs] = values, True
         parts = []
-        for own, law in self.parts:
-            those = np.flatnonzero(chosen[own])
-            parts.append((own, law.with_parameters(name, those, whole[own[those]]) if len(those) else law))
+        for part, law in self.parts:
+            those = np.flatnonzero(chosen[part])
+            parts.append((part, law.with_parameters(name, those, whole[part[those]]) if len(those) else law))
         return CombinedLaw(tuple(parts))
 
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
         """Return d p / d parameter of each pair, whose law has it, (n, 3, N_H).  Local."""
-        return self._together(lambda law, own: law.parameter_rate(name, U[own], n_samples, harmonics))
+        return self._together(lambda law, pairs: law.parameter_rate(name, U[pairs], n_samples, harmonics))
 
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return p and memory after a step of time, its derivative, and the states, as :class:`Law` has it.  Local."""
         after, L = np.zeros_like(before), np.zeros((*du.shape, 3))
         state = np.zeros(du.shape[:-1], dtype=np.uint8)
-        for own, law in self.parts:
+        for pairs, law in self.parts:
             used = 3 + law.n_memory
-            after[..., own, :used], L[..., own, :, :], state[..., own] = law.step(du[..., own, :], before[..., own, :used])
+            after[..., pairs, :used], L[..., pairs, :, :], state[..., pairs] = law.step(
+                du[..., pairs, :], before[..., pairs, :used]
+            )
         return after, L, state
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local."""
-        return self._of_each(lambda law, own: law.slip_safety(amplitudes[..., own, :]), amplitudes.shape[:-1])
+        return self._of_each(lambda law, pairs: law.slip_safety(amplitudes[..., pairs, :]), amplitudes.shape[:-1])
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the share of its limits that the motion of each pair takes up while it sticks, (..., n).  Local."""
-        return self._of_each(lambda law, own: law.utilisation(amplitudes[..., own, :]), amplitudes.shape[:-1])
+        return self._of_each(lambda law, pairs: law.utilisation(amplitudes[..., pairs, :]), amplitudes.shape[:-1])
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
         """Return the share of the stuck force that p takes away at most, (..., n, 3).  Local."""
         shares = np.empty(amplitudes.shape)
-        for own, law in self.parts:
-            shares[..., own, :] = law.slipping_share(amplitudes[..., own, :], of_limit)
+        for pairs, law in self.parts:
+            shares[..., pairs, :] = law.slipping_share(amplitudes[..., pairs, :], of_limit)
         return shares
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
-        return self._together(lambda law, own: law.keeps_half_wave_symmetry(moves[own]))
+        return self._together(lambda law, pairs: law.keeps_half_wave_symmetry(moves[pairs]))
 
     def _together(self, of: Callable[[Law, np.ndarray], np.ndarray]) -> np.ndarray:
         """Return what is ``of`` each part, (n_own, ...), in the order of the pairs."""
-        own, found = self.parts[0][0], [of(law, own) for own, law in self.parts]
-        values = np.empty((self.n_pairs, *found[0].shape[1:]), dtype=found[0].dtype)
-        for (own, _), of_part in zip(self.parts, found):
-            values[own] = of_part
+        pairs, of_parts = self.parts[0][0], [of(law, pairs) for pairs, law in self.parts]
+        values = np.empty((self.n_pairs, *of_parts[0].shape[1:]), dtype=of_parts[0].dtype)
+        for (pairs, _), of_part in zip(self.parts, of_parts):
+            values[pairs] = of_part
         return values
 
     def _of_each(self, of: Callable[[Law, np.ndarray], np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
         """Return numbers of the pairs, (..., n), from those ``of`` each part."""
         values = np.empty(shape)
-        for own, law in self.parts:
-            values[..., own] = of(law, own)
+        for pairs, law in self.parts:
+            values[..., pairs] = of(law, pairs)
         return values
 
 
 def as_one(parts: Sequence[tuple[np.ndarray, Law]]) -> Law:
     """Return the law of pairs from the laws of its parts; where one has them all, that.  Local."""
-    some = [(own, law) for own, law in parts if len(own) > 0]
+    some = [(pairs, law) for pairs, law in parts if len(pairs) > 0]
     if len(some) > 1:
         return CombinedLaw(tuple(some))
     return some[0][1] if some else parts[0][1]

@@ -162,41 +162,41 @@ class ElasticCoulomb:
         P = np.empty((len(active), 3 * N_H, 3 * N_H)) if tangents else None
         if len(active) > 0:
             march(sampling, pairs, active, p, state, creeps, P)
-        found = ContactCycle(p, state, active, P, creeps.astype(bool))
-        return self._without_springs(found, U, sampling) if self.apart.any() else found
+        cycle = ContactCycle(p, state, active, P, creeps.astype(bool))
+        return self._without_springs(cycle, U, sampling) if self.apart.any() else cycle
 
     def _cycle_by_direction(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
         """Return the cycle of pairs whose y has a stiffness, or a friction, of its own: docs/theory.md, eq. (3.9).
 
         In y forces are multiplied by mu_x / mu_y and motions by that and k_y / k_x: y is then like x.
         """
-        mu_y, one = self._mu_xy[:, 1], np.ones(self.n_pairs)
-        force = np.divide(self.mu, mu_y, out=one.copy(), where=mu_y != self.mu)
+        mu_y, ones = self._mu_xy[:, 1], np.ones(self.n_pairs)
+        force = np.divide(self.mu, mu_y, out=ones.copy(), where=mu_y != self.mu)
         motion = force * self._shorter
-        scaled = U * np.stack([one, motion, one], axis=1)[:, :, None]
-        w0 = self.w0 * np.stack([one, motion], axis=1)
-        found = replace(self, w0=w0, k_ty=None, mu_y=None).cycle(scaled, n_samples, tangents, harmonics)
-        found.p[:, 1] /= force[:, None]
-        if found.P is not None:
+        scaled = U * np.stack([ones, motion, ones], axis=1)[:, :, None]
+        w0 = self.w0 * np.stack([ones, motion], axis=1)
+        cycle = replace(self, w0=w0, k_ty=None, mu_y=None).cycle(scaled, n_samples, tangents, harmonics)
+        cycle.p[:, 1] /= force[:, None]
+        if cycle.P is not None:
             y = slice(U.shape[2], 2 * U.shape[2])
-            found.P[:, y] /= force[found.active, None, None]
-            found.P[:, :, y] *= motion[found.active, None, None]
-        return found
+            cycle.P[:, y] /= force[cycle.active, None, None]
+            cycle.P[:, :, y] *= motion[cycle.active, None, None]
+        return cycle
 
-    def _without_springs(self, found: ContactCycle, U: np.ndarray, sampling: Sampling) -> ContactCycle:
+    def _without_springs(self, cycle: ContactCycle, U: np.ndarray, sampling: Sampling) -> ContactCycle:
         """Return p of pairs that are apart at rest as all of their force, eq. (3.8): none if they never touch."""
         touches = ~self.apart
         touches[self.apart] = sampling.least(U[self.apart, 2]) * self.k_n[self.apart] < self.N0[self.apart]
-        active = found.active[touches[found.active]]
-        p, P = np.where(touches[:, None, None], found.p, 0.0), found.P
+        active = cycle.active[touches[cycle.active]]
+        p, P = np.where(touches[:, None, None], cycle.p, 0.0), cycle.P
         now = self.apart & touches
         p[now] += self.springs[now, :, None] * U[now]
         if P is not None:
-            P = P[touches[found.active]]
+            P = P[touches[cycle.active]]
             n = P.shape[-1]
             springs = np.where(self.apart[:, None], self.springs, 0.0)[active]
             P[:, np.arange(n), np.arange(n)] += np.repeat(springs, n // 3, axis=1)
-        return replace(found, p=p, active=active, P=P)
+        return replace(cycle, p=p, active=active, P=P)
 
     # -- its parameters ----------------------------------------------------------------------------------------
 
@@ -245,16 +245,16 @@ class ElasticCoulomb:
         loose, still = self.k_n == 0.0, U.copy()  # where N stays N0, a spring that does not move says how p changes with N
         still[loose, 2] = 0.0
         bare = replace(self, k_n=np.where(loose, 1.0, self.k_n), apart=np.zeros(1, dtype=bool))
-        found = bare.cycle(still, n_samples, True, harmonics)
-        active, N_H, rate = found.active, U.shape[2], np.zeros_like(U)
-        assert found.P is not None, "asked for"
-        P = found.P.reshape(-1, 3, N_H, 3, N_H)
+        cycle = bare.cycle(still, n_samples, True, harmonics)
+        active, N_H, rate = cycle.active, U.shape[2], np.zeros_like(U)
+        assert cycle.P is not None, "asked for"
+        P = cycle.P.reshape(-1, 3, N_H, 3, N_H)
         if name in ("mu", "k_t"):
             column = getattr(self, name)
             motion = U[:, :2].copy()
             motion[:, :, 0] -= self.w0
             by_motion = np.einsum("iahbk,ibk->iah", P[:, :2, :, :2], motion[active])
-            change = by_motion if name == "k_t" else found.p[active, :2] - by_motion
+            change = by_motion if name == "k_t" else cycle.p[active, :2] - by_motion
             rate[active, :2] = change / np.where(column > 0.0, column, 1.0)[active, None, None]
             without = np.flatnonzero(column == 0.0)
             if len(without):

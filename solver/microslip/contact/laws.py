@@ -104,7 +104,7 @@ def law_of(names: Sequence[str] | np.ndarray, columns: Columns) -> Law:
 
     ``columns`` are those of all pairs; what a pair's law does not have is NaN there.
     """
-    return as_one([(own, LAWS[law].of_columns(part)) for own, law, part in _parts(names, columns)])
+    return as_one([(pairs, LAWS[law].of_columns(part)) for pairs, law, part in _parts(names, columns)])
 
 
 def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
@@ -114,24 +114,24 @@ def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarr
     ------
     ValueError : pairs have come apart whose law knows no rest without pressure
     """
-    found: dict[str, np.ndarray] = {}
-    for own, law, part in _parts(names, columns):
+    changed: dict[str, np.ndarray] = {}
+    for pairs, law, part in _parts(names, columns):
         about = LAWS[law].about_rest
-        for name, values in (about(part, du[own], memory[own]) if about is not None else {}).items():
+        for name, values in (about(part, du[pairs], memory[pairs]) if about is not None else {}).items():
             assert values is not None, "a state that a march came to"
             if name == "w0":
                 values = np.pad(values, ((0, 0), (0, memory.shape[1] // 2 - values.shape[1]), (0, 0)))
             whole = columns[name] if name != "w0" else np.zeros((len(du), *values.shape[1:]))
-            found.setdefault(name, whole.copy())[own] = values
-    return found
+            changed.setdefault(name, whole.copy())[pairs] = values
+    return changed
 
 
 def friction_limit(names: Sequence[str] | np.ndarray, columns: Columns, N: np.ndarray) -> np.ndarray:
     """Return the friction that holds pairs at most under normal forces ``N`` (n,) [N], (n,) [N].  Local."""
-    found = np.zeros(len(N))
-    for own, law, part in _parts(names, columns):
-        found[own] = LAWS[law].limit(part, N[own])
-    return found
+    limits = np.zeros(len(N))
+    for pairs, law, part in _parts(names, columns):
+        limits[pairs] = LAWS[law].limit(part, N[pairs])
+    return limits
 
 
 def are_springs(names: Sequence[str] | np.ndarray) -> np.ndarray:
@@ -144,12 +144,12 @@ def pressed_to(names: Sequence[str] | np.ndarray, columns: Columns, before: np.n
 
     Local.
     """
-    found = du.copy()
-    for own, law, part in _parts(names, columns):
+    moved = du.copy()
+    for pairs, law, part in _parts(names, columns):
         knows = LAWS[law].pressed_to
         if knows is not None:
-            found[own] = knows(part, before[own], du[own])
-    return found
+            moved[pairs] = knows(part, before[pairs], du[pairs])
+    return moved
 
 
 def sliders_of(names: Sequence[str] | np.ndarray, columns: Columns) -> dict[str, np.ndarray]:
@@ -158,19 +158,19 @@ def sliders_of(names: Sequence[str] | np.ndarray, columns: Columns) -> dict[str,
     (n, n_elements) each, w0 (n, n_elements, 2); NaN where a pair has fewer.  With limits max(0, limit - rate du_z) in each
     direction, or on a circle where the pair has one.
     """
-    found: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
-    for own, law, part in _parts(names, columns):
+    sliders: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+    for pairs, law, part in _parts(names, columns):
         of_pairs = LAWS[law].of_columns(part)
-        if isinstance(of_pairs, OfElements) and len(own):
+        if isinstance(of_pairs, OfElements) and len(pairs):
             bundle, elements = of_pairs.bundle, of_pairs.bundle.elements
             of_elements = {"k_t": elements.k_t, "limit": elements.mu * elements.N0, "rate": elements.mu * elements.k_n}
             parts = {name: bundle.of_elements(values) for name, values in of_elements.items()}
-            found.append((own, parts | {"w0": elements.w0.reshape(len(own), -1, 2)}))
-    most = max((values["k_t"].shape[1] for _, values in found), default=0)
-    whole = {name: np.full((len(names), most, *values.shape[2:]), np.nan) for _, part in found for name, values in part.items()}
-    for own, part in found:
+            sliders.append((pairs, parts | {"w0": elements.w0.reshape(len(pairs), -1, 2)}))
+    most = max((values["k_t"].shape[1] for _, values in sliders), default=0)
+    whole = {name: np.full((len(names), most, *values.shape[2:]), np.nan) for _, part in sliders for name, values in part.items()}
+    for pairs, part in sliders:
         for name, values in part.items():
-            whole[name][own, : values.shape[1]] = values
+            whole[name][pairs, : values.shape[1]] = values
     return whole
 
 
@@ -180,9 +180,9 @@ def _parts(names: Sequence[str] | np.ndarray, columns: Columns) -> Iterator[tupl
     sliders = np.nan_to_num(columns.get("sliders", np.zeros(len(of_pairs))))
     for law in [name for name in LAWS if name in of_pairs] or [ELASTIC_COULOMB]:
         for n_sliders in np.unique(sliders[of_pairs == law]) if len(of_pairs) else (0.0,):
-            own = np.flatnonzero((of_pairs == law) & (sliders == n_sliders))
-            everything = slice(None) if len(own) == len(of_pairs) else own
-            yield own, law, {name: values[everything] for name, values in columns.items()}
+            pairs = np.flatnonzero((of_pairs == law) & (sliders == n_sliders))
+            everything = slice(None) if len(pairs) == len(of_pairs) else pairs
+            yield pairs, law, {name: values[everything] for name, values in columns.items()}
 
 
 def columns_on_area(law: str, keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:

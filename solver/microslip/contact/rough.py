@@ -314,13 +314,13 @@ def _carried_over(old: Bundle, new: Bundle, stretch: np.ndarray, du_z: np.ndarra
 
     The new ones count from a rest at ``du_z`` (n,).
     """
-    touch = [one.of_elements(one.elements.N0 / one.elements.k_n) for one in (old, new)]
-    found = np.empty((len(du_z), new.size, 2))
+    touch = [asperities.of_elements(asperities.elements.N0 / asperities.elements.k_n) for asperities in (old, new)]
+    carried = np.empty((len(du_z), new.size, 2))
     for i, (of_old, of_new) in enumerate(zip(touch[0], touch[1] + du_z[:, None])):
         order = np.argsort(of_old)
         for direction in range(2):
-            found[i, :, direction] = np.interp(of_new, of_old[order], stretch[i, order, direction])
-    return found
+            carried[i, :, direction] = np.interp(of_new, of_old[order], stretch[i, order, direction])
+    return carried
 
 
 def tangents_at(n: int) -> np.ndarray:
@@ -352,9 +352,9 @@ def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.nda
     ------
     ValueError : as :meth:`Rough.about`
     """
-    found = of_columns(columns).about(du, memory)
+    law = of_columns(columns).about(du, memory)
     changed = ("N0", "k_t", "k_n", "w0", "apart", *["reference"] * ("reference" in columns))
-    return {name: getattr(found, name) for name in changed}
+    return {name: getattr(law, name) for name in changed}
 
 
 def pressed_to(columns: Mapping[str, np.ndarray], before: np.ndarray, du: np.ndarray) -> np.ndarray:
@@ -362,14 +362,14 @@ def pressed_to(columns: Mapping[str, np.ndarray], before: np.ndarray, du: np.nda
 
     Local.  A start for Newton's method: near the first touch of a power neither its stiffness nor that of the reference leads on.
     """
-    of, found = of_columns(columns), du.copy()
-    now, then = (-one[:, 2] + np.where(of.is_open, of.N0 / of.k_n, 0.0) for one in (before, du))
+    of, moved = of_columns(columns), du.copy()
+    now, then = (-motion[:, 2] + np.where(of.is_open, of.N0 / of.k_n, 0.0) for motion in (before, du))
     touches = of.is_open & (now <= 0.0) & (then > 0.0)
     share = of.k_n[touches] * then[touches] / of.pressed[touches]
     m = of.exponent[touches]
-    found[touches, 2] += then[touches] - m * of.pressed[touches] / of.k_n[touches] * share ** (1.0 / m)
-    found[touches, :2] *= share[:, None] ** (1.0 / m - 1.0)[:, None]
-    return found
+    moved[touches, 2] += then[touches] - m * of.pressed[touches] / of.k_n[touches] * share ** (1.0 / m)
+    moved[touches, :2] *= share[:, None] ** (1.0 / m - 1.0)[:, None]
+    return moved
 
 
 def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:

@@ -139,20 +139,22 @@ class ErrorEstimator:
         changes = self.changes(exact, U, at, equation.full_force(forces), p)
         truncation = self.enriched_of(equation.model).truncation(there, at.sigma)
         n_samples = 0 if truncation.is_exact else SAMPLES_OF_MODES
-        found = JointChanges.nothing(2 * n_out, n_samples, exact.model.N_H)  # all pairs stick, in the enriched problems too
+        through_joint = JointChanges.nothing(
+            2 * n_out, n_samples, exact.model.N_H
+        )  # all pairs stick, in the enriched problems too
         if len(forces.active) > 0 or changes.are_any:
-            found = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes, truncation)
-        by_harmonics, by_samples, by_pairs, by_solver, by_basis = found.linear
+            through_joint = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes, truncation)
+        by_harmonics, by_samples, by_pairs, by_solver, by_basis = through_joint.linear
         if not self.enriched.is_solved:
             by_basis = by_basis + (output_amplitude(there, at, p) - output_amplitude(here, at, p))
         truncated = np.zeros(2 * n_out)
         if not truncation.is_exact:
-            truncated = truncation.changes(at.level, at.omega, p, found.modes)
-        lost = 0.0 if found.is_adjoint_found else np.abs(output_amplitude(here, at, p))
+            truncated = truncation.changes(at.level, at.omega, p, through_joint.modes)
+        lost = 0.0 if through_joint.is_adjoint_found else np.abs(output_amplitude(here, at, p))
         parts = [np.abs(by_basis) + truncated, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
         linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver])
-        estimate = corrected(np.stack(parts), linear, found.second, truncated, changes.unsettled)
-        return replace(estimate, adjoint=found.adjoint)
+        estimate = corrected(np.stack(parts), linear, through_joint.second, truncated, changes.unsettled)
+        return replace(estimate, adjoint=through_joint.adjoint)
 
     def through_the_joint(
         self,
@@ -168,11 +170,11 @@ class ErrorEstimator:
         Collective: sums over the ranks, and a broadcast.  docs/theory.md, eq. (11.2).
         """
         exact, at = linear.equation, linear.at
-        own, N_H = exact.model.owned_rows, exact.model.N_H
+        owned, N_H = exact.model.owned_rows, exact.model.N_H
         chi, tau, is_adjoint_found = linear.solve_transposed(sensitivity(exact.model_at(at), at.omega), self.adjoint_solver)
         adjoint = Adjoint(linear, chi, tau, is_adjoint_found)
         residual = equation.residual(U, at, used, linear.G if used is linear.forces and exact is equation else None)
-        sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
+        sums = [-chi @ change[owned].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
         if not self.enriched.is_solved:
             sums[-1] = tau @ (exact.residual(U, at, used) - residual).ravel()
@@ -201,8 +203,8 @@ class ErrorEstimator:
         d_U, P_d_U, is_found = linear.solve_several(B, self.forward_solver)
         there = exact.harmonics.carry(U + d_U.reshape(U.shape), more)
         begin = wider.contact_forces(there + changes.higher, exact.every_pair, tangents=False)
-        found = with_higher(wider, linear.at, exact.harmonics, there, Higher(changes.higher, begin), CLOSER)
-        now = more.carry(wider.full_force(found.forces), exact.harmonics) - changes.of_wider
+        solution = with_higher(wider, linear.at, exact.harmonics, there, Higher(changes.higher, begin), CLOSER)
+        now = more.carry(wider.full_force(solution.forces), exact.harmonics) - changes.of_wider
         return now[exact.model.owned_rows].reshape(U.shape) - P_d_U.reshape(U.shape), is_found
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray) -> Changes:
@@ -220,11 +222,11 @@ class ErrorEstimator:
         )
         U_more = harmonics.carry(U, more)
         at_wider = wider.contact_forces(U_more, everything, tangents=False)
-        found = with_higher(wider, at, harmonics, U_more, Higher(np.zeros_like(U_more), at_wider), SETTLED)
-        of_wider = more.carry(wider.full_force(found.forces), harmonics)
+        solution = with_higher(wider, at, harmonics, U_more, Higher(np.zeros_like(U_more), at_wider), SETTLED)
+        of_wider = more.carry(wider.full_force(solution.forces), harmonics)
         by_harmonics = of_wider - more.carry(wider.full_force(at_wider), harmonics)
-        unsettled = max(1.0, found.miss / SETTLED)  # what never settled is known no better than that
-        return Changes(by_harmonics, by_samples, p_all - p, wider, found.motion, of_wider, unsettled)
+        unsettled = max(1.0, solution.miss / SETTLED)  # what never settled is known no better than that
+        return Changes(by_harmonics, by_samples, p_all - p, wider, solution.motion, of_wider, unsettled)
 
 
 def with_higher(

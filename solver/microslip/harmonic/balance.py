@@ -39,8 +39,8 @@ class HarmonicBalance:
     def of_all(cls, model: ReducedModel, law: Law, n_samples: int) -> HarmonicBalance:
         """Return the equation of a model whose pairs, on all ranks, have this law.  Local."""
         # of a constant motion the kept period holds the one step there is, and the state says which pairs slid
-        own = law.take(np.arange(model.n_pairs)[model.owned])
-        return cls(model, own, model.harmonics.samples(n_samples))
+        owned = law.take(np.arange(model.n_pairs)[model.owned])
+        return cls(model, owned, model.harmonics.samples(n_samples))
 
     # -- what it is made of --------------------------------------------------------------------------------------
 
@@ -89,17 +89,17 @@ class HarmonicBalance:
         the same on every rank.
         """
         chosen = np.flatnonzero(selected[self.model.owned])
-        found = self._cycle(U, chosen, tangents)
+        cycle = self._cycle(U, chosen, tangents)
         state = np.zeros(self.n_owned, dtype=np.uint8)
-        state[chosen] = found.state
-        active_owned = chosen[found.active]
-        p_owned = np.ascontiguousarray(found.p[found.active]).reshape(3 * len(active_owned), self.model.N_H)
+        state[chosen] = cycle.state
+        active_owned = chosen[cycle.active]
+        p_owned = np.ascontiguousarray(cycle.p[cycle.active]).reshape(3 * len(active_owned), self.model.N_H)
         active, p = active_owned + self.model.owned.start, p_owned
         if self.comm.size > 1:
             actives, forces, sums = zip(*self.comm.allgather((active, p_owned, np.array(extras))))
             active, p, extras = np.concatenate(actives), np.concatenate(forces), tuple(sum(sums))
-        P = found.P if tangents else None
-        return ContactForces(U, selected, state, bool(found.creeps.any()), active_owned, P, active, p, extras)
+        P = cycle.P if tangents else None
+        return ContactForces(U, selected, state, bool(cycle.creeps.any()), active_owned, P, active, p, extras)
 
     def _cycle(self, U: np.ndarray, chosen: np.ndarray, tangents: bool) -> ContactCycle:
         """Return the cycle of some of this rank's pairs, which is kept for the last motion: do not write into it.  Local.
@@ -107,15 +107,15 @@ class HarmonicBalance:
         Newton asks for it twice, for the residual and its derivative, and the record of a point once more.
         """
         key = U.tobytes(), chosen.tobytes()
-        known, found = self._known.get("cycle", (None, None))
-        if known != key or (tangents and found.P is None):
+        known, cycle = self._known.get("cycle", (None, None))
+        if known != key or (tangents and cycle.P is None):
             everything = len(chosen) == self.n_owned
             law, motion = (self.law, U) if everything else (self.law.take(chosen), U[chosen])
-            found = law.cycle(motion, self.n_samples, tangents=tangents, harmonics=self.harmonics)
+            cycle = law.cycle(motion, self.n_samples, tangents=tangents, harmonics=self.harmonics)
             if self.held is not None:
-                hold_mean_slip(found, self.held if everything else self.held[chosen])
-            self._known["cycle"] = key, found
-        return found
+                hold_mean_slip(cycle, self.held if everything else self.held[chosen])
+            self._known["cycle"] = key, cycle
+        return cycle
 
     def full_force(self, forces: ContactForces) -> np.ndarray:
         """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""
@@ -173,10 +173,10 @@ class HarmonicBalance:
 
         Collective: one gather.  The motion stays as it is.
         """
-        own, d_p = forces.active_owned, np.zeros((len(forces.active_owned), 3, self.model.N_H))
-        _, chosen, of_parameter = np.intersect1d(own + self.model.owned.start, parameter.pairs, return_indices=True)
+        active_owned, d_p = forces.active_owned, np.zeros((len(forces.active_owned), 3, self.model.N_H))
+        _, chosen, of_parameter = np.intersect1d(active_owned + self.model.owned.start, parameter.pairs, return_indices=True)
         if len(chosen):
-            law, U = self.law.take(own[chosen]), forces.U[own[chosen]]
+            law, U = self.law.take(active_owned[chosen]), forces.U[active_owned[chosen]]
             rate = law.parameter_rate(parameter.name, U, self.n_samples, self.harmonics)
             if self.held is not None:
                 rate[:, :2, 0] *= 1.0 - HOLD
@@ -189,10 +189,11 @@ class HarmonicBalance:
         Collective: one gather.
         """
         mine = self._of_owned(parameter)
-        own = parameter.pairs[mine] - self.model.owned.start
-        unit = self.law.take(own).with_parameters(parameter.name, np.arange(len(own)), parameter.shape[mine]).stiffness.copy()
+        pairs_owned = parameter.pairs[mine] - self.model.owned.start
+        law = self.law.take(pairs_owned).with_parameters(parameter.name, np.arange(len(pairs_owned)), parameter.shape[mine])
+        unit = law.stiffness.copy()
         unit[:, [2] if parameter.name == "k_t" else [0, 1]] = 0.0
-        return self.gather(unit[np.argsort(own)])
+        return self.gather(unit[np.argsort(pairs_owned)])
 
     def moved_by_springs(self, at: OperatingPoint, parameter: LawParameter, V: np.ndarray) -> np.ndarray:
         """Return G dK_J V, (n_owned, 3, N_H), for motions V of this rank's pairs and dK_J by a stiffness.
@@ -258,10 +259,10 @@ class HarmonicBalance:
 
     def _kept(self, name: str, key: Any, make: Callable[[], Any]) -> Any:
         """Return what ``make`` returns, made once for a key."""
-        found = self._known.get(name)
-        if found is None or found[0] != key:
-            found = self._known[name] = key, make()
-        return found[1]
+        cached = self._known.get(name)
+        if cached is None or cached[0] != key:
+            cached = self._known[name] = key, make()
+        return cached[1]
 
     # -- sums over the ranks -------------------------------------------------------------------------------------
 

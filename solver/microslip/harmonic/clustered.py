@@ -78,8 +78,8 @@ class _Regions:
 def _factors(at: Linearisation, P: np.ndarray, rows: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the factors of B_n between the pairs of one cluster, for each harmonic.  Collective: one gather."""
     pairs = rows[::3] // 3
-    found = []
+    factors = []
     for n, G_n in enumerate(at.G.blocks(pairs)):
         G_P = np.einsum("rmi,mij->rmj", G_n.reshape(len(rows), -1, 3), P[pairs, n]).reshape(G_n.shape)
-        found.append(scipy.linalg.lu_factor(np.eye(len(rows)) + G_P, check_finite=False))
-    return found
+        factors.append(scipy.linalg.lu_factor(np.eye(len(rows)) + G_P, check_finite=False))
+    return factors

@@ -32,8 +32,8 @@ class Border:
 
     def rows_times(self, comm: MPI.Comm, d_xi: np.ndarray, d_nu_owned: np.ndarray) -> np.ndarray:
         """Return the constraints' rows of the product with (d_xi, d_nu), (k,).  Collective: one sum."""
-        own = [float(np.vdot(n_U, d_xi)) for n_U in self.n_U] + self.n_nu @ d_nu_owned
-        return own if comm.size == 1 else comm.allreduce(own)
+        products = [float(np.vdot(n_U, d_xi)) for n_U in self.n_U] + self.n_nu @ d_nu_owned
+        return products if comm.size == 1 else comm.allreduce(products)
 
     def columns_times(self, d_nu: np.ndarray) -> np.ndarray | float:
         """Return the columns times d_nu (k,), (n_owned, 3, N_H).  Local."""
@@ -139,8 +139,8 @@ class Linearisation:
         ``d_nu_owned`` (k,) is d_nu on the rank that owns it and 0 elsewhere.
         """
         dp = self.pair_forces(d_xi[self.forces.active_owned])
-        own = [float(np.vdot(n_U, d_xi)) for n_U in border.n_U]
-        dp_all, sums = Gatherer(self.equation.comm, len(dp), 2 * border.k)(dp, (*own, *d_nu_owned))
+        products = [float(np.vdot(n_U, d_xi)) for n_U in border.n_U]
+        dp_all, sums = Gatherer(self.equation.comm, len(dp), 2 * border.k)(dp, (*products, *d_nu_owned))
         of_rows, d_nu = sums[: border.k], sums[border.k :]
         rows = d_xi + self.G.apply(dp_all.reshape(-1, d_xi.shape[-1])) + border.columns_times(d_nu)
         return rows, of_rows + border.n_nu @ d_nu

@@ -26,16 +26,16 @@ FREE = 1e-8  # share of the force against a motion that others than the joint's 
 _FEW = 200  # rows up to which LAPACK is as quick
 
 
-def hold_mean_slip(found: ContactCycle, about: np.ndarray) -> None:
+def hold_mean_slip(cycle: ContactCycle, about: np.ndarray) -> None:
     """Add the springs of eq. (5.6) to the forces and their derivative, in place.  Local.
 
     The slider of a pair has moved by -p_t / k_t: a spring from its mean to where p_t has the mean ``about`` (n, 2) [N]
     takes its share of their difference.  The set of harmonics has a mean.
     """
-    found.p[found.active, :2, 0] -= HOLD * (found.p[found.active, :2, 0] - about[found.active])
-    if found.P is not None:
-        N_H = found.p.shape[2]
-        found.P[:, [0, N_H]] *= 1.0 - HOLD
+    cycle.p[cycle.active, :2, 0] -= HOLD * (cycle.p[cycle.active, :2, 0] - about[cycle.active])
+    if cycle.P is not None:
+        N_H = cycle.p.shape[2]
+        cycle.P[:, [0, N_H]] *= 1.0 - HOLD
 
 
 def is_held_by_its_joint_alone(model: ReducedModel, law: Law) -> bool:
@@ -59,22 +59,22 @@ def _largest_share(model: ReducedModel, law: Law) -> float:
     """Return the largest eigenvalue of k_t^1/2 G_tt k_t^1/2.  Collective: a gather for each product; G stays where it is."""
     comm, n_rows = model.comm, 2 * model.n_pairs
     every = model.receptance_of(0).static.G_static.chosen(np.arange(model.n_pairs))
-    columns, own = every.part(_tangential(model.n_pairs)), _tangential(model.owned.stop - model.owned.start)
+    columns, owned = every.part(_tangential(model.n_pairs)), _tangential(model.owned.stop - model.owned.start)
     root_owned = np.sqrt(law.stiffness[:, :2]).reshape(-1, 1)
     limits = np.append(0, np.array(comm.allgather(2 * model.owned.stop)))
     root = gathered_rows(comm, root_owned, limits)
     assert root is not None, "gathered on every rank"
 
     def product(x: np.ndarray) -> np.ndarray | None:
-        return gathered_rows(comm, root_owned * columns.apply(root * x.reshape(-1, 1))[own], limits, root=0)
+        return gathered_rows(comm, root_owned * columns.apply(root * x.reshape(-1, 1))[owned], limits, root=0)
 
     share = _by_products(comm, product, n_rows) if n_rows > _FEW else None
     if share is not None:
         return share
     if n_rows > _FEW:
-        needed = 8.0 * n_rows * (len(own) + (2 * n_rows if comm.rank == 0 else 0))
+        needed = 8.0 * n_rows * (len(owned) + (2 * n_rows if comm.rank == 0 else 0))
         refuse_beyond(comm, needed, f"what holds the mean slip of {model.n_pairs} pairs", "use fewer ranks on each machine")
-    scaled = columns.columns(own).T
+    scaled = columns.columns(owned).T
     scaled *= root_owned
     scaled *= root[:, 0]
     return on_root(comm, _largest_of_all, gathered_rows(comm, scaled, limits, root=0))

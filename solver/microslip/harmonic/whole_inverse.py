@@ -42,5 +42,5 @@ class WholeInverse:
         )  # (3 n_active, n, N_H)
         columns = by_row.swapaxes(1, 2).reshape(-1, len(b))
         x = scipy.linalg.lu_solve(self.factor, columns, check_finite=False)
-        own = x.reshape(len(by_row), -1, len(b))[self.own]
-        return np.moveaxis(own, -1, 0).reshape(b.shape)
+        rows = x.reshape(len(by_row), -1, len(b))[self.own]
+        return np.moveaxis(rows, -1, 0).reshape(b.shape)

@@ -84,8 +84,8 @@ def _solve_right(
     """Return ``rows`` of left @ K_L^-1 @ right, solving for the columns of ``right`` that are not zero.  Collective."""
     loaded = np.flatnonzero(np.diff(right.indptr))
     product = np.zeros((len(range(*rows.indices(left.shape[0]))), right.shape[1]))
-    found = _by_inverse(linearised, left, right[:, loaded], rows, known and known.of(loaded))
-    product[:, loaded] = found if found is not None else _by_solves(linearised, left, right[:, loaded], rows)
+    entries = _by_inverse(linearised, left, right[:, loaded], rows, known and known.of(loaded))
+    product[:, loaded] = entries if entries is not None else _by_solves(linearised, left, right[:, loaded], rows)
     return product
 
 

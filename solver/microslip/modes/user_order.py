@@ -40,5 +40,5 @@ def from_user_order(linearised: Linearised, whole: np.ndarray | None) -> np.ndar
     shares: list[np.ndarray] = []
     if places is not None and whole is not None:
         rank_of = np.argsort(np.argsort(np.concatenate(places)))  # place among all, of each row in rank order
-        shares = np.split(whole[rank_of], np.cumsum([len(one) for one in places])[:-1])
+        shares = np.split(whole[rank_of], np.cumsum([len(place) for place in places])[:-1])
     return np.asfortranarray(comm.scatter(shares))

@@ -85,8 +85,8 @@ class Quantity:
         value = self.of(point) if self.columns else None
         if value is None:
             return [""] * len(self.columns)
-        own = value[output] if "outputs" in self.axes else value
-        return [f"{column.of(own):.{column.digits}g}" for column in self.columns]
+        of_output = value[output] if "outputs" in self.axes else value
+        return [f"{column.of(of_output):.{column.digits}g}" for column in self.columns]
 
 
 def number(
@@ -115,7 +115,9 @@ def declared(kind: type) -> tuple[Quantity, ...]:
     hints = get_type_hints(kind, include_extras=True)
     given = [(field, *getattr(hints[field.name], "__metadata__", ())) for field in fields(kind)]
     return tuple(
-        replace(one, field=field.name, optional=one.optional or field.default is None) for field, *of in given for one in of
+        replace(quantity, field=field.name, optional=quantity.optional or field.default is None)
+        for field, *of in given
+        for quantity in of
     )
 
 

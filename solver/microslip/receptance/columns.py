@@ -47,9 +47,9 @@ class GroupColumns:
         other.c = self.c.adjoint()
         return other
 
-    def static_block(self, part: np.ndarray, own: np.ndarray) -> np.ndarray:
+    def static_block(self, part: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Return G_static between the rows ``own`` of this rank and the rows ``part`` of the active pairs, (k, l)."""
-        return self.G_static.part(part).columns(own).T
+        return self.G_static.part(part).columns(rows).T
 
     def dynamic_block(self, i: int, part: np.ndarray) -> np.ndarray:
         """Return what the modes add to G_n of the i-th harmonic between some rows of the active pairs."""
@@ -120,10 +120,10 @@ class ReceptanceColumns:
         Collective: one gather for each group, before the first is asked for.  Between the ``chosen`` ones alone, (m,) numbers
         among the active pairs, rising, where they are given: (3 m, 3 m).
         """
-        part, own = np.arange(3 * len(self.active)), self.rows
+        part, rows = np.arange(3 * len(self.active)), self.rows
         if chosen is not None:
-            part, own = rows_of(chosen), rows_of(self._owned(self.active[chosen]))
-        static = [group.static_block(part, own) for group in self.groups]
+            part, rows = rows_of(chosen), rows_of(self._owned(self.active[chosen]))
+        static = [group.static_block(part, rows) for group in self.groups]
         if self.model.comm.size > 1:
             static = [np.concatenate(self.model.comm.allgather(rows)) for rows in static]  # rank order is row order
         at = (self.model.index_of(n) for n in self.model.harmonics.chosen)
@@ -136,13 +136,13 @@ class ReceptanceColumns:
         """
         rows, forces = rows_of(chosen), p.swapaxes(0, 1).reshape(p.shape[1], -1, p.shape[3]).astype(complex)
         static = [group.static_block(rows, self.rows) for group in self.groups]
-        own = slice(*np.searchsorted(self.active, [self.model.owned.start, self.model.owned.stop]) * 3)
+        owned = slice(*np.searchsorted(self.active, [self.model.owned.start, self.model.owned.stop]) * 3)
         moved = np.empty((len(forces), len(self.rows), p.shape[3]), dtype=complex)
         for j, (force, n) in enumerate(zip(forces, self.model.harmonics.chosen)):
             k, i = self.model.index_of(n)
             R, block = self.groups[k].R_active, static[k]
             moved[j] = block @ force if np.iscomplexobj(block) else (block @ force.view(float)).view(complex)
-            moved[j] += self.groups[k].c.between(R[own], i, (R[rows].conj().T @ force).conj().T)
+            moved[j] += self.groups[k].c.between(R[owned], i, (R[rows].conj().T @ force).conj().T)
         return moved
 
     def static_coupling(self, pair: int) -> np.ndarray:
@@ -189,14 +189,14 @@ class ActiveColumns:
 
     def move_to(self, G: ReceptanceColumns) -> None:
         """Take over the frequency of ``G``, of the same pairs.  Local."""
-        for own, group in zip(self._groups, G.groups):
-            own.c = Flexibility(group.c.c * own.R_unit * (own.R_unit / self.unit))  # no unit
+        for scaled, group in zip(self._groups, G.groups):
+            scaled.c = Flexibility(group.c.c * scaled.R_unit * (scaled.R_unit / self.unit))  # no unit
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
         if len(self._groups) == 1:
             return self._groups[0].apply(p)
-        return self.model.joined([own.apply(p[:, group.columns]) for own, group in zip(self._groups, self.model.groups)])
+        return self.model.joined([scaled.apply(p[:, group.columns]) for scaled, group in zip(self._groups, self.model.groups)])
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in those units.  Local."""
@@ -204,12 +204,12 @@ class ActiveColumns:
         if len(self._groups) == 1:
             return self._groups[0].apply_to_several(p)
         of_groups = zip(self._groups, self.model.groups)
-        return self.model.joined([own.apply_to_several(p[..., group.columns]) for own, group in of_groups])
+        return self.model.joined([scaled.apply_to_several(p[..., group.columns]) for scaled, group in of_groups])
 
     def in_units(self, P: np.ndarray) -> np.ndarray:
         """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
-        found: np.ndarray = np.empty_like(P, dtype=self.precision)
-        return np.multiply(P, self.unit, out=found, casting="same_kind")
+        unitless: np.ndarray = np.empty_like(P, dtype=self.precision)
+        return np.multiply(P, self.unit, out=unitless, casting="same_kind")
 
 
 class _RealGroup:

@@ -28,8 +28,8 @@ def linear_motion(model: ReducedModel, level: float, omega: float, rows: slice |
 
 def static_motion(model: ReducedModel, level: float) -> np.ndarray:
     """Return du_static f, U_lin as it would be if nothing had inertia, of this rank's pairs, (3 n_owned, N_H) [m].  Local."""
-    f, own = level * model.f, model.owned_rows
-    return model.joined([matrix_times(group.receptance.static.du_static[own], f[:, group.columns]) for group in model.groups])
+    f, owned = level * model.f, model.owned_rows
+    return model.joined([matrix_times(group.receptance.static.du_static[owned], f[:, group.columns]) for group in model.groups])
 
 
 def linear_motion_rate(
@@ -41,9 +41,9 @@ def linear_motion_rate(
     d_C: Sequence[np.ndarray] | None = None,
 ) -> np.ndarray:
     """Return the rate of U_lin, (3 n_owned, N_H), as :meth:`ReceptanceColumns.apply_rate` has that of G.  Local."""
-    f, own = level * model.f, model.owned_rows
+    f, owned = level * model.f, model.owned_rows
     of_groups = zip(model.groups, model.flexibility_rates(omega, d_omega, d_sigma, d_C))
-    return model.joined([group.receptance.linear_motion_rate(f[:, group.columns], rate, own) for group, rate in of_groups])
+    return model.joined([group.receptance.linear_motion_rate(f[:, group.columns], rate, owned) for group, rate in of_groups])
 
 
 def output_motion(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:

@@ -112,13 +112,13 @@ class ReducedModel(ReducedStructure):
 
     def flexibilities(self, omega: float) -> tuple[DynamicFlexibility, ...]:
         """Return c_n of each group.  Kept for the last few frequencies; collective where a group is new."""
-        found = self._flexibilities.pop(omega, None) or tuple(
+        flexibilities = self._flexibilities.pop(omega, None) or tuple(
             group.receptance.modes.flexibility(group.harmonics, omega) for group in self.groups
         )
-        self._flexibilities[omega] = found  # the last
+        self._flexibilities[omega] = flexibilities  # the last
         if len(self._flexibilities) > _KEPT:
             del self._flexibilities[next(iter(self._flexibilities))]
-        return found
+        return flexibilities
 
     def flexibility_rates(
         self, omega: float, d_omega: float, d_sigma: float, d_C: Sequence[np.ndarray] | None = None
@@ -156,4 +156,4 @@ class ReducedModel(ReducedStructure):
 
 def _parts(structure: ReducedStructure) -> dict[str, Any]:
     """Return the fields of a structure, also where it is a model."""
-    return {one.name: getattr(structure, one.name) for one in fields(ReducedStructure)}
+    return {item.name: getattr(structure, item.name) for item in fields(ReducedStructure)}

@@ -47,9 +47,9 @@ class Rows:
 
     def columns(self, wanted: np.ndarray) -> np.ndarray:
         """Return a copy of the columns ``wanted`` (k,), (m, k), of A in double precision."""
-        found = np.empty((self.shape[0], len(wanted)))
-        self.write_columns(wanted, 1.0, found)
-        return found
+        columns = np.empty((self.shape[0], len(wanted)))
+        self.write_columns(wanted, 1.0, columns)
+        return columns
 
     def write_columns(self, wanted: np.ndarray, unit: float, out: np.ndarray) -> None:
         """Write the columns ``wanted`` (k,), over ``unit``, into ``out`` (m, k), of any precision; A is in double precision."""

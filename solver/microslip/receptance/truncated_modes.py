@@ -118,10 +118,10 @@ class Truncation:
 
     def samples_of(self, tau: np.ndarray) -> np.ndarray:
         """Return this rank's part of the samples of R^H tau, (n, SAMPLES, N_H), of rows tau (n, 3 n_owned, N_H).  Local."""
-        samples, own = np.zeros((len(tau), SAMPLES, self.model.N_H)), self.model.owned_rows
+        samples, owned = np.zeros((len(tau), SAMPLES, self.model.N_H)), self.model.owned_rows
         for group, truncated in zip(self.model.groups, self.of_groups):
             if truncated is not None:
-                rows = truncated.of_pairs[own]
+                rows = truncated.of_pairs[owned]
                 samples[..., group.columns] = [adjoint_times(rows, x[:, group.columns]) for x in tau]
         return samples
 

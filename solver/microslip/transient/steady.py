@@ -124,7 +124,7 @@ def steady_state(
     B = len(march.level)
     accelerations = [Acceleration(3 * len(march.model.modes.omega_n)) for _ in range(B)] if accelerated else None
     springs = march.model.law.springs.ravel()
-    found: list[tuple] = [()] * B
+    steady: list[tuple] = [()] * B
     best = np.full(B, np.inf)
     left, now = np.arange(B), start
     for period in range(1, most_periods + 1):
@@ -145,7 +145,7 @@ def steady_state(
         if ramp is None:
             for i in np.flatnonzero(~(merit >= best[left])):
                 best[left[i]] = merit[i]
-                found[left[i]] = (now.take([i]), _one(cycle, i), period, change[i], distance[i])
+                steady[left[i]] = (now.take([i]), _one(cycle, i), period, change[i], distance[i])
         before_p = now.p
         done = (merit <= tolerance) & (ramp is None)
         said(f"period {period}: {len(left)} points, largest distance {distance.max():.1e}, change of p {moved.max():.1e}")
@@ -156,7 +156,7 @@ def steady_state(
             now = _accelerated([accelerations[point] for point in left], part, before, correction, before_p, p)
         now = now.take(~done)
         left = left[~done]
-    return _together(found)
+    return _together(steady)
 
 
 def _accelerated(
@@ -170,8 +170,8 @@ def _accelerated(
     """Return where the next period of every point begins: motion and contact forces, each in the root of an energy.  Local."""
     n, shape, root = motion[0].size, motion[0].shape, march.model.memory_scale
     x = [
-        one.next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
-        for one, x0, c, p0, p1 in zip(accelerations, motion, correction, before, after)
+        acceleration.next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
+        for acceleration, x0, c, p0, p1 in zip(accelerations, motion, correction, before, after)
     ]
     return Start(
         march.scheme.unpack(np.array([each[:n].reshape(shape) for each in x])), np.array([each[n:] * root for each in x])
@@ -183,16 +183,16 @@ def _norm(x: np.ndarray) -> np.ndarray:
 
 
 def _one(cycle: Cycle, i: int) -> Cycle:
-    own = slice(i, i + 1)
-    return Cycle(cycle.eta[:, own].copy(), cycle.v[:, own].copy(), cycle.p[:, own].copy(), cycle.state[own])
+    column = slice(i, i + 1)
+    return Cycle(cycle.eta[:, column].copy(), cycle.v[:, column].copy(), cycle.p[:, column].copy(), cycle.state[column])
 
 
-def _together(found: list[tuple]) -> Found:
-    starts, cycles, periods, change, distance = zip(*found)
+def _together(steady: list[tuple]) -> Found:
+    starts, cycles, periods, change, distance = zip(*steady)
     motion = Motion(*(np.concatenate([getattr(start.z, name) for start in starts]) for name in ("eta", "v", "a")))
     cycle = Cycle(
         *(
-            np.concatenate([getattr(one, name) for one in cycles], axis=axis)
+            np.concatenate([getattr(cycle, name) for cycle in cycles], axis=axis)
             for name, axis in (("eta", 1), ("v", 1), ("p", 1), ("state", 0))
         )
     )
