@@ -15,7 +15,7 @@ from .constraint_rows import Plane
 from .corrector import Correction
 from .iterate import PointState
 from .point_record import Unbalanced, point_record
-from .point_solver import Found, PointSolver
+from .point_solver import PointSolver, Solution
 from .state import BranchState
 from .task import BranchTask
 
@@ -37,7 +37,7 @@ class Accepted:
 def accept(
     task: BranchTask,
     state: BranchState,
-    found: Found,
+    solution: Solution,
     *,
     asked: bool = False,
     on_the_way: bool = False,
@@ -55,32 +55,32 @@ def accept(
     estimator = None if on_the_way else task.estimator
     while True:
         try:
-            point, moves = point_record(solver.problem, solver.selection, found, asked, estimator)
-            check_forces(solver, found[0], point)
+            point, moves = point_record(solver.problem, solver.selection, solution, asked, estimator)
+            check_forces(solver, solution[0], point)
         except Unbalanced:  # its residual alone may be to blame
             tighter, memory = accuracy.tighter(solver.resolution, memory) if accuracy else (None, memory)
             tighter = tighter or replace(solver.resolution, tolerance=SHARPER * solver.tolerance)
-            better = solve_sharper(solver, tighter, found, asked) if tighter.tolerance >= SHARPEST else None
+            better = solve_sharper(solver, tighter, solution, asked) if tighter.tolerance >= SHARPEST else None
             if not better:
                 raise
-            found, solver = better
+            solution, solver = better
             continue
         ratios, memory = judged(solver, accuracy, memory, point)
         finer, memory = accuracy.finer(solver.resolution, ratios, memory) if accuracy else (None, memory)
-        better = solve_with(solver, finer, found, force_at(solver, found[0], point)) if finer else None
+        better = solve_with(solver, finer, solution, force_at(solver, solution[0], point)) if finer else None
         if not better:
             break
-        found, solver = better
+        solution, solver = better
     missed = (MISSED,) if max(ratios.values(), default=0.0) > 1.0 else ()
-    force, is_linear = force_at(solver, found[0], point), solver.is_linear and found[0].is_linear
+    force, is_linear = force_at(solver, solution[0], point), solver.is_linear and solution[0].is_linear
     next_one = replace(solver.resolution, tolerance=max(solver.tolerance, task.tolerance))
     if accuracy:
         next_one, memory = accuracy.coarser(next_one, ratios, memory)
-    found, solver = solver.resolved(next_one).still(found, solver)
+    solution, solver = solver.resolved(next_one).still(solution, solver)
     point = replace(point, seconds=solver.workspace.lap(), notes=(*point.notes, *missed, *notes))
-    U = found[0].iterate.U
+    U = solution[0].iterate.U
     now = PointState(
-        iterate=found[0].iterate,
+        iterate=solution[0].iterate,
         selected=solver.selection.update(moves, point.state, point.energy),
         size=solver.norm(U),
         force=force,
@@ -93,29 +93,31 @@ def accept(
 
 
 def solve_with(
-    solver: PointSolver, finer: Resolution, found: Found, force: float | None = None
-) -> tuple[Found, PointSolver] | None:
+    solver: PointSolver, finer: Resolution, solution: Solution, force: float | None = None
+) -> tuple[Solution, PointSolver] | None:
     """Solve a point of contact forces ``force`` [N] again with more; None where Newton fails.  Collective."""
     better = solver.resolved(finer)
-    guess = found[0].iterate.on(better.harmonics)
-    again, used = better.solve_at(guess, better.norm(guess.U), found[1], force)
-    return None if again.failure else ((again.with_effort_of(found[0]), used), better)
+    guess = solution[0].iterate.on(better.harmonics)
+    again, used = better.solve_at(guess, better.norm(guess.U), solution[1], force)
+    return None if again.failure else ((again.with_effort_of(solution[0]), used), better)
 
 
-def solve_sharper(solver: PointSolver, sharper: Resolution, found: Found, asked: bool) -> tuple[Found, PointSolver] | None:
+def solve_sharper(
+    solver: PointSolver, sharper: Resolution, solution: Solution, asked: bool
+) -> tuple[Solution, PointSolver] | None:
     """Solve a point again with a smaller tolerance; None where Newton fails.  Collective.
 
     Beside a resonance that neither damping nor friction holds the equations are all but singular at a fixed frequency.  One that
     neither was ``asked`` for nor ends the range may move, and the amplitude is held in its place.
     """
-    better, there = solver.resolved(sharper), found[0].iterate
+    better, there = solver.resolved(sharper), solution[0].iterate
     size, along = better.norm(there.U), np.array(there.U)
     along[..., better.harmonics.mean] = 0.0
     if not asked and size > 0.0 and there.parameter not in (solver.sweep.start, solver.sweep.stop):
-        again, used = better.solve(there, Plane(there, along / size, (0.0,) * len(there.parameters)), size, found[1])
+        again, used = better.solve(there, Plane(there, along / size, (0.0,) * len(there.parameters)), size, solution[1])
         if again.failure is None:
-            return (again.with_effort_of(found[0]), used), better
-    return solve_with(solver, sharper, found)
+            return (again.with_effort_of(solution[0]), used), better
+    return solve_with(solver, sharper, solution)
 
 
 def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point: Point) -> tuple[dict[str, float], Memory]:
@@ -128,12 +130,12 @@ def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point
     return solver.comm.bcast(accuracy.ratios(amplitudes, error, memory))
 
 
-def check_forces(solver: PointSolver, found: Correction, point: Point) -> None:
+def check_forces(solver: PointSolver, solution: Correction, point: Point) -> None:
     """Raise Unbalanced where a motion has outgrown the forces so far that they have no digits left.  Collective."""
-    equation, there = solver.equation, found.iterate
+    equation, there = solver.equation, solution.iterate
     loads = abs(solver.problem.at(there.parameters).level) * float(np.linalg.norm(equation.model.f))
-    forces, unbalanced = loads + force_at(solver, found, point), solver.workspace.stiffest * found.gap
-    if unbalanced > max(UNBALANCED, 500.0 * found.bound) * forces:
+    forces, unbalanced = loads + force_at(solver, solution, point), solver.workspace.stiffest * solution.gap
+    if unbalanced > max(UNBALANCED, 500.0 * solution.bound) * forces:
         raise Unbalanced(
             f"hb: at {solver.problem.where(there.parameter)} contact forces of {unbalanced:.1e} N are lost beside a motion of "
             f"{solver.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint holds, "
@@ -141,7 +143,7 @@ def check_forces(solver: PointSolver, found: Correction, point: Point) -> None:
         )
 
 
-def force_at(solver: PointSolver, found: Correction, point: Point) -> float:
+def force_at(solver: PointSolver, solution: Correction, point: Point) -> float:
     """Return |f_nl| over all ranks [N] at a point on record.  Collective."""
     p = Harmonics.full(point.p.shape[-1]).carry(point.p[solver.equation.model.owned], solver.harmonics)
-    return solver.force_of(found.iterate.U, p)
+    return solver.force_of(solution.iterate.U, p)

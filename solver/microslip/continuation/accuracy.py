@@ -105,32 +105,32 @@ class Accuracy:
         ``amplitude`` (n_outputs,) [m]; ``error`` are the parts of the bar that counts, (n_outputs, n_parts) [m].
         """
         peak = amplitude if memory.peak is None else np.maximum(memory.peak, amplitude)
-        allowed, found = self.allowed(peak), {}
+        allowed, shares = self.allowed(peak), {}
         used = np.minimum(error[:, PARTS.index("harmonics")], SHARES["harmonics"] * allowed)
         for part, share in SHARES.items():
             values, most = error[:, PARTS.index(part)], BOTH * allowed - used if part == "samples" else share * allowed
             over = np.divide(values, most, out=np.zeros_like(values), where=allowed > 0.0)
-            found[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))  # a bar that is none tells nothing
-        return found, replace(memory, peak=peak)
+            shares[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))  # a bar that is none tells nothing
+        return shares, replace(memory, peak=peak)
 
     def finer(self, now: Resolution, ratios: dict[str, float], memory: Memory) -> tuple[Resolution | None, Memory]:
         """Return the resolution with which to solve the point again; None where it is good, or the finest there is."""
         if not ratios:
             return None, memory
-        found, H = now, now.harmonics.highest
+        resolution, H = now, now.harmonics.highest
         most = min(MOST_HARMONICS, (now.n_samples - 1) // 2) if "samples" in self.keeps else MOST_HARMONICS
         if ratios["harmonics"] > 1.0 and "harmonics" not in self.keeps and H + 2 <= most:
             grown = int(np.clip(np.ceil(H * np.sqrt(ratios["harmonics"])), H + 2, 2 * H + 1))
-            found = found.with_highest(min(grown + (grown - H) % 2, most - (most - H) % 2), "samples" in self.keeps)
+            resolution = resolution.with_highest(min(grown + (grown - H) % 2, most - (most - H) % 2), "samples" in self.keeps)
             memory = memory.after_too_few("harmonics")
         if ratios["samples"] > 1.0 and "samples" not in self.keeps and now.n_samples < MOST_SAMPLES:
             grown = samples_from(now.n_samples * min(ratios["samples"], 8.0))
-            found = replace(found, n_samples=min(max(grown, found.n_samples), MOST_SAMPLES))
+            resolution = replace(resolution, n_samples=min(max(grown, resolution.n_samples), MOST_SAMPLES))
             memory = memory.after_too_few("samples")
         if ratios.get("solver", 0.0) > 1.0:
-            tighter, memory = self.tighter(found, memory)
-            found = tighter or found
-        return (found if found != now else None), memory
+            tighter, memory = self.tighter(resolution, memory)
+            resolution = tighter or resolution
+        return (resolution if resolution != now else None), memory
 
     def tighter(self, now: Resolution, memory: Memory) -> tuple[Resolution | None, Memory]:
         """Return the resolution with the tightest tolerance; None where that is what it has, or what the scene states."""
@@ -143,17 +143,17 @@ class Accuracy:
         if not ratios:
             return now, memory
         calm = {part: memory.calm[part] + 1 if ratios[part] < LOW[part] else 0 for part in SHARES}
-        found, H = now, now.harmonics.highest
+        resolution, H = now, now.harmonics.highest
         is_calm = {part: part not in self.keeps and calm[part] >= memory.patience[part] for part in SHARES}
         if is_calm["harmonics"] and H - 2 >= self.coarsest.harmonics.highest:
-            found = found.with_highest(H - 2, "samples" in self.keeps)
-        least = max(self.coarsest.n_samples, least_samples(found.harmonics.highest))
+            resolution = resolution.with_highest(H - 2, "samples" in self.keeps)
+        least = max(self.coarsest.n_samples, least_samples(resolution.harmonics.highest))
         fewer = samples_from(0.5 * now.n_samples)
         if is_calm["samples"] and fewer >= least:
-            found = replace(found, n_samples=fewer)
+            resolution = replace(resolution, n_samples=fewer)
         if is_calm["solver"]:
-            found = replace(found, tolerance=self.coarsest.tolerance)
-        return found, replace(memory, calm={part: 0 if is_calm[part] else calm[part] for part in SHARES})
+            resolution = replace(resolution, tolerance=self.coarsest.tolerance)
+        return resolution, replace(memory, calm={part: 0 if is_calm[part] else calm[part] for part in SHARES})
 
     def stretch(self, responses: list[np.ndarray], steps: tuple[float, float], memory: Memory) -> float:
         """Return the factor from the last step to the next, from the amplitudes (n_outputs,) at the last three points."""

@@ -52,32 +52,32 @@ def own_arrays(state: BranchState) -> Arrays:
     """Return the arrays of a state that none of its parts has.  Collective."""
     solver, equation, memory = state.solver, state.solver.equation, state.memory
     newton = solver.workspace.newton_solver(equation, solver.resolution)
-    found = {
+    arrays = {
         "resolution": np.array([equation.n_samples, solver.tolerance]),
         "harmonics": np.array(equation.harmonics.chosen),
         "step": np.array([state.ds, solver.is_linear, state.is_done, newton.wants_preconditioner]),
         "counts": np.array([*memory.calm.values(), *memory.patience.values()]),
     }
     if memory.peak is not None:
-        found["peak"] = memory.peak
+        arrays["peak"] = memory.peak
     if equation.held is not None:
-        found["held"] = equation.gather(equation.held)
-    return found
+        arrays["held"] = equation.gather(equation.held)
+    return arrays
 
 
 def parts_of(task: BranchTask, state: BranchState) -> dict[str, Part]:
     """Return the last points of a state and where its preconditioners were made, by name; the same ones on every rank.  Local."""
-    solver, found = state.solver, dict[str, Part]()
+    solver, parts = state.solver, dict[str, Part]()
     for name in _POINTS:
         point = getattr(state, name)
         if point is not None:
-            found[name] = Part(point, partial(_of_point, solver.equation, point))
+            parts[name] = Part(point, partial(_of_point, solver.equation, point))
     newton = solver.workspace.newton_solver(solver.equation, solver.resolution)
     adjoint, forward = (task.estimator.adjoint_solver, task.estimator.forward_solver) if task.estimator else (None, None)
     for name, solver_of in (("newton", newton), ("adjoint", adjoint), ("forward", forward)):
         if solver_of and solver_of.preconditioner is not None:
-            found[name] = Part(solver_of.preconditioner, partial(_of_preconditioner, solver_of.preconditioner))
-    return found
+            parts[name] = Part(solver_of.preconditioner, partial(_of_preconditioner, solver_of.preconditioner))
+    return parts
 
 
 def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> BranchState:

@@ -13,7 +13,7 @@ from .acceptance import Accepted, accept
 from .iterate import Iterate, PointState, interpolate
 from .keeper import KEEPS_NOTHING, Begun, Keeper
 from .point_record import Unbalanced
-from .point_solver import Found, PointSolver, Workspace
+from .point_solver import PointSolver, Solution, Workspace
 from .state import BranchState
 from .stepping import message, second, step
 from .steps import ArcLength
@@ -71,15 +71,15 @@ def first_point(task: BranchTask, state: BranchState, asked: bool) -> Accepted:
     ------
     ConvergenceError : none leads there; on every rank
     """
-    solver, found = state.solver, state.solver.first()
+    solver, solution = state.solver, state.solver.first()
     ways = (
-        iter((WayOn(solver, found),))
-        if found[0].failure is None
+        iter((WayOn(solver, solution),))
+        if solution[0].failure is None
         else ways_on(Stuck("first", solver, task.steps, task.may_hold, task=task, advance=advance))
     )
     for on in ways:
         return accept(task, replace(state, solver=on.solver), on.solution, asked=asked, notes=on.notes)
-    raise ConvergenceError(task.problem.without_solution(task.sweep.start, str(found[0].failure)))
+    raise ConvergenceError(task.problem.without_solution(task.sweep.start, str(solution[0].failure)))
 
 
 def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
@@ -87,8 +87,8 @@ def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     assert state.now is not None
     before = state.now
     stepped = second(state.solver, state.solver.carried(before), task.steps)
-    found, ds, notes = stepped.solution, stepped.ds, stepped.notes
-    was, after = state.solver, _arrive(Leg(task, state, before, emit), found, notes)
+    solution, ds, notes = stepped.solution, stepped.ds, stepped.notes
+    was, after = state.solver, _arrive(Leg(task, state, before, emit), solution, notes)
     if after.state.solver.resolution != was.resolution:
         before = after.state.solver.again(before)
     return after.state.after(before, after.now, ds)
@@ -107,24 +107,24 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     was, now, sweep = state.solver, state.solver.carried(state.now), task.sweep
     leg = Leg(task, state, now, emit)
     stepped = step(was, state.earlier, state.before, now, state.ds, task.steps, task.may_hold)
-    if stepped.found is None:
+    if stepped.solved is None:
         return replace(state, solver=stepped.solver, now=now, ds=0.25 * task.steps.ds)
-    found, ds, notes = stepped.solution, stepped.ds, stepped.notes
-    if sweep.before(found[0].iterate.parameter):
-        _to_limit(leg, found, sweep.start)
+    solution, ds, notes = stepped.solution, stepped.ds, stepped.notes
+    if sweep.before(solution[0].iterate.parameter):
+        _to_limit(leg, solution, sweep.start)
         where = task.problem.where(sweep.start)
         raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, {where}; begin further off")
-    if sweep.beyond(found[0].iterate.parameter):
-        end = _to_limit(leg, found, sweep.stop, notes)
+    if sweep.beyond(solution[0].iterate.parameter):
+        end = _to_limit(leg, solution, sweep.stop, notes)
         return replace(end.state, before=now, now=end.now, is_done=True)
     try:
-        after = _arrive(leg, found, notes)
+        after = _arrive(leg, solution, notes)
     except Unbalanced:
         beyond = _begun_beyond(leg)
         if beyond is None:
             raise
         return beyond
-    ds = next_step(task, after.state, ds, found[0].newton, (state.before, now, after.now))
+    ds = next_step(task, after.state, ds, solution[0].newton, (state.before, now, after.now))
     if after.state.solver.equation.held is not None and after.now.sliding < MOSTLY:
         after = released(after, task.steps)
     elif task.may_hold and (held := regularised(after.state.solver, after.now.sliding, MOSTLY)):
@@ -156,10 +156,10 @@ def released(after: Accepted, steps: ArcLength) -> Accepted:
     solver, now = after.state.solver.holding(None), after.now
     at_rest, mean = now.iterate.U.copy(), solver.harmonics.mean
     at_rest[..., mean] = solver.on_curve(now.iterate.parameter).U[..., mean]
-    found, selected = solver.solve_near(replace(now.iterate, U=at_rest), now)
-    if found.failure is not None or solver.distance(now, found.iterate) > steps.ds_max:
+    solution, selected = solver.solve_near(replace(now.iterate, U=at_rest), now)
+    if solution.failure is not None or solver.distance(now, solution.iterate) > steps.ds_max:
         return after
-    free = replace(now, iterate=found.iterate, selected=selected)
+    free = replace(now, iterate=solution.iterate, selected=selected)
     return replace(after, state=replace(after.state, solver=solver), now=free)
 
 
@@ -172,25 +172,25 @@ def next_step(
     if task.accuracy is None or not task.accuracy.chooses_steps:
         return task.steps.next(ds, newton, turn)
     steps = solver.distance(before, now.iterate), solver.distance(now, after.iterate)
-    stretch = solver.comm.bcast(task.accuracy.stretch([one.amplitude for one in last], steps, state.memory))
+    stretch = solver.comm.bcast(task.accuracy.stretch([point.amplitude for point in last], steps, state.memory))
     return task.steps.stretched(ds, newton, turn, stretch)
 
 
-def _arrive(leg: Leg, found: Found, notes: tuple[str, ...] = ()) -> Accepted:
+def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accepted:
     """Accept a point found from the last one, after those asked for on the way to it.  Collective."""
     was = leg.state.solver
-    state = _asked(leg, found[0].iterate, found[1])
-    found, solver = state.solver.still(found, was)
-    after = accept(leg.task, replace(state, solver=solver), found, notes=notes)
+    state = _asked(leg, solution[0].iterate, solution[1])
+    solution, solver = state.solver.still(solution, was)
+    after = accept(leg.task, replace(state, solver=solver), solution, notes=notes)
     leg.emit(after.point)
     return after
 
 
-def _to_limit(leg: Leg, found: Found, limit: float, notes: tuple[str, ...] = ()) -> Accepted:
+def _to_limit(leg: Leg, solution: Solution, limit: float, notes: tuple[str, ...] = ()) -> Accepted:
     """Solve at the end of the range that a step has passed, after what is asked for before it.  Collective."""
-    there = interpolate(leg.now.iterate, found[0].iterate, limit)
-    leg = replace(leg, state=_asked(leg, there, found[1]))
-    end = solved(leg, there, found[1], asked=limit in leg.task.sweep.at, notes=notes)
+    there = interpolate(leg.now.iterate, solution[0].iterate, limit)
+    leg = replace(leg, state=_asked(leg, there, solution[1]))
+    end = solved(leg, there, solution[1], asked=limit in leg.task.sweep.at, notes=notes)
     leg.emit(end.point)
     return end
 
@@ -200,9 +200,9 @@ def _asked(leg: Leg, there: Iterate, selected: np.ndarray) -> BranchState:
     for value in leg.task.sweep.asked_between(leg.now.iterate.parameter, there.parameter):
         harmonics = leg.state.solver.harmonics
         between = interpolate(leg.now.iterate.on(harmonics), there.on(harmonics), value)
-        found = solved(leg, between, selected, asked=True)
-        leg.emit(found.point)
-        leg = replace(leg, state=found.state)
+        solution = solved(leg, between, selected, asked=True)
+        leg.emit(solution.point)
+        leg = replace(leg, state=solution.state)
     return leg.state
 
 
@@ -210,28 +210,28 @@ def solved(leg: Leg, guess: Iterate, selected: np.ndarray, asked: bool, notes: t
     """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between.  Collective."""
     solver, selected = leg.state.solver, leg.now.selected | selected
     now, guess = solver.carried(leg.now), guess.on(solver.harmonics)
-    found = solver.solve_near(guess, now, selected)
-    if found[0].failure:
-        found = approach(solver, now, guess, selected, leg.task.steps)
-    return accept(leg.task, leg.state, found, asked=asked, notes=notes)
+    solution = solver.solve_near(guess, now, selected)
+    if solution[0].failure:
+        solution = approach(solver, now, guess, selected, leg.task.steps)
+    return accept(leg.task, leg.state, solution, asked=asked, notes=notes)
 
 
-def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.ndarray, steps: ArcLength) -> Found:
+def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.ndarray, steps: ArcLength) -> Solution:
     """Solve at the parameter of ``goal`` in steps of the parameter from the last point, halved until Newton converges."""
     here, towards = now.iterate, goal
     way = 0.5 * (goal.parameter - here.parameter)
     while True:
         is_last = abs(goal.parameter - here.parameter) <= 1.001 * abs(way)
         there = goal.parameter if is_last else here.parameter + way
-        found, used = solver.solve_near(interpolate(here, towards, there), now, selected)
-        if found.failure is None and is_last:
-            return found, used
-        if found.failure is None:
-            here, towards, selected = found.iterate, interpolate(here, found.iterate, goal.parameter), used
+        solution, used = solver.solve_near(interpolate(here, towards, there), now, selected)
+        if solution.failure is None and is_last:
+            return solution, used
+        if solution.failure is None:
+            here, towards, selected = solution.iterate, interpolate(here, solution.iterate, goal.parameter), used
             continue
         way /= 2.0
         if abs(way) < FINEST_WAY * abs(goal.parameter - now.iterate.parameter):
-            raise ConvergenceError(message(solver, here.parameter, found, steps))
+            raise ConvergenceError(message(solver, here.parameter, solution, steps))
 
 
 def _wider(task: BranchTask, keeper: Keeper, workspace: Workspace) -> Begun | None:
@@ -247,9 +247,9 @@ def _to_the_end(task: BranchTask, state: BranchState) -> list[Point] | None:
     """Return the points from a state to the end of the range; None where nothing leads there.  Collective."""
     points: list[Point] = []
     while not state.is_done:
-        found = advance(task, state, points.append)
-        state = found.state
-        if found.failure is not None:
+        solution = advance(task, state, points.append)
+        state = solution.state
+        if solution.failure is not None:
             return None
     return points
 
@@ -280,12 +280,12 @@ def follow_branch(
         for point in before:
             take(point)
         while not state.is_done and branch.failure is None:
-            found = advance(task, state, record)
-            state, branch.failure = found.state, found.failure
+            solution = advance(task, state, record)
+            state, branch.failure = solution.state, solution.failure
             if len(branch.points) + len(since) == max_points:
                 where = task.problem.where(task.sweep.stop)
                 branch.failure = f"{max_points} points without reaching {where}: raise [response] points"
-            keeper.keep(task, None if found.failure else state, since)
+            keeper.keep(task, None if solution.failure else state, since)
             for point in since:
                 take(point)
             since.clear()

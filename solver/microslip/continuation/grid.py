@@ -111,14 +111,14 @@ def range_of(omegas: Sequence[float]) -> Sweep:
 
 def _points(task: BranchTask, state: BranchState, omegas: Sequence[float]) -> Iterator[Point]:
     """Yield the point at each frequency."""
-    found = first_point(task, state, asked=True)
-    yield found.point
+    solution = first_point(task, state, asked=True)
+    yield solution.point
     before: PointState | None = None
     for omega in omegas[1:]:
-        solver = found.state.solver
-        before, now = before and solver.carried(before), solver.carried(found.now)
-        found = _reach(task, found.state, before, now, omega)
-        yield found.point
+        solver = solution.state.solver
+        before, now = before and solver.carried(before), solver.carried(solution.now)
+        solution = _reach(task, solution.state, before, now, omega)
+        yield solution.point
         before = now
 
 
@@ -126,10 +126,10 @@ def _reach(task: BranchTask, state: BranchState, before: PointState | None, now:
     """Return the point at ``omega``: from the secant, from the last point, or along the branch."""
     guess, spent = secant(None if before is None else before.iterate, now.iterate, omega), Spent()
     for start in [guess] if guess.U is now.iterate.U else [guess, now.iterate.at(omega)]:
-        found = state.solver.solve_near(start, now)
-        if found[0].failure is None:
-            return spent.added_to(accept(task, state, found, asked=True))
-        spent.add(found[0].newton, found[0].krylov)
+        solution = state.solver.solve_near(start, now)
+        if solution[0].failure is None:
+            return spent.added_to(accept(task, state, solution, asked=True))
+        spent.add(solution[0].newton, solution[0].krylov)
     return spent.added_to(_follow_to(task, state, before, now, omega))
 
 
@@ -140,26 +140,26 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
     solver = replace(state.solver, sweep=Sweep(start, start + float(np.copysign(scale, way))))
     state, direction = replace(state, solver=solver), solver.sweep.direction
     if before is None or (start - before.iterate.parameter) * way <= 0.0:
-        before, found = None, second(solver, solver.carried(now), GRID_STEPS).solution
+        before, solution = None, second(solver, solver.carried(now), GRID_STEPS).solution
     else:
         stepped = step(solver, None, before, now, ds, GRID_STEPS)
-        found, ds = stepped.solution, stepped.ds
+        solution, ds = stepped.solution, stepped.ds
     for _ in range(MOST_STEPS):
-        there = found[0].iterate
+        there = solution[0].iterate
         if (start - there.parameter) * direction > scale:
             break
         if (there.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
-            spent.add(found[0].newton, found[0].krylov)
+            spent.add(solution[0].newton, solution[0].krylov)
             goal = interpolate(now.iterate.on(solver.harmonics), there, omega)
-            return spent.added_to(solved(Leg(task, state, now), goal, found[1], asked=True))
-        after = accept(task, state, found, on_the_way=True)
+            return spent.added_to(solved(Leg(task, state, now), goal, solution[1], asked=True))
+        after = accept(task, state, solution, on_the_way=True)
         state, solver = after.state, after.state.solver
         spent.add(after.point.newton, after.point.krylov, after.point.seconds)
         if before is not None:
-            ds = GRID_STEPS.next(ds, found[0].newton, solver.turn(before.iterate, now.iterate, after.now.iterate, now.size))
+            ds = GRID_STEPS.next(ds, solution[0].newton, solver.turn(before.iterate, now.iterate, after.now.iterate, now.size))
         earlier, before, now = before, now, after.now
         stepped = step(solver, earlier, before, now, ds, GRID_STEPS)
-        found, ds = stepped.solution, stepped.ds
+        solution, ds = stepped.solution, stepped.ds
     where = (task.problem.where(parameter) for parameter in (omega, start))
     raise ConvergenceError("hb: {} not reached along the branch from {}; ask for frequencies closer to each other".format(*where))
 
@@ -175,11 +175,11 @@ class Spent:
     def add(self, newton: int, krylov: int, seconds: float = 0.0) -> None:
         self.newton, self.krylov, self.seconds = self.newton + newton, self.krylov + krylov, self.seconds + seconds
 
-    def added_to(self, found: Accepted) -> Accepted:
+    def added_to(self, solution: Accepted) -> Accepted:
         """Return a point with this effort added to its record."""
-        point = found.point
+        point = solution.point
         return replace(
-            found,
+            solution,
             point=replace(
                 point, newton=point.newton + self.newton, krylov=point.krylov + self.krylov, seconds=point.seconds + self.seconds
             ),

@@ -157,8 +157,8 @@ def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point:
         omegas = np.union1d(omegas, unresolved_peaks(curve, omegas))
     for omega in omegas[:: int(sweep.direction)]:
         there = Iterate(equation.linear_motion(problem.at((omega,))), (float(omega),), equation.harmonics)
-        found = Correction(there, 0, 0, 0.0, None), equation.every_pair
-        point, _ = point_record(problem, AllPairs(), found, omega in sweep.at, task.estimator)
+        solution = Correction(there, 0, 0, 0.0, None), equation.every_pair
+        point, _ = point_record(problem, AllPairs(), solution, omega in sweep.at, task.estimator)
         now = time.perf_counter()
         point, clock = replace(point, seconds=now - clock), now
         on_point(point)

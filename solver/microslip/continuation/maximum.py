@@ -127,15 +127,15 @@ class _Search:
     def sample(self, guess: Iterate, plane: Plane, t: float = 0.0) -> tuple[Sample | None, Correction]:
         """Return the solution on a plane across the curve, None where there is none; the first one makes the coordinate."""
         system = replace(self.system, constraints=(plane, *self.system.constraints))
-        found = self.corrector.correct(system, guess, self.is_patient)
-        self.newton, self.krylov = self.newton + found.newton, self.krylov + found.krylov
-        if found.failure is None:
-            rates = self.row.rates(system, found.iterate)
+        solution = self.corrector.correct(system, guess, self.is_patient)
+        self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
+        if solution.failure is None:
+            rates = self.row.rates(system, solution.iterate)
             if rates is not None:
-                self.solution = found
-                return self.along(found.iterate, rates, t), found
-            found = replace(found, failure="the linearisation is singular")
-        return None, replace(found, newton=self.newton, krylov=self.krylov)
+                self.solution = solution
+                return self.along(solution.iterate, rates, t), solution
+            solution = replace(solution, failure="the linearisation is singular")
+        return None, replace(solution, newton=self.newton, krylov=self.krylov)
 
     def along(self, there: Iterate, rates: Rates, t: float) -> Sample:
         """Return a solution as a sample of the curve."""

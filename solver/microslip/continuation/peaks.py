@@ -139,10 +139,10 @@ def peak_about(problem: ForcedResponse, branch: Branch, output: int, i: int, tol
         scaling = solver.scaling(solver.norm(start.U) or 1.0, solver.force(start, every))
         system = BorderedSystem(solver.problem, (), scaling, every)
         corrector = workspace.corrector(equation, solver.resolution)
-        found = Maximum(output, 0, forward, (before, after)).correct(corrector, system, start)
+        solution = Maximum(output, 0, forward, (before, after)).correct(corrector, system, start)
     finally:
         workspace.destroy()
-    there, newton, within = (start, 0, within) if found.failure else (found.iterate, found.newton, found.within)
+    there, newton, within = (start, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
     forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
     amplitudes = output_amplitude(equation.model_at(at), at, equation.full_force(forces))
     cos, sin = amplitudes[[output, equation.model.n_outputs + output]]

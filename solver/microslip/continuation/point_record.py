@@ -14,7 +14,7 @@ from ..points.selection import Selection
 from ..receptance.motions import load_motion, modal_motion, output_motion
 from ..receptance.reduced_model import ReducedModel
 from .corrector import Correction
-from .point_solver import Found
+from .point_solver import Solution
 from .problems import Problem
 
 IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a tolerance of 1e-8
@@ -27,7 +27,7 @@ class Unbalanced(ConvergenceError):
 
 
 def point_record(
-    problem: Problem, selection: Selection, found: Found, asked: bool, estimator: ErrorEstimator | None = None
+    problem: Problem, selection: Selection, solution: Solution, asked: bool, estimator: ErrorEstimator | None = None
 ) -> tuple[Point, np.ndarray]:
     """Return the record of a converged point and which pairs of all have p != 0, (n_pairs,) bool.
 
@@ -38,7 +38,7 @@ def point_record(
     ------
     Unbalanced : work and losses do not balance, although the residual is small beside the motion; on every rank
     """
-    (correction, selected), at = found, problem.at(found[0].iterate.parameters)
+    (correction, selected), at = solution, problem.at(solution[0].iterate.parameters)
     equation = problem.equation.under(at)
     U, model = correction.iterate.U, equation.model_at(at)
     of_all = equation.contact_forces(U, equation.every_pair, tangents=estimator is not None)
@@ -87,12 +87,12 @@ def quadratures(amplitudes: np.ndarray) -> np.ndarray:
     return np.stack([amplitudes.real, -amplitudes.imag], axis=-1)
 
 
-def _check_balance(problem: Problem, found: Correction, gap: float, most: float) -> None:
+def _check_balance(problem: Problem, solution: Correction, gap: float, most: float) -> None:
     """Raise Unbalanced where a motion has outgrown the forces so far that its residual hides them.  Collective."""
     gap, most = problem.equation.comm.bcast((gap, most))
-    if not abs(gap) <= max(IMBALANCE, 100.0 * found.bound) * most:
+    if not abs(gap) <= max(IMBALANCE, 100.0 * solution.bound) * most:
         raise Unbalanced(
-            f"hb: at {problem.where(found.iterate.parameter)} the work of the loads and the losses differ by {abs(gap):.1e} J "
+            f"hb: at {problem.where(solution.iterate.parameter)} the work of the loads and the losses differ by {abs(gap):.1e} J "
             f"a cycle, {abs(gap) / most:.1e} of what they are; the motion has outgrown the forces: a resonance that neither "
             "damping nor friction holds? State [damping], or end the range before it"
         )

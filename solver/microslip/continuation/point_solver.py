@@ -23,7 +23,7 @@ from .problems import Problem
 
 SHRINKS = 0.5  # of the unit of U: a motion below it is solved again in its own unit
 
-Found = tuple[Correction, np.ndarray]  # and the pairs that were let slip, (n_pairs,) bool
+Solution = tuple[Correction, np.ndarray]  # and the pairs that were let slip, (n_pairs,) bool
 
 
 class Workspace:
@@ -121,7 +121,7 @@ class PointSolver:
 
     # -- solving ---------------------------------------------------------------------------------------------------
 
-    def solve(self, guess: Iterate, plane: Plane, size: float, selected: np.ndarray, force: float | None = None) -> Found:
+    def solve(self, guess: Iterate, plane: Plane, size: float, selected: np.ndarray, force: float | None = None) -> Solution:
         """Correct a guess; with the in-point check, again with the pairs that want to slip, until none is left out.
 
         ``size`` [m] and ``force`` [N] are what residuals are measured by, of a point near by.  Where the answer is much
@@ -135,29 +135,29 @@ class PointSolver:
             corrector = self.workspace.corrector(self.equation, self.resolution)
             system = BorderedSystem(self.problem, (plane, *self.problem.constraints), scaling, selected)
             row = self.problem.maximum
-            found = row.correct(corrector, system, guess) if row else corrector.correct(system, guess, self.is_patient)
-            newton, krylov = newton + found.newton, krylov + found.krylov
-            self.workspace.spent += found.newton
-            found = replace(found, newton=newton, krylov=krylov)
-            if found.failure:
-                return found, selected
-            own = self.norm(found.iterate.U)
-            if force is None or 0.0 < own < SHRINKS * size:
-                plane = replace(plane, n_U=plane.n_U * ((own or size) / size))  # the same plane in the new unit
-                size, force = own or size, self.force(found.iterate, selected)
-                scaling, guess = self.scaling(size, force), found.iterate
+            solution = row.correct(corrector, system, guess) if row else corrector.correct(system, guess, self.is_patient)
+            newton, krylov = newton + solution.newton, krylov + solution.krylov
+            self.workspace.spent += solution.newton
+            solution = replace(solution, newton=newton, krylov=krylov)
+            if solution.failure:
+                return solution, selected
+            size_there = self.norm(solution.iterate.U)
+            if force is None or 0.0 < size_there < SHRINKS * size:
+                plane = replace(plane, n_U=plane.n_U * ((size_there or size) / size))  # the same plane in the new unit
+                size, force = size_there or size, self.force(solution.iterate, selected)
+                scaling, guess = self.scaling(size, force), solution.iterate
                 continue
             if not self.selection.checks_in_point:
-                return found, selected
-            equation = self.equation_at(found.iterate)
-            active = equation.contact_forces(found.iterate.U, equation.every_pair, tangents=False).active
+                return solution, selected
+            equation = self.equation_at(solution.iterate)
+            active = equation.contact_forces(solution.iterate.U, equation.every_pair, tangents=False).active
             left_out = active[~selected[active]]
             if len(left_out) == 0:
-                return found, selected
-            selected, guess = selected.copy(), found.iterate
+                return solution, selected
+            selected, guess = selected.copy(), solution.iterate
             selected[left_out] = True
 
-    def solve_at(self, guess: Iterate, size: float, selected: np.ndarray, force: float | None = None) -> Found:
+    def solve_at(self, guess: Iterate, size: float, selected: np.ndarray, force: float | None = None) -> Solution:
         """Correct a guess at its own parameter; the answer carries exactly that value, not its last bit's rounding.
 
         Raises
@@ -169,14 +169,14 @@ class PointSolver:
                 f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
                 "its linear response is infinite there; state [damping], or another frequency"
             )
-        found, selected = self.solve(guess, Plane.fixed_parameter(guess), size, selected, force)
-        return replace(found, iterate=found.iterate.at(guess.parameter)), selected
+        solution, selected = self.solve(guess, Plane.fixed_parameter(guess), size, selected, force)
+        return replace(solution, iterate=solution.iterate.at(guess.parameter)), selected
 
-    def solve_near(self, guess: Iterate, near: PointState, selected: np.ndarray | None = None) -> Found:
+    def solve_near(self, guess: Iterate, near: PointState, selected: np.ndarray | None = None) -> Solution:
         """Correct a guess at its own parameter, measured by a point near by, with its pairs unless told.  Collective."""
         return self.solve_at(guess, near.size, near.selected if selected is None else selected, near.force)
 
-    def first(self) -> Found:
+    def first(self) -> Solution:
         """Solve the first point of the range from the known curve.  Collective."""
         guess = self.on_curve(self.sweep.start)
         return self.solve_at(guess, self.norm(guess.U), self.selection.first(self.equation.model.n_pairs))
@@ -192,22 +192,22 @@ class PointSolver:
         there = state.iterate.on(self.harmonics)
         return state if there is state.iterate else replace(state, iterate=there)
 
-    def still(self, found: Found, was: PointSolver) -> tuple[Found, PointSolver]:
+    def still(self, solution: Solution, was: PointSolver) -> tuple[Solution, PointSolver]:
         """Return a solution that ``was`` found as one of this solver, and this solver; both as they were where Newton fails.
 
         Collective.
         """
         if was.resolution == self.resolution:
-            return found, self
-        guess = found[0].iterate.on(self.harmonics)
-        again = self.solve_at(guess, self.norm(guess.U), found[1])
-        return (found, was) if again[0].failure else (again, self)
+            return solution, self
+        guess = solution[0].iterate.on(self.harmonics)
+        again = self.solve_at(guess, self.norm(guess.U), solution[1])
+        return (solution, was) if again[0].failure else (again, self)
 
     def again(self, state: PointState) -> PointState:
         """Return a point as the problem has it now, so that the way to the next one is that of the branch.  Collective."""
         state = self.carried(state)
-        found, _ = self.solve_near(state.iterate, state)
-        return state if found.failure else replace(state, iterate=found.iterate)
+        solution, _ = self.solve_near(state.iterate, state)
+        return state if solution.failure else replace(state, iterate=solution.iterate)
 
     # -- units and lengths -------------------------------------------------------------------------------------------
 

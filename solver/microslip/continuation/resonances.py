@@ -81,15 +81,15 @@ def modes_passed(solver: PointSolver, here: Iterate, there: Iterate) -> float | 
     passed = [_passed(group, low, high) for group in model.groups]
     if not any(modes.any() for modes in passed):
         return None
-    found = []
+    peaks = []
     for group, modes, a, b in zip(model.groups, passed, _modal_motion(solver, here), _modal_motion(solver, there)):
         o = group.receptance.modes.o
         background = np.maximum(np.abs(o @ a), np.abs(o @ b))  # (n_outputs, n_harmonics)
         highest, where = highest_between(a, b)
         rises = modes & (highest > RISES * np.maximum(np.abs(a), np.abs(b)))
         seen = np.abs(o)[:, :, None] * highest > SEEN * background[:, None, :]  # (n_outputs, m, n_harmonics)
-        found += [(highest[k, n], where[k, n]) for k, n in np.argwhere(rises & seen.any(axis=0))]
-    return max(found)[1] if found else None
+        peaks += [(highest[k, n], where[k, n]) for k, n in np.argwhere(rises & seen.any(axis=0))]
+    return max(peaks)[1] if peaks else None
 
 
 def unresolved_peaks(curve: LinearCurve, omegas: np.ndarray) -> np.ndarray:
@@ -97,7 +97,7 @@ def unresolved_peaks(curve: LinearCurve, omegas: np.ndarray) -> np.ndarray:
 
     Local.  Peaks of any output and harmonic, from ``FAINT_PEAK`` of its largest on.
     """
-    found = []
+    frequencies = []
     for amplitude in np.moveaxis(np.hypot(curve.response[..., 1::2], curve.response[..., 2::2]), 0, -1).reshape(
         -1, len(curve.omega)
     ):
@@ -107,8 +107,8 @@ def unresolved_peaks(curve: LinearCurve, omegas: np.ndarray) -> np.ndarray:
             below = np.flatnonzero(amplitude < amplitude[i] / RISES)
             low, high = below[below < i].max(initial=0), below[below > i].min(initial=len(amplitude) - 1)
             if not np.any((curve.omega[low] <= omegas) & (omegas <= curve.omega[high])):
-                found.append(curve.omega[i])
-    return np.unique(found)
+                frequencies.append(curve.omega[i])
+    return np.unique(frequencies)
 
 
 def _passed(group: HarmonicGroup, low: float, high: float) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ..messages.errors import ConvergenceError
 from .corrector import Correction
 from .iterate import PointState
-from .point_solver import Found, PointSolver
+from .point_solver import PointSolver, Solution
 from .predictor import linear_step, predict
 from .resonances import passed_over, stay_stuck
 from .steps import ArcLength
@@ -24,15 +24,15 @@ class Stepped(NamedTuple):
     """
 
     solver: PointSolver
-    found: Found | None
+    solved: Solution | None
     ds: float
     notes: tuple[str, ...] = ()
 
     @property
-    def solution(self) -> Found:
+    def solution(self) -> Solution:
         """The solution, of a step that has one."""
-        assert self.found is not None
-        return self.found
+        assert self.solved is not None
+        return self.solved
 
 
 def second(solver: PointSolver, first: PointState, steps: ArcLength) -> Stepped:
@@ -46,17 +46,17 @@ def second(solver: PointSolver, first: PointState, steps: ArcLength) -> Stepped:
     while True:
         there = first.iterate.parameter + sweep.direction * way
         guess = solver.on_curve(there) if first.sticks else first.iterate.at(there)
-        found, selected = solver.solve_near(guess, first)
-        if found.failure is None:
-            is_passed = passed_over(solver, first, found.iterate) is not None
-            if solver.distance(first, found.iterate) <= steps.ds_max and not is_passed:
-                return Stepped(solver, (found, selected), steps.ds)
-            far = far or Stepped(solver, (found, selected), steps.ds, (PASSED,) if is_passed else ())
+        solution, selected = solver.solve_near(guess, first)
+        if solution.failure is None:
+            is_passed = passed_over(solver, first, solution.iterate) is not None
+            if solver.distance(first, solution.iterate) <= steps.ds_max and not is_passed:
+                return Stepped(solver, (solution, selected), steps.ds)
+            far = far or Stepped(solver, (solution, selected), steps.ds, (PASSED,) if is_passed else ())
         way /= 2.0
         if way < steps.ds_min * sweep.scale:
             if far:
                 return far
-            raise ConvergenceError(message(solver, first.iterate.parameter, found, steps))
+            raise ConvergenceError(message(solver, first.iterate.parameter, solution, steps))
 
 
 def step(
@@ -81,16 +81,16 @@ def step(
     stuck, passing = Stuck("ahead", solver, steps, may_hold, earlier=earlier, before=before, now=now), None
     while True:
         guess, plane = predict(solver, earlier, before, now, ds)
-        found, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
-        there = found.iterate
-        leads_on = found.failure is None and (
+        solution, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
+        there = solution.iterate
+        leads_on = solution.failure is None and (
             not left(solver, before, now, there, ds, may_turn=passing is not None) or stay_stuck(solver, now, there)
         )
         share = passed_over(solver, now, there) if leads_on else None
         if leads_on and share is None:
-            return Stepped(solver, (found, selected), ds)
+            return Stepped(solver, (solution, selected), ds)
         if share is not None:
-            passing = Stepped(solver, (found, selected), ds, (PASSED,))  # taken if no shorter one leads on
+            passing = Stepped(solver, (solution, selected), ds, (PASSED,))  # taken if no shorter one leads on
         ds *= share or 0.5
         if ds < steps.ds_min and passing is not None:
             return passing
@@ -98,14 +98,14 @@ def step(
             stuck = replace(stuck, where="sliding")
         if ds < steps.ds_min or stuck.where == "sliding":
             for on in ways_on(stuck):
-                return Stepped(on.solver, on.found, 8.0 * steps.ds_min, on.notes)
-            raise ConvergenceError(message(solver, now.iterate.parameter, found, steps))
+                return Stepped(on.solver, on.solved, 8.0 * steps.ds_min, on.notes)
+            raise ConvergenceError(message(solver, now.iterate.parameter, solution, steps))
 
 
-def message(solver: PointSolver, parameter: float, found: Correction, steps: ArcLength) -> str:
+def message(solver: PointSolver, parameter: float, solution: Correction, steps: ArcLength) -> str:
     """Say that and why a branch ends."""
     return (
-        f"hb: no convergence beyond {solver.problem.where(parameter)} after {found.newton} iterations: "
-        f"{found.failure or 'the branch turns back'}; the step was halved down to [continuation] "
+        f"hb: no convergence beyond {solver.problem.where(parameter)} after {solution.newton} iterations: "
+        f"{solution.failure or 'the branch turns back'}; the step was halved down to [continuation] "
         f"ds_min = {steps.ds_min:.1e}: reduce ds_min or ds, or the level"
     )

@@ -16,7 +16,7 @@ from ..points.sweep import Sweep
 from .constraint_rows import Plane
 from .corrector import BorderedSystem
 from .iterate import Iterate, PointState
-from .point_solver import Found, PointSolver
+from .point_solver import PointSolver, Solution
 from .predictor import difference, predict
 from .problems import DampingHomotopy, LevelHomotopy, Problem
 from .state import BranchState
@@ -72,14 +72,14 @@ class WayOn:
     """Where a way out leads: to a solution, or to none yet with the solver that finds it by a shorter step."""
 
     solver: PointSolver  # of the next point
-    found: Found | None = None
+    solved: Solution | None = None
     notes: tuple[str, ...] = ()
 
     @property
-    def solution(self) -> Found:
+    def solution(self) -> Solution:
         """The solution, where the way leads to one."""
-        assert self.found is not None
-        return self.found
+        assert self.solved is not None
+        return self.solved
 
 
 @dataclass(frozen=True)
@@ -123,9 +123,9 @@ def from_rest(stuck: Stuck) -> Iterator[WayOn]:
     solver = stuck.solver
     linear = solver.on_curve(solver.sweep.start)
     selected = solver.selection.first(solver.equation.model.n_pairs)
-    found = solver.solve_at(replace(linear, U=np.zeros_like(linear.U)), solver.norm(linear.U), selected)
-    if found[0].failure is None:
-        yield WayOn(solver, found)
+    solution = solver.solve_at(replace(linear, U=np.zeros_like(linear.U)), solver.norm(linear.U), selected)
+    if solution[0].failure is None:
+        yield WayOn(solver, solution)
 
 
 def with_mean_slip_regularised(stuck: Stuck) -> Iterator[WayOn]:
@@ -133,9 +133,9 @@ def with_mean_slip_regularised(stuck: Stuck) -> Iterator[WayOn]:
     held = regularised(stuck.solver, 1.0, 0.0) if stuck.may_hold else None
     if held is None:
         return
-    found, again = held.first(), replace(stuck, solver=held)
-    if found[0].failure is None:
-        yield WayOn(held, found)
+    solution, again = held.first(), replace(stuck, solver=held)
+    if solution[0].failure is None:
+        yield WayOn(held, solution)
     else:
         yield from over_the_level(again)
         yield from over_damping(again)
@@ -144,9 +144,9 @@ def with_mean_slip_regularised(stuck: Stuck) -> Iterator[WayOn]:
 def patiently(stuck: Stuck) -> Iterator[WayOn]:
     """Solve by many small Newton steps, from the linear response and from rest.  Collective."""
     patient = replace(stuck.solver, is_patient=True)
-    found = patient.first()
-    if found[0].failure is None:
-        yield WayOn(stuck.solver, found)
+    solution = patient.first()
+    if solution[0].failure is None:
+        yield WayOn(stuck.solver, solution)
     else:
         yield from (replace(on, solver=stuck.solver) for on in from_rest(replace(stuck, solver=patient)))
 
@@ -162,9 +162,9 @@ def _over(stuck: Stuck, homotopy: Problem, end: float, beginnings: tuple[float, 
             continue
         there, now = solver.holding(arrived.solver.equation.held), arrived.now
         guess = replace(solver.on_curve(task.sweep.start), U=now.iterate.U, harmonics=now.iterate.harmonics)
-        found = there.solve_near(guess, now)
-        if found[0].failure is None:
-            yield WayOn(there, found)
+        solution = there.solve_near(guess, now)
+        if solution[0].failure is None:
+            yield WayOn(there, solution)
 
 
 def _end_of(way: BranchTask, advance: Advance) -> BranchState | None:
@@ -195,9 +195,9 @@ def just_ahead(stuck: Stuck) -> Iterator[WayOn]:
     direction = np.sign(now.iterate.parameter - before.iterate.parameter) or solver.sweep.direction
     for share in 2.0 ** -np.arange(6):
         there = now.iterate.parameter + direction * share * steps.ds_min * solver.sweep.scale
-        found = solver.solve_near(now.iterate.at(there), now)
-        if found[0].failure is None and solver.distance(now, found[0].iterate) <= steps.ds_max:
-            yield WayOn(solver, found)
+        solution = solver.solve_near(now.iterate.at(there), now)
+        if solution[0].failure is None and solver.distance(now, solution[0].iterate) <= steps.ds_max:
+            yield WayOn(solver, solution)
 
 
 def beyond_sharp_corner(stuck: Stuck) -> Iterator[WayOn]:
@@ -218,12 +218,12 @@ def beyond_sharp_corner(stuck: Stuck) -> Iterator[WayOn]:
         for way in (-ds, ds):
             guess = along(solver, now, way, t_xi, t_nu)
             plane = Plane(guess, np.sign(way) * t_xi, tuple(np.sign(way) * t_nu))
-            found = solver.solve(guess, plane, now.size, now.selected, now.force)
-            there = found[0].iterate
-            if found[0].failure or not NEAREST * ds <= solver.distance(now, there) <= FARTHEST * ds:
+            solution = solver.solve(guess, plane, now.size, now.selected, now.force)
+            there = solution[0].iterate
+            if solution[0].failure or not NEAREST * ds <= solver.distance(now, there) <= FARTHEST * ds:
                 continue
             if solver.turn(along(solver, now, -ds, *come_from), now.iterate, there, now.size) < np.pi - BACK:
-                yield WayOn(solver, found)
+                yield WayOn(solver, solution)
 
 
 def patiently_ahead(stuck: Stuck) -> Iterator[WayOn]:
@@ -234,9 +234,9 @@ def patiently_ahead(stuck: Stuck) -> Iterator[WayOn]:
     patient = replace(solver, is_patient=True)
     for ds in stuck.steps.ds * TENTHS:
         guess, plane = predict(patient, stuck.earlier, before, now, ds)
-        found = patient.solve(guess, plane, now.size, now.selected, now.force)
-        if found[0].failure is None and not left(solver, before, now, found[0].iterate, ds):
-            yield WayOn(solver, found)
+        solution = patient.solve(guess, plane, now.size, now.selected, now.force)
+        if solution[0].failure is None and not left(solver, before, now, solution[0].iterate, ds):
+            yield WayOn(solver, solution)
 
 
 def mean_slip_ahead(stuck: Stuck) -> Iterator[WayOn]:
@@ -300,9 +300,9 @@ def beyond_resonance(stuck: Stuck) -> Iterator[WayOn]:
         if solver.sweep.beyond(there) or solver.sweep.asked_between(here, there):
             continue
         guess = solver.on_curve(there)
-        found = solver.solve_at(guess, solver.norm(guess.U), solver.selection.first(solver.equation.model.n_pairs))
-        if found[0].failure is None:
-            yield WayOn(solver, found)
+        solution = solver.solve_at(guess, solver.norm(guess.U), solver.selection.first(solver.equation.model.n_pairs))
+        if solution[0].failure is None:
+            yield WayOn(solver, solution)
 
 
 def where_unbounded(solver: PointSolver, before: PointState, now: PointState) -> float | None:

@@ -39,8 +39,8 @@ def widened(task: BranchTask, shorter: Shorter, workspace: Workspace, follow: Fo
     return replace(state, solver=solver, is_done=sweep.stop == task.sweep.stop), points
 
 
-def _meet(one: Point, other: Point) -> bool:
+def _meet(point: Point, other: Point) -> bool:
     """Return whether two points at one frequency are the same.  Local; responses are the same on all ranks."""
-    n = min(one.response.shape[-1], other.response.shape[-1])
-    gap = np.abs(one.response[:, :n] - other.response[:, :n]).max()
+    n = min(point.response.shape[-1], other.response.shape[-1])
+    gap = np.abs(point.response[:, :n] - other.response[:, :n]).max()
     return bool(gap <= SAME * np.abs(other.response).max())
