@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bar_scene import write_bar
+from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
+from oracles.scenes import chain
 from plain_model import tables
+from scene_text import driven, response, steel, support, table
 
 import microslip.run as story
 from microslip.library.build import build
@@ -342,6 +345,41 @@ def test_a_cache_that_cannot_be_written_is_said_and_done_without(shared_path):
     _, branches, notes = followed(scene_at(shared_path), shared_path / "out", shared_path / "cache")
     assert all(branch.failure is None for branch in branches)
     assert any("is not kept for other runs" in note for note in notes)
+
+
+@pytest.mark.parametrize("write", ["matrices", "mesh"])
+def test_without_a_joint_other_names_points_and_levels_go_on(write, shared_path, built):
+    path, cache_folder = on_root(COMM, WITHOUT_JOINT[write], shared_path), shared_path / "cache"
+    first = followed(read_scene(path), shared_path / "one", cache_folder)
+    assert_same(followed(read_scene(path), shared_path / "two", cache_folder), first)
+    for setting in ("response.points=7", "response.levels=[2.0]"):
+        scene = read_scene(path, (setting,))
+        other = followed(scene, shared_path / "one", cache_folder)
+        assert built == {"first": 1, "again": 0}
+        assert_same(other, followed(scene, shared_path / f"alone {setting[9]}", None))
+        built["first"] = 1
+
+
+def write_matrices(folder: Path) -> Path:
+    """Write a chain of masses as matrices and without its joint; return the scene's path.  Local."""
+    path = write_matrix_scene(folder, chain(), [1.0], chain()["omega"][:2], points=5, harmonics=1)
+    text = path.read_text()
+    path.write_text(text[: text.index("[[joints]]")] + text[text.index("[[loads]]") :])
+    return path
+
+
+def write_block(folder: Path) -> Path:
+    """Write a block on the ground of its mesh, both held, without a joint; return the scene's path.  Local."""
+    write_bar(folder)
+    place = [[0.05, 0.01, 0.02], [0.0, 0.0, 0.02]], [1.0, 0.3, 0.2], [1.0, 0.0, 0.0], "corner"
+    supports = support("ground_base") + support("bar_bottom")
+    solver = table("solver", harmonics=1)
+    text = table("model", mesh="bar.msh") + steel("bar", "ground") + supports + driven(*place) + response(1.0, points=5) + solver
+    (folder / "block.toml").write_text(text)
+    return folder / "block.toml"
+
+
+WITHOUT_JOINT = {"matrices": write_matrices, "mesh": write_block}
 
 
 # -- files, on one rank ------------------------------------------------------------------------------------------------

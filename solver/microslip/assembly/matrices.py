@@ -186,7 +186,7 @@ def _pairs_of_dofs(joints: Sequence[Joint], n_dof: int) -> tuple[ContactPairs, n
         k_n=k_n,
         separate=np.array(separate, dtype=bool),
         faces=(),
-        laws=np.array(laws),
+        laws=np.array(laws, dtype=str),
         own=joined(of_laws),
     )
     return pairs, table[:, :6].astype(int)
