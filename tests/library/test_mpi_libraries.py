@@ -11,6 +11,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from sources import ROOT
 
+from microslip.parallel import metis
 from microslip.parallel.agree import on_root
 from microslip.restart import cache
 from microslip.results.read import read_results
@@ -94,3 +95,24 @@ def test_what_another_library_or_none_has_done_is_not_ascribed_to_these(shared_p
     assert re.fullmatch(r"no Newton iteration at \d+ points", parts["points"])
     assert parts["files"] == "no results.h5"
     assert parts["factor"] == parts["order"] == f"{'petsc' if COMM.size == 1 else 'mumps'}, by PETSc's options"
+
+
+def test_another_solver_of_newtons_method_is_named_as_snes_names_it(shared_path):
+    options = PETSc.Options("hb_")
+    options["snes_type"] = "newtontr"
+    try:
+        parts = parts_of_run(shared_path, "first", *SHORT, divisions=SMALL)
+    finally:
+        options.delValue("snes_type")
+    assert parts["points"].startswith("SNES newtontr at ")
+
+
+@pytest.mark.ranks(2)
+def test_the_partition_is_named_by_what_made_it(shared_path, monkeypatch):
+    def halves(graph, n_parts, weights):
+        return np.arange(graph.shape[0]) * n_parts // graph.shape[0]
+
+    monkeypatch.setattr(metis, "partition", halves)
+    monkeypatch.setattr(metis, "NAME", "halves")
+    parts = parts_of_run(shared_path, "first", *SHORT, "response.levels=[0.01]", divisions=SMALL)
+    assert parts["partition"] == "halves, 2 ranks"

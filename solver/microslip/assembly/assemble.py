@@ -78,6 +78,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
         dof=dof_of_mesh,
         parts=np.repeat(whole.part[to_mesh[first:last]], 3)[is_free.ravel()],
         part_names=whole.part_names,
+        split_by=dmesh.split_by,
         notes=whole.notes,
         output_orders=orders_of(tables.outputs),
         output_base=base_map(tables.outputs, tables.loads) if any(one.absolute for one in tables.outputs) else None,

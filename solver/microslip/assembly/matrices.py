@@ -248,6 +248,7 @@ def distribute_structure(given: GivenStructure | None, tables: StructureTables, 
         dof=dof,
         parts=part[first:last],
         part_names=names,
+        split_by="rows split evenly",
         output_orders=orders_of(tables.outputs),
     ), pairs
 

@@ -32,6 +32,7 @@ class System:
     dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed or dependent; None without a mesh
     parts: np.ndarray | None = None  # (n_dof_owned,) connected part of each owned row, for messages on free bodies
     part_names: tuple[str, ...] = ()  # what to call each part: its bodies
+    split_by: str = "one part"  # what chose each rank's rows, for the log
     output_orders: np.ndarray | None = None  # (n_outputs,) derivatives of o u by time; None: all outputs are displacements
     output_pairs: np.ndarray | None = None  # (n_outputs, 3 n_pairs) what p adds to contact forces; None: nothing
     output_base: np.ndarray | None = None  # (n_outputs, n_loads) acceleration of the base along absolute outputs; None: none

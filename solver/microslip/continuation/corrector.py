@@ -218,6 +218,11 @@ class Corrector:
             return reasons.DIVERGED_LOCAL_MIN
         return None
 
+    @property
+    def name(self) -> str:
+        """SNES, and which of its solvers.  Local."""
+        return f"SNES {self._snes.getType()}"
+
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
         self.newton_solver.destroy()

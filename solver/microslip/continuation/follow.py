@@ -296,7 +296,7 @@ def follow_branch(
         workspace.destroy()
         if task.estimator is not None:
             task.estimator.destroy()
-    branch.is_linear, accuracy = state.solver.is_linear, task.accuracy
+    branch.is_linear, branch.solver, accuracy = state.solver.is_linear, workspace.solver, task.accuracy
     if accuracy is not None and "solver" not in accuracy.keeps:
         branch.closes_to = max(branch.closes_to, accuracy.target)
     branch.odd = accuracy is not None and not branch.is_linear and all(n % 2 for n in accuracy.coarsest.harmonics.chosen)

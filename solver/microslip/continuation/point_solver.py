@@ -40,6 +40,7 @@ class Workspace:
         self._clock = time.perf_counter()
         self._resolution = Resolution(equation.harmonics, equation.n_samples)
         self._corrector = self._new_corrector(equation)  # at once: its PETSc options count as read where all points are linear
+        self.solver = self._corrector.name  # of Newton's method
         self._is_loose: dict[Harmonics, bool] = {}
 
     def corrector(self, equation: HarmonicBalance, resolution: Resolution) -> Corrector:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
-from petsc4py import PETSc
 
 from ..parallel.agree import on_root
 from ..points.branch import Branch
@@ -32,13 +31,13 @@ def libraries_used(prepared: Prepared, branches: Sequence[Branch], results: Path
 
 def _of_structure(structure: Structure, version: dict[str, str]) -> dict[str, str]:
     """Return what made the parts of a structure.  Local; the same on every rank."""
-    K_L, info, n_ranks = structure.linearised.K_L, structure.linearised.factor.info, structure.comm.size
-    split = "METIS" if structure.scene.model.mesh is not None else "rows split evenly"
+    linearised, n_ranks = structure.linearised, structure.comm.size
+    K_L, info = linearised.K_L, linearised.factor.info
     known = f", {_CACHED}" if "kept_in" in info else ""
     by_option, is_ours = f"{info['package']}, by PETSc's options", "ordering" in info
     return {
         "matrices": f"PETSc {version['PETSc']} {K_L.getType()}, {K_L.getSize()[0]} DOF",
-        "partition": f"{split}, {n_ranks} ranks" if n_ranks > 1 else "none on one rank",
+        "partition": f"{linearised.system.split_by}, {n_ranks} ranks" if n_ranks > 1 else "none on one rank",
         "factor": f"MUMPS {version.get('MUMPS', '')} Cholesky{known}" if is_ours else by_option,
         "order": info["ordering"] + known if is_ours else by_option,
         "modes": structure.modes.info.get("method", _CACHED),
@@ -46,11 +45,11 @@ def _of_structure(structure: Structure, version: dict[str, str]) -> dict[str, st
 
 
 def _of_points(branches: Sequence[Branch]) -> str:
-    """Return how many points SNES solved.  Local; the same on every rank."""
+    """Return what solved how many points.  Local; the same on every rank."""
     points = [point for branch in branches for point in branch.points]
     solved = [point for point in points if point.newton > 0]
     if not solved:
         return f"no Newton iteration at {len(points)} points"
-    kind = PETSc.Options("hb_").getString("snes_type", "newtonls")
+    kinds = ", ".join(sorted({branch.solver for branch in branches if branch.solver}))
     iterations = [sum(getattr(point, name) for point in solved) for name in ("newton", "krylov")]
-    return f"SNES {kind} at {len(solved)} of {len(points)}, {iterations[0]} Newton and {iterations[1]} Krylov iterations"
+    return f"{kinds} at {len(solved)} of {len(points)}, {iterations[0]} Newton and {iterations[1]} Krylov iterations"

@@ -93,6 +93,7 @@ class DistributedMesh:
     node_ranges: np.ndarray  # (size + 1,) rank r owns rank-ordered nodes node_ranges[r]:node_ranges[r + 1]
     rank_order: np.ndarray  # (n_nodes,) rank-ordered number of each node of Mesh.points; same on every rank
     blocks: tuple[LocalBlock, ...]
+    split_by: str  # what chose the parts, for the log
 
 
 @dataclass(frozen=True)

@@ -40,13 +40,14 @@ def distribute(mesh: Mesh | None, tables: StructureTables, comm: MPI.Comm) -> Di
     def plan():
         assert mesh is not None, "rank 0 has it"
         elements = _dual_graph(mesh)
-        order, rank_order, node_ranges = _order(mesh, elements, comm.size)
+        part, split_by = _parts(mesh, elements, comm.size)
+        order, rank_order, node_ranges = _order(mesh, elements, part, comm.size)
         shares.extend(_shares(mesh, tables, order, rank_order, node_ranges))
-        return node_ranges, rank_order
+        return node_ranges, rank_order, split_by
 
-    node_ranges, rank_order = on_root(comm, plan)
+    node_ranges, rank_order, split_by = on_root(comm, plan)
     blocks = comm.scatter(shares)
-    return DistributedMesh(comm, node_ranges, rank_order, blocks)
+    return DistributedMesh(comm, node_ranges, rank_order, blocks, split_by)
 
 
 def _dual_graph(mesh: Mesh) -> sp.csr_matrix:
@@ -61,14 +62,13 @@ def _dual_graph(mesh: Mesh) -> sp.csr_matrix:
     return sp.csr_matrix((shared.data[is_face], (shared.row[is_face], shared.col[is_face])), shared.shape)
 
 
-def _order(mesh: Mesh, graph: sp.csr_matrix, n_ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _order(mesh: Mesh, graph: sp.csr_matrix, part: np.ndarray, n_ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return element order, rank-ordered number of every node, and the node ranges of the ranks.
 
     Elements run along the graph (Cuthill-McKee); a rank's nodes are numbered as these elements first touch them,
     so that neighbours have near numbers.
     """
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
-    part = _parts(mesh, graph, n_ranks)
     node, element = _incidence(mesh)
     n_nodes = len(mesh.points)
     owner = _lowest(part[element], node, n_nodes)
@@ -93,14 +93,14 @@ def _lowest(value: np.ndarray, node: np.ndarray, n_nodes: int) -> np.ndarray:
     return lowest
 
 
-def _parts(mesh: Mesh, graph: sp.csr_matrix, n_ranks: int) -> np.ndarray:
-    """Return the part of every element, balanced by number of nodes.  METIS where there is more than one part."""
+def _parts(mesh: Mesh, graph: sp.csr_matrix, n_ranks: int) -> tuple[np.ndarray, str]:
+    """Return the part of every element, balanced by number of nodes, and what chose it: METIS for more than one part."""
     n_elements = graph.shape[0]
     n_parts = min(n_ranks, n_elements)
     if n_parts == 1:
-        return np.zeros(n_elements, dtype=np.int64)
+        return np.zeros(n_elements, dtype=np.int64), "one part"
     weights = np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.elements])
-    return metis.partition(graph, n_parts, weights)
+    return metis.partition(graph, n_parts, weights), metis.NAME
 
 
 def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:

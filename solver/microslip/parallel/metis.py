@@ -15,6 +15,8 @@ import scipy.sparse as sp
 from ..messages.errors import CaseError, Interrupted
 from ..system.signals import STOPPING
 
+NAME = "METIS"
+
 
 def partition(graph: sp.csr_matrix, n_parts: int, weights: np.ndarray) -> np.ndarray:
     """Return the part of every node of a graph, (n,), parts alike in weight and with few edges between them.  Local.

@@ -104,6 +104,7 @@ class Branch:
     closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None  # why its first segment ends early, where a second one completes it
+    solver: str = ""  # what Newton's method ran in, as it calls itself; "" where nothing was solved
     peaks: list[Peak] | None = None  # maxima of the outputs, each solved for; None where they are not
 
     @property

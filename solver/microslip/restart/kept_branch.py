@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SELDOM = 300.0  # times as long as writing takes: two steps that come in less are written together
 SHORT = 0.1  # s; but if they take longer, each is written at once
-_SAID = ("failure", "is_linear", "closes_to", "odd")  # of a branch that ended
+_SAID = ("failure", "is_linear", "closes_to", "odd", "solver")  # of a branch that ended
 
 
 @dataclass(frozen=True, eq=False)
