@@ -145,7 +145,7 @@ def test_nothing_that_did_not_change_is_built_again(structure, response, monkeyp
     solves, batches = info["solves"], columns.batches
     for keys in ({"friction": 0.04}, {"preload": 1.8e7}, {"levels": [5.0, 7.0]}, {"harmonics": 2}, {"method": "adaptive"}):
         found = microslip.respond(structure, **{"levels": 6.0, **keys})
-        assert found.prepared.structure.seen is structure.seen, keys
+        assert found.prepared.structure.projected is structure.projected, keys
         assert found.prepared.model.receptance_of(1).static.G_static is columns, keys
     assert (info["solves"], columns.batches, built) == (solves, batches, [])
     basis = microslip.respond(structure, method="craig-bampton", error_bars=False, levels=5.0).prepared.reduction
@@ -158,7 +158,7 @@ def test_nothing_that_did_not_change_is_built_again(structure, response, monkeyp
 def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
     def modes_of(**keys):
         response = microslip.respond(structure, modes=None, accuracy=0.05, points=5, error_bars=False, **keys)
-        return response.prepared.structure.seen
+        return response.prepared.structure.projected
 
     weak, strong = modes_of(levels=1.0), modes_of(levels=np.array(20.0))
     assert modes_of(levels=1.0) is weak is not strong is modes_of(levels=20.0)

@@ -21,7 +21,7 @@ from microslip.library.build import Structure
 from microslip.modes.eigen import Modes
 from microslip.points.band import Band
 from microslip.receptance.excitation import Excitation
-from microslip.receptance.modes import SeenModes
+from microslip.receptance.modes import ProjectedModes
 from microslip.receptance.motions import ActingForces
 from microslip.receptance.per_group import PerGroup
 from microslip.receptance.reduced_model import ReducedModel
@@ -29,7 +29,7 @@ from microslip.reduction.expand import displacements
 from microslip.reduction.modal_structure import reduce_structure
 from microslip.reduction.settings import ModalDamping, ReductionSettings
 from microslip.reduction.stuck import Factored, OnDemand, StuckStructure
-from microslip.reduction.truncation import left_out
+from microslip.reduction.truncation import truncation_bound
 from microslip.restart.structure_arrays import structure_of, to_arrays
 
 pytestmark = pytest.mark.ranks(1)
@@ -55,8 +55,8 @@ def stuck_of(d, pairs):
     system = SimpleNamespace(R=sparse(wave.R), loads=sparse(LOAD[:, None]), outputs=sparse(OUTPUT[None]), C=None, comm=COMM)
     factored = Factored(SimpleNamespace(system=system, K_L=wave.K_L), Modes(omega_n, phi))
     modes, statics = receptance.modes, replace(receptance.static, row_sums=np.zeros(6))
-    seen = SeenModes(omega_n, modes.R_phi, modes.b, modes.o)
-    parts = {"comm": COMM, "n_dof": 6, "pairs": pairs, "statics": statics, "seen": seen, "n_modes": 6, "n_proved": 6}
+    projected = ProjectedModes(omega_n, modes.R_phi, modes.b, modes.o)
+    parts = {"comm": COMM, "n_dof": 6, "pairs": pairs, "statics": statics, "projected": projected, "n_modes": 6, "n_proved": 6}
     return DenseStuck(**parts, observed=None, factored=OnDemand.of(factored), group=d, scene=None, has_mesh=False)
 
 
@@ -91,7 +91,7 @@ def settings_of(level):
 
 def test_the_bound_of_a_group_is_of_its_own_harmonics():
     stuck, settings = structures(), settings_of(200.0)
-    odd, even = (left_out(stuck.per_group.of_group(d), settings) for d in (1, 0))
+    odd, even = (truncation_bound(stuck.per_group.of_group(d), settings) for d in (1, 0))
     omega_n, phi = Wave.of(1, N).modes()
     omegas = np.linspace(0.8, 1.1, 300) * omega_n[0]
     c = 1.0 / (omega_n**2 - omegas[:, None] ** 2 + 2j * ZETA * omega_n * omegas[:, None])
@@ -102,7 +102,7 @@ def test_the_bound_of_a_group_is_of_its_own_harmonics():
         assert exact <= 1.02 * odd.direct[kept - 1]
     assert np.all(even.direct[:-1] == 0.0) and np.all(even.joint[:-1] > 0.0)  # no load acts there, the joint does
     assert np.all(np.diff(odd.joint) <= 0.0) and np.all(np.diff(even.joint) <= 0.0)
-    assert left_out(stuck.per_group.of_group(0), settings_of(1e-3)).joint.max() == 0.0  # nothing slips
+    assert truncation_bound(stuck.per_group.of_group(0), settings_of(1e-3)).joint.max() == 0.0  # nothing slips
 
 
 def test_groups_are_stored_and_restored():
@@ -111,11 +111,11 @@ def test_groups_are_stored_and_restored():
     arrays, texts = to_arrays(stuck)
     factored, others = {d: stuck.per_group.of_group(d).factored for d in (0, 1)}, stuck.per_group
     restored = structure_of(arrays, texts, None, COMM, factored.__getitem__, others)
-    assert restored.group == 1 and np.iscomplexobj(restored.seen.R_phi) and restored.statics.G_static.is_complex
+    assert restored.group == 1 and np.iscomplexobj(restored.projected.R_phi) and restored.statics.G_static.is_complex
     for d in (0, 1):
         one, other = restored.per_group.of_group(d), stuck.per_group.of_group(d)
         assert isinstance(one, StuckStructure) and (one.n_modes, one.n_proved) == (6, 6)
         for name in ("omega_n", "R_phi", "b", "o"):
-            np.testing.assert_array_equal(getattr(one.seen, name), getattr(other.seen, name))
+            np.testing.assert_array_equal(getattr(one.projected, name), getattr(other.projected, name))
         for name in ("du_static", "out_static", "out_R", "load_static", "outputs_static"):
             np.testing.assert_array_equal(getattr(one.statics, name), getattr(other.statics, name))

@@ -20,7 +20,7 @@ from microslip.receptance.modes import DampedModes
 from microslip.reduction import choose_modes
 from microslip.reduction.modal_structure import stuck_receptance
 from microslip.reduction.stuck import StuckStructure, static_response
-from microslip.reduction.truncation import Norms, gains, left_out
+from microslip.reduction.truncation import Norms, gains, truncation_bound
 from microslip.scene.read import read_scene
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -138,7 +138,7 @@ def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path)
     assert 16 < n_modes < 64 and not structure.modes.info["complete"] and "modes below" in structure.modes.info["proof"]
     structure.linearised.destroy()
     scene, stuck = all_modes(written(shared_path, chain(450)))
-    bound = left_out(stuck, reduction_settings(scene)).total
+    bound = truncation_bound(stuck, reduction_settings(scene)).total
     assert int(np.argmax(bound <= 1e-5)) + 1 == n_modes  # the same from all modes
     stuck.linearised.destroy()
     stated, line = structure_of(written(shared_path, chain(450), accuracy=1e-5, modes=7))

@@ -15,7 +15,7 @@ from microslip.messages.errors import CaseError
 from microslip.modes.eigen import first_of
 from microslip.parallel.agree import on_root
 from microslip.receptance.motions import output_motion
-from microslip.reduction.truncation import left_out
+from microslip.reduction.truncation import truncation_bound
 
 ETA = 0.03
 N_DOF, N_PAIRS = 54, 6  # of the coarsest bar
@@ -140,7 +140,7 @@ def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
     """The static part of the modes left out has no structural damping, and the springs of the joint couple them to the others."""
     scene = scene_with(comm, shared_path, damping="structural = 0.05", **COARSE)
     with microslip.build(scene, comm) as structure:
-        bound = left_out(structure, reduction_settings(scene)).total[n_modes - 1]
+        bound = truncation_bound(structure, reduction_settings(scene)).total[n_modes - 1]
         omegas, p = structure.modes.omega_n[0] * np.linspace(0.9, 1.1, 11), np.zeros((3 * N_PAIRS, 7))
         few = replace(structure.with_modes(first_of(structure.modes, n_modes)), kept={})
         exact, found = (

@@ -30,7 +30,7 @@ class Overlap:
     of_nodes: np.ndarray  # (n_nodes,) rank-ordered: the bolt whose cut the node is in, or -1
     of_elements: tuple[np.ndarray, ...]  # for each block (n_elements,): the bolt above whose cut the element is, or -1
 
-    def seen(self, block: LocalBlock, i: int, rows, shortening: np.ndarray) -> np.ndarray:
+    def motions_of(self, block: LocalBlock, i: int, rows, shortening: np.ndarray) -> np.ndarray:
         """Return -n delta where some elements of block i see it, (n_elements, n, 3) [m]; ``shortening`` (n_bolts,) [m].
 
         Local.  docs/theory.md, eq. (12.6).
@@ -128,7 +128,7 @@ def _nodal(dmesh: DistributedMesh, tables: StructureTables, overlap: Overlap, n_
             rows = chunk.start + np.flatnonzero(overlap.of_elements[i][chunk] >= 0)
             points, nodes = block.points[rows], block.nodes[rows] - first
             K = elements.stiffness(body.solids(block.kind, points))
-            step = overlap.seen(block, i, rows, np.ones(n_bolts))
+            step = overlap.motions_of(block, i, rows, np.ones(n_bolts))
             forces = -np.einsum("eij,ej->ei", K, step.reshape(len(K), K.shape[1])).reshape(step.shape)
             mine = (nodes >= 0) & (nodes < last - first)
             bolt = np.broadcast_to(overlap.of_elements[i][rows][:, None], nodes.shape)

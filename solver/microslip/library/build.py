@@ -63,7 +63,7 @@ class Structure(StuckStructure):
 
     def close(self) -> None:
         """Free the factors and the matrices, where they are there.  Collective."""
-        if self.factored.made is None:
+        if self.factored.value is None:
             return
         free_other_rest(self)
         system = self.linearised.system
@@ -75,8 +75,8 @@ class Structure(StuckStructure):
 
     def refuse_closed(self) -> None:
         """Raise CaseError once the factors are freed: PETSc would end the process.  Local; the same on every rank."""
-        if self.factored.made is not None:
-            _ = self.factored.made.linearised.factor.solver
+        if self.factored.value is not None:
+            _ = self.factored.value.linearised.factor.solver
 
     def __enter__(self) -> Structure:
         return self
@@ -251,7 +251,7 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
     key, of_scene = ((each.mu.tobytes(), each.N0.tobytes()) for each in (pairs, structure.reference.pairs))
     if key == of_scene:
         return structure, ()
-    if structure.kept.get(_OTHER_REST, (None,))[0] != key:
+    if structure.results.get(_OTHER_REST, (None,))[0] != key:
         free_other_rest(structure)
         free_dropped(structure.comm)
         linearised, log = structure.linearised, RunLog(structure.comm, screen=False)
@@ -262,14 +262,14 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
             other = replace(structure, factored=factored, pairs=rest.pairs, scene=scene, bolts=rest.bolts, balance=rest.balance)
         else:
             other = stuck_structure(Assembled(scene, structure.mesh, rest), log)
-        structure.kept[_OTHER_REST] = key, other, (*rest.said, *log.notes)
-    _, other, notes = structure.kept[_OTHER_REST]
+        structure.results[_OTHER_REST] = key, other, (*rest.said, *log.notes)
+    _, other, notes = structure.results[_OTHER_REST]
     return other, notes
 
 
 def free_other_rest(structure: Structure) -> None:
     """Free the factor and the stiffness of the structure at another rest, if it has its own.  Collective."""
-    other = structure.kept.pop(_OTHER_REST, None)
+    other = structure.results.pop(_OTHER_REST, None)
     if other is None or other[1].linearised.factor is structure.linearised.factor:
         return
     assert structure.reference is not None, "a structure that keeps it"

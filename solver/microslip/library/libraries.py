@@ -22,7 +22,7 @@ def libraries_used(prepared: Prepared, branches: Sequence[Branch], results: Path
     version, structure = versions(), prepared.structure
     is_written = on_root(prepared.model.comm, h5py.is_hdf5, str(results))
     parts = {
-        **(_NOT_ASSEMBLED if structure.factored.made is None else _of_structure(structure, version)),
+        **(_NOT_ASSEMBLED if structure.factored.value is None else _of_structure(structure, version)),
         "points": _of_points(branches),
         "files": f"HDF5 {version['HDF5']}, {results.name}" if is_written else f"no {results.name}",
     }

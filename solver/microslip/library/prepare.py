@@ -80,10 +80,10 @@ def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:
     CaseError, ConvergenceError, ResourceError : the method cannot be used here; on every rank
     """
     key = _key(structure, settings)
-    if structure.kept.get(_REDUCED, (None,))[0] != key:
-        structure.kept.pop(_REDUCED, None)  # its memory first
-        structure.kept[_REDUCED] = key, reduce_by_method(structure, settings)
-    return structure.kept[_REDUCED][1]
+    if structure.results.get(_REDUCED, (None,))[0] != key:
+        structure.results.pop(_REDUCED, None)  # its memory first
+        structure.results[_REDUCED] = key, reduce_by_method(structure, settings)
+    return structure.results[_REDUCED][1]
 
 
 def put_basis(structure: Structure, basis: Basis) -> None:
@@ -94,7 +94,7 @@ def put_basis(structure: Structure, basis: Basis) -> None:
         return reduce_by_method(structure, settings).displacements(model, points)
 
     reduction = reduction_of_basis(structure, basis, settings, displacements)
-    structure.kept[_REDUCED] = _key(structure, settings), reduction
+    structure.results[_REDUCED] = _key(structure, settings), reduction
 
 
 def _key(structure: Structure, settings: ReductionSettings) -> tuple:
@@ -102,4 +102,4 @@ def _key(structure: Structure, settings: ReductionSettings) -> tuple:
     if not METHODS[settings.method].FACTS.knows_range:
         settings = replace(settings, excitation=Excitation(), band=Band())
     of_basis = replace(settings, modes=None, accuracy=1.0, insists=False, level=1.0, where="")
-    return structure.seen, structure.n_modes, of_basis
+    return structure.projected, structure.n_modes, of_basis

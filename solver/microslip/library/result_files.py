@@ -68,7 +68,7 @@ def extent_of(prepared: Prepared) -> Extent:
     """Return how far a response reaches, for what is said of it at its end.  Local."""
     scene, structure = prepared.scene, prepared.structure
     settings, n_damped = reduction_settings(scene), None
-    if settings.damping is not None and structure.seen.C is None:
+    if settings.damping is not None and structure.projected.C is None:
         n_damped = max([len(settings.damping.ratios), *(mode for mode, _ in settings.damping.of_modes)])
     return Extent(
         method=settings.method,

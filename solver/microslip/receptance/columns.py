@@ -48,7 +48,7 @@ class GroupColumns:
         return other
 
     def static_block(self, part: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """Return G_static between the rows ``own`` of this rank and the rows ``part`` of the active pairs, (k, l)."""
+        """Return G_static between ``rows`` of this rank and the rows ``part`` of the active pairs, (k, l)."""
         return self.G_static.part(part).columns(rows).T
 
     def dynamic_block(self, i: int, part: np.ndarray) -> np.ndarray:

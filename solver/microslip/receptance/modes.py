@@ -11,7 +11,7 @@ from .damping import Damping, DynamicFlexibility
 
 
 @dataclass(frozen=True, eq=False)
-class SeenModes:
+class ProjectedModes:
     """Modes of one (K_L, M), M-normalised, and what a damping matrix of the structure is between them.  Replicated."""
 
     omega_n: np.ndarray  # (m,) rad/s
@@ -20,10 +20,10 @@ class SeenModes:
     o: np.ndarray  # (n_outputs, m) output rows times phi
     C: np.ndarray | None = None  # (m, m) phi^T C phi of the structure's damping matrix [1/s]; None: it has none
 
-    def first(self, n: int) -> SeenModes:
+    def first(self, n: int) -> ProjectedModes:
         """Return the first n of them.  Local."""
         C = None if self.C is None else self.C[:n, :n]
-        return SeenModes(self.omega_n[:n], self.R_phi[:, :n], self.b[:n], self.o[:, :n], C)
+        return ProjectedModes(self.omega_n[:n], self.R_phi[:, :n], self.b[:n], self.o[:, :n], C)
 
 
 @dataclass(frozen=True, eq=False)

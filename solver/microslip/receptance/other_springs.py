@@ -54,6 +54,6 @@ def _truncated(update: SpringUpdate, before: TruncatedModes | None) -> Truncated
     v = before.of_pairs
     outputs, loads = update.of_outputs(before.of_outputs, v), update.of_loads(before.of_loads, v)
     direct = before.direct + outputs @ loads.conj().T - before.of_outputs @ before.of_loads.conj().T
-    own = before.own + (np.abs(loads) ** 2 - np.abs(before.of_loads) ** 2).sum(axis=1)
+    drive_point = before.drive_point + (np.abs(loads) ** 2 - np.abs(before.of_loads) ** 2).sum(axis=1)
     rows = np.concatenate([update.of_pairs(v), outputs, loads])
-    return of_samples(update.receptance, rows, direct, np.maximum(own, 0.0), before.damping, None)
+    return of_samples(update.receptance, rows, direct, np.maximum(drive_point, 0.0), before.damping, None)

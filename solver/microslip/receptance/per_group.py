@@ -34,7 +34,7 @@ class PerGroup(Generic[T]):
         groups: tuple[Hashable, ...] = (only_group(0),),
     ):
         self._make, self.group_of, self.groups = make, group_of, groups
-        self._made: dict[Hashable, T] = {}
+        self._computed: dict[Hashable, T] = {}
 
     @classmethod
     def single(cls, value: T) -> PerGroup[T]:
@@ -43,9 +43,9 @@ class PerGroup(Generic[T]):
 
     def of_group(self, group: Hashable) -> T:
         """Return the value of a group.  Collective where it is new."""
-        if group not in self._made:
-            self._made[group] = self._make(group)
-        return self._made[group]
+        if group not in self._computed:
+            self._computed[group] = self._make(group)
+        return self._computed[group]
 
     def of(self, n: int) -> T:
         """Return the value of the group of harmonic n.  Collective where it is new."""
@@ -56,6 +56,6 @@ class PerGroup(Generic[T]):
         return PerGroup(lambda group: change(self.of_group(group)), self.group_of, self.groups)
 
     @property
-    def made(self) -> list[T]:
+    def computed(self) -> list[T]:
         """The values that were made so far.  Local."""
-        return list(self._made.values())
+        return list(self._computed.values())

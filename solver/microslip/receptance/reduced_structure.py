@@ -40,7 +40,7 @@ class ReducedStructure:
     @property
     def static_columns(self) -> list[StaticColumns]:
         """The static columns of the groups made so far.  Local."""
-        return [receptance.static.G_static for receptance in self.receptances.made]
+        return [receptance.static.G_static for receptance in self.receptances.computed]
 
     @cached_property
     def pair_ranges(self) -> np.ndarray:

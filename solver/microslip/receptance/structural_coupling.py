@@ -25,7 +25,7 @@ class StructuralCoupling:
     of_pairs: np.ndarray  # (3 n_pairs, m)
     of_outputs: np.ndarray  # (n_outputs, m)
     of_loads: np.ndarray  # (n_loads, m)
-    own: np.ndarray  # (m, m) d^H Z d
+    modal: np.ndarray  # (m, m) d^H Z d
 
     def changes(self, group: HarmonicGroup, c: DynamicFlexibility, f: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return what it changes in cos 1 and then sin 1 of the rows of the outputs, in size, (2 n_outputs,) [m].  Local.
@@ -36,7 +36,7 @@ class StructuralCoupling:
         i, modes = group.harmonics.chosen.index(1), group.receptance.modes
         x = group.receptance.modal_motion(f, p, c)[:, i]
         f_1, p_1 = to_complex(f)[:, i], to_complex(p)[:, i]
-        force = 1j * (self.of_loads.conj().T @ f_1 - self.of_pairs.conj().T @ p_1) - self.own @ x
+        force = 1j * (self.of_loads.conj().T @ f_1 - self.of_pairs.conj().T @ p_1) - self.modal @ x
         more = c.whole(force[:, None], i)[:, 0]
         y = 1j * (self.of_outputs @ x) + modes.o @ more
         return np.abs(np.concatenate([y.real, y.imag]))

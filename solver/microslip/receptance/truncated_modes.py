@@ -55,7 +55,7 @@ class TruncatedModes:
     of_outputs: np.ndarray  # (n_outputs, SAMPLES)
     of_loads: np.ndarray  # (n_loads, SAMPLES)
     direct: np.ndarray  # (n_outputs, n_loads) W between outputs and loads, exactly
-    own: np.ndarray  # (n_loads,) W of each load with itself, exactly
+    drive_point: np.ndarray  # (n_loads,) W of each load with itself, exactly
     residual: np.ndarray  # (n_outputs, n_loads) their static flexibility without the modes used, exactly [m/N]
     coupling: StructuralCoupling | None  # of structural damping with a joint
 
@@ -171,7 +171,7 @@ def of_samples(
     receptance: Receptance,
     rows: np.ndarray,
     direct: np.ndarray,
-    own: np.ndarray,
+    drive_point: np.ndarray,
     damping: DampingBeyond,
     coupling: StructuralCoupling | None,
 ) -> TruncatedModes:
@@ -180,13 +180,13 @@ def of_samples(
     Parameters
     ----------
     rows : (3 n_pairs + n_outputs + n_loads, SAMPLES) the samples Z s seen from pairs, outputs and loads
-    direct, own : (n_outputs, n_loads), (n_loads,) of W, as stored
+    direct, drive_point : (n_outputs, n_loads), (n_loads,) of W, as stored
     """
     modes, static = receptance.modes, receptance.static
     n_rows, n_out = len(static.du_static), len(static.out_static)
     # Rayleigh's quotients of the loads: energy x^H K_L^-1 x over x^H W x, without the modes used
     energy = np.diag(static.load_static).real - (np.abs(modes.b) ** 2 / modes.omega_n[:, None] ** 2).sum(axis=0)
-    squares = np.maximum(energy, 0.0) / np.maximum(own, np.finfo(float).tiny)
+    squares = np.maximum(energy, 0.0) / np.maximum(drive_point, np.finfo(float).tiny)
     effective = np.sqrt(squares[squares > 0.0].min(initial=np.inf))
     omega = np.clip(effective, modes.omega_n[-1], 1e3 * modes.omega_n[-1])
     return TruncatedModes(
@@ -197,7 +197,7 @@ def of_samples(
         rows[n_rows : n_rows + n_out],
         rows[n_rows + n_out :],
         direct,
-        own,
+        drive_point,
         static.out_static - (modes.o / modes.omega_n**2) @ modes.b,
         coupling,
     )
@@ -221,8 +221,8 @@ class EnrichedModel:
         of_groups = (self.truncated.of(group.harmonics.chosen[0]) for group in model.groups)
         return Truncation(model, tuple(each and each.with_damping(sigma) for each in of_groups))
 
-    def on_ranks(self, own: ReducedStructure, comm: MPI.Comm) -> EnrichedModel:
-        """Return the same for some of the ranks, which solve the model ``own``.  Collective on ``structure.comm``."""
+    def on_ranks(self, solved: ReducedStructure, comm: MPI.Comm) -> EnrichedModel:
+        """Return the same for some of the ranks, which solve the model ``solved``.  Collective on ``structure.comm``."""
         made = {group: self.truncated.of_group(group) for group in self.truncated.groups}
         truncated = PerGroup(made.__getitem__, self.truncated.group_of, self.truncated.groups)
-        return replace(self, structure=own if self.is_solved else on_ranks(self.structure, comm), truncated=truncated)
+        return replace(self, structure=solved if self.is_solved else on_ranks(self.structure, comm), truncated=truncated)

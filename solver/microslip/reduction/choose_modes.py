@@ -12,7 +12,7 @@ from ..modes.limits import FEW, SHARE, most_modes
 from ..points.band import Band, frequency_band
 from .settings import ReductionSettings
 from .stuck import StuckStructure
-from .truncation import LeftOut, left_out
+from .truncation import TruncationBound, truncation_bound
 
 Stuck = TypeVar("Stuck", bound=StuckStructure)
 _AT_ONCE = 400  # DOFs up to which LAPACK finds all modes at once
@@ -70,7 +70,7 @@ def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
         is_all = n_found < n_batch or n_found == n_dof
         if mode < n_found or is_all or is_last:
             batch = stuck.using(n_found)
-            bound = left_out(batch, settings)
+            bound = truncation_bound(batch, settings)
             n_modes, why = stuck.comm.bcast(picked(bound, batch.omega_n, is_all, is_last, settings))
             if n_modes and (n_modes == n_found or not verify):
                 return stuck.using(n_modes), why
@@ -94,7 +94,7 @@ def batches(n_dof: int, mode: int) -> Iterator[tuple[int, bool]]:
 
 
 def picked(
-    bound: LeftOut, omega_n: np.ndarray, is_all: bool, is_last: bool, settings: ReductionSettings
+    bound: TruncationBound, omega_n: np.ndarray, is_all: bool, is_last: bool, settings: ReductionSettings
 ) -> tuple[int | None, str]:
     """Return how many of the modes found are needed and why, None if more must be found.  Local.
 
@@ -131,7 +131,7 @@ def _out_of_reach(bound: np.ndarray, settings: ReductionSettings) -> int:
     return n_modes
 
 
-def _why(n_modes: int, omega_n: np.ndarray, bound: LeftOut, accuracy: float) -> str:
+def _why(n_modes: int, omega_n: np.ndarray, bound: TruncationBound, accuracy: float) -> str:
     k, hertz = n_modes - 1, omega_n[n_modes] / (2 * np.pi)
     is_met = bound.total[k] <= accuracy
     goal = f"picked for accuracy {accuracy:g}" if is_met else f"which misses the default accuracy {accuracy:g}"

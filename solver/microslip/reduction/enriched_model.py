@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
 from ..parallel.ownership import summed
-from ..receptance.modes import SeenModes
+from ..receptance.modes import ProjectedModes
 from ..receptance.per_group import PerGroup
 from ..receptance.receptance import Receptance
 from ..receptance.structural_coupling import StructuralCoupling
@@ -19,7 +19,7 @@ from ..receptance.truncated_modes import KEY, LAST, SAMPLES, EnrichedModel, Trun
 from .modal_structure import damping_beyond, reduce_structure, stuck_receptance
 from .reduction import Reduction
 from .settings import ModalDamping, ReductionSettings
-from .stuck import StuckStructure, owned_product, seen_rows
+from .stuck import StuckStructure, owned_product, projection_rows
 
 
 def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: ReductionSettings) -> EnrichedModel:
@@ -33,7 +33,7 @@ def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: Red
     is_solved, damping = reduction.leaves_out == "modes", settings.damping
 
     def truncated_of(of_group: StuckStructure) -> TruncatedModes | None:
-        key = "truncated modes", of_group.seen, of_group.n_modes, damping
+        key = "truncated modes", of_group.projected, of_group.n_modes, damping
         return of_group.once(key, lambda: truncated_modes(of_group, stuck_receptance(of_group, damping), damping))
 
     truncated: PerGroup[TruncatedModes | None] = stuck.per_group.mapped(truncated_of)
@@ -53,7 +53,7 @@ class Samples:
 
     rows: np.ndarray  # (3 n_pairs + n_outputs + n_loads, SAMPLES) Z s seen from pairs, outputs and loads
     direct: np.ndarray  # (n_outputs, n_loads) W = Z M Z between outputs and loads
-    own: np.ndarray  # (n_loads,) W of each load with itself
+    drive_point: np.ndarray  # (n_loads,) W of each load with itself
     energies: np.ndarray  # (N,) of each mode in diag(M)
     amplitudes: np.ndarray  # (N, SAMPLES) phi^H s
     mass: float  # sum of (Z s)^H M Z s
@@ -72,13 +72,13 @@ def samples_beyond(stuck: StuckStructure) -> Samples:
         system, comm, (first, last) = stuck.system, stuck.comm, stuck.K_L.getOwnershipRange()
         n_out, mass, phi_owned = system.outputs.shape[0], np.maximum(diagonal_owned(stuck.M), 0.0), everything.modes.phi_owned
         random = np.sqrt(mass)[:, None] * random_signs(first, last - first, SAMPLES, KEY)
-        given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
-        Z_random, Z_given = np.split(beyond_modes(everything, np.hstack([random, given])), [SAMPLES], axis=1)
-        W = gram(comm, Z_given, multiply(stuck.M, Z_given))
+        forces = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
+        Z_random, Z_forces = np.split(beyond_modes(everything, np.hstack([random, forces])), [SAMPLES], axis=1)
+        W = gram(comm, Z_forces, multiply(stuck.M, Z_forces))
         samples = Samples(
-            rows=owned_product(seen_rows(system), Z_random, system),
+            rows=owned_product(projection_rows(system), Z_random, system),
             direct=W[-n_out:, :-n_out].copy(),
-            own=np.diag(W)[:-n_out].copy(),
+            drive_point=np.diag(W)[:-n_out].copy(),
             energies=summed(comm, mass @ np.abs(phi_owned) ** 2),
             amplitudes=everything.participation(random),
             mass=float(summed(comm, np.vdot(Z_random, multiply(stuck.M, Z_random)))),
@@ -89,7 +89,7 @@ def samples_beyond(stuck: StuckStructure) -> Samples:
         lost = float(summed(comm, np.vdot(Z_random, CZ_owned)))
         return replace(samples, damping=lost, coupled=everything.participation(CZ_owned))
 
-    return stuck.once((SAMPLED, stuck.seen), make)
+    return stuck.once((SAMPLED, stuck.projected), make)
 
 
 def coupling_beyond(stuck: StuckStructure) -> StructuralCoupling:
@@ -97,12 +97,12 @@ def coupling_beyond(stuck: StuckStructure) -> StructuralCoupling:
 
     def make() -> StructuralCoupling:
         system, everything = stuck.system, stuck.using(stuck.n_computed)
-        d_owned = stuck.pair_forces(stuck.pairs.law.stiffness.reshape(-1, 1) * stuck.seen.R_phi)
+        d_owned = stuck.pair_forces(stuck.pairs.law.stiffness.reshape(-1, 1) * stuck.projected.R_phi)
         Z_owned = beyond_modes(everything, d_owned)
-        of_pairs, of_outputs, of_loads = _parts(stuck, owned_product(seen_rows(system), Z_owned, system))
+        of_pairs, of_outputs, of_loads = _parts(stuck, owned_product(projection_rows(system), Z_owned, system))
         return StructuralCoupling(of_pairs, of_outputs, of_loads, gram(stuck.comm, d_owned, Z_owned))
 
-    return stuck.once((COUPLED, stuck.seen), make)
+    return stuck.once((COUPLED, stuck.projected), make)
 
 
 def beyond_modes(stuck: StuckStructure, right_owned: np.ndarray) -> np.ndarray:
@@ -122,39 +122,42 @@ def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: Moda
     """
     if stuck.n_modes in (0, stuck.n_dof):
         return None
-    samples, seen, between = samples_beyond(stuck), stuck.seen, slice(stuck.n_modes, None)
-    squares, o, b = seen.omega_n[between] ** 2, seen.o[:, between], seen.b[between]
+    samples, projected, between = samples_beyond(stuck), stuck.projected, slice(stuck.n_modes, None)
+    squares, o, b = projected.omega_n[between] ** 2, projected.o[:, between], projected.b[between]
     motions = samples.amplitudes[between] / squares[:, None]
     # random vectors are scaled to have the kinetic energy of the highest modes in use
     scale = 1.0 / np.sqrt(samples.energies[: stuck.n_modes][-LAST:].mean() * SAMPLES)
-    rows = scale * (samples.rows + _of_modes(seen, between) @ motions)
+    rows = scale * (samples.rows + _of_modes(projected, between) @ motions)
     direct = samples.direct + (o / squares**2) @ b
-    own = samples.own + (np.abs(b) ** 2 / squares[:, None] ** 2).sum(axis=0)
+    drive_point = samples.drive_point + (np.abs(b) ** 2 / squares[:, None] ** 2).sum(axis=0)
     beyond = damping_beyond(damping, receptance.modes)
-    if samples.coupled is not None and seen.C is not None:  # what C is of the motions that the samples are
-        lost = np.vdot(motions, 2.0 * samples.coupled[between] + seen.C[between, between] @ motions).real
+    if samples.coupled is not None and projected.C is not None:  # what C is of the motions that the samples are
+        lost = np.vdot(motions, 2.0 * samples.coupled[between] + projected.C[between, between] @ motions).real
         kinetic = samples.mass + float(np.sum(np.abs(motions) ** 2))
         beyond = replace(beyond, alpha=max(beyond.alpha, float(samples.damping + lost) / kinetic))
     has_coupling = beyond.loss_factor > 0.0 and stuck.pairs.n_pairs > 0
     coupling = structural_coupling(stuck, beyond.loss_factor) if has_coupling else None
-    return of_samples(receptance, rows, direct, own, beyond, coupling)
+    return of_samples(receptance, rows, direct, drive_point, beyond, coupling)
 
 
 def structural_coupling(stuck: StuckStructure, eta: float) -> StructuralCoupling:
     """Return how a loss factor couples the modes in use to the truncated ones.  Collective where it must be solved for."""
-    found, seen, n = coupling_beyond(stuck), stuck.seen, stuck.n_modes
+    coupling, projected, n = coupling_beyond(stuck), stuck.projected, stuck.n_modes
     between, K_J = slice(n, None), stuck.pairs.law.stiffness.reshape(-1, 1)
-    of_modes = seen.R_phi[:, between].conj().T @ (K_J * seen.R_phi[:, :n])  # phi^H d of the modes in between
-    motions = of_modes / seen.omega_n[between, None] ** 2
-    rows = np.concatenate([found.of_pairs, found.of_outputs, found.of_loads])[:, :n] + _of_modes(seen, between) @ motions
-    own = found.own[:n, :n] + of_modes.conj().T @ motions
+    of_modes = projected.R_phi[:, between].conj().T @ (K_J * projected.R_phi[:, :n])  # phi^H d of the modes in between
+    motions = of_modes / projected.omega_n[between, None] ** 2
+    rows = (
+        np.concatenate([coupling.of_pairs, coupling.of_outputs, coupling.of_loads])[:, :n]
+        + _of_modes(projected, between) @ motions
+    )
+    modal = coupling.modal[:n, :n] + of_modes.conj().T @ motions
     of_pairs, of_outputs, of_loads = (eta * part for part in _parts(stuck, rows))
-    return StructuralCoupling(of_pairs, of_outputs, of_loads, eta**2 * own)
+    return StructuralCoupling(of_pairs, of_outputs, of_loads, eta**2 * modal)
 
 
-def _of_modes(seen: SeenModes, between: slice) -> np.ndarray:
+def _of_modes(projected: ProjectedModes, between: slice) -> np.ndarray:
     """Return what pairs, outputs and loads see of some modes, (3 n_pairs + n_outputs + n_loads, m).  Local."""
-    return np.concatenate([seen.R_phi[:, between], seen.o[:, between], seen.b[between].conj().T])
+    return np.concatenate([projected.R_phi[:, between], projected.o[:, between], projected.b[between].conj().T])
 
 
 def _parts(stuck: StuckStructure, rows: np.ndarray) -> Sequence[np.ndarray]:

@@ -30,12 +30,12 @@ def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[A
     for group in {n: None for each in full for n in map(model.receptances.group_of, each.harmonics.chosen)}:
         of_group, at = stuck.per_group.of_group(group), []
         for i, ((level, omega, p), each) in enumerate(zip(points, full)):
-            for own, c in zip(each.groups, each.flexibilities(omega)):
-                if model.receptances.group_of(own.harmonics.chosen[0]) == group:
-                    at.append((i, own, c, level * each.f[:, own.columns], p[:, own.columns]))
+            for part, c in zip(each.groups, each.flexibilities(omega)):
+                if model.receptances.group_of(part.harmonics.chosen[0]) == group:
+                    at.append((i, part, c, level * each.f[:, part.columns], p[:, part.columns]))
         static = of_group.static_motions([(f, p) for *_, f, p in at])
-        for (i, own, c, f, p), u in zip(at, static):
-            fields[i].append(u + matrix_times(of_group.modes.phi_owned, c.apply(own.receptance.modal_forces(f, p))))
+        for (i, part, c, f, p), u in zip(at, static):
+            fields[i].append(u + matrix_times(of_group.modes.phi_owned, c.apply(part.receptance.modal_forces(f, p))))
     return [each.joined(terms) for each, terms in zip(full, fields)]
 
 
@@ -59,11 +59,11 @@ def peak_displacements(
     """
     peaks = [branch.peak for branch in branches]
     at = [(branch, branch.points[peak]) for branch, peak in zip(branches, peaks)]
-    points = [ActingForces(branch.level, point.omega, _whole(model.comm.bcast(point.p))) for branch, point in at]
+    points = [ActingForces(branch.level, point.omega, _flat(model.comm.bcast(point.p))) for branch, point in at]
     fields = (node_fields(system, u_owned) for u_owned in reduction.displacements(model, points))
     return [(peak, np.empty((0, 3, 0)) if u is None else u) for peak, u in zip(peaks, fields)]
 
 
-def _whole(p: np.ndarray) -> np.ndarray:
+def _flat(p: np.ndarray) -> np.ndarray:
     """Return recorded forces of pairs, (n_pairs, 3, N_H), as (3 n_pairs, N_H).  Local."""
     return p.reshape(-1, p.shape[-1])

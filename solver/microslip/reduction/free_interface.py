@@ -58,9 +58,9 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     A.setOption(PETSc.Mat.Option.SPD, True)
     shifted = Linearised(system, A, system.M, Factor(A, system, what="K + alpha M"))
-    found = lowest_modes(shifted, n_modes, settings.verify_modes, fewer_will_do=True)
-    n_rigid = _count_rigid(found, alpha, modes)
-    if n_rigid == len(found.omega_n) < system.n_dof:  # there may be more
+    free = lowest_modes(shifted, n_modes, settings.verify_modes, fewer_will_do=True)
+    n_rigid = _count_rigid(free, alpha, modes)
+    if n_rigid == len(free.omega_n) < system.n_dof:  # there may be more
         most = min(n_modes + 6 * max(len(system.part_names), 1), system.n_dof)
         n_rigid = _count_rigid(lowest_modes(shifted, most, settings.verify_modes, fewer_will_do=True), alpha, modes)
     if n_rigid > n_modes:
@@ -69,7 +69,7 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
             f"{settings.where}: [solver] modes = {n_modes}: without their joint the bodies have {n_rigid} rigid-body "
             f'modes, all of which method = "{settings.method}" needs; ask for {n_rigid} modes at least'
         )
-    return FreeBodies(shifted, alpha, found.omega_n**2 - alpha, found.phi_owned)
+    return FreeBodies(shifted, alpha, free.omega_n**2 - alpha, free.phi_owned)
 
 
 def check_rigid(stuck: StuckStructure, settings: ReductionSettings) -> None:
@@ -86,8 +86,8 @@ def check_rigid(stuck: StuckStructure, settings: ReductionSettings) -> None:
         free_bodies(stuck, settings).destroy()
 
 
-def _count_rigid(found: Modes, alpha: float, modes: Modes) -> int:
-    return int(np.count_nonzero(found.omega_n**2 - alpha < RIGID * modes.omega_n[0] ** 2))
+def _count_rigid(free: Modes, alpha: float, modes: Modes) -> int:
+    return int(np.count_nonzero(free.omega_n**2 - alpha < RIGID * modes.omega_n[0] ** 2))
 
 
 def residual_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.ndarray:

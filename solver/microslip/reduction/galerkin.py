@@ -36,7 +36,7 @@ from ..receptance.static_response import StaticResponse
 from .modal_structure import damped_modes
 from .reduction import Basis, Expansion, Reduction
 from .settings import ReductionSettings
-from .stuck import StuckStructure, seen_modes
+from .stuck import StuckStructure, project_modes
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -68,7 +68,7 @@ def reduce_on_basis(
             fields.append(phi_owned @ to_real(eta, full.N_H))
         return fields
 
-    basis = Basis(seen_modes(stuck.system, omega_n, phi_owned), unknowns or V_owned.shape[1], leaves_out)
+    basis = Basis(project_modes(stuck.system, omega_n, phi_owned), unknowns or V_owned.shape[1], leaves_out)
     return replace(reduction_of_basis(stuck, basis, settings, displacements), phi_owned=phi_owned)
 
 
@@ -107,25 +107,25 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     energy = np.maximum(np.diag(K_r), 0.0)
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
     values, Q = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))
-    kept = values > DEPENDENT * values[-1]
-    if not kept.any():  # columns without energy: the modes hold all that the joint does
+    is_independent = values > DEPENDENT * values[-1]
+    if not is_independent.any():  # columns without energy: the modes hold all that the joint does
         return np.empty(0), np.empty((len(energy), 0)), 1.0
-    W = scale[:, None] * Q[:, kept] / np.sqrt(values[kept])
+    W = scale[:, None] * Q[:, is_independent] / np.sqrt(values[is_independent])
     theta, q = scipy.linalg.eigh(W.T @ (0.5 * (M_r + M_r.T)) @ W)
-    return theta[::-1], (W @ q)[:, ::-1], float(values[kept][0] / values[-1])
+    return theta[::-1], (W @ q)[:, ::-1], float(values[is_independent][0] / values[-1])
 
 
 def structure_of_modes(comm: MPI.Comm, modes: DampedModes, observed: Observed | None = None) -> ReducedStructure:
     """Return what has these modes in all harmonics and nothing else: its static parts are theirs, eq. (8.2).  Local."""
     R_phi, o, b, n_pairs = modes.R_phi, modes.o, modes.b, len(modes.R_phi) // 3
     pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / modes.omega_n**2
-    own = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
+    local = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
 
     def columns(pairs: np.ndarray) -> np.ndarray:
-        return own @ R_phi[rows_of(pairs)].T
+        return local @ R_phi[rows_of(pairs)].T
 
     static = StaticResponse(
-        G_static=StaticColumns(n_pairs, len(own) // 3, columns),
+        G_static=StaticColumns(n_pairs, len(local) // 3, columns),
         du_static=(R_phi * flexibility) @ b,
         out_static=(o * flexibility) @ b,
         out_R=(o * flexibility) @ R_phi.T,

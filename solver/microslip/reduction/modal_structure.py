@@ -6,7 +6,7 @@ import numpy as np
 
 from ..messages.errors import CaseError
 from ..receptance.damping import Damping, added, diagonal_if_possible, structural_damping
-from ..receptance.modes import DampedModes, SeenModes
+from ..receptance.modes import DampedModes, ProjectedModes
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.truncated_modes import DampingBeyond
@@ -20,11 +20,11 @@ def damping_beyond(damping: ModalDamping | None, modes: DampedModes) -> DampingB
     """Return the damping of the truncated modes: as stated, with what dampers or a matrix make of the last mode.  Local."""
     if damping is None:
         return DampingBeyond(float(modes.damping.diagonal[-1]))
-    beside = float(modes.damping.diagonal[-1] - damping.modal(modes.omega_n)[-1])
+    of_matrix = float(modes.damping.diagonal[-1] - damping.modal(modes.omega_n)[-1])
     if damping.rayleigh is not None:
         alpha, beta = damping.rayleigh
-        return DampingBeyond(alpha + max(beside, 0.0), 0.0, beta, damping.structural)
-    return DampingBeyond(max(beside, 0.0), float(damping.ratios_of(len(modes.omega_n) + 1)[-1]), 0.0, damping.structural)
+        return DampingBeyond(alpha + max(of_matrix, 0.0), 0.0, beta, damping.structural)
+    return DampingBeyond(max(of_matrix, 0.0), float(damping.ratios_of(len(modes.omega_n) + 1)[-1]), 0.0, damping.structural)
 
 
 def projected_damping(C: np.ndarray) -> np.ndarray:
@@ -43,7 +43,7 @@ def projected_damping(C: np.ndarray) -> np.ndarray:
     return diagonal_if_possible(C)
 
 
-def all_damping(modes: SeenModes, damping: ModalDamping | None) -> np.ndarray:
+def all_damping(modes: ProjectedModes, damping: ModalDamping | None) -> np.ndarray:
     """Return phi^H C phi [1/s] of what the scene states for the modes and of the structure's own C, (m,) or (m, m).  Local."""
     of_modes = None if damping is None else damping.modal(modes.omega_n)
     of_structure = None if modes.C is None else projected_damping(modes.C)
@@ -55,7 +55,7 @@ def all_damping(modes: SeenModes, damping: ModalDamping | None) -> np.ndarray:
     return added(of_structure, of_modes)
 
 
-def damped_modes(modes: SeenModes, K_J: np.ndarray, damping: ModalDamping | None) -> DampedModes:
+def damped_modes(modes: ProjectedModes, K_J: np.ndarray, damping: ModalDamping | None) -> DampedModes:
     """Return modes with all of their damping; ``K_J`` (3 n_pairs,) are the springs of the joints [N/m].  Local."""
     eta = 0.0 if damping is None else damping.structural
     S = structural_damping(modes.omega_n, modes.R_phi, K_J, eta) if eta > 0.0 else None
@@ -65,7 +65,7 @@ def damped_modes(modes: SeenModes, K_J: np.ndarray, damping: ModalDamping | None
 def stuck_receptance(stuck: StuckStructure, damping: ModalDamping | None) -> Receptance:
     """Return the receptance of one group of harmonics: modes of its stuck structure, with its exact static response.  Local."""
     K_J = stuck.pairs.law.stiffness.ravel()
-    return Receptance(damped_modes(stuck.seen.first(stuck.n_modes), K_J, damping), stuck.statics)
+    return Receptance(damped_modes(stuck.projected.first(stuck.n_modes), K_J, damping), stuck.statics)
 
 
 def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> ReducedStructure:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ..points.selection import Selection
-from ..receptance.modes import SeenModes
+from ..receptance.modes import ProjectedModes
 from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
@@ -21,7 +21,7 @@ Expansion = Callable[[ReducedModel, Sequence[ActingForces]], list[np.ndarray]]  
 class Basis:
     """The modes in the span of a basis, which are the whole model of a Galerkin method."""
 
-    modes: SeenModes
+    modes: ProjectedModes
     unknowns: int  # reported, a harmonic coefficient
     leaves_out: Literal["basis", "nothing"]
 

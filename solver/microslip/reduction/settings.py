@@ -26,11 +26,11 @@ class ModalDamping:
     def ratios_of(self, n_modes: int) -> np.ndarray:
         """Return the damping ratios of modes 1 to ``n_modes``, (n_modes,) [-]."""
         last = self.ratios[-1] if self.ratios else 0.0
-        found = np.full(n_modes, last if self.ratio is None else self.ratio)
-        found[: len(self.ratios)] = self.ratios[:n_modes]
+        ratios = np.full(n_modes, last if self.ratio is None else self.ratio)
+        ratios[: len(self.ratios)] = self.ratios[:n_modes]
         for mode, ratio in self.of_modes:
-            found[mode - 1 : mode] = ratio
-        return found
+            ratios[mode - 1 : mode] = ratio
+        return ratios
 
     def modal(self, omega_n: np.ndarray) -> np.ndarray:
         """Return phi^H C phi, (n_modes,) [1/s]: 2 zeta omega_n, or alpha + beta omega_n^2 of C = alpha M + beta K_L."""

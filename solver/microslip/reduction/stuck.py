@@ -22,7 +22,7 @@ from ..modes.rayleigh import sharpened
 from ..modes.shift_invert import ModeSearch
 from ..modes.user_order import in_user_order
 from ..parallel.ownership import rows_of, split_evenly
-from ..receptance.modes import SeenModes
+from ..receptance.modes import ProjectedModes
 from ..receptance.observed import Observed
 from ..receptance.per_group import PerGroup, only_group
 from ..receptance.static_columns import BATCH, FROM_DISK, StaticColumns
@@ -58,22 +58,22 @@ class OnDemand:
 
     def __init__(self, make: Callable[[], Factored], is_stored: bool = True):
         self._make, self._is_stored = make, is_stored
-        self.made: Factored | None = None  # None: they are not there
+        self.value: Factored | None = None  # None: they are not there
 
     @classmethod
     def of(cls, factored: Factored) -> OnDemand:
         """Return parts that are there.  Local."""
         new = cls(lambda: factored)
-        new.made = factored
+        new.value = factored
         return new
 
     def __call__(self) -> Factored:
         """Return the parts.  Collective where they are not there."""
-        if self.made is not None:
-            return self.made
+        if self.value is not None:
+            return self.value
         factored = self._make()
         if self._is_stored:
-            self.made = factored
+            self.value = factored
         return factored
 
 
@@ -89,14 +89,14 @@ class StuckStructure:
     n_dof: int
     pairs: ContactPairs
     statics: StaticResponse
-    seen: SeenModes  # all that were computed; the first ``n_modes`` are used
+    projected: ProjectedModes  # all that were computed; the first ``n_modes`` are used
     n_modes: int
     n_proved: int  # of the modes computed: the first ones that are proved to be the lowest
     observed: Observed | None  # what makes outputs of their rows; None: all are displacements
     factored: OnDemand
     groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: it is that of every harmonic itself
     group: Hashable = only_group(0)  # its own
-    kept: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what was made of it
+    results: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what was made of it
 
     @classmethod
     def of(
@@ -117,7 +117,7 @@ class StuckStructure:
             n_dof=system.n_dof,
             pairs=pairs,
             statics=statics,
-            seen=seen_modes(system, modes.omega_n, modes.phi_owned),
+            projected=project_modes(system, modes.omega_n, modes.phi_owned),
             n_modes=len(modes.omega_n),
             n_proved=modes.n_proved,
             observed=observed(system),
@@ -131,9 +131,9 @@ class StuckStructure:
         return PerGroup.single(self) if self.groups is None else self.groups
 
     @property
-    def made_groups(self) -> dict[Hashable, StuckStructure]:
+    def computed_groups(self) -> dict[Hashable, StuckStructure]:
         """The structures of the groups made so far, this one among them, by group.  Local."""
-        return {self.group: self} | {stuck.group: stuck for stuck in self.per_group.made}
+        return {self.group: self} | {stuck.group: stuck for stuck in self.per_group.computed}
 
     def has(self, n: int) -> bool:
         """Return whether harmonic n is one of its group.  Local."""
@@ -142,7 +142,7 @@ class StuckStructure:
     @property
     def omega_n(self) -> np.ndarray:
         """Natural frequencies of the modes used, (n_modes,) [rad/s]."""
-        return self.seen.omega_n[: self.n_modes]
+        return self.projected.omega_n[: self.n_modes]
 
     @property
     def linearised(self) -> Linearised:
@@ -162,7 +162,7 @@ class StuckStructure:
     @property
     def n_computed(self) -> int:
         """Modes computed, of which the first ones are used."""
-        return len(self.seen.omega_n)
+        return len(self.projected.omega_n)
 
     def using(self, n_modes: int) -> Self:
         """Return the structure with the first ``n_modes`` of the modes computed in use.  Local."""
@@ -207,7 +207,7 @@ class StuckStructure:
         u_owned = self.modes.phi_owned @ parts
         Cu_owned = n_omega * multiply(system.C, u_owned) if system.C is not None else np.zeros_like(u_owned)
         if eta > 0.0:  # of K, without the springs of the joints
-            springs = self.pairs.law.stiffness.reshape(-1, 1) * (self.seen.R_phi[:, : self.n_modes] @ parts)
+            springs = self.pairs.law.stiffness.reshape(-1, 1) * (self.projected.R_phi[:, : self.n_modes] @ parts)
             Cu_owned = Cu_owned + eta * (multiply(self.K_L, u_owned) - self.pair_forces(springs))
         return Cu_owned[:, :q] + 1j * Cu_owned[:, q:]
 
@@ -229,7 +229,7 @@ class StuckStructure:
 
         Of a group with complex matrices there are two right-hand sides a harmonic and component of its forces.
         """
-        is_complex = np.iscomplexobj(self.seen.R_phi)
+        is_complex = np.iscomplexobj(self.projected.R_phi)
         amplitudes = [(to_complex(f), to_complex(p)) if is_complex else (f, p) for f, p in at]
         forces = [self.load_forces(f) - self.pair_forces(p) for f, p in amplitudes]
         if not forces:
@@ -259,9 +259,9 @@ class StuckStructure:
         Collective.
         """
         if n_modes <= self.n_computed:
-            found = self.using_proved(n_modes) if verify else self.using(n_modes)
-            if found is not None:
-                return found
+            structure = self.using_proved(n_modes) if verify else self.using(n_modes)
+            if structure is not None:
+                return structure
         return self.with_modes(self.lowest_modes(n_modes, verify, fewer_will_do, search))
 
     def using_proved(self, n_modes: int) -> Self | None:
@@ -286,15 +286,15 @@ class StuckStructure:
 
     def with_modes(self, modes: Modes) -> Self:
         """Return the same structure with other modes.  Collective: one sum, with a damping matrix another."""
-        seen, factored = seen_modes(self.system, modes.omega_n, modes.phi_owned), replace(self.factored(), modes=modes)
+        projected, factored = project_modes(self.system, modes.omega_n, modes.phi_owned), replace(self.factored(), modes=modes)
         n_modes = len(modes.omega_n)
-        return replace(self, seen=seen, n_modes=n_modes, n_proved=modes.n_proved, factored=OnDemand.of(factored))
+        return replace(self, projected=projected, n_modes=n_modes, n_proved=modes.n_proved, factored=OnDemand.of(factored))
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return what ``make`` makes, made once for the same key.  Collective where ``make`` is."""
-        if key not in self.kept:
-            self.kept[key] = make()
-        return self.kept[key]
+        if key not in self.results:
+            self.results[key] = make()
+        return self.results[key]
 
 
 def static_response(linearised: Linearised) -> StaticResponse:
@@ -305,7 +305,7 @@ def static_response(linearised: Linearised) -> StaticResponse:
     system = linearised.system
     n_rows, n_out, n_load = system.R.shape[0], system.outputs.shape[0], system.loads.shape[1]
     forces = sp.hstack([system.loads, system.outputs.T, sp.csc_matrix(system.R.T @ random_weights(n_rows)).T], format="csc")
-    static, of_weights = np.split(static_columns(linearised, seen_rows(system), forces), [n_load + n_out], axis=1)
+    static, of_weights = np.split(static_columns(linearised, projection_rows(system), forces), [n_load + n_out], axis=1)
     sums, is_on_disk = of_weights[:n_rows, 0].copy(), linearised.factor.info.get("out_of_core")
     return StaticResponse(
         G_static=pair_columns(lambda: linearised, system.comm, sums, FROM_DISK if is_on_disk else BATCH),
@@ -323,20 +323,20 @@ def random_weights(n_rows: int) -> np.ndarray:
     return np.random.default_rng(n_rows).choice([-1.0, 1.0], n_rows)
 
 
-def seen_rows(system: System) -> sp.csr_matrix:
+def projection_rows(system: System) -> sp.csr_matrix:
     """Return the rows that are seen of a motion: of pairs, outputs and loads."""
     return sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
 
 
-def seen_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray) -> SeenModes:
+def project_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray) -> ProjectedModes:
     """Return what pairs, loads and outputs see of modes.  Collective: one sum, with a damping matrix another."""
-    participation = owned_product(seen_rows(system), phi_owned, system)
+    participation = owned_product(projection_rows(system), phi_owned, system)
     R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
     C = None
     if system.C is not None and len(omega_n) > 0:
         C = gram(system.comm, phi_owned, multiply(system.C, phi_owned))
         C = 0.5 * (C + C.T)
-    return SeenModes(omega_n, R_phi, b_T.T.copy(), o, C)
+    return ProjectedModes(omega_n, R_phi, b_T.T.copy(), o, C)
 
 
 def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) -> np.ndarray:
@@ -364,13 +364,13 @@ def pair_columns(
     for columns, solving for them raises ResourceError on every rank.
     """
     n_rows = len(row_sums)
-    pair_ranges, known = split_evenly(n_rows // 3, comm.size), RowSums(random_weights(n_rows), row_sums)
+    pair_ranges, sums = split_evenly(n_rows // 3, comm.size), RowSums(random_weights(n_rows), row_sums)
     n_owned = int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
 
     def solve(pairs: np.ndarray) -> np.ndarray:
         chosen, R = rows_of(pairs), linearised().system.R
         if 8.0 * len(chosen) * n_rows > _ASKED_FROM:
             refuse_beyond(comm, 16.0 * len(chosen) * 3 * n_owned, f"static columns of {len(pairs)} more pairs", _FEWER)
-        return static_columns(linearised(), R, R.T.tocsc()[:, chosen], 3 * pair_ranges, known.of(chosen))
+        return static_columns(linearised(), R, R.T.tocsc()[:, chosen], 3 * pair_ranges, sums.of(chosen))
 
     return StaticColumns(n_rows // 3, n_owned, solve, batch, is_complex)

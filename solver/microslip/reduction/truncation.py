@@ -37,7 +37,7 @@ _COLUMNS = 32  # complex right-hand sides at a time
 
 
 @dataclass(frozen=True)
-class LeftOut:
+class TruncationBound:
     """Bounds for 1 to n modes kept, each (n,) relative to the linear peak of an output, the worst of the outputs."""
 
     direct: np.ndarray  # from the loads straight to the outputs
@@ -54,12 +54,12 @@ class Resonance:
 
     omega: float
     p: np.ndarray  # of R^T p
-    drag: np.ndarray  # of n omega C u + eta K u: a full damping matrix couples the modes left out to the motion
+    damping_force: np.ndarray  # of n omega C u + eta K u: a full damping matrix couples the modes left out to the motion
     pairs: np.ndarray  # (n, n_outputs) of the motion of the pairs that an output feels
-    drag_adjoint: np.ndarray  # (n, n_outputs)
+    damping_force_adjoint: np.ndarray  # (n, n_outputs)
 
 
-def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
+def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> TruncationBound:
     """Return the bounds of (4.5) for keeping the first 1 to n of the n modes of a group of harmonics that are in use.
 
     Collective on the system's communicator: a few static solves.  The mode after the last kept must be known: the last entries,
@@ -78,7 +78,7 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
     direct, joint = np.zeros((2, n))
     if not loaded or not peaks.any():
-        return LeftOut(direct, joint)  # a constant load: the static part is exact
+        return TruncationBound(direct, joint)  # a constant load: the static part is exact
     peaks = np.maximum(peaks, _FAINT * peaks.max())
     of_load = {h: norms.of_load(_load(model, h)) for h in loaded if stuck.has(h)}
     of_output = norms.of_outputs()
@@ -94,7 +94,7 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
             error = _through_the_joint(modes, numbers, at, h, of_load.get(h), of_output, settings.level) / peaks_u[h]
             joint = np.maximum(joint, error.max(axis=1))
     direct[-1] = np.inf  # the first mode left out is not known
-    return LeftOut(direct, joint)
+    return TruncationBound(direct, joint)
 
 
 def model_for(stuck: StuckStructure, settings: ReductionSettings) -> ReducedModel:
@@ -102,11 +102,11 @@ def model_for(stuck: StuckStructure, settings: ReductionSettings) -> ReducedMode
 
     Collective where the group of a load is new.
     """
-    others = stuck.per_group
-    structures = PerGroup(lambda g: stuck if g == stuck.group else others.of_group(g), others.group_of, others.groups)
+    per_group = stuck.per_group
+    structures = PerGroup(lambda g: stuck if g == stuck.group else per_group.of_group(g), per_group.group_of, per_group.groups)
     structure = reduce_structure(replace(stuck, groups=structures), settings.damping)
     model = ReducedModel.of(structure, settings.excitation)
-    if len(others.groups) == 1:
+    if len(per_group.groups) == 1:
         return model
     chosen = [n for n in model.harmonics.chosen if stuck.has(n) or model.f[:, model.harmonics.columns(n)].any()]
     return model.with_harmonics(Harmonics(tuple(chosen)))
@@ -127,9 +127,11 @@ def _through_the_joint(
             error += rho * force * motion
             continue
         assert of_load is not None, "a load in a harmonic of the group"
-        load, drag = of_load[:, None], at.drag[:, None] / level
+        load, damping_force = of_load[:, None], at.damping_force[:, None] / level
         error += rho * ((load + force) * (of_output + motion) - load * of_output)
-        error += (1.0 + rho) * (drag * (of_output + motion + at.drag_adjoint) + (load + force) * at.drag_adjoint)
+        error += (1.0 + rho) * (
+            damping_force * (of_output + motion + at.damping_force_adjoint) + (load + force) * at.damping_force_adjoint
+        )
     return error
 
 
@@ -149,16 +151,16 @@ def gains(modes: DampedModes, n_omega: float) -> np.ndarray:
     parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
     Structural damping adds the loss factor to 2 zeta s.
     """
-    first, zeta = np.append(modes.omega_n[1:], np.inf), _of_left_out(modes.zeta, np.minimum)
-    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(modes.viscous_ratio / modes.omega_n, np.maximum)
-    damped = damped + _of_left_out(modes.loss_factor, np.maximum)
+    first, zeta = np.append(modes.omega_n[1:], np.inf), _of_truncated(modes.zeta, np.minimum)
+    s, damped = n_omega / first, 2.0 * n_omega * _of_truncated(modes.viscous_ratio / modes.omega_n, np.maximum)
+    damped = damped + _of_truncated(modes.loss_factor, np.maximum)
     with np.errstate(divide="ignore", invalid="ignore"):
         below = np.hypot(s**2, damped) / np.abs(1.0 - s**2 + 2j * zeta * s)
         at_resonance = 1.1 * np.sqrt(1.0 + 4.0 * zeta**2) / (2.0 * zeta) + damped
     return np.where(s < 1.0, below, at_resonance)
 
 
-def _of_left_out(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
+def _of_truncated(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
     """Return the extreme value of the modes left out where 1 to n are kept, (n,); beyond the n, that of the last one."""
     return extreme.accumulate(np.append(values[1:], values[-1])[::-1])[::-1]
 
@@ -189,9 +191,9 @@ def acting(
     of_everything = np.split(norms.of_pairs(np.hstack([p for p, _ in everything])), len(everything), axis=1)
     resonances = []
     for (h, omega), (_, z), of_p in zip(at_which, everything, of_everything):
-        has_drag = norms.stuck.has(h) and norms.receptance.modes.damping.couples_modes
-        drags = norms.of_drag(z, h * omega) if has_drag else np.zeros_like(of_p)
-        resonances.append(Resonance(omega, of_p[:, 0], drags[:, 0], of_p[:, 1:], drags[:, 1:]))
+        has_damping_force = norms.stuck.has(h) and norms.receptance.modes.damping.couples_modes
+        damping_forces = norms.of_damping_force(z, h * omega) if has_damping_force else np.zeros_like(of_p)
+        resonances.append(Resonance(omega, of_p[:, 0], damping_forces[:, 0], of_p[:, 1:], damping_forces[:, 1:]))
     return resonances
 
 
@@ -229,8 +231,8 @@ class Norms:
 
     def beyond(self, static: np.ndarray, of_modes: np.ndarray) -> np.ndarray:
         """Return the norms (n, q) of columns x with ``static`` (q,) x^H K_L^-1 x and ``of_modes`` (n, q) phi^H x.  Local."""
-        known = np.cumsum(np.abs(of_modes / self.receptance.modes.omega_n[:, None]) ** 2, axis=0)
-        return np.sqrt(np.maximum(static.real - known, 0.0))
+        of_computed = np.cumsum(np.abs(of_modes / self.receptance.modes.omega_n[:, None]) ** 2, axis=0)
+        return np.sqrt(np.maximum(static.real - of_computed, 0.0))
 
     def of_load(self, f: np.ndarray) -> np.ndarray:
         """Return those of complex load coefficients (n_loads,), (n,).  Local."""
@@ -253,7 +255,7 @@ class Norms:
         of_modes = self.receptance.modes.R_phi.conj().T @ p
         return self.beyond(summed(comm, np.einsum("ij,ij->j", owned.conj(), Gp_owned)), of_modes)
 
-    def of_drag(self, z: np.ndarray, n_omega: float) -> np.ndarray:
+    def of_damping_force(self, z: np.ndarray, n_omega: float) -> np.ndarray:
         """Return those of the damping forces of modal motions z, complex (n, q), at n omega, (n, q): by solves."""
         damping = self.settings.damping
         return self.of_forces(self.stuck.damping_forces(z, n_omega, 0.0 if damping is None else damping.structural))

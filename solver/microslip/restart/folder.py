@@ -141,7 +141,7 @@ class Restart:
         """Store a structure in this folder, and for other runs; its modes are those of a file, if nothing was computed."""
         structure = prepared.structure
         more = {"notes": notes, "joints": joints_of(structure.scene), "is_at_rest": structure.scene.statics is not None}
-        modes = modes if structure.factored.made is None else None
+        modes = modes if structure.factored.value is None else None
         self._stored.write(structure, prepared.reduction.basis, modes, more)
         if self.cache is not None and (problem := self.cache.share(structure, self._stored, self.fresh)):
             log.note(problem)
@@ -154,11 +154,11 @@ class Restart:
 
     def share_factor(self, prepared: Prepared, log: RunLog) -> None:
         """Let later runs use the factor, if there is one that they lack: it is made for the fields on the mesh alone."""
-        made = prepared.structure.factored.made
-        if self.cache is None or made is None or not self.cache.factor.is_wanted(made.linearised.factor):
+        factored = prepared.structure.factored.value
+        if self.cache is None or factored is None or not self.cache.factor.is_wanted(factored.linearised.factor):
             return
         with log.stage("factor for other runs"):
-            problem = self.cache.share_factor(made.linearised.factor)
+            problem = self.cache.share_factor(factored.linearised.factor)
         if problem:
             log.note(problem)
 

@@ -65,8 +65,8 @@ class StoredStructure:
         arrays, texts = found
 
         def assemble() -> Factored:
-            seen, n_proved = structure.seen, structure.n_proved
-            return rebuilt(scene, self.comm, log, self.factor, partial(self._modes, texts["modes"], seen.omega_n, n_proved))
+            projected, n_proved = structure.projected, structure.n_proved
+            return rebuilt(scene, self.comm, log, self.factor, partial(self._modes, texts["modes"], projected.omega_n, n_proved))
 
         structure = structure_of(arrays, texts, scene, self.comm, lambda group: OnDemand(assemble))
         return structure
@@ -119,7 +119,7 @@ class StoredStructure:
 
 def extent_of(structure: Structure) -> list[int]:
     """Return how much of a structure is known: modes computed and proved; samples and coupling, if any.  Local."""
-    has_made = (int((name, structure.seen) in structure.kept) for name in (SAMPLED, COUPLED))
+    has_made = (int((name, structure.projected) in structure.results) for name in (SAMPLED, COUPLED))
     return [structure.n_computed, structure.n_proved, *has_made]
 
 

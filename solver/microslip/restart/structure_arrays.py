@@ -15,7 +15,7 @@ import numpy as np
 from ..continuation.checkpoint import over, under
 from ..library.build import Structure
 from ..mesh.data import ContactPairs
-from ..receptance.modes import SeenModes
+from ..receptance.modes import ProjectedModes
 from ..receptance.observed import Observed
 from ..receptance.per_group import PerGroup
 from ..receptance.static_response import StaticResponse
@@ -47,7 +47,7 @@ def to_arrays(structure: Structure, basis: Basis | None = None) -> tuple[Arrays,
     arrays = {"n_dof": np.array(structure.n_dof), "has_mesh": np.array(structure.has_mesh)}
     if structure.numbers is not None:
         arrays["numbers"] = structure.numbers
-    for group, stuck in structure.made_groups.items():
+    for group, stuck in structure.computed_groups.items():
         arrays |= over(f"group/{structure.per_group.groups.index(group)}", _of_group(stuck))
     texts: dict[str, Any] = {"joint": list(structure.pairs.joint), "laws": list(map(str, structure.pairs.laws))}
     texts |= {name: list(table.names) for name, table in tables.items()}
@@ -62,8 +62,8 @@ def to_arrays(structure: Structure, basis: Basis | None = None) -> tuple[Arrays,
 def _of_group(stuck: StuckStructure) -> Arrays:
     """Return the arrays of one group of harmonics."""
     arrays = {name: np.array(getattr(stuck, name)) for name in _COUNTS}
-    made = {name: stuck.kept.get((name, stuck.seen)) for name in _MADE}
-    for name, part in {"seen": stuck.seen, "statics": stuck.statics, **made}.items():
+    made = {name: stuck.results.get((name, stuck.projected)) for name in _MADE}
+    for name, part in {"projected": stuck.projected, "statics": stuck.statics, **made}.items():
         arrays |= over(name, numbers_of(part)) if part is not None else {}
     return arrays
 
@@ -142,14 +142,23 @@ def structure_of(
 
 def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashable, whole: Mapping[str, Any]) -> Structure:
     """Return the structure of one group of harmonics.  Local."""
-    seen, statics, counts = SeenModes(**under("seen", arrays)), under("statics", arrays), {n: int(arrays[n]) for n in _COUNTS}
-    is_complex = np.iscomplexobj(seen.R_phi) or np.iscomplexobj(statics["out_R"])
+    projected, statics, counts = (
+        ProjectedModes(**under("projected", arrays)),
+        under("statics", arrays),
+        {n: int(arrays[n]) for n in _COUNTS},
+    )
+    is_complex = np.iscomplexobj(projected.R_phi) or np.iscomplexobj(statics["out_R"])
     columns = pair_columns(lambda: factored().linearised, comm, statics["row_sums"], is_complex=is_complex)
     made: dict[Hashable, Any] = {
-        (name, seen): _made_of(kind, under(name, arrays)) for name, kind in _MADE.items() if under(name, arrays)
+        (name, projected): _made_of(kind, under(name, arrays)) for name, kind in _MADE.items() if under(name, arrays)
     }
     return Structure(
-        seen=seen, statics=StaticResponse(columns, **statics), factored=factored, group=group, kept=made, **{**counts, **whole}
+        projected=projected,
+        statics=StaticResponse(columns, **statics),
+        factored=factored,
+        group=group,
+        results=made,
+        **{**counts, **whole},
     )
 
 
@@ -177,4 +186,4 @@ def basis_of(arrays: Arrays, texts: Mapping[str, Any]) -> Basis | None:
     if "basis" not in texts:
         return None
     unknowns, leaves_out = texts["basis"]
-    return Basis(SeenModes(**under("basis", arrays)), int(unknowns), leaves_out)
+    return Basis(ProjectedModes(**under("basis", arrays)), int(unknowns), leaves_out)

@@ -194,7 +194,7 @@ def _seen(reference: ReferenceState, rest: Rest) -> Seen | None:
     """Return what elements above the cuts of bolts see beside the displacement of their nodes; None without bolts.  Local."""
     if reference.bolts is None or rest.bolts is None:
         return None
-    return partial(reference.bolts.overlap.seen, shortening=rest.bolts.shortening)
+    return partial(reference.bolts.overlap.motions_of, shortening=rest.bolts.shortening)
 
 
 def _is_same(known: System, u_owned: np.ndarray) -> bool:

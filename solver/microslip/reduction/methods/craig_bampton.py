@@ -52,11 +52,11 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 def fix_interface(system: System, b: np.ndarray) -> tuple[Linearised, float]:
     """Return the structure with the DOFs ``b`` held, factored, and the diagonal k that stands at b [N/m].  Collective."""
     first, last = system.M.getOwnershipRange()
-    own = b[(b >= first) & (b < last)].astype(PETSc.IntType)
+    local_dofs = b[(b >= first) & (b < last)].astype(PETSc.IntType)
     K, M = system.K.duplicate(copy=True), system.M.duplicate(copy=True)
     k = float(summed(system.comm, np.array([diagonal_owned(K).sum()]))[0]) / system.n_dof
-    K.zeroRowsColumns(own, diag=k)
-    M.zeroRowsColumns(own, diag=0.0)
+    K.zeroRowsColumns(local_dofs, diag=k)
+    M.zeroRowsColumns(local_dofs, diag=0.0)
     for matrix in (K, M):
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     K.setOption(PETSc.Mat.Option.SPD, True)
@@ -69,12 +69,12 @@ def constraint_modes(system: System, fixed: Linearised, b: np.ndarray, k: float)
     Collective: a product with K and a solve for each.  docs/theory.md, eq. (8.4).
     """
     first, last = system.M.getOwnershipRange()
-    is_own = (b >= first) & (b < last)
+    is_local = (b >= first) & (b < last)
     psi_owned = np.zeros((last - first, len(b)), order="F")
     for start in range(0, len(b), _BATCH):
         columns = slice(start, start + _BATCH)
         unit = unit_columns(b[columns], system.n_dof).tocsr()[first:last].toarray()
         force = -multiply(system.K, unit)
-        force[b[is_own] - first] = k * unit[b[is_own] - first]
+        force[b[is_local] - first] = k * unit[b[is_local] - first]
         psi_owned[:, columns] = fixed.factor.solve(force)
     return psi_owned

@@ -114,10 +114,10 @@ def krylov_blocks(stuck: StuckStructure, modes: Modes, Y: sp.csc_matrix, n_block
 
 
 def _refuse_too_large(where: str, n_dof: int, n_columns: int, comm: MPI.Comm) -> None:
-    needed, left = memory_of_basis(n_dof, n_columns), memory_left(comm)
-    if needed > left:
+    needed, available = memory_of_basis(n_dof, n_columns), memory_left(comm)
+    if needed > available:
         raise CaseError(
             f'{where}: [solver] method = "full" needs about {needed / 1e9:.3g} GB for {n_columns} '
-            f'columns of {n_dof} DOF, beside the factor; {left / 1e9:.3g} GB are free. Choose "receptance", a '
+            f'columns of {n_dof} DOF, beside the factor; {available / 1e9:.3g} GB are free. Choose "receptance", a '
             "coarser mesh, or more memory"
         )

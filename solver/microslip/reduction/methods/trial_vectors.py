@@ -56,7 +56,7 @@ def main_directions(forces: np.ndarray, flexibility: np.ndarray, n_wanted: int) 
     With G = L L^T these are the left singular vectors of L^T F, mapped back by L^-T.
     """
     values, Q = np.linalg.eigh(0.5 * (flexibility + flexibility.T))
-    kept = values > DEPENDENT * values[-1]
-    root = Q[:, kept] * np.sqrt(values[kept])
-    left, _, _ = np.linalg.svd(root.T @ forces, full_matrices=False)
-    return (Q[:, kept] / np.sqrt(values[kept])) @ left[:, :n_wanted]
+    is_independent = values > DEPENDENT * values[-1]
+    root = Q[:, is_independent] * np.sqrt(values[is_independent])
+    directions, _, _ = np.linalg.svd(root.T @ forces, full_matrices=False)
+    return (Q[:, is_independent] / np.sqrt(values[is_independent])) @ directions[:, :n_wanted]
