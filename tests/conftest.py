@@ -41,7 +41,12 @@ def shared_path(tmp_path):
     return COMM.bcast(tmp_path)
 
 
-PICTURES = ("compare.report.draw_comparison", "trade.speed_plots.draw_trade", "verify.report.draw_verification")
+PICTURES = (
+    "compare.report.draw_comparison",
+    "modes.report.draw_shapes",
+    "trade.speed_plots.draw_trade",
+    "verify.report.draw_verification",
+)
 
 
 @pytest.fixture

@@ -177,7 +177,7 @@ def _look(command: Command, comm: MPI.Comm | None) -> int:
 
 
 def _solve(command: Command, comm: MPI.Comm | None) -> int:
-    """Run, compare, verify, trade, export or check a scene.  Collective on ``comm``."""
+    """Run, compare, verify, trade, export or check a scene, or find its modes.  Collective on ``comm``."""
     from .program.doctor import faults
 
     require(comm, wrong_limit() or faults("pydantic", "mpi4py"))
@@ -227,13 +227,16 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
 
 
 def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
-    """Compare, verify, trade or export a scene, into the folder ``out``.  Collective on ``comm``."""
+    """Modes, comparison, verification, trade or export of a scene, into the folder ``out``.  Collective on ``comm``."""
     from .studies.compare import story as compare
     from .studies.export import story as export
+    from .studies.modes import story as modes
     from .studies.trade import story as trade
     from .studies.verify import story as verify
 
-    if command.name == "compare":
+    if command.name == "modes":
+        modes.modes(scene, comm, out, command.count, command.petsc)
+    elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":
         asked = verify.Asked(

@@ -76,10 +76,13 @@ def test_what_is_asked_arrives(line, command):
 @pytest.mark.parametrize(
     "line, message",
     [
-        ("", "a command is missing: run, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor"),
+        (
+            "",
+            "a command is missing: run, modes, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor",
+        ),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, export, check, new, plot, report, "
+            "unknown command 'rnu'; nearest is run; commands are run, modes, compare, verify, trade, export, check, new, plot, report, "
             "convert, diff and doctor",
         ),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),

@@ -125,7 +125,7 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None,
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
     free_dropped(comm)
-    return stuck_structure(_without_reference(assembled(scene, comm, log), keeps_reference), log)
+    return stuck_structure(without_reference(assembled(scene, comm, log), keeps_reference), log)
 
 
 def rebuilt(
@@ -140,7 +140,7 @@ def rebuilt(
     CaseError, MeshError, ResourceError : on every rank
     """
     log.note("the structure is assembled again, its modes are known")
-    parts = _without_reference(assembled(scene, comm, log), False)
+    parts = without_reference(assembled(scene, comm, log), False)
     linearised = factor_of(parts, log, cached=cached, has_later=False)
     with log.stage("modes"):
         modes = modes_of(linearised)
@@ -148,7 +148,7 @@ def rebuilt(
     return Factored(linearised, modes, parts.mesh)
 
 
-def _without_reference(parts: Assembled, keeps_reference: bool) -> Assembled:
+def without_reference(parts: Assembled, keeps_reference: bool) -> Assembled:
     """Return what was assembled, without what finds another rest unless that is kept.  Collective."""
     if parts.reference is None or keeps_reference:
         return parts

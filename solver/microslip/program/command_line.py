@@ -13,7 +13,7 @@ from ..parallel.petsc import PREFIXES
 from ..system.walltime import seconds_of
 from ..version import __version__
 
-_SOLVE = ("run", "compare", "verify", "trade", "export")  # commands that PETSc options are for
+_SOLVE = ("run", "modes", "compare", "verify", "trade", "export")  # commands that PETSc options are for
 _SCENE = (*_SOLVE, "check")  # commands that read a scene
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -29,10 +29,11 @@ SIGUSR1 saves and goes on; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 sho
 class Command:
     """What the command line asks for."""
 
-    name: str  # run, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor
+    name: str  # run, modes, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor
     file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
+    count: int | None = None  # of modes; None: as the scene states
     methods: tuple[str, ...] = ()  # to compare; empty: all of them
     more: tuple[str, ...] = ()  # further scenes to run
     settings: tuple[str, ...] = ()  # KEY=VALUE, in place of what the scene says
@@ -221,6 +222,7 @@ def _with_prefix(name: str) -> str:
 _FOLDER = "the folder of the result file"
 _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, what it reads, the default of --out
     "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
+    "modes": ("natural frequencies and shapes with all joints stuck: table and pictures", "SCENE.toml", "results/NAME_modes"),
     "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
     "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
     "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
@@ -280,6 +282,7 @@ _OPTIONS = (
         "(default: what Slurm or PBS has left for the job)",
         type=_time,
     ),
+    _option("modes", "--count", "N", "how many, in place of [solver] modes (default: the scene's, or 12)", type=_count),
     _option("compare", "--methods", "A,B,...", "their names, with commas (default: all)", **_LIST),
     _option(
         "trade",

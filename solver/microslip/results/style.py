@@ -209,3 +209,11 @@ def panels(n: int) -> tuple[int, int]:
     """Return rows and columns of a grid for n small pictures."""
     columns = {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3, 9: 3}.get(n, 4)
     return max(1, math.ceil(n / columns)), columns
+
+
+def view_from(elevation: float, azimuth: float) -> np.ndarray:
+    """Return three rows, the directions towards the viewer, to the right and up, from angles in degrees."""
+    e, a = np.radians([elevation, azimuth])
+    towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    right = np.array([-np.sin(a), np.cos(a), 0.0])
+    return np.array([towards, right, np.cross(towards, right)])

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from ...mesh.data import Mesh
 from ...mesh.skin import Skin, groups_of_bodies, skin_of_mesh
-from ...results.style import FAINT, INK, RC, Page, plain
+from ...results.style import FAINT, INK, RC, Page, plain, view_from
 from ...system.files import make_folder, said_of
 
 BODY_COLOURS = ("#9db8d2", "#d9c7a3", "#b5ceb0", "#cbb4cf", "#e3b7a8", "#a8d1cf", "#d3d3a4", "#b9b9c9")
@@ -59,7 +59,7 @@ def draw(folder: Path, mesh: Mesh, marks: Sequence[Mark], title: str) -> list[st
 
 def _page(mesh: Mesh, marks: Sequence[Mark], title: str) -> Page:
     skin = skin_of_mesh(mesh)
-    view = _view(24.0, -56.0)
+    view = view_from(24.0, -56.0)
     flat = mesh.points @ view[1:].T
     wide = np.ptp(flat[:, 0]) > 1.4 * np.ptp(flat[:, 1])
     each = (WIDTH, WIDTH * np.ptp(flat[:, 1]) / np.ptp(flat[:, 0])) if wide else (WIDTH / 2, 0.0)
@@ -104,14 +104,6 @@ def _handles(names: Sequence[str], marks: Sequence[Mark]) -> list:
     if len(marks) > MOST_NAMED:
         handles.append(Patch(facecolor="none", edgecolor="none", label=f"and {len(marks) - MOST_NAMED} more sets"))
     return handles
-
-
-def _view(elevation: float, azimuth: float) -> np.ndarray:
-    """Return three rows, the directions towards the viewer, to the right and up, from angles in degrees."""
-    e, a = np.radians([elevation, azimuth])
-    towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    right = np.array([-np.sin(a), np.cos(a), 0.0])
-    return np.array([towards, right, np.cross(towards, right)])
 
 
 def _bodies(axes, skin: Skin, view: np.ndarray) -> None:
