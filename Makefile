@@ -58,9 +58,8 @@ ONE_RANK = $(IN_VENV) $(PYTEST) --numprocesses $(WORKERS) --dist worksteal
 test: $(VENV)/installed $(VENV)/test-tools $(VENV)/docs-tools meshes/fan_small.msh
 	$(IN_VENV) -m ruff check .
 	$(IN_VENV) -m ruff format --check .
-	$(IN_VENV) -m mypy
-	@echo "documentation"
-	@$(SPHINX) -q
+	@echo "types, and beside them the documentation"
+	@$(SPHINX) -q & docs=$$!; $(IN_VENV) -m mypy; types=$$?; wait $$docs && exit $$types
 	@echo "tests on 3 ranks"
 	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) \
 		$$(find tests -name 'test_mpi_*.py' $(STORIES:%=-not -path 'tests/%/*') | sort)

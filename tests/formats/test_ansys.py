@@ -16,6 +16,17 @@ from microslip.scene.read import scene_of
 
 mapdl_archive = pytest.importorskip("mapdl_archive")
 
+SANDBOXED = ("test_files_of_mapdl_archive_are_read", "test_damaged_archives_are_refused_with_one_message")
+
+
+@pytest.fixture(autouse=True)
+def sandbox(monkeypatch, request):
+    """Archives that a test writes are read in this process; a process for each would take ten times as long."""
+    if request.node.originalname not in SANDBOXED:
+        monkeypatch.setattr(
+            "microslip.formats.ansys.read.read_file", lambda path, function, *arguments, **limits: function(*arguments)
+        )
+
 
 def written(folder, model=None, *more, text=None):
     path = folder / "model.cdb"

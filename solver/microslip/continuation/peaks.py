@@ -88,7 +88,9 @@ def peaks_of(problem: ForcedResponse, branch: Branch, tolerance: float) -> list[
 def follow_peak(
     equation: HarmonicBalance, varies: str | LawParameter, sweep: Sweep, stuck: Peak, tolerance: float, level: float = 1.0
 ) -> Branch:
-    """Return the peak of an output over a number of the operating point, as one branch through its folds.  Collective.
+    """Return the peak of an output over a number of the operating point, as one branch.  Collective.
+
+    It ends where the maximum meets a minimum of the curve: there alone it would turn back, as a minimum.
 
     Parameters
     ----------

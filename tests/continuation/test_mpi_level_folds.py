@@ -1,0 +1,75 @@
+"""Folds over the level of the loads, against solutions in closed form; every test runs on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import amplitude, forced, reduced
+from mpi4py import MPI
+from oracles import scenes
+from scipy.optimize import brentq, minimize_scalar
+
+from microslip.continuation.follow import follow_branch
+from microslip.continuation.problems import LevelHomotopy
+from microslip.continuation.steps import ArcLength
+from microslip.continuation.task import BranchTask
+from microslip.points.selection import AllPairs
+from microslip.points.sweep import Sweep
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+K, C, STOP, GAP = 1.0, 0.05, 5.0, 1.0  # N/m, N s/m, N/m, m: a mass of 1 kg on a spring, a stop of stiffness STOP beyond the gap
+OMEGA = 1.2  # rad/s, above the resonance without the stop, below the highest with it
+N_SAMPLES = 1024
+
+
+def mass():
+    return scenes.make_system(
+        "mass and stop",
+        [[1.0]],
+        [[K]],
+        [[-1, -1, 0, -1, -1, -1]],
+        mu=0.0,
+        N0=-STOP * GAP,
+        k_t=1.0,
+        k_n=STOP,
+        C=np.array([[C]]),
+        loads=[{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}],
+        output=[1.0],
+        omega=(0.5, 2.0),
+        levels={},
+    )
+
+
+def level_of(a):
+    """Return the level [N] under which harmonic 1 has the amplitude ``a`` [m], with the mean that balances the stop."""
+
+    def pressed(mean):  # half the angle of a cycle in which the stop presses
+        return np.arccos(np.clip((GAP - mean) / a, -1.0, 1.0))
+
+    def sum_of_means(mean):
+        return K * mean + STOP / np.pi * (a * np.sin(pressed(mean)) + (mean - GAP) * pressed(mean))
+
+    angle = pressed(brentq(sum_of_means, -a, a, xtol=1e-15))
+    stiffness = K + STOP / np.pi * (angle - np.sin(angle) * np.cos(angle))
+    return a * np.hypot(stiffness - OMEGA**2, C * OMEGA)
+
+
+def over_level(highest):
+    model, law = reduced(mass(), COMM, 1)
+    problem = LevelHomotopy(forced(model, law, N_SAMPLES, 1.0).equation, OMEGA)
+    steps = ArcLength(ds=0.02, ds_min=1e-6, ds_max=0.05)
+    return follow_branch(BranchTask(problem, AllPairs(), Sweep(0.05, highest), steps, 1e-10), 400)
+
+
+def test_a_branch_over_the_level_turns_back_twice_where_a_stop_stiffens():
+    found = over_level(1.0)
+    assert found.failure is None
+    levels = np.array([point.parameters[0] for point in found.points])
+    sizes = np.array([amplitude(point) for point in found.points])
+    assert levels[[0, -1]] == pytest.approx([0.05, 1.0]) and np.all(np.diff(sizes) > 0.0)
+    exact = np.array([level_of(a) for a in sizes])
+    assert levels == pytest.approx(exact, rel=20.0 / N_SAMPLES**2, abs=20.0 / N_SAMPLES**2)
+    top, bottom = np.flatnonzero(np.diff(np.sign(np.diff(levels)))) + 1  # two turning points, no third
+    first = minimize_scalar(lambda a: -level_of(a), bounds=(sizes[top - 1], sizes[top + 1]), method="bounded")
+    last = minimize_scalar(lambda a: level_of(a), bounds=(sizes[bottom - 1], sizes[bottom + 1]), method="bounded")
+    assert levels[top] == pytest.approx(-first.fun, rel=1e-2) and levels[bottom] == pytest.approx(last.fun, rel=2e-2)
+    assert -first.fun > 2.0 * last.fun  # a fold worth the name: three solutions over most of the range
