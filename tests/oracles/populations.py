@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 
 
-def rough(mu, N0, k_t, k_n, exponent, n=600):
+def rough(mu, N0, k_t, k_n, exponent, n=600, most=4.0):
     """Return a law: (u, w) -> force (3,) and sliders (n, 2), of asperities whose density is the curvature of N(approach).
 
-    Exponential: N = N0 exp(x k_n / N0), from 14 N0 / k_n below rest to 4 above; power: N0 (1 + x k_n / (m N0))^m.
+    Exponential: N = N0 exp(x k_n / N0), from 14 N0 / k_n below rest to ``most`` above; power: N0 (1 + x k_n / (m N0))^m.
     """
     unit = N0 / k_n
-    ends = np.linspace(-14.0 if np.isinf(exponent) else -exponent, 4.0, n + 1) * unit
+    ends = np.linspace(-14.0 if np.isinf(exponent) else -exponent, most, n + 1) * unit
     gap, width = 0.5 * (ends[1:] + ends[:-1]), np.diff(ends)
     if np.isinf(exponent):
         pressure, stiffness = (lambda x: N0 * np.exp(x / unit)), k_n * np.exp(ends / unit)
@@ -49,10 +49,22 @@ def iwan(F_S, K_T, k_n, chi, beta, n=600):
     return law, n
 
 
+def on_pairs(R, populations):
+    """Return the law of several pairs, whose motions are R u, (3 n_pairs,)."""
+    ends = np.cumsum([0, *(n for _, n in populations)])
+
+    def law(u, w):
+        motions = (R @ u).reshape(-1, 3)
+        forces, sliders = zip(*(of(du, w[a:b]) for (of, _), du, a, b in zip(populations, motions, ends[:-1], ends[1:])))
+        return R.T @ np.concatenate(forces), np.concatenate(sliders)
+
+    return law, ends[-1]
+
+
 def steady_state(M, C, K, force, omega, population, n_steps=1000, periods=30):
-    """Return u (n_steps, 3) over a period of M u'' + C u' + K u + f(u) = force(omega t), from rest by leapfrog; M and C diagonal."""
+    """Return u (n_steps, n_dof) over a period of M u'' + C u' + K u + f(u) = force(omega t), from rest by leapfrog; M and C diagonal."""
     law, n = population
-    h, u, v, w = 2.0 * np.pi / omega / n_steps, np.zeros(3), np.zeros(3), np.zeros((n, 2))
+    h, u, v, w = 2.0 * np.pi / omega / n_steps, np.zeros(len(M)), np.zeros(len(M)), np.zeros((n, 2))
     M, C = np.diag(M), np.diag(C)
     for _ in range(periods):
         kept = []

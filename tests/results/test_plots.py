@@ -155,7 +155,7 @@ def test_an_output_that_does_not_move_is_drawn(tmp_path, pairs, pages):
 
 
 def with_errors(found, parts):
-    """Return a branch with error bars: ``parts`` (5,) over the amplitude at every point."""
+    """Return a branch with error bars: ``parts`` (6,) over the amplitude at every point."""
     largest = max(np.hypot(*point.response[0, 1:3]) for point in found.points)
     found.points[:] = [dataclasses.replace(point, error=largest * np.array([parts])) for point in found.points]
     return found
@@ -189,8 +189,8 @@ def test_statics_are_drawn_over_the_load(tmp_path, pairs, pages):
 @pytest.mark.filterwarnings("error")
 def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs, pages):
     some, none = (
-        with_errors(branch(3.0, pairs), (1e-3, 1e-2, 0.0, 0.0, 1e-11)),
-        with_errors(branch(1.0, pairs), (0.0, 0, 0, 0, 1e-14)),
+        with_errors(branch(3.0, pairs), (1e-3, 1e-2, 0.0, 0.0, 1e-11, 0.0)),
+        with_errors(branch(1.0, pairs), (0.0, 0, 0, 0, 1e-14, 0)),
     )
     assert "error.png" in drawn_files(draw_only(curve_plots.draw_error, write(tmp_path, [none, some], pairs)))
     page = pages["error.png"]
@@ -206,7 +206,7 @@ def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs,
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_error_of_zero_everywhere_is_said(tmp_path, pairs):
-    assert "error.png" in drawn(tmp_path, [with_errors(branch(1.0, pairs), np.zeros(5))], pairs)
+    assert "error.png" in drawn(tmp_path, [with_errors(branch(1.0, pairs), np.zeros(6))], pairs)
 
 
 @pytest.mark.slow

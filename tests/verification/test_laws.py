@@ -7,7 +7,7 @@ from mpi4py import MPI
 from oracles import populations, scenes
 
 import microslip
-from microslip.points.error_parts import total
+from microslip.points.error_parts import PARTS, total
 
 HERE = MPI.COMM_SELF
 H = 9
@@ -52,10 +52,58 @@ def test_a_branch_meets_the_march_in_time(tmp_path, name, level):
     assert point.energy[0] > 0.0
 
 
+def two_masses():
+    """Two masses of three DOFs on three rough pairs, the second of which is hardly pressed at rest."""
+    rng, soft = np.random.default_rng(4), np.diag([0.6, 0.8, 0.5] * 2)
+    link = 0.4 * np.kron([[1.0, -1.0], [-1.0, 1.0]], np.eye(3))
+    tilt = 0.05 * rng.standard_normal((6, 6))
+    return scenes.make_system(
+        "two masses",
+        np.diag([1.0, 1.2, 0.9, 0.8, 1.1, 1.0]),
+        soft + link + tilt + tilt.T,
+        [[0, 1, 2, -1, -1, -1], [3, 4, 5, -1, -1, -1], [0, 1, 2, 3, 4, 5]],
+        mu=[0.4, 0.5, 0.3],
+        N0=[1.0, 0.01, 0.3],
+        k_t=[1.5, 0.15, 0.8],
+        k_n=[2.0, 0.2, 1.1],
+        C=0.25 * np.eye(6),
+        loads=[
+            {"vector": [0.6, 0.0, 0.2, 0.0, 0.5, 0.5], "harmonic": 1},
+            {"vector": [0.0, 0.5, 0.0, 0.4, 0.0, -0.2], "harmonic": 1, "phase": np.pi / 3},
+            {"vector": [0.0, 0.0, 0.0, 0.0, 0.0, -0.2], "harmonic": 0},
+        ],
+        output=np.eye(6)[3],
+        omega=(0.7, 1.3),
+        levels={},
+    )
+
+
+def test_pairs_pressed_to_many_times_their_preload_meet_the_march_in_time(tmp_path):
+    """6 DOF, 3 pairs, power 2: one is pressed to more than 100 times its preload.  Bars hold, and most of them are the sliders'."""
+    system, omega, level = two_masses(), 1.0, 1.5
+    path = write_matrix_scene(
+        tmp_path, system, [level], (0.8, 1.2), at=[omega], outputs=[3, 5], points=10, harmonics=15, samples=256
+    )
+    path.write_text(path.read_text().replace('friction_limit = "circle"', LAWS["power"][0]))
+    with microslip.build(microslip.read(path), HERE) as structure:
+        (found,) = microslip.respond(structure).results.levels
+    ((response,), (bar,)) = found.response[found.asked > 0], total(found.error[found.asked > 0])
+    of_pairs = zip(*(system[key].tolist() for key in ("mu", "N0", "k_t", "k_n")), (600, 1200, 600), (12.0, 60.0, 20.0))
+    law = populations.on_pairs(system["R"], [populations.rough(*four, 2.0, n, most) for *four, n, most in of_pairs])
+    march = populations.steady_state(system["M"], system["C"], system["K"], load(system, level), omega, law, 600, 16)
+    approach = -(march @ system["R"].T).reshape(-1, 3, 3)[:, :, 2].min(axis=0)
+    pressed = (1.0 + approach * system["k_n"] / 2.0 / system["N0"]) ** 2
+    assert 100.0 < pressed[1] < 900.0 and pressed[0] < 49.0 and pressed[2] < 121.0, pressed
+    wave = (response @ scenes.harmonic_basis(15, len(march))).T
+    assert np.abs(wave - march[:, [3, 5]]).max() < 8e-3 * np.abs(march[:, [3, 5]]).max()
+    first = march[:, [3, 5]].T @ np.exp(-2j * np.pi * np.arange(len(march)) / len(march)) * 2.0 / len(march)
+    assert np.all(np.abs(response[:, 1] - 1j * response[:, 2] - first) < bar + 5e-4 * np.abs(first))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_error_bars_hold_what_harmonics_and_samples_leave(tmp_path, name):
-    """The sum of the parts is close to the error itself; of the elements that stand for a population a bar knows nothing."""
+    """The sum of the parts is close to the error itself; both with the elements that stand for a population in the scene."""
     at = [1.0, 1.15, 1.3, 1.5]
     path = write_matrix_scene(
         tmp_path, damped_mass(), [0.8], (0.95, 1.55), at=at, points=10, harmonics=3, samples=64, outputs=[0, 2]
@@ -70,6 +118,27 @@ def test_error_bars_hold_what_harmonics_and_samples_leave(tmp_path, name):
     true, parts = np.abs(U - exact), bars[coarse.asked > 0]
     assert len(U) == len(exact) == len(at)
     assert np.all(true < total(parts)) and 0.5 < np.median(true / parts.sum(axis=-1)) < 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
+def test_error_bars_know_the_number_of_sliders(tmp_path, name):
+    """That part is close to what far more elements change."""
+    at = [1.0, 1.15, 1.3, 1.5]
+    path = write_matrix_scene(
+        tmp_path, damped_mass(), [0.8], (0.95, 1.55), at=at, points=10, harmonics=5, samples=64, outputs=[0, 2]
+    )
+    text, found = path.read_text(), []
+    for sliders in (8, 96):
+        path.write_text(text.replace('friction_limit = "circle"', f"{LAWS[name][0]}\nsliders = {sliders}"))
+        with microslip.build(microslip.read(path), HERE) as structure:
+            (level,) = microslip.respond(structure).results.levels
+        found.append([values[level.asked > 0] for values in (level.response, level.error)])
+    (coarse, parts), (fine, _) = found
+    true = np.abs((coarse - fine)[..., 1] - 1j * (coarse - fine)[..., 2])
+    told = parts[..., PARTS.index("sliders")]
+    assert np.all(true < total(parts)) and 0.5 < np.median(told / true) < 2.0, told / true
+    assert np.median(true) > 1e-4 * np.abs(fine).max()
 
 
 @pytest.mark.parametrize("name, law", [("iwan", "chi = -0.5\nbeta = 0.4\nsliders = 400"), ("rough", "sliders = 300")])

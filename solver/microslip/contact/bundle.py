@@ -31,6 +31,11 @@ class OfElements:
         return self.bundle.elements.order
 
     @property
+    def elements_order(self) -> int:
+        """The order at which p converges with the number of elements."""
+        return 2
+
+    @property
     def n_memory(self) -> int:
         """Numbers of a pair that a step of time remembers beside p: the forces of its elements."""
         return self.bundle.n_memory
@@ -155,10 +160,11 @@ class Bundle:
         before[..., :2] = memory.reshape(*memory.shape[:-2], -1, 2)
         p, L, state = self.elements.step(np.repeat(du, self.size, axis=-2), before)
         shape = (*du.shape[:-1], self.size)
-        open_springs = np.where(self.has_gap, self.stiffness, 0.0).sum(axis=1)
-        force = p[..., :2].reshape(*shape, 2).sum(axis=-2) + open_springs[:, None] * du[..., :2]
-        derivative = L[..., :2, :].reshape(*shape, 2, 3).sum(axis=-3)
-        derivative[..., (0, 1), (0, 1)] += open_springs[:, None]
+        springs = np.where(self.has_gap, self.stiffness, 0.0)  # taken off one by one: an open element then carries 0, to the bit
+        force = (p[..., :2].reshape(*shape, 2) + springs[:, :, None] * du[..., None, :2]).sum(axis=-2)
+        L = L[..., :2, :].reshape(*shape, 2, 3)
+        L[..., (0, 1), (0, 1)] += springs[:, :, None]
+        derivative = L.sum(axis=-3)
         slips = ((state.reshape(shape) != STICK) | (self.stiffness == 0.0)).all(axis=-1)
         return force, derivative, slips, p[..., :2].reshape(memory.shape)
 

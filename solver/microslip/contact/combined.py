@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,6 +26,11 @@ class CombinedLaw:
     def order(self) -> int:
         """The order in 1 / N_t at which the harmonics of a cycle converge: the lowest of the parts."""
         return min(law.order for _, law in self.parts)
+
+    @property
+    def elements_order(self) -> int:
+        """The order of the error of a finite number of elements: the highest of the parts."""
+        return max(law.elements_order for _, law in self.parts)
 
     @property
     def n_memory(self) -> int:
@@ -53,6 +59,11 @@ class CombinedLaw:
     def followed(self, path: bool) -> CombinedLaw:
         """Return the law that follows the path between samples, or one that knows samples alone.  Local."""
         return CombinedLaw(tuple((pairs, law.followed(path)) for pairs, law in self.parts))
+
+    @cached_property
+    def refined(self) -> CombinedLaw:
+        """The law whose parts have more elements where they have several."""
+        return CombinedLaw(tuple((pairs, law.refined) for pairs, law in self.parts))
 
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.  Local."""

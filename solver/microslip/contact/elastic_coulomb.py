@@ -88,6 +88,16 @@ class ElasticCoulomb:
         """The order in 1 / N_t at which the harmonics of a cycle converge: 1 of the return map, 2 of the path between samples."""
         return 1 if self.sampled else 2
 
+    @property
+    def elements_order(self) -> int:
+        """0: a pair is one element."""
+        return 0
+
+    @property
+    def refined(self) -> ElasticCoulomb:
+        """The law itself."""
+        return self
+
     @cached_property
     def stiffness(self) -> np.ndarray:
         """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is apart at rest."""

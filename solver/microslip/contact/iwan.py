@@ -21,6 +21,7 @@ from .parameters import column_with, not_among
 SLIDERS = 50  # of the power law, where a joint states no number
 EXPORTED = "in each direction by itself; f_nl,z = k_n du_z"
 WEAKEST = 1e-3  # strength over that of the strongest, below which all sliders are one
+FINER = 4  # times the sliders of the refined law: twice as many to a decade of strengths, and twice as many decades
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Iwan(OfElements):
     n_sliders: int = SLIDERS
     sampled: bool = False  # sliders that know samples alone
     w0: np.ndarray | None = None  # (n, n_sliders + 1, 2) where they start [m], as elastic-Coulomb sliders do; None: at 0
+    weakest: float = WEAKEST
     bundle: Bundle = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -73,9 +75,21 @@ class Iwan(OfElements):
         """Return the law whose sliders follow the path between samples, or know samples alone.  Local."""
         return replace(self, sampled=not path)
 
+    @cached_property
+    def refined(self) -> Iwan:
+        """The law with :data:`FINER` times the sliders, stretched at rest as those of their strengths are."""
+        finer = replace(self, n_sliders=FINER * self.n_sliders, weakest=self.weakest**2, w0=None)
+        if self.w0 is None or not self.w0.any():
+            return finer
+        of_old, of_new = (law.bundle.of_elements(law.bundle.elements.mu / law.bundle.elements.k_t) for law in (self, finer))
+        w0 = np.empty((self.n_pairs, finer.bundle.size, 2))
+        for i, direction in np.ndindex(self.n_pairs, 2):
+            w0[i, :, direction] = np.interp(of_new[i], of_old[i], self.w0[i, :, direction])
+        return replace(finer, w0=np.clip(w0, -of_new[:, :, None], of_new[:, :, None]))
+
     def _sliders(self) -> Bundle:
         """Return the sliders of eq. (3.14): stiffness and strength of each interval of strengths are exact, and the last one."""
-        ends = np.concatenate([[0.0], WEAKEST ** np.linspace(1.0, 0.0, self.n_sliders)])
+        ends = np.concatenate([[0.0], self.weakest ** np.linspace(1.0, 0.0, self.n_sliders)])
         chi, weak = self.chi[:, None], (self.K_T / (1.0 + self.beta))[:, None]
         k = np.column_stack([weak * np.diff(ends ** (chi + 1.0), axis=1), self.K_T - weak[:, 0]])
         share = (chi + 1.0) / (chi + 2.0) * np.diff(ends ** (chi + 2.0), axis=1)

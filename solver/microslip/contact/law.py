@@ -55,6 +55,14 @@ class Law(Protocol):
     def followed(self, path: bool) -> Law:
         """Return the law that follows the path between samples, or one that knows samples alone."""
 
+    @property
+    def elements_order(self) -> int:
+        """The order at which p converges with the number of elements that a pair is divided into; 0: it is one."""
+
+    @property
+    def refined(self) -> Law:
+        """The law with at least twice the elements of each pair that is divided into several; else the law itself."""
+
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.
 

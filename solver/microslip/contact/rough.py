@@ -22,7 +22,8 @@ from .law import OPEN, SLIP, STICK, ContactCycle
 from .parameters import column_with, not_among, preload_with
 
 SLIDERS = 24  # asperities that carry a pair at rest, where a joint states no number
-MOST_FORCE = 16.0  # normal force over that at rest up to which further asperities come into contact
+MOST_FORCE = 1e9  # normal force over that at rest up to which further asperities come into contact
+DENSE_FORCE = 16.0  # the same up to which they lie as close as about rest
 CARRIES = 1e-9  # normal force over that at the stated preload: a pair that statics leave with less has come apart
 _MOST = 200.0  # logarithm of the same, beyond which a guess of the solver is none, and its squares are no numbers
 EXPORTED = """\
@@ -105,6 +106,14 @@ class Rough(OfElements):
     def followed(self, path: bool) -> Rough:
         """Return the law whose asperities follow the path between samples, or know samples alone.  Local."""
         return replace(self, sampled=not path)
+
+    @cached_property
+    def refined(self) -> Rough:
+        """The law with twice as many asperities, stretched at rest as those are that touch at the same approach."""
+        finer = replace(self, n_sliders=2 * self.n_sliders, w0=None)
+        if self.w0 is None or not self.w0.any():
+            return finer
+        return finer._stretched(_carried_over(self.bundle, finer.bundle, -self.w0, np.zeros(self.n_pairs)))
 
     # -- normal force ------------------------------------------------------------------------------------------
 
@@ -300,13 +309,16 @@ class Rough(OfElements):
             reference=np.where(parts, self.pressed, np.nan),
             apart=parts,
         )
-        stretch = _carried_over(self.bundle, there.bundle, self.bundle.stretch(du, memory), du[:, 2])
-        elements, separate = there.bundle.elements, self.separate[:, None, None]
+        return there._stretched(_carried_over(self.bundle, there.bundle, self.bundle.stretch(du, memory), du[:, 2]))
+
+    def _stretched(self, stretch: np.ndarray) -> Rough:
+        """Return the law whose asperities are stretched (n, size, 2) [m] at rest, each within its limit.  Local."""
+        elements, separate = self.bundle.elements, self.separate[:, None, None]
         force, limit = (values.reshape(self.n_pairs, -1, 1) for values in (elements.k_t, elements.mu * elements.N0))
         force = force * stretch
         size = np.where(separate, np.abs(force), np.linalg.norm(force, axis=2, keepdims=True))
         limit = np.maximum(limit, 0.0)
-        return replace(there, w0=-stretch * np.divide(limit, size, out=np.ones_like(size), where=size > limit))
+        return replace(self, w0=-stretch * np.divide(limit, size, out=np.ones_like(size), where=size > limit))
 
 
 def _carried_over(old: Bundle, new: Bundle, stretch: np.ndarray, du_z: np.ndarray) -> np.ndarray:
@@ -324,12 +336,15 @@ def _carried_over(old: Bundle, new: Bundle, stretch: np.ndarray, du_z: np.ndarra
 
 
 def tangents_at(n: int) -> np.ndarray:
-    """Return the normal forces over that at rest where eq. (3.12) has its tangents: n + 1 up to 1, from 0, and 2 n above.  Local.
+    """Return the normal forces over that at rest where eq. (3.12) has its tangents: n + 1 up to 1, from 0, and 4 n above.  Local.
 
-    They lie close about rest, for the asperities that carry least there slip first; the n-th is at rest itself.
+    They lie close about rest, for the asperities that carry least there slip first; the n-th is at rest itself.  The last 2 n lie
+    in proportion, ever wider: so many that errors stay small beside any force, and none costs before it touches.
     """
     below, above = np.arange(n + 1) / n, np.arange(1, 2 * n + 1) / (2 * n)
-    return np.concatenate([below * (2.0 - below), 1.0 + (np.sqrt(MOST_FORCE) - 1.0) * above**2]) ** 2
+    near = np.concatenate([below * (2.0 - below), 1.0 + (np.sqrt(DENSE_FORCE) - 1.0) * above**2]) ** 2
+    first = 4.0 * (1.0 - 1.0 / np.sqrt(DENSE_FORCE))  # d log / d above, as it is where they begin
+    return np.concatenate([near, DENSE_FORCE * np.exp(first * above + (np.log(MOST_FORCE / DENSE_FORCE) - first) * above**2)])
 
 
 # -- of the columns of pairs ---------------------------------------------------------------------------------------
@@ -341,7 +356,7 @@ def of_columns(columns: Mapping[str, np.ndarray]) -> Rough:
     n_sliders = int(columns["sliders"][0])
     none = np.zeros_like(mu)
     reference, apart = columns.get("reference", none + np.nan), columns.get("apart", none.astype(bool))
-    w0 = started(columns, 3 * n_sliders)
+    w0 = started(columns, 5 * n_sliders)
     return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=n_sliders, w0=w0, reference=reference, apart=apart)
 
 

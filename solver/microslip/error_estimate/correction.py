@@ -11,6 +11,7 @@ from .adjoint import Adjoint
 
 OF_HARMONICS = 0.2  # share of that part which is left: the harmonics settle to a tenth, and more would follow beyond them
 OF_SAMPLES = 0.25  # the same of the samples, whose limit is extrapolated
+OF_SLIDERS = 0.25  # and of the elements that pairs are divided into
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +33,14 @@ def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, truncat
     Parameters
     ----------
     parts : (n_parts, n) of the bar, as in ``PARTS``, of either sign
-    linear : (5, n) signed changes to first order: of the basis, harmonics, samples, pairs, solver
+    linear : (6, n) signed changes to first order: of the basis, harmonics, samples, pairs, solver, sliders
     second : (n,) what they change beyond first order; infinite where it is not known
     truncated : (n,) what truncated modes change at most, of unknown sign
     unsettled : by how much more than they should the higher harmonics miss, at least 1
     """
     sizes = _sizes(parts).T
-    rest = _sizes(np.stack([truncated, OF_HARMONICS * unsettled * linear[1], OF_SAMPLES * linear[2], second]))
+    left = [OF_HARMONICS * unsettled * linear[1], OF_SAMPLES * linear[2], OF_SLIDERS * linear[5]]
+    rest = _sizes(np.stack([truncated, *left, second]))
     bar, remaining = total(sizes), SAFETY * rest.sum(axis=0)
     is_shorter = remaining < bar
     cos, sin = np.split(np.where(np.isfinite(second), linear.sum(axis=0) + second, 0.0), 2)
@@ -48,7 +50,8 @@ def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, truncat
 def parts_of_corrected(parts: np.ndarray, remaining: np.ndarray) -> np.ndarray:
     """Return the parts of the bar of the corrected amplitudes, (n_outputs, n_parts) [m].  Local.
 
-    What is left of the samples' part is known; what is not first order counts with the harmonics, from which most of it comes.
+    What is left of the parts of samples and sliders is known; what is not first order counts with the harmonics, from which most
+    of it comes.
     An amplitude that is not corrected has the parts that it had.
 
     Parameters
@@ -56,9 +59,12 @@ def parts_of_corrected(parts: np.ndarray, remaining: np.ndarray) -> np.ndarray:
     parts : (n_outputs, n_parts) of the bar, as in ``PARTS`` [m]
     remaining : (n_outputs,) the bar of the corrected amplitudes [m]
     """
-    corrected_parts, (modes, harmonics, samples) = parts.copy(), parts.T[:3]
-    of_harmonics = np.maximum(remaining / SAFETY - modes - OF_SAMPLES * samples, OF_HARMONICS * harmonics)
-    corrected_parts[:, PARTS.index("harmonics")], corrected_parts[:, PARTS.index("samples")] = of_harmonics, OF_SAMPLES * samples
+    corrected_parts, left = parts.copy(), {"samples": OF_SAMPLES, "sliders": OF_SLIDERS}
+    for part, share in left.items():
+        corrected_parts[:, PARTS.index(part)] *= share
+    modes, harmonics = parts[:, PARTS.index("modes")], parts[:, PARTS.index("harmonics")]
+    known = modes + sum(corrected_parts[:, PARTS.index(part)] for part in left)
+    corrected_parts[:, PARTS.index("harmonics")] = np.maximum(remaining / SAFETY - known, OF_HARMONICS * harmonics)
     return np.where((remaining < total(parts))[:, None], corrected_parts, parts)
 
 

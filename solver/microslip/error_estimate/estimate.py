@@ -1,8 +1,8 @@
-"""The error bar of a converged point: five parts, each through the adjoint of the requested output.
+"""The error bar of a converged point: six parts, each through the adjoint of the requested output.
 
-docs/theory.md, section 11.  The solution U of (5.1) is put into an enriched problem: all pairs, more harmonics, more samples, the
-truncated modes.  To first order, what that changes in the output is the change of the contact forces times the adjoint chi of the
-output, which one linear solve gives:
+docs/theory.md, section 11.  The solution U of (5.1) is put into an enriched problem: all pairs, more harmonics, more samples,
+more elements of divided pairs, the truncated modes.  To first order, what that changes in the output is the change of the contact
+forces times the adjoint chi of the output, which one linear solve gives:
 
     (1 + G^T P^T) chi = B^T,      d output = - chi . d p,
 
@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from mpi4py import MPI
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.adjoint_solver import AdjointSolver
@@ -44,18 +45,23 @@ class Changes:
     harmonics: np.ndarray
     samples: np.ndarray
     pairs: np.ndarray
+    sliders: np.ndarray
     wider: HarmonicBalance  # the equation with more harmonics
     higher: np.ndarray  # (n_owned, 3, N_H of wider) the harmonics that it has more, as far as they have settled [m]
     of_wider: np.ndarray  # (3 n_pairs, N_H) its forces with these, of which ``harmonics`` are the change [N]
     unsettled: float = 1.0  # by how much more than ``SETTLED`` those miss; 1 where they have settled
 
     @property
+    def signed(self) -> tuple[np.ndarray, ...]:
+        return self.harmonics, self.samples, self.pairs, self.sliders
+
+    @property
     def of_all(self) -> np.ndarray:
-        return self.harmonics + self.samples + self.pairs
+        return sum(self.signed, np.zeros_like(self.harmonics))
 
     @property
     def are_any(self) -> bool:
-        return bool(self.harmonics.any() or self.samples.any() or self.pairs.any())
+        return any(change.any() for change in self.signed)
 
 
 @dataclass(frozen=True)
@@ -71,7 +77,7 @@ class Higher:
 class JointChanges:
     """What changes do to the outputs' cos 1, then sin 1, by way of the pairs; n = 2 n_outputs."""
 
-    linear: np.ndarray  # (5, n) of harmonics, samples, pairs, solver and basis, to first order [m]
+    linear: np.ndarray  # (6, n) of harmonics, samples, pairs, sliders, solver and basis, to first order [m]
     second: np.ndarray  # (n,) beyond first order; infinite where it is not known [m]
     modes: np.ndarray  # (n, n_samples, N_H) samples of the truncated modes, R^T tau
     is_adjoint_found: bool
@@ -79,7 +85,7 @@ class JointChanges:
 
     @classmethod
     def nothing(cls, n: int, n_samples: int, N_H: int) -> JointChanges:
-        return cls(np.zeros((5, n)), np.zeros(n), np.zeros((n, n_samples, N_H)), True)
+        return cls(np.zeros((6, n)), np.zeros(n), np.zeros((n, n_samples, N_H)), True)
 
 
 class ErrorEstimator:
@@ -144,7 +150,7 @@ class ErrorEstimator:
         )  # all pairs stick, in the enriched problems too
         if len(forces.active) > 0 or changes.are_any:
             through_joint = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes, truncation)
-        by_harmonics, by_samples, by_pairs, by_solver, by_basis = through_joint.linear
+        by_harmonics, by_samples, by_pairs, by_sliders, by_solver, by_basis = through_joint.linear
         if not self.enriched.is_solved:
             by_basis = by_basis + (output_amplitude(there, at, p) - output_amplitude(here, at, p))
         truncated = np.zeros(2 * n_out)
@@ -152,7 +158,8 @@ class ErrorEstimator:
             truncated = truncation.changes(at.level, at.omega, p, through_joint.modes)
         lost = 0.0 if through_joint.is_adjoint_found else np.abs(output_amplitude(here, at, p))
         parts = [np.abs(by_basis) + truncated, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
-        linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver])
+        parts.append(by_sliders)
+        linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver, by_sliders])
         estimate = corrected(np.stack(parts), linear, through_joint.second, truncated, changes.unsettled)
         return replace(estimate, adjoint=through_joint.adjoint)
 
@@ -174,7 +181,7 @@ class ErrorEstimator:
         chi, tau, is_adjoint_found = linear.solve_transposed(sensitivity(exact.model_at(at), at.omega), self.adjoint_solver)
         adjoint = Adjoint(linear, chi, tau, is_adjoint_found)
         residual = equation.residual(U, at, used, linear.G if used is linear.forces and exact is equation else None)
-        sums = [-chi @ change[owned].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
+        sums = [-chi @ change[owned].ravel() for change in changes.signed]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
         if not self.enriched.is_solved:
             sums[-1] = tau @ (exact.residual(U, at, used) - residual).ravel()
@@ -184,8 +191,8 @@ class ErrorEstimator:
         if not truncation.is_exact:
             modes = truncation.samples_of(tau.reshape(len(tau), -1, N_H))
         totals = equation.comm.bcast(equation.sum(np.concatenate([*sums, modes.ravel()])))
-        of_changes, of_modes = np.split(totals, [6 * len(tau)])
-        *first, second = of_changes.reshape(6, -1)
+        of_changes, of_modes = np.split(totals, [7 * len(tau)])
+        *first, second = of_changes.reshape(7, -1)
         second = second if is_adjoint_found and is_step_found else np.full_like(second, np.inf)
         return JointChanges(np.stack(first), second, of_modes.reshape(modes.shape), is_adjoint_found, adjoint)
 
@@ -226,7 +233,21 @@ class ErrorEstimator:
         of_wider = more.carry(wider.full_force(solution.forces), harmonics)
         by_harmonics = of_wider - more.carry(wider.full_force(at_wider), harmonics)
         unsettled = max(1.0, solution.miss / SETTLED)  # what never settled is known no better than that
-        return Changes(by_harmonics, by_samples, p_all - p, wider, solution.motion, of_wider, unsettled)
+        by_sliders = self.by_sliders(exact, U, p_all)
+        return Changes(by_harmonics, by_samples, p_all - p, by_sliders, wider, solution.motion, of_wider, unsettled)
+
+    @staticmethod
+    def by_sliders(exact: HarmonicBalance, U: np.ndarray, p_all: np.ndarray) -> np.ndarray:
+        """Return what infinitely many elements of each pair that is divided into some change in ``p_all``, (3 n_pairs, N_H) [N].
+
+        Collective: one maximum over the ranks, and a gather where a pair is divided.
+        """
+        order = exact.comm.allreduce(exact.law.elements_order, MPI.MAX)
+        if order == 0:
+            return np.zeros_like(p_all)
+        finer = replace(exact, law=exact.law.refined)
+        change = finer.full_force(finer.contact_forces(U, exact.every_pair, tangents=False)) - p_all
+        return change * 2**order / (2**order - 1)
 
 
 def with_higher(

@@ -43,6 +43,8 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
         )
     if _most(solved, "pairs")[0] > 0.0:
         lines.append(f"slip and opening of the pairs that method {of.method} holds stuck: {changes(solved, 'pairs')}")
+    if _most(solved, "sliders")[0] > 0.0:
+        lines.append(f"more elements of rough and Iwan pairs than `sliders`: {changes(solved, 'sliders')}")
     if known is not None and len(known) == 0:
         lines.append("contact forces and static columns: the scene has no pair, the response is linear")
     elif known is not None and not known.all():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-PARTS = ("modes", "harmonics", "samples", "pairs", "solver")
+PARTS = ("modes", "harmonics", "samples", "pairs", "solver", "sliders")
 SAFETY = 3.0  # of the bar over the sum of its parts, which are estimates to first order
 
 

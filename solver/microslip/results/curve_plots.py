@@ -38,7 +38,7 @@ from .style import (
 _WIDE = 200.0  # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
 _APART = 30.0  # ratio of the peaks of two levels beyond which it is
 _BAND = 0.3  # opacity of an error band
-_PART_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c8c8c")
+_PART_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c8c8c", "#56b4e9")
 _LEAST_ERROR = 1e-12  # of the peak: less is rounding, and not drawn
 _ERROR_DECADES = 1e-5  # of the largest bar: less is not drawn
 _SEEN = 3.0  # times the lower end of the axis that a part must reach

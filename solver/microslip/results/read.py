@@ -229,4 +229,10 @@ def _quantity(reader: Reader, group: str, kept: Quantity, n: int, lengths: dict[
         return None
     if kept.kind == TEXT:
         return np.array(reader.texts(name), dtype=TEXT)[:n]
-    return reader.array(name, kept.kind, (n, *kept.shape(lengths)))
+    if "parts" not in kept.axes:
+        return reader.array(name, kept.kind, (n, *kept.shape(lengths)))
+    values = reader.array(name, kept.kind, (n, *(None if axis == "parts" else lengths[axis] for axis in kept.axes)))
+    missing = lengths["parts"] - values.shape[-1]
+    if missing < 0:
+        raise CaseError(f"{reader.path}: dataset '{name}' has {values.shape[-1]} parts, more than {lengths['parts']}")
+    return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, missing)])  # parts that an earlier version did not know
