@@ -91,10 +91,12 @@ def test_an_accuracy_of_the_corrected_amplitude_is_met_with_fewer_harmonics(targ
 
 
 def test_parts_of_a_corrected_bar_are_those_of_what_remains():
-    parts = np.array([[1.0, 50.0, 8.0, 0.0, 0.5], [1.0, 2.0, 3.0, 0.0, 0.5]])
-    remaining = np.array([3.0 * (1.0 + 0.2 * 50.0 + 0.25 * 8.0 + 4.0), total(parts)[1]])  # the first with 4 beyond first order
+    parts = np.array([[1.0, 50.0, 8.0, 0.0, 0.5, 4.0], [1.0, 2.0, 3.0, 0.0, 0.5, 0.0]])
+    remaining = np.array(
+        [3.0 * (1.0 + 0.2 * 50.0 + 0.25 * (8.0 + 4.0) + 4.0), total(parts)[1]]
+    )  # the first with 4 beyond first order
     found = parts_of_corrected(parts, remaining)
-    np.testing.assert_allclose(found[0], [1.0, 14.0, 2.0, 0.0, 0.5])
+    np.testing.assert_allclose(found[0], [1.0, 14.0, 2.0, 0.0, 0.5, 1.0])
     np.testing.assert_array_equal(found[1], parts[1])  # which is not corrected
     assert (found <= parts).all()
 

@@ -199,7 +199,7 @@ def test_what_a_correction_leaves_falls_as_the_square_of_what_it_corrects():
         U, estimator = (exact + size * away)[model.owned], ErrorEstimator(EnrichedModel.of_all_modes(model))
         p = equation.full_force(equation.contact_forces(U, everything, tangents=False))
         none = np.zeros_like(p)
-        estimator.changes = lambda *_: Changes(none, none, none, equation, np.zeros_like(U), p)
+        estimator.changes = lambda *_: Changes(none, none, none, none, equation, np.zeros_like(U), p)
         found, first = estimator.at(equation, U, at, everything), output_motion(model, 100.0, 560.0, p)[0, 1:3]
         estimator.destroy()
         return first[0] - 1j * first[1] + np.array([0.0, found.correction[0]])
@@ -217,9 +217,9 @@ def test_what_sticks_needs_no_correction():
 
 @pytest.mark.parametrize("second", [np.inf, 1.0])
 def test_nothing_is_corrected_where_the_changes_are_far_from_linear(second):
-    linear = np.array([[0.0, 0.0], [0.3, 0.4], [0.0, 0.1], [0.0, 0.0], [0.0, 0.0]])
+    linear = np.array([[0.0, 0.0], [0.3, 0.4], [0.0, 0.1], [0.0, 0.0], [0.0, 0.0], [0.0, 0.2]])
     near = corrected(linear, linear, np.array([0.01, 0.0]), np.zeros(2), 1.0)
-    assert near.correction == pytest.approx([0.31 - 0.5j])
-    assert near.remaining == pytest.approx([SAFETY * (0.2 * 0.5 + 0.25 * 0.1 + 0.01)])
+    assert near.correction == pytest.approx([0.31 - 0.7j])
+    assert near.remaining == pytest.approx([SAFETY * (0.2 * 0.5 + 0.25 * (0.1 + 0.2) + 0.01)])
     far = corrected(linear, linear, np.full(2, second), np.zeros(2), 1.0)
-    assert far.correction == 0.0 and far.remaining == pytest.approx(SAFETY * 0.6) and far.remaining == total(far.parts)
+    assert far.correction == 0.0 and far.remaining == pytest.approx(SAFETY * 0.8) and far.remaining == total(far.parts)
