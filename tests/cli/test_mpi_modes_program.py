@@ -5,20 +5,24 @@ import csv
 import numpy as np
 import pytest
 from bar_scene import N_DOF, write_bar
+from blocks import box
 from matrix_scenes import write_matrix_scene
+from msh import write_msh
 from oracles import scenes
+from scene_text import driven, response, steel, support, table
 from scipy.linalg import eigh
 
 from microslip.library.build import build
 from microslip.modes.lapack import gathered
 from microslip.parallel.agree import on_root
 from microslip.scene.read import read_scene
+from microslip.studies.modes.campbell import Campbell, crossings
 
 pytestmark = pytest.mark.ranks(1, 2)
 
 
-def column(folder, name):
-    with open(folder / "modes.csv", newline="") as file:
+def column(folder, name, file="modes.csv"):
+    with open(folder / file, newline="") as file:
         return np.array([float(row[name]) for row in csv.DictReader(file)])
 
 
@@ -87,3 +91,60 @@ def test_more_modes_than_degrees_of_freedom_are_refused(comm, shared_path, progr
     path = on_root(comm, write_bar, shared_path)
     status, _, err = program("modes", path, "--out", shared_path / "out", "--count", N_DOF + 1)
     assert status == 2 and f"modes = {N_DOF + 1}" in err and str(N_DOF) in err
+
+
+def write_beam(folder):
+    """Write a beam clamped on its axis of rotation, 2 % stiffer in the plane of rotation than out of it."""
+    beam = box("hex20", (1.0, 0.0202, 0.02), (12, 1, 1), (0.0, -0.0101, -0.01), {"x0": "hub", "x1": "tip"})
+    write_msh(str(folder / "beam.msh"), {"beam": beam})
+    path = folder / "beam.toml"
+    path.write_text(
+        table("model", mesh="beam.msh", axis=[0.0, 0.0, 1.0])
+        + steel("beam", young=2.0e11, poisson=0.0, density=8000.0)
+        + support("hub")
+        + table("statics", rotation_speed=5.0)
+        + driven([[1.0, 0.0, 0.0]], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], "tip")
+        + response(1.0)
+    )
+    return path
+
+
+@pytest.mark.pictures
+def test_the_families_of_a_spinning_beam_cross_where_spin_softening_says(comm, shared_path, program):
+    """Out of the plane and in it the beam stiffens alike; in the plane omega^2 is less by Omega^2: one passes the other."""
+    path, out = on_root(comm, write_beam, shared_path), shared_path / "out"
+    status, _, err = program("modes", path, "--count", 2, "--speeds", "5,15,20,25,40,60", "--orders", "1,4", "--out", out)
+    assert (status, err) == (0, "")
+    speed, first, second = (column(out, name, "campbell.csv") for name in ("speed_rad_s", "family_1_Hz", "family_2_Hz"))
+    assert speed == pytest.approx([5.0, 15.0, 20.0, 25.0, 40.0, 60.0])
+    apart = (2 * np.pi) ** 2 * (second**2 - first**2) + speed**2
+    assert apart == pytest.approx(np.full(6, apart[0]), rel=2e-2) and apart[0] > 0.0
+    assert second[0] > first[0] and second[-1] < first[-1]
+    met = {name: column(out, name, "crossings.csv") for name in ("family", "engine_order", "speed_rad_s", "frequency_Hz")}
+    assert met["frequency_Hz"] == pytest.approx(met["engine_order"] * met["speed_rad_s"] / (2 * np.pi), rel=1e-8)
+    assert (out / "campbell.png").exists()
+
+
+def test_engine_orders_meet_a_mode_that_stiffens_with_the_square_of_the_speed():
+    speed = np.array([10.0, 30.0, 70.0])
+    squares = 400.0 + 1.7 * speed**2
+    met = crossings(Campbell(speed, np.sqrt(squares)[None] / (2 * np.pi), np.ones((1, 2))), (1, 2, 3))
+    expected = {order: np.sqrt(400.0 / (order**2 - 1.7)) for order in (2, 3)}  # order 1 stays below
+    assert {crossing.order: crossing.speed for crossing in met if crossing.speed > 10.0} == pytest.approx(
+        {order: value for order, value in expected.items() if 10.0 <= value <= 70.0}
+    )
+
+
+@pytest.mark.parametrize(
+    "more, said",
+    [
+        (("--speeds", "10,20"), "[statics] rotation_speed: [model] axis is missing"),
+        (("--speeds", "10"), "is one speed; for one, use --set statics.rotation_speed=10"),
+        (("--speeds", "10,20", "--orders", "1.5"), "'1.5' is not a number of at least 1"),
+        (("--count", "none"), "'none' is not a number of at least 1"),
+    ],
+)
+def test_what_no_speed_or_order_is_has_one_message(comm, shared_path, program, more, said):
+    path = on_root(comm, write_bar, shared_path)
+    status, _, err = program("modes", path, "--out", shared_path / "out", *more)
+    assert status == 2 and said in err and "Traceback" not in err

@@ -34,6 +34,8 @@ class Command:
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
     count: int | None = None  # of modes; None: as the scene states
+    speeds: tuple[float, ...] = ()  # rad/s
+    orders: tuple[int, ...] = ()  # engine orders; empty: the default of the command
     methods: tuple[str, ...] = ()  # to compare; empty: all of them
     more: tuple[str, ...] = ()  # further scenes to run
     settings: tuple[str, ...] = ()  # KEY=VALUE, in place of what the scene says
@@ -135,6 +137,19 @@ def _numbers(text: str) -> tuple[float, ...]:
     if len(set(numbers)) < len(numbers):
         raise argparse.ArgumentTypeError(f"{text!r} holds a number twice")
     return numbers
+
+
+def _speeds(text: str) -> tuple[float, ...]:
+    """Return at least two numbers above 0."""
+    numbers = _numbers(text)
+    if len(numbers) < 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is one speed; for one, use --set statics.rotation_speed={text}")
+    return numbers
+
+
+def _orders(text: str) -> tuple[int, ...]:
+    """Return whole numbers of at least 1, rising."""
+    return tuple(sorted({_count(word.strip()) for word in text.split(",")}))
 
 
 def _steps(text: str) -> int:
@@ -283,6 +298,15 @@ _OPTIONS = (
         type=_time,
     ),
     _option("modes", "--count", "N", "how many, in place of [solver] modes (default: the scene's, or 12)", type=_count),
+    _option(
+        "modes",
+        "--speeds",
+        "A,B,...",
+        "speeds of rotation in rad/s, at least two: the Campbell diagram, with [statics] at each of them",
+        type=_speeds,
+        default=(),
+    ),
+    _option("modes", "--orders", "A,B,...", "engine orders of the Campbell diagram (default: 1 to 6)", type=_orders, default=()),
     _option("compare", "--methods", "A,B,...", "their names, with commas (default: all)", **_LIST),
     _option(
         "trade",

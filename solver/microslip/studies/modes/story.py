@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +13,7 @@ import numpy as np
 from ...library.build import Assembled, assembled, factor_of, without_reference
 from ...library.settings import reduction_settings
 from ...linear.dense import gram, multiply
-from ...modes.eigen import lowest_modes
+from ...modes.eigen import first_of, lowest_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
@@ -18,6 +21,7 @@ from ...reduction.modal_structure import damped_modes
 from ...reduction.stuck import project_modes
 from ...scene.read import changed
 from ...system.versions import versions
+from .campbell import ORDERS, Campbell, follow_families, write_campbell
 from .report import ModeTable, write_modes_of
 
 if TYPE_CHECKING:
@@ -31,11 +35,19 @@ if TYPE_CHECKING:
 COUNT = 12  # modes where none are stated
 
 
-def modes(scene: Scene, comm: MPI.Comm, folder: Path, count: int | None = None, options: tuple[str, ...] = ()) -> None:
-    """Compute the lowest modes of a scene with all pairs stuck; write modes.csv, modes.png and modes.vtkhdf.
+@dataclass(frozen=True)
+class Asked:
+    """What the command line states beside the scene."""
 
-    Collective on ``comm``.  ``count`` takes the place of [solver] modes; where neither is stated, there are 12.  With
-    [statics] they are those about the state of rest.
+    count: int | None = None  # of modes, in place of [solver] modes; where neither is stated, there are 12
+    speeds: tuple[float, ...] = ()  # rad/s, in place of [statics] rotation_speed
+    orders: tuple[int, ...] = tuple(range(1, ORDERS + 1))  # engine orders to meet
+
+
+def modes(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+    """Compute the lowest modes of a scene with all pairs stuck, about its state of rest; write table, picture and shapes.
+
+    Collective on ``comm``.  At several speeds of rotation it is the Campbell diagram, and the shapes are those at the highest.
 
     Raises
     ------
@@ -43,22 +55,85 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, count: int | None = None, 
     """
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "modes.log"), facts=facts) as log:
-        scene = changed(scene, {"solver": {"method": "receptance"} | ({} if count is None else {"modes": count})})
-        parts = without_reference(assembled(scene, comm, log), False)
-        linearised = factor_of(parts, log)
-        n_modes = scene.solver.modes or min(COUNT, linearised.system.n_dof)
-        with log.stage("modes"):
-            computed = lowest_modes(linearised, n_modes, scene.solver.verify_modes, fewer_will_do=scene.solver.modes is None)
-        table = mode_table(parts, linearised, computed)
-        has_mesh = linearised.system.dof is not None
-        shapes = node_fields(linearised.system, computed.phi_owned) if has_mesh else None
-        with log.stage("table and pictures"):
-            text = on_root(comm, write_modes_of, table, parts.mesh, shapes, scene, folder)
-        log.note(text)
-        log.note(_proof(computed))
+        scene = changed(scene, {"solver": {"method": "receptance"} | ({} if asked.count is None else {"modes": asked.count})})
+        families = Families()
+        speeds: list[float | None] = [*sorted(asked.speeds)] or [None]
+        for speed in speeds:
+            if speed is not None:
+                log.note(f"speed of rotation {speed:g} rad/s")
+            with stuck_modes(scene if speed is None else at_speed(scene, speed), comm, log) as (parts, linearised, computed):
+                families.add(linearised, computed)
+                if speed is None or speed == max(asked.speeds):
+                    _show(parts, linearised, computed, scene, folder, log)
+        if asked.speeds:
+            campbell = families.campbell(sorted(asked.speeds))
+            with log.stage("Campbell diagram"):
+                log.note(on_root(comm, write_campbell, campbell, asked.orders, scene, folder))
         log.note(f"results in {folder}")
-        linearised.destroy()
-        linearised.system.destroy()
+
+
+def at_speed(scene: Scene, speed: float) -> Scene:
+    """Return a scene that turns with a speed [rad/s].  Local.
+
+    Raises
+    ------
+    CaseError : it has no axis
+    """
+    return changed(scene, {"statics": {"rotation_speed": speed}})
+
+
+@contextmanager
+def stuck_modes(scene: Scene, comm: MPI.Comm, log: RunLog) -> Iterator[tuple[Assembled, Linearised, Modes]]:
+    """Give mesh and matrices, the factor and the lowest modes of a scene, and free them.  Collective.
+
+    Raises
+    ------
+    CaseError, MeshError, ResourceError, ConvergenceError : on every rank
+    """
+    parts = without_reference(assembled(scene, comm, log), False)
+    linearised, solver = factor_of(parts, log), scene.solver
+    n_modes = solver.modes or min(COUNT, linearised.system.n_dof)
+    with log.stage("modes"):
+        computed = lowest_modes(linearised, n_modes, solver.verify_modes, fewer_will_do=solver.modes is None)
+    yield parts, linearised, computed
+    linearised.destroy()
+    linearised.system.destroy()
+
+
+class Families:
+    """The families of modes over speed, by their shapes."""
+
+    def __init__(self) -> None:
+        self._last: Modes | None = None
+        self._frequency: list[np.ndarray] = []
+        self._likeness: list[np.ndarray] = []
+
+    def add(self, linearised: Linearised, computed: Modes) -> None:
+        """Add the modes at the next speed, in the order of the families.  Collective."""
+        if self._last is not None:
+            n = min(len(self._last.omega_n), len(computed.omega_n))
+            order, likeness = follow_families(linearised, first_of(self._last, n), first_of(computed, n))
+            computed = replace(computed, omega_n=computed.omega_n[order], phi_owned=computed.phi_owned[:, order])
+            self._likeness.append(likeness)
+        self._last = computed
+        self._frequency.append(computed.frequency)
+
+    def campbell(self, speeds: Sequence[float]) -> Campbell:
+        """Return the families that are there at all speeds.  Local."""
+        n = min(map(len, self._frequency))
+        frequency = np.array([each[:n] for each in self._frequency]).T
+        likeness = np.array([each[:n] for each in self._likeness]).reshape(-1, n).T
+        return Campbell(np.array(speeds), frequency, likeness)
+
+
+def _show(parts: Assembled, linearised: Linearised, computed: Modes, scene: Scene, folder: Path, log: RunLog) -> None:
+    """Write table, picture and shapes.  Collective."""
+    table = mode_table(parts, linearised, computed)
+    shapes = None if linearised.system.dof is None else node_fields(linearised.system, computed.phi_owned)
+    with log.stage("table and pictures"):
+        text = on_root(linearised.system.comm, write_modes_of, table, parts.mesh, shapes, scene, folder)
+    log.note(text)
+    log.note(_proof(computed))
 
 
 def mode_table(parts: Assembled, linearised: Linearised, computed: Modes) -> ModeTable:
@@ -71,7 +146,9 @@ def mode_table(parts: Assembled, linearised: Linearised, computed: Modes) -> Mod
     system, pairs = linearised.system, parts.rest.pairs
     projected = project_modes(system, computed.omega_n, computed.phi_owned)
     K_J = pairs.law.stiffness.ravel()
-    energy = (K_J[:, None] * projected.R_phi**2).reshape(pairs.n_pairs, 3, -1).sum(axis=1) / computed.omega_n**2
+    energy = (K_J[:, None] * projected.R_phi**2).reshape(pairs.n_pairs, 3, len(computed.omega_n)).sum(
+        axis=1
+    ) / computed.omega_n**2
     names = np.array(pairs.joint, dtype=str)
     joints = {name: energy[names == name].sum(axis=0) for name in dict.fromkeys(pairs.joint)}
     settings = reduction_settings(parts.scene)
