@@ -6,7 +6,7 @@ from pathlib import Path
 
 from blocks import stacked
 from msh import write_msh
-from scene_text import driven, joint, steel, support, table
+from scene_text import driven, joint, steel, support, table, with_harmonics
 
 from microslip.library.build import Structure, build
 from microslip.observe.log import RunLog
@@ -30,7 +30,10 @@ SCENE = (
 def write_bar(folder: Path, damping: str = "ratio = 0.01", divisions=(4, 2, 1), **solver) -> Path:
     """Write mesh and scene; keys of [solver] as given.  Local; returns the scene's path."""
     write_msh(str(folder / "bar.msh"), stacked("hex8", (0.05, 0.01, 0.02), divisions, ground_height=0.005))
-    keys = [f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {str(value).lower()}" for key, value in solver.items()]
+    keys = [
+        f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {str(value).lower()}"
+        for key, value in with_harmonics(solver).items()
+    ]
     path = folder / "bar.toml"
     path.write_text(SCENE.replace("DAMPING", damping) + "\n".join(keys) + "\n")
     return path

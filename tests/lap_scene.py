@@ -43,6 +43,7 @@ frequencies = [10.0, 1000.0]
 points = 20
 [solver]
 modes = 5
+harmonics = 3
 """
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 import scipy.sparse as sp
+from scene_text import with_harmonics
 
 from microslip.assembly.pair_file import COLUMNS
 from microslip.library.build import build
@@ -23,7 +24,7 @@ def write_matrix_scene(folder: Path, system: dict, levels, frequencies, *, at=()
     """Write a system as K.mtx, M.mtx, C.mtx, pairs.csv and scene.toml; return the scene's path.
 
     ``frequencies`` and ``at`` in rad/s; every DOF is an output unless ``outputs`` names some; ``points`` and ``direction``
-    go to [response], all other keys to [solver].
+    go to [response], all other keys to [solver], where harmonics = 3 unless harmonics or accuracy are given.
     """
     for name in {"K", "M", "C"} & set(system):
         matrix = system[name] if sp.issparse(system[name]) else np.asarray(system[name], dtype=float)
@@ -72,7 +73,7 @@ def _response(levels, frequencies, at, solver: dict) -> list[str]:
     own = {key: solver.pop(key) for key in ("points", "direction") if key in solver}
     hertz = {"frequencies": [float(w) / HZ for w in frequencies], "at": [float(w) / HZ for w in at]}
     response = {"levels": [float(level) for level in levels], **hertz, **own}
-    return ["[response]", *_keys(response), "[solver]", *_keys(solver)]
+    return ["[response]", *_keys(response), "[solver]", *_keys(with_harmonics(solver))]
 
 
 def _keys(table: dict) -> list[str]:

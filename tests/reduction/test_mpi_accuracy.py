@@ -150,7 +150,7 @@ def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
     monkeypatch.setattr(choose_modes, "_MOST", 32)
     with pytest.raises(CaseError, match=r"scene.toml: \[solver\] accuracy = 1e-06: 31 modes reach about .*, or state modes"):
         structure_of(written(shared_path, chain(450), accuracy=1e-6))
-    monkeypatch.setattr("microslip.library.settings.DEFAULT_ACCURACY", 1e-6)
+    monkeypatch.setattr("microslip.library.settings.ACCURACY_OF_MODES", 1e-6)
     structure, line = structure_of(written(shared_path, chain(450)))
     assert len(structure.modes.omega_n) == 31 and "which misses the default accuracy 1e-06" in line
     structure.linearised.destroy()

@@ -5,8 +5,9 @@ import pickle
 import pytest
 from scene_files import GOOD, write_scene
 
+from microslip.library.settings import reduction_settings, response_settings
 from microslip.messages.errors import CaseError
-from microslip.scene.read import read_scene
+from microslip.scene.read import changed, read_scene
 from microslip.scene.schema import Table
 
 
@@ -60,6 +61,23 @@ def test_what_may_be_left_out_has_the_documented_default(tmp_path):
     assert (scene.solver.tolerance, scene.solver.verify_modes, scene.solver.in_point_check) == (1e-8, True, False)
     assert (scene.response.direction, scene.continuation, scene.model.scale) == ("up", None, 1.0)
     assert scene.bodies["blade"].incompatible_modes is True
+
+
+@pytest.mark.parametrize(
+    ("solver", "accuracy", "chosen"),
+    [
+        ({}, 1e-2, True),
+        ({"samples": 256}, 1e-2, True),
+        ({"accuracy": 1e-4}, 1e-4, True),
+        ({"accuracy": 1e-4, "harmonics": 5}, 1e-4, False),
+        ({"harmonics": 3}, None, False),
+        ({"error_bars": False}, None, False),
+    ],
+)
+def test_a_scene_without_harmonics_and_accuracy_has_an_accuracy_of_a_hundredth(solver, accuracy, chosen, tmp_path):
+    scene = changed(read_scene(write_scene(tmp_path, GOOD[GOOD.index("[solver]") :], "")), {"solver": solver})
+    assert (scene.accuracy, scene.chooses("harmonics")) == (accuracy, chosen)
+    assert response_settings(scene).accuracy == accuracy and reduction_settings(scene).accuracy == (accuracy or 1e-3)
 
 
 def test_windows_files_are_read(tmp_path):

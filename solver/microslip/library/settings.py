@@ -12,7 +12,7 @@ from ..receptance.excitation import Excitation
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
 from ..scene.read import changed
-from ..scene.schema import DEFAULT_ACCURACY, Scene
+from ..scene.schema import ACCURACY_OF_MODES, Scene
 
 KEYS = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # of [solver], for each part of the accuracy
 
@@ -22,7 +22,7 @@ def reduction_settings(scene: Scene) -> ReductionSettings:
     solver, damping = scene.solver, scene.damping
     keys = ("method", "modes", "verify_modes", "interface_modes", "condensed", "in_point_check", "energy_tolerance")
     return ReductionSettings(
-        accuracy=solver.accuracy or DEFAULT_ACCURACY,
+        accuracy=scene.accuracy or ACCURACY_OF_MODES,
         insists=solver.accuracy is not None,
         excitation=excitation(scene),
         damping=None if damping is None else _damping(damping),
@@ -52,7 +52,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
         samples=solver.samples,
         follows_path=solver.between_samples == "path",
         tolerance=solver.tolerance,
-        accuracy=solver.accuracy,
+        accuracy=scene.accuracy,
         is_corrected=solver.accuracy_of == "corrected",
         keeps=frozenset(part for part, key in KEYS.items() if not scene.chooses(key)),
         chooses_steps="points" not in response.model_fields_set,

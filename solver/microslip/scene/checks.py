@@ -343,7 +343,7 @@ def _constant_loads(scene: Scene) -> list[str]:
 
 def _bars(scene: Scene) -> list[str]:
     """Return mistakes: error bars that are needed and refused; what an accuracy counts for without one."""
-    if scene.solver.accuracy_of != "amplitude" and scene.solver.accuracy is None:
+    if scene.solver.accuracy_of != "amplitude" and scene.accuracy is None:
         return [
             "[solver] accuracy_of says what accuracy counts for, which is not stated; state accuracy, or leave accuracy_of out"
         ]

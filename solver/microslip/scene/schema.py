@@ -16,12 +16,13 @@ from ..tables.structure import Body, Mass, Material, Model, Orientation, Point, 
 from ..tables.structure_tables import StructureTables
 from ..tables.table import Table
 from ..tables.vibration import Damping, Load, Output
-from .solution import DEFAULT_ACCURACY, Continuation, Method, Response, Solver
+from .solution import ACCURACY_OF_MODES, DEFAULT_ACCURACY, Continuation, Method, Response, Solver
 
 __all__ = [
     "Body",
     "Bolt",
     "Continuation",
+    "ACCURACY_OF_MODES",
     "DEFAULT_ACCURACY",
     "Damping",
     "Force",
@@ -77,7 +78,15 @@ class Scene(StructureTables):
 
     def chooses(self, key: str) -> bool:
         """Tell whether the program chooses harmonics, samples or tolerance at each point, by the accuracy asked for."""
-        return self.solver.accuracy is not None and key not in self.solver.model_fields_set
+        return self.accuracy is not None and key not in self.solver.model_fields_set
+
+    @property
+    def accuracy(self) -> float | None:
+        """The accuracy of the response: as stated, else the default; None with stated harmonics or no error bars."""
+        solver = self.solver
+        if solver.accuracy is not None or not solver.error_bars or "harmonics" in solver.model_fields_set:
+            return solver.accuracy
+        return DEFAULT_ACCURACY
 
     @property
     def is_complete(self) -> bool:

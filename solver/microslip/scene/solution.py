@@ -9,7 +9,8 @@ from pydantic import AfterValidator, Field, model_validator
 
 from ..tables.table import LARGEST_NUMBER, Frequency, NotNegative, Positive, Table, no_duplicates, rising
 
-DEFAULT_ACCURACY = 1e-3
+DEFAULT_ACCURACY = 1e-2  # of a scene that states neither harmonics nor accuracy
+ACCURACY_OF_MODES = 1e-3  # where harmonics are stated, and no accuracy
 DEFAULT_INTERFACE_MODES = 40  # all there are where the joint has fewer
 
 Method = Literal[

@@ -18,7 +18,7 @@ from ...messages.words import place
 from ...modes.limits import FEW, refuse_too_many
 from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
-from ...scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
+from ...scene.schema import ACCURACY_OF_MODES, Load, Output, Scene
 from ...tables.structure import Mass, Spring
 from ...tables.units import UNITS
 from . import model_content as content
@@ -145,7 +145,7 @@ def highest_harmonic(scene: Scene) -> int:
 
 def resolution(scene: Scene) -> str:
     """Say with which harmonics and samples the points are solved."""
-    chosen = f"chosen at each point for accuracy {scene.solver.accuracy}"
+    chosen = f"chosen at each point for accuracy {scene.accuracy}"
     stated = "harmonic 0 alone: statics" if scene.is_static else f"harmonics 0 to {scene.harmonics}"
     harmonics = f"harmonics up to {MOST_HARMONICS}, {chosen}" if scene.chooses("harmonics") else stated
     return f"{harmonics}, {f'samples {chosen}' if scene.chooses('samples') else f'{scene.solver.samples} samples'}"
@@ -155,7 +155,7 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     """Say how the scene is solved, and what that takes."""
     solver = scene.solver
     refuse_too_many(solver.modes, n_dof, scene.path)
-    modes = f"picked at run time for [solver] accuracy = {solver.accuracy or DEFAULT_ACCURACY:g}"
+    modes = f"picked at run time for [solver] accuracy = {scene.accuracy or ACCURACY_OF_MODES:g}"
     if solver.modes or n_dof <= FEW:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
@@ -166,8 +166,8 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     )
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
     points = "one point, for all frequencies" if scene.is_static else f"about {scene.response.points} points"
-    if not scene.is_static and solver.accuracy is not None and response_settings(scene).chooses_steps:
-        points = f"as many points as accuracy {solver.accuracy:g} takes"
+    if not scene.is_static and scene.accuracy is not None and response_settings(scene).chooses_steps:
+        points = f"as many points as accuracy {scene.accuracy:g} takes"
     has_more = n_modes == 0 and with_another_mode > coordinates
     return [
         f"method     {solver.method}: {resolution(scene)}; at most {unknowns} unknowns "

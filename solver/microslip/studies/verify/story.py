@@ -123,7 +123,7 @@ def ready(structure: Structure, at: tuple[float, ...]) -> ResponseProblem:
     CaseError : a frequency of --at outside the range, on every rank
     """
     try:
-        return prepare(structure, has_bars=structure.scene.solver.accuracy is not None).response
+        return prepare(structure, has_bars=structure.scene.accuracy is not None).response
     except CaseError as problem:
         raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
 
