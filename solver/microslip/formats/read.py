@@ -22,7 +22,7 @@ def _by(module: str, function: str) -> Callable[[str], FileModel]:
 
 def _read_dat(path: str) -> FileModel:
     """Return what a file holds whose ending two programs share."""
-    from .ansys import is_input, read_input
+    from .ansys.read import is_input, read_input
     from .nastran import read_bdf
 
     return read_input(path) if is_input(path) else read_bdf(path)
@@ -31,8 +31,8 @@ def _read_dat(path: str) -> FileModel:
 READERS = {
     ".msh": _by("msh", "read_msh"),
     ".inp": _by("abaqus.read", "read_inp"),
-    ".cdb": _by("ansys", "read_cdb"),
-    ".rst": _by("ansys", "read_rst"),
+    ".cdb": _by("ansys.read", "read_cdb"),
+    ".rst": _by("ansys.results", "read_rst"),
     **dict.fromkeys((".bdf", ".nas", ".fem"), _by("nastran", "read_bdf")),
     ".dat": _read_dat,
     ".op2": _by("nastran", "read_op2_model"),

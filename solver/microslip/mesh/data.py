@@ -11,10 +11,11 @@ import scipy.sparse as sp
 
 from ..contact.law import Law
 from ..contact.laws import ELASTIC_COULOMB, law_of
-from ..formats.model import Equations
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from ..formats.model import Equations
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,15 @@ class Blocks:
     constants: Mapping[int, list[float]] = field(default_factory=dict)
 
 
+def blocks_of_library(path: str) -> Blocks:
+    """Return what mapdl-archive reads of an archive.  Local, in a sandbox, which imports this file and not the reader's."""
+    try:
+        import mapdl_archive
+    except ImportError:
+        raise MeshError("Ansys archives are read by mapdl-archive; install it: pip install mapdl-archive") from None
+    return blocks_of_archive(mapdl_archive.Archive(path, parse_vtk=False))
+
+
 def blocks_of_archive(archive: Any) -> Blocks:
     """Return the blocks of an archive that mapdl-archive has read.  Local.
 

@@ -12,7 +12,7 @@ from ...messages.errors import MeshError
 from ...system.sandbox import LibraryError, SandboxError, read_file
 from ..model import FileModel, Group
 from .attached import take_attached, take_rigid_regions
-from .blocks import Blocks, blocks_of_archive, blocks_of_text
+from .blocks import Blocks, blocks_of_library, blocks_of_text
 from .commands import Command, commands
 from .constraints import take_constraints
 from .content import Content, report_loads, take_commands
@@ -99,22 +99,13 @@ def model_of(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
 
 def _archive(path: str) -> Blocks:
     try:
-        return read_file(path, _parts, path, gain=_GAIN, returns=(Blocks,))
+        return read_file(path, blocks_of_library, path, gain=_GAIN, returns=(Blocks,))
     except SandboxError as problem:
         raise MeshError(f"it is truncated or damaged: {problem}") from None
     except LibraryError as problem:
         raise MeshError(
             f"it cannot be read as an Ansys archive; it is truncated, damaged or another format ({problem})"
         ) from None
-
-
-def _parts(path: str) -> Blocks:
-    """Return what the library has read."""
-    try:
-        import mapdl_archive
-    except ImportError:
-        raise MeshError("Ansys archives are read by mapdl-archive; install it: pip install mapdl-archive") from None
-    return blocks_of_archive(mapdl_archive.Archive(path, parse_vtk=False))
 
 
 def _check_counts(path: str, said: tuple[Command, ...]) -> None:
