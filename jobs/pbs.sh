@@ -10,7 +10,7 @@
 #PBS -l select=1:ncpus=4:mpiprocs=4:mem=16gb
 #PBS -l walltime=01:00:00
 # Shortly before its time is up the run saves and stops, status 5, and is put into the queue again, as a job of its own that
-# waits for the end of this one: the same command goes on from there.  What comes no further is not put there again.  What was
+# waits for the end of this one, or follows a job of an array at once: the same command goes on from there.  What comes no further is not put there again.  What was
 # asked of qsub beside -v is forgotten then: write it here.
 most=50                            # times that a job may be put into the queue again
 set -euo pipefail
@@ -51,7 +51,10 @@ fi
 if [ "$status" = 5 ] && [ -z "$told" ]; then      # a job that is told to end was deleted, or has to make room
     if [ "$(progress)" -gt "$before" ] && [ "$times" -lt "$most" ]; then
         again="scene=$scene,times=$((times + 1))${values:+,values=$values}${task:+,task=$task}"
-        qsub -W "depend=afterany:${PBS_JOBID:?}" -v "$again" "${script:-jobs/pbs.sh}"
+        case "${PBS_JOBID:?}" in
+            *\[*) qsub -v "$again" "${script:-jobs/pbs.sh}" ;;      # PBS takes no dependency on one job of an array; its run has ended
+            *) qsub -W "depend=afterany:$PBS_JOBID" -v "$again" "${script:-jobs/pbs.sh}" ;;
+        esac
     else
         echo "not put into the queue again: $out came no further, or has been there $most times; ask for more time" >&2
     fi

@@ -46,10 +46,11 @@ DEMO = ROOT / "jobs" / "fan_small.toml"
 KINDS = ("set-up", "points", "writing")
 TOLERANCE = 1e-8  # of a level's peak
 LIMIT = 900.0  # s that a run may take: longer is a hang
-_POINT = re.compile(r"^ +\d+ +[\d.]+ +\d\.\d+e[+-]\d+ ", re.MULTILINE)
+POINT = re.compile(r"^ +\d+ +[\d.]+ +\d\.\d+e[+-]\d+ ", re.MULTILINE)
 _TAKEN = re.compile(r"(?:goes on after|its) (\d+) points (?:are there from|of) an earlier run")
 _DONE = "nothing is left to compute"
 _LEVEL = re.compile(r"^level \d+ of \d+: [^,:]+, ", re.MULTILINE)
+STAGE = re.compile(r"^([a-z][\w ,]+?) +([\d.]+) s +\d+ MiB$", re.MULTILINE)
 
 
 class Curve(NamedTuple):
@@ -69,6 +70,7 @@ class Undisturbed:
     first_point: float  # s until the first point was told
     last_point: float  # s until the last one was
     n_writes: int
+    stages: dict[str, float]  # s, by their names in the log
 
     @property
     def n_points(self) -> int:
@@ -128,13 +130,14 @@ class Test:
         told: list[float] = []
         while not run.is_over:
             n += writes.wait(0.02)
-            told += [run.seconds] * (len(_POINT.findall(run.said())) - len(told))
+            told += [run.seconds] * (len(POINT.findall(run.said())) - len(told))
         n += writes.wait(0.0)
         writes.close()
         if run.process.returncode != 0 or not told:
             raise SystemExit(f"the scene does not run by itself, status {run.process.returncode}:\n{run.said()}")
         levels = [Curve(level.frequency, level.response) for level in read_results(str(out / "results.h5")).levels]
-        return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, told[0], told[-1], n)
+        stages = {name: float(seconds) for name, seconds in STAGE.findall(run.said())}
+        return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, told[0], told[-1], n, stages)
 
     def earlier(self) -> Path:
         """Return the folder of a finished run of the same scene at another level."""
@@ -184,7 +187,7 @@ class Test:
         run.kill()
         writes.close()
         said = run.said()
-        n, taken = len(_POINT.findall(said)), _taken(said)
+        n, taken = len(POINT.findall(said)), _taken(said)
         if n or taken:
             found.told = max(n, found.told)  # a start tells again what it takes over
         where = "set-up" if not _LEVEL.search(said) else f"point {n}" if n < goal.n_points else "pictures"
@@ -198,7 +201,7 @@ class Test:
     def _at_points(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
         """Wait for one of the points that were not told before, and for some part of the time to the next one."""
         n = self.random.randrange(min(found.told, goal.n_points - 1), goal.n_points) + 1
-        while not run.is_over and len(_POINT.findall(run.said())) < n:
+        while not run.is_over and len(POINT.findall(run.said())) < n:
             time.sleep(0.005)
         self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.last_point - goal.first_point) / goal.n_points))
 
@@ -319,35 +322,36 @@ def summary(trials: list[Trial]) -> list[str]:
     """Return the sum of all trials."""
     good = sum(not trial.wrong for trial in trials)
     kinds = [sum(text.startswith(kind) for trial in trials for text in trial.hit) for kind in KINDS]
-    hits = f"{sum(kinds)} kills ({', '.join(f'{n} {kind}' for n, kind in zip(kinds, KINDS))})"
+    hits = f", {sum(kinds)} kills ({', '.join(f'{n} {kind}' for n, kind in zip(kinds, KINDS))})" if any(kinds) else ""
     others = sum(bool(trial.n_more or trial.n_fewer) for trial in trials)
     lost, off = [trial.lost for trial in trials], [trial.off for trial in trials]
     return [
-        f"{good} of {len(trials)} runs went on as they should, {hits}",
+        f"{good} of {len(trials)} runs went on as they should{hits}",
         f"points computed twice: {sum(lost)} in all, {max(lost)} in a run at most; largest difference {np.nanmax(off):.1e} of the peak",
         f"runs with other numbers of points, on the same curves: {others}",
     ]
 
 
-def main() -> None:
-    os.environ.setdefault("MICROSLIP_CACHE", "off")  # runs are to be killed within their set-up, too
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def add_arguments(parser: argparse.ArgumentParser, times: int) -> None:
+    """Add what a test of runs that are ended takes from the command line; ``times`` is the usual number of trials."""
     parser.add_argument("scene", nargs="?", type=Path, default=DEMO)
-    parser.add_argument("--times", type=int, default=100, help="on each number of ranks")
+    parser.add_argument("--times", type=int, default=times, help="on each number of ranks")
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
     parser.add_argument("--earlier", type=float, default=0.5, metavar="SHARE")
-    parser.add_argument("--in-a-row", type=int, default=1, metavar="N")
     parser.add_argument("--set", dest="settings", metavar="KEY=VALUE", action="append", default=[])
     parser.add_argument("--folder", type=Path, help="keep what is written there")
-    asked = parser.parse_args()
+
+
+def run_trials(kind: type[Test], asked: argparse.Namespace) -> bool:
+    """Run a test on each number of ranks, show each trial in a line, and return whether any failed."""
     signal.signal(signal.SIGTERM, lambda *of: sys.exit("stopped"))  # and the run with it
     print("\n".join(machine.lines(machine.facts())))
     print(f"Seed {asked.seed}; {asked.scene}", flush=True)
     with tempfile.TemporaryDirectory(prefix="kill_test_") as own:
         folder = asked.folder or Path(own)
         folder.mkdir(parents=True, exist_ok=True)
-        test, trials = Test(asked, folder), []
+        test, trials = kind(asked, folder), []
         for ranks in asked.ranks:
             goal = test.undisturbed(ranks)
             print(
@@ -359,7 +363,15 @@ def main() -> None:
                 trials.append(test.trial(number, ranks, goal))
                 print(trials[-1].row(), flush=True)
         print("", *summary(trials), sep="\n")
-    sys.exit(any(trial.wrong for trial in trials))
+    return any(trial.wrong for trial in trials)
+
+
+def main() -> None:
+    os.environ.setdefault("MICROSLIP_CACHE", "off")  # runs are to be killed within their set-up, too
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_arguments(parser, times=100)
+    parser.add_argument("--in-a-row", type=int, default=1, metavar="N")
+    sys.exit(run_trials(Test, parser.parse_args()))
 
 
 if __name__ == "__main__":

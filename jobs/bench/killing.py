@@ -63,7 +63,14 @@ class Run:
     def __init__(self, command: list[str], said: Path):
         self._said = said
         with open(said, "wb") as file:
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True)
+            self.process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=file,
+                start_new_session=True,
+                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # which jobs in the background have ignored
+            )
         self._began = time.monotonic()
         atexit.register(self.kill)
 
@@ -88,8 +95,8 @@ class Run:
 
     def kill(self) -> None:
         """Kill all processes of the session, launcher and ranks, which have groups of their own."""
-        while members := _members(self.process.pid):
-            for member in members:
+        while living := members(self.process.pid):
+            for member in living:
                 with suppress(ProcessLookupError):
                     os.kill(member, signal.SIGKILL)
             self.process.poll()
@@ -98,8 +105,8 @@ class Run:
         atexit.unregister(self.kill)
 
 
-def _members(session: int) -> list[int]:
-    """Return the living processes of a session."""
+def members(session: int) -> list[int]:
+    """Return the living processes of a session.  Local."""
     found = []
     for entry in os.listdir("/proc"):
         if entry.isdigit():

@@ -19,12 +19,13 @@ from typing import TYPE_CHECKING, NoReturn
 
 from .guards.ending import conclude, leave, no_exit, require
 from .guards.lock import locked
-from .messages.errors import CaseError, naming
+from .guards.overdue import oversee_signals
+from .messages.errors import CaseError, ResourceError, naming
 from .parallel.agree import on_root
 from .parallel.petsc import initialise, unused_options
 from .program.command_line import Command, parse
 from .system.signals import obey_signals
-from .system.start import launcher_rank
+from .system.start import launcher_rank, too_little_address_space
 from .system.walltime import time_limit
 from .system.watchdog import show_stacks, watch, wrong_limit
 
@@ -42,14 +43,18 @@ os.environ["MPLBACKEND"] = "Agg"  # pictures are files, also where there is a sc
 def console() -> NoReturn:
     """Run the program with the arguments of the process and end it."""
     watch()
+    oversee_signals()
     leave(main(sys.argv[1:]))
 
 
 def main(arguments: list[str]) -> int:
     """Run the program and return its exit status.  Collective on all ranks."""
-    comm = _world()
+    no_room = too_little_address_space()
+    comm = None if no_room else _world()
 
     def action() -> int:
+        if no_room:
+            raise ResourceError(no_room)
         obey_signals(launcher_rank() == 0)
         command = parse(arguments)
         with no_exit():
@@ -190,7 +195,7 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
     with suppress(ImportError):  # what is missing is named with the rest, below
         initialise(list(command.petsc))
     require(comm, faults())
-    obey_signals(comm.rank == 0)  # PETSc has taken some for messages of its own
+    obey_signals(comm.rank == 0)
     show_stacks()
     if command.name == "check":
         from .studies.check.story import check

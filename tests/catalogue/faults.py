@@ -119,6 +119,19 @@ SURROUNDINGS = [
         launcher=("prlimit", "--nofile=24"),
         is_said=False,
     ),
+    *(
+        Fault(
+            f"files of {size} bytes at most",
+            "",
+            "",
+            FIRST,
+            4,
+            ("File too large", "make room"),
+            options=("--out", "new"),
+            launcher=("prlimit", f"--fsize={size}"),
+        )
+        for size in (1000, 10_000, 25_000)
+    ),
     Fault("no home", "", "", FIRST, 0, variables={"HOME": "/none", "MPLCONFIGDIR": "/proc/none"}, is_said=False),
     Fault("a language without letters", "", "", FIRST, 0, variables={"LC_ALL": "C", "PYTHONUTF8": "0"}, is_said=False),
     Fault(

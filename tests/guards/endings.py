@@ -1,15 +1,20 @@
 """Endings that a run can take, on the ranks that the name says: started by test_ending.py, not a test itself."""
 
+import ctypes
 import os
+import signal
 import sys
+import threading
 import time
+from pathlib import Path
 
 from mpi4py import MPI
 
-from microslip.guards import ending
+from microslip.guards import ending, overdue
+from microslip.guards.lock import locked
 from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root, raise_together
-from microslip.system.signals import obey_signals
+from microslip.system.signals import conclude_signals, obey_signals, parting_with
 from microslip.system.watchdog import moved, patient, unwatched, watch
 
 COMM = MPI.COMM_WORLD
@@ -59,6 +64,31 @@ def waits_for_a_signal():
         time.sleep(0.01)
 
 
+def never_returns():
+    """Call a function that no signal interrupts, as a library that lets threads run: a lock that this thread has."""
+    library, mutex = ctypes.CDLL(None), ctypes.create_string_buffer(128)
+    library.pthread_mutex_lock(mutex)
+    library.pthread_mutex_lock(mutex)
+
+
+def calls_without_an_answer():
+    """Get a signal in such a call, with a folder locked."""
+    with locked(COMM, Path(sys.argv[2])), parting_with("; the results are elsewhere"):
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGTERM)).start()
+        never_returns()
+
+
+def says_and_hangs():
+    """End with the message of a signal on the first rank, and stay in a call after it."""
+    ending.leave = lambda status: never_returns()
+    signal.raise_signal(signal.SIGTERM)
+
+
+def is_stopped_at_the_very_end():
+    """Get a signal when the work is done."""
+    ending.conclude_signals = lambda: (conclude_signals(), signal.raise_signal(signal.SIGTERM))
+
+
 def hangs():
     moved()
     if COMM.rank == 1:
@@ -90,6 +120,7 @@ def calls_long_and_hangs():
 
 if __name__ == "__main__":
     watch()
-    ending.GRACE = 0.5
+    ending.GRACE, overdue.NOTICE, overdue.ANSWER, overdue.LEAVING = 0.5, 0.2, 1.0, 0.5
+    overdue.oversee_signals()
     obey_signals(COMM.rank == 0)
-    sys.exit(ending.conclude(COMM, globals()[sys.argv[1]]))
+    ending.leave(ending.conclude(COMM, globals()[sys.argv[1]]))

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -84,6 +85,26 @@ def test_a_signal_to_one_rank_ends_both(tmp_path):
         job.kill()
     assert job.returncode == 5
     assert said.count("microslip: error: stopped by SIGTERM") == 1
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_signal_during_a_long_call_ends_the_run(tmp_path, ranks):
+    began = time.monotonic()
+    done = python(ENDINGS, "calls_without_an_answer", tmp_path / "out", ranks=ranks)
+    assert done.returncode == 5 and time.monotonic() - began < 20.0
+    assert done.stderr.count("microslip: error: ") == 1
+    assert "stopped by SIGTERM during a call that takes longer than 1 s; the results are elsewhere" in done.stderr
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_run_that_hangs_after_its_message_ends():
+    done = python(ENDINGS, "says_and_hangs")
+    assert done.returncode == 5 and done.stderr == "microslip: error: stopped by SIGTERM\n"
+
+
+def test_a_signal_at_the_very_end_changes_nothing():
+    done = python(ENDINGS, "is_stopped_at_the_very_end")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_ranks_that_wait_for_ever_show_their_stacks_and_end():

@@ -80,28 +80,35 @@ def test_a_signal_to_the_script_reaches_the_run_whose_status_it_ends_with(tmp_pa
 
 
 STOPS = "mkdir -p results/fan_1\necho row >> results/fan_1/frf.csv\nexit 5"  # in time, with a point more
-IDS = {"SLURM_JOB_ID": 7, "PBS_JOBID": "7.host"}
 
 
 @pytest.mark.parametrize(
-    "script, first, later",
+    "script, number, first, later",
     [
-        (SLURM, "scontrol requeue 7\n", {"SLURM_RESTART_COUNT": 50}),
-        (PBS, "qsub -W depend=afterany:7.host -v scene=fan.toml,times=1,values=values.txt,task=1 jobs/pbs.sh\n", {"times": 50}),
+        (SLURM, "7", "scontrol requeue 7\n", {"SLURM_RESTART_COUNT": 50}),
+        (
+            PBS,
+            "7.host",
+            "qsub -W depend=afterany:7.host -v scene=fan.toml,times=1,values=values.txt,task=1 jobs/pbs.sh\n",
+            {"times": 50},
+        ),
+        # qsub of PBS Pro refuses a dependency on a subjob: "cannot have dependancy on subjob or range" (OpenPBS, parse_depend.c)
+        (PBS, "7[1].host", "qsub -v scene=fan.toml,times=1,values=values.txt,task=1 jobs/pbs.sh\n", {"times": 50}),
     ],
-    ids=["slurm", "pbs"],
+    ids=["slurm", "pbs", "pbs-array"],
 )
-def test_a_run_that_stops_in_time_is_put_into_the_queue_again_while_it_comes_further(tmp_path, script, first, later):
+def test_a_run_that_stops_in_time_is_put_into_the_queue_again_while_it_comes_further(tmp_path, script, number, first, later):
     (tmp_path / "values.txt").write_text("joints.a.friction=0.1\n")
     queued, asked = tmp_path / "queued", {"scene": "fan.toml", "values": "values.txt", "task": 1}
+    asked |= {"SLURM_JOB_ID": number, "PBS_JOBID": number}
     for _ in range(2):
-        assert ended(job(tmp_path, script, **asked, launcher=STOPS, **IDS)) == (5, "")
+        assert ended(job(tmp_path, script, **asked, launcher=STOPS)) == (5, "")
         assert queued.read_text() == first
         queued.unlink()
     for launcher, more in (("exit 5", {}), (STOPS, later)):
-        status, said = ended(job(tmp_path, script, **asked, launcher=launcher, **IDS, **more))
+        status, said = ended(job(tmp_path, script, **asked, launcher=launcher, **more))
         assert status == 5 and "not put into the queue again: results/fan_1 came no further" in said and not queued.exists()
-    status, said = ended(job(tmp_path, script, **asked, launcher=STOPS.replace("exit 5", "exit 3"), **IDS))
+    status, said = ended(job(tmp_path, script, **asked, launcher=STOPS.replace("exit 5", "exit 3")))
     assert (status, said) == (3, "") and not queued.exists()
 
 

@@ -2,6 +2,8 @@
 
 import csv
 import dataclasses
+import errno
+import io
 import os
 
 import h5py
@@ -11,8 +13,10 @@ from mpi4py import MPI
 from synthetic_results import TITLE, branch, head, no_pairs, two_flanks, write, writer_of
 
 from microslip.messages.errors import CaseError, ResourceError
+from microslip.results import table
 from microslip.results import writer as writer_module
 from microslip.results.read import read_results
+from microslip.results.table import ResponseTable
 from microslip.results.writer import ResultWriter
 
 HEADER = (
@@ -179,6 +183,30 @@ def test_whoever_dies_while_writing_leaves_the_last_file(tmp_path, pairs, monkey
     writer.close()
     assert open(writer.path, "rb").read() == before
     assert sorted(os.listdir(tmp_path / "other")) == ["frf.csv", "results.h5"]
+
+
+class Filling(io.FileIO):
+    """A file on a disk that takes half of what comes after it has filled up."""
+
+    has_room = True
+
+    def write(self, data):
+        if self.has_room:
+            return super().write(data)
+        super().write(data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_disk_that_fills_up_leaves_whole_rows(tmp_path, monkeypatch, pairs):
+    monkeypatch.setattr(table, "open", lambda path, *_, **__: Filling(path, "w"), raising=False)
+    rows = ResponseTable(str(tmp_path), ("a", "b"), ("m", "m"))
+    point = branch(1.0, pairs, n_points=1, n_outputs=2).points[0]
+    rows.add(1.0, 0, point)
+    before = (tmp_path / "frf.csv").read_bytes()
+    rows._file.has_room = False
+    with pytest.raises(ResourceError, match=r"frf\.csv: could not be written: No space left"):
+        rows.add(1.0, 1, point)
+    assert (tmp_path / "frf.csv").read_bytes() == before and before.count(b"\n") == 3
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")

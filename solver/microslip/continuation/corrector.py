@@ -18,6 +18,7 @@ from ..harmonic.linearisation import Border, Exactness, Linearisation, Step
 from ..harmonic.newton_solver import NewtonSolver
 from ..harmonic.operating_point import ContactForces
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
+from ..parallel.petsc import free
 from ..system.watchdog import moved
 from .constraint_rows import Constraint, Place, Scaling
 from .iterate import Iterate
@@ -226,8 +227,7 @@ class Corrector:
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
         self.newton_solver.destroy()
-        for thing in (self._snes, self._J, self._x, self._r):
-            thing.destroy()
+        free(self._snes, self._J, self._x, self._r)
 
     def correct(self, system: BorderedSystem, guess: Iterate, is_patient: bool = False) -> Correction:
         """Solve from ``guess``.  Collective; never raises for divergence, which comes back as ``failure``.

@@ -5,7 +5,10 @@ from __future__ import annotations
 from math import prod
 from typing import Any
 
+from ..system.memory import gigabytes, memory_left_here
+
 MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1
+_COPIES = 2  # of all values, that are in memory while they are read and checked
 _OF_ANY_FILE = 2**24  # bytes that a data set may have without a value in the file: all of them are its fill value
 _OWN_FILTERS = range(1, 7)  # deflate, shuffle, fletcher32, szip, nbit, scaleoffset
 
@@ -17,6 +20,7 @@ class Storage:
         self.n_bytes = n_bytes  # of the file
         self.names: dict[int, str] = {}  # by the address of the data set
         self.taken = 0
+        self.claimed = 0  # bytes of all values together
 
     def link_fault(self, group: Any, name: str) -> str | None:
         """Return what is wrong with an item of a group before anything of it is read, its storage included.  Local.
@@ -64,10 +68,14 @@ class Storage:
         if address not in self.names:
             self.names[address] = name
             self.taken += stored
+            self.claimed += (dataset.size or 0) * dataset.dtype.itemsize
         if self.names[address] != name:
             return f"{name} and {self.names[address]} are one data set under two names"
         if self.taken > self.n_bytes:
             return f"{name} holds {stored} bytes, more than the file has left"
+        needed, left = _COPIES * self.claimed, memory_left_here()
+        if needed > max(left, _OF_ANY_FILE):
+            return f"{name} and what was read before it need {gigabytes(needed)} of memory, of which {gigabytes(left)} are left"
         return None
 
 

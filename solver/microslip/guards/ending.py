@@ -19,9 +19,11 @@ from typing import TYPE_CHECKING, NoReturn
 from ..messages.errors import CaseError, Interrupted, MicroslipError, ResourceError
 from ..parallel.agree import raise_together
 from ..parallel.petsc import refused_option
-from ..system.signals import drop_output
+from ..system.files import remove_folders
+from ..system.signals import Answer, conclude_signals, drop_output, ignore_signals
 from ..system.start import launcher_rank
 from ..system.watchdog import unwatched
+from .overdue import ABORTS, is_aborted
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -31,7 +33,6 @@ GRACE_OF_SIGNAL = 2.0  # s that rank 0 waits then: longer than mpirun does befor
 DEFECT = 70
 _SAID = 2  # of a rank whose problem has been said; 1: it has one
 _INTERRUPTED: list[Interrupted] = []  # kept with their traces, and so with the solvers in them
-_ABORTS = 32  # tag: to rank 0, from one that ends all of them
 _NEWS = 0.2  # s that such a message may take; the launcher kills a second after its signal
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 _PETSC_OUT_OF_MEMORY = 55
@@ -43,17 +44,34 @@ def conclude(comm: MPI.Comm | None, action: Callable[[], int | None]) -> int:
     Collective on ``comm``, which may be None where MPI is missing.  Does not return from a defect, nor from a problem that
     other ranks do not know of, if there are several ranks.
     """
-    status, problem = _outcome(comm, action)
+    status, problem = _last_outcome(comm, action)
     if comm is None or comm.size == 1:
         if launcher_rank() > 0:  # without MPI: the launcher ends rank 0, too, as soon as one rank ends
             time.sleep(1.0)
         elif problem is not None:
-            _say(str(problem))
+            _say_problem(str(problem), problem)
     else:
         status = _together(comm, status, problem)
     if isinstance(problem, Interrupted):
         _INTERRUPTED.append(problem)
     return status
+
+
+def _last_outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[int, MicroslipError | None]:
+    """Do the last action of the process, as :func:`_outcome`: then no signal changes its end."""
+
+    def to_its_end() -> int | None:
+        status = action()
+        conclude_signals()
+        return status
+
+    try:
+        outcome = _outcome(comm, to_its_end)
+        conclude_signals()
+        return outcome
+    except Interrupted as problem:  # while another problem was dealt with
+        conclude_signals()
+        return problem.exit_status, problem
 
 
 def conclude_part(comm: MPI.Comm, name: str, action: Callable[[], None]) -> int:
@@ -120,6 +138,7 @@ def leave(status: int) -> NoReturn:
 
     After a signal at once: a solver that it interrupted can neither go on nor be freed.
     """
+    ignore_signals()
     status = max(status, _flush())
     if not _INTERRUPTED:
         sys.exit(status)
@@ -127,6 +146,7 @@ def leave(status: int) -> NoReturn:
         from mpi4py import MPI
 
         MPI.Finalize()
+    remove_folders()
     os._exit(status)
 
 
@@ -157,6 +177,13 @@ def _say(text: str) -> None:
     sys.stderr.flush()
 
 
+def _say_problem(text: str, problem: MicroslipError | None) -> None:
+    """Write a problem to standard error; of a signal, everything has been saved by now."""
+    _say(text)
+    if isinstance(problem, Interrupted):
+        Answer.said.set()
+
+
 def _defect(comm: MPI.Comm | None, problem: BaseException) -> int:
     """Show the traceback of a mistake of this program, and end all ranks."""
     rank = "" if comm is None or comm.size == 1 else f" on rank {comm.rank} of {comm.size}"
@@ -173,9 +200,9 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
     A rank that has a problem waits for a while only; a rank without one waits for those that still compute.  A signal often
     finds the other ranks in the middle of something: rank 0, where everything is saved, says it before it waits for them.
     """
-    is_said = comm.rank == 0 and isinstance(problem, Interrupted) and not _is_aborted(comm)
+    is_said = comm.rank == 0 and isinstance(problem, Interrupted) and not _comes_from_abort()
     if is_said:
-        _say(f"{name}{problem}")
+        _say_problem(f"{name}{problem}", problem)
     statuses = array("i", 2 * comm.size * [0])
     grace = None if problem is None else GRACE_OF_SIGNAL if is_said else GRACE
     with unwatched():
@@ -195,15 +222,15 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
 def _abort(comm: MPI.Comm, status: int) -> None:
     """End all ranks.  Rank 0 hears of it first, and takes the launcher's signal for no news."""
     if comm.rank > 0:
-        comm.isend(None, 0, _ABORTS)
+        comm.isend(None, 0, ABORTS)
     comm.Abort(status)
 
 
-def _is_aborted(comm: MPI.Comm) -> bool:
+def _comes_from_abort() -> bool:
     """Return on rank 0 whether another one has ended all ranks: then a signal comes from the launcher."""
     began = time.monotonic()
     while time.monotonic() - began < _NEWS:
-        if comm.iprobe(tag=_ABORTS):
+        if is_aborted():
             return True
         time.sleep(0.01)
     return False

@@ -33,6 +33,7 @@ STILL = 4.5 * TOUCHED_EVERY  # s untouched after which a run on another machine 
 FIRST_WORDS = 1.0  # s that a new file may take to say whose it is
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL, errno.EPERM}
 _JOBS = ("SLURM_JOB_ID", "PBS_JOBID")
+_HELD: set[Lock] = set()  # by this process
 
 
 @contextmanager
@@ -59,6 +60,7 @@ class Lock:
 
     def __init__(self, path: Path, handle: int):
         self._path, self._handle, self._ends = path, handle, threading.Event()
+        _HELD.add(self)
         os.ftruncate(handle, 0)
         os.pwrite(handle, json.dumps(_self()).encode(), 0)
         try:
@@ -78,11 +80,18 @@ class Lock:
     def release(self) -> None:
         """Take the file away, if it is still this one, and give up the lock."""
         self._ends.set()
+        _HELD.discard(self)
         with suppress(OSError):
             if _is_at(self._path, self._handle):
                 os.remove(self._path)
         with suppress(OSError):
             os.close(self._handle)
+
+
+def release_all() -> None:
+    """Release all locks of this process, which ends.  Local, in any thread."""
+    for lock in tuple(_HELD):
+        lock.release()
 
 
 def _take(folder: Path) -> tuple[Lock, list[str]]:

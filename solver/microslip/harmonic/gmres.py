@@ -9,6 +9,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..parallel.petsc import free
 from .petsc_contexts import ShellMatrix, ShellPreconditioner
 
 Product = Callable[[np.ndarray, np.ndarray], None]  # (x, out): writes the product into out, this rank's rows
@@ -46,8 +47,7 @@ class Gmres:
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
-        for thing in (self._ksp, self._A, self._b, self._x):
-            thing.destroy()
+        free(self._ksp, self._A, self._b, self._x)
 
     def solve(self, b: np.ndarray, is_preconditioned: bool, rtol: float | None = None) -> tuple[np.ndarray, Outcome]:
         """Return x (n_owned,), read-only and valid until the next solve, and how it ended.  Collective."""

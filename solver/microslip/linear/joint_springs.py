@@ -13,6 +13,7 @@ from ..assembly.system import System
 from ..guards.memory import refuse_beyond
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
+from ..parallel.petsc import free
 from .analysis import FactorMemory
 from .factor import Factor, KnownFactor
 from .mumps import ADVICE
@@ -50,7 +51,7 @@ class Linearised:
     def destroy(self) -> None:
         """Free K_L and its factor; K and M belong to the system.  Collective."""
         self.factor.destroy()
-        self.K_L.destroy()
+        free(self.K_L)
 
 
 def linearise(

@@ -15,6 +15,7 @@ from ..guards.memory import refuse_beyond, shortage
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_each
 from ..system.memory import gigabytes
+from ..system.signals import is_stopping
 from ..system.watchdog import patient
 from .analysis import count, factor_memory
 from .bridge import VARIABLE, within_int32
@@ -78,8 +79,9 @@ class MumpsFactor:
         return int(self.ranges[self.comm.rank + 1] - self.ranges[self.comm.rank])
 
     def destroy(self) -> None:
-        """Free the factor.  Collective."""
-        self.mumps.end()
+        """Free the factor, but not after a signal that stops: other ranks do not take part.  Collective."""
+        if not is_stopping():
+            self.mumps.end()
 
     def save(self, folder: str) -> None:
         """Write the factor, which lies in memory, into an empty folder: :func:`saved_file` of every rank.  Collective.

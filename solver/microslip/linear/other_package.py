@@ -17,6 +17,7 @@ from petsc4py import PETSc
 
 from ..guards.memory import refuse_beyond
 from ..messages.errors import CaseError
+from ..parallel.petsc import free
 from ..system.watchdog import patient
 from .analysis import FactorMemory, factor_memory
 from .bridge import VARIABLE
@@ -46,7 +47,7 @@ class PackageFactor:
 
     def destroy(self) -> None:
         """Free the factor.  Collective."""
-        self.ksp.destroy()
+        free(self.ksp)
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.  Collective."""

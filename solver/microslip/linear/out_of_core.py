@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from ..messages.errors import ResourceError
 from ..parallel.agree import on_each
+from ..system.files import remove_at_end, remove_folder
 from ..system.memory import gigabytes
 
 if TYPE_CHECKING:
@@ -57,7 +58,8 @@ def _take_folder(mumps: Instance, folder: str) -> None:
     """Make a folder for this rank's files of a factor, and state it.  Local."""
     try:
         own = tempfile.mkdtemp(prefix=OWN, dir=folder)
-        weakref.finalize(mumps, shutil.rmtree, own, ignore_errors=True)
+        weakref.finalize(mumps, remove_folder, own)
+        remove_at_end(own)
         mumps.set_folder(own)
     except (OSError, ValueError) as error:
         raise ResourceError(f"{folder}: cannot be written ({error}); set {VARIABLE}") from error

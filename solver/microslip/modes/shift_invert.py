@@ -16,6 +16,7 @@ from slepc4py import SLEPc
 from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
+from ..parallel.petsc import free
 from ..system.watchdog import moved, patient
 from .rayleigh import iterated_once
 
@@ -118,8 +119,7 @@ class ModeSearch:
             said = _solve_with_room(eps, n_sought, n_dof - n_before * is_deflated)
             phi_owned, info = _converged(eps, linearised)
         finally:
-            for each in (start, *before, ksp, eps):
-                each.destroy()
+            free(start, *before, ksp, eps)
             solves.factor = None  # petsc4py may not free what holds this
         if is_deflated:
             phi_owned = np.hstack([self._phi_owned, phi_owned])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..messages.errors import Interrupted, MicroslipError
 from ..points.branch import Branch, Point
-from ..system.signals import asked_to_save
+from ..system.signals import asked_to_save, parting_with
 from ..system.walltime import TimeLimit
 from .log import RunLog
 
@@ -86,8 +86,10 @@ class Stops:
 @contextmanager
 def goes_on(folder: Path) -> Iterator[None]:
     """Say of an interruption where the results are, and how they are completed.  Local."""
-    try:
-        yield
-    except Interrupted as problem:
-        problem.args = (f"{problem}; what was found until then is in {folder}, and the same command goes on from there",)
-        raise
+    words = f"; what was found until then is in {folder}, and the same command goes on from there"
+    with parting_with(words):
+        try:
+            yield
+        except Interrupted as problem:
+            problem.args = (f"{problem}{words}",)
+            raise

@@ -13,8 +13,11 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from ..system.signals import handlers_unchanged, is_stopping
+
 if TYPE_CHECKING:
     from mpi4py import MPI
+    from petsc4py import PETSc
 
 _REFUSED = (62, 63, 86, 92)  # errors of PETSc: a wrong argument, one out of range, an unknown kind, a solver not there
 PREFIXES = ("static_", "modes_", "hb_")
@@ -46,17 +49,29 @@ def initialise(options: list[str] | None = None):
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     locate()
-    import petsc4py
-
     arguments = ["microslip", "-skip_petscrc", *(options or [])]
-    petsc4py.init(arguments)
-    import slepc4py
+    with handlers_unchanged():
+        import petsc4py
 
-    slepc4py.init(arguments)
+        petsc4py.init(arguments)
+        import slepc4py
+
+        slepc4py.init(arguments)
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
     return PETSc, SLEPc
+
+
+def free(*objects: PETSc.Object) -> None:
+    """Destroy objects of PETSc and SLEPc; after a signal that stops do nothing.  Collective.
+
+    The signal may have left a solver of theirs in the middle of its work: PETSc then refuses to free them, or crashes, and the
+    other ranks do not take part.
+    """
+    if not is_stopping():
+        for each in objects:
+            each.destroy()
 
 
 def everyone() -> MPI.Comm:

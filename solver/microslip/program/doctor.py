@@ -12,6 +12,7 @@ import os
 import platform
 import re
 import shutil
+import site
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,7 +23,11 @@ from ..version import __version__
 
 
 class Unusable(Exception):
-    """Something is there, but not as the program needs it."""
+    """Something is there, but not as the program needs it; what to do, where that is not what brings the part."""
+
+    def __init__(self, fault: str, remedy: str = ""):
+        super().__init__(fault)
+        self.remedy = remedy
 
 
 @dataclass(frozen=True)
@@ -42,14 +47,22 @@ def examine() -> tuple[list[str], bool]:
         fault = _fault(part)
         lines.append(f"  {part.name:<12} {part.version()}" if fault is None else f"  {part.name:<12} {fault}")
         is_well = is_well and fault is None
+        if not is_well and part.name == "numpy":  # everything else is built on it
+            break
     lines += [f"note: {note}" for note in _notes(is_well)]
     lines.append("everything is there" if is_well else "something is missing: the lines above name the command that brings it")
     return lines, is_well
 
 
 def faults(*names: str) -> str | None:
-    """Return what is missing of the parts named, of all parts if none is named, or None.  Local."""
-    wanted = [part for part in PARTS if part.name in names or not names]
+    """Return what is missing of the parts named, of all parts if none is named, or None.  Local.
+
+    NumPy comes first: on another one than they are built for, the other parts fail with pages of text.
+    """
+    numpy, *others = PARTS
+    wanted = [part for part in others if part.name in names or not names]
+    if (fault := _fault(numpy)) is not None:
+        return f"numpy: {fault}"
     lines = [f"{part.name}: {fault}" for part in wanted if (fault := _fault(part))]
     return "; ".join(lines) + "; see: microslip doctor" if lines else None
 
@@ -59,7 +72,7 @@ def _fault(part: Part) -> str | None:
     try:
         part.version()
     except Unusable as problem:
-        return f"{problem}: {part.remedy}"
+        return f"{problem}: {problem.remedy or part.remedy}"
     except ImportError as problem:
         missing = isinstance(problem, ModuleNotFoundError) and problem.name == part.name
         return f"missing{'' if missing else f' ({problem})'}: {part.remedy}"
@@ -70,6 +83,30 @@ def _fault(part: Part) -> str | None:
 
 def _module(name: str) -> Callable[[], str]:
     return lambda: str(getattr(importlib.import_module(name), "__version__", "present"))
+
+
+def _numpy() -> str:
+    """Return NumPy's version; where it comes from the user's own folders, PETSc must have been built for such a one."""
+    module = importlib.import_module("numpy")
+    if module.__file__ is not None and (remedy := _way_around(module.__file__)):
+        try:
+            locate()
+            importlib.import_module("petsc4py.lib").ImportPETSc()
+        except ModuleNotFoundError:  # said of PETSc
+            pass
+        except (ImportError, ValueError, AttributeError, SystemError) as problem:
+            folder = os.path.dirname(module.__file__)
+            fault = f"version {module.__version__} in {folder} is not the one that PETSc was built for"
+            raise Unusable(fault, remedy) from problem
+    return str(module.__version__)
+
+
+def _way_around(file: str) -> str:
+    """Return how to start without a file of the user's own packages or of PYTHONPATH; "" of any other file."""
+    if site.ENABLE_USER_SITE and file.startswith(site.getusersitepackages() + os.sep):
+        return "start with PYTHONNOUSERSITE=1 in the environment, or pip uninstall numpy"
+    of_variable = [os.path.abspath(folder) + os.sep for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if folder]
+    return "take that folder out of PYTHONPATH" if file.startswith(tuple(of_variable)) else ""
 
 
 def _distribution(name: str) -> str:
@@ -187,7 +224,7 @@ def _pip(package: str) -> str:
 
 
 PARTS = (
-    Part("numpy", _module("numpy"), _debian("python3-numpy")),
+    Part("numpy", _numpy, _debian("python3-numpy")),
     Part("scipy", _module("scipy"), _debian("python3-scipy")),
     Part("matplotlib", _module("matplotlib"), _debian("python3-matplotlib")),
     Part("pydantic", _pydantic, _pip("'pydantic>=2'")),

@@ -17,6 +17,7 @@ from ..elements import KINDS
 from ..mesh.data import ElementBlock, Mesh
 from ..messages.errors import CaseError
 from ..system.files import written_whole
+from ..system.hdf5 import written_hdf5
 from .checked_datasets import Reader, opened
 from .writer import write_array, write_texts
 
@@ -69,7 +70,7 @@ def keep_fields(path: str, fields: Fields | None, run: RunRecord | None = None) 
         return
     with written_whole(path) as beside:
         shutil.copyfile(path, beside)
-        with h5py.File(beside, "r+") as file:
+        with written_hdf5(beside, "r+") as file:
             if run is not None:
                 _write_run(file, run)
             if fields is not None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
+from collections.abc import Iterable
 from contextlib import suppress
 
 from ..points.branch import QUANTITIES, Branch, Point
@@ -40,24 +42,38 @@ class ResponseTable:
 
     def _begin(self, path: str) -> None:
         """Open a file and write the header."""
-        self._file = open(path, "w", encoding="utf-8", newline="")
-        self._rows = csv.writer(self._file, lineterminator="\n")
+        self._file, self._length = open(path, "wb", buffering=0), 0
         try:
-            self._rows.writerow(column.name for column in COLUMNS)
-            self._file.flush()
+            self._append([[column.name for column in COLUMNS]])
         except OSError:
-            with suppress(OSError):  # what could not be written is tried again
-                self._file.close()
+            self._file.close()
             raise
 
+    def _append(self, rows: Iterable[Iterable[object]]) -> None:
+        """Write rows, all of them or none: what a full disk took of them is cut off again."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows(rows)
+        data = text.getvalue().encode(errors="backslashreplace")
+        try:
+            written = 0
+            while written < len(data):
+                written += self._file.write(data[written:])
+        except OSError:
+            with suppress(OSError):  # of a device
+                self._file.truncate(self._length)
+            raise
+        self._length += written
+
     def add(self, level: float, i: int, point: Point) -> None:
-        """Append the ``i``-th point of a level [N], counted from 0; flushed before this returns."""
+        """Append the ``i``-th point of a level [N], counted from 0; passed to the system before this returns."""
         with said_of(self.path):
-            for k, name in enumerate(self.outputs):
-                cells = [cell for quantity in _REST for cell in quantity.cells(point, k)]
-                last = [cell for quantity in _AFTER_UNIT for cell in quantity.cells(point, k)]
-                self._rows.writerow([f"{level:.13g}", i, *_FIRST.cells(point, k), name, *cells, self.units[k], *last])
-            self._file.flush()
+            self._append(self._row(level, i, point, k) for k in range(len(self.outputs)))
+
+    def _row(self, level: float, i: int, point: Point, k: int) -> list[object]:
+        """Return the cells of a point and its output ``k``."""
+        cells = [cell for quantity in _REST for cell in quantity.cells(point, k)]
+        last = [cell for quantity in _AFTER_UNIT for cell in quantity.cells(point, k)]
+        return [f"{level:.13g}", i, *_FIRST.cells(point, k), self.outputs[k], *cells, self.units[k], *last]
 
     def is_gone(self) -> bool:
         """Return whether somebody has removed the file, or put another in its place."""

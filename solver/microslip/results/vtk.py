@@ -12,6 +12,7 @@ import numpy as np
 
 from ..mesh.data import Mesh
 from ..system.files import written_whole
+from ..system.hdf5 import written_hdf5
 
 VERSION = (2, 1)
 CELL_TYPE = {"tet4": 10, "hex8": 12, "wedge6": 13, "pyramid5": 14, "tet10": 24, "hex20": 25, "wedge15": 26, "pyramid13": 27}
@@ -62,7 +63,7 @@ def write_fields(path: str, mesh: Mesh, fields: Mapping[str, np.ndarray]) -> Non
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with written_whole(path) as beside, h5py.File(beside, "w") as file:
+    with written_whole(path) as beside, written_hdf5(beside) as file:
         root = vtk_root(file, "UnstructuredGrid")
         write_grid(root, mesh)
         for name, values in fields.items():

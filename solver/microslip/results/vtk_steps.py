@@ -9,6 +9,7 @@ import numpy as np
 
 from ..mesh.data import Mesh
 from ..system.files import written_whole
+from ..system.hdf5 import written_hdf5
 from .joint_mesh import JointMesh
 from .vtk import pack, vtk_root, write_grid, write_numbers
 
@@ -23,7 +24,7 @@ def write_structure_series(path: str, mesh: Mesh, times: Sequence[float] | np.nd
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with written_whole(path) as beside, h5py.File(beside, "w") as file:
+    with written_whole(path) as beside, written_hdf5(beside) as file:
         root = vtk_root(file, "UnstructuredGrid")
         write_grid(root, mesh)
         write_numbers(root, mesh)
@@ -56,7 +57,7 @@ def write_joint_series(
     def of_points(step: int) -> dict[str, np.ndarray]:
         return {name: joint.weights @ values for name, values in at_pairs(step).items() if name == "displacement"}
 
-    with written_whole(path) as beside, h5py.File(beside, "w") as file:
+    with written_whole(path) as beside, written_hdf5(beside) as file:
         root = vtk_root(file, "PolyData")
         pack(root, "NumberOfPoints", np.array([len(joint.points)], dtype="i8"))
         pack(root, "Points", joint.points.astype("f8"))

@@ -14,6 +14,7 @@ from ..points.branch import QUANTITIES, Branch, Point
 from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..system.files import make_folder, written_whole
+from ..system.hdf5 import written_hdf5
 from .origin import Origin
 from .record import (
     COMPLETE,
@@ -64,7 +65,7 @@ class ResultWriter:
         """Create both files, without levels."""
         make_folder(self.folder)
         table = ResponseTable(self.folder, head.outputs, tuple(self._units))
-        with written_whole(self.path) as beside, h5py.File(beside, "w") as file:
+        with written_whole(self.path) as beside, written_hdf5(beside) as file:
             _write_head(file, head)
             _write_joint(file.create_group("joint"), head.joint)
             for name, static in head.at_rest.items():
@@ -108,7 +109,7 @@ class ResultWriter:
         name = f"levels/{number:04d}"
         with written_whole(self.path) as beside:
             shutil.copyfile(self.path, beside)
-            with h5py.File(beside, "r+") as file:
+            with written_hdf5(beside, "r+") as file:
                 if name in file:
                     del file[name]
                 _write_level(file.create_group(name), result, common(self._units))

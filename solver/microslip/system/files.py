@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -13,6 +14,7 @@ from ..messages.errors import CaseError, MicroslipError, ResourceError
 from .signals import unbroken
 
 BESIDE = ".part"  # what a file is called until it is whole
+_OF_PROCESS: set[str] = set()  # folders that are of no use after its end
 _FORBIDDEN = {
     errno.EACCES,
     errno.EPERM,
@@ -91,6 +93,23 @@ def _to_disk(path: str) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def remove_at_end(folder: str) -> None:
+    """Have a folder of this process removed when the program ends after a signal, too.  Local."""
+    _OF_PROCESS.add(folder)
+
+
+def remove_folder(folder: str) -> None:
+    """Remove a folder of this process, as far as that is possible.  Local."""
+    _OF_PROCESS.discard(folder)
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def remove_folders() -> None:
+    """Remove all folders of this process, which ends.  Local, in any thread."""
+    for folder in tuple(_OF_PROCESS):
+        remove_folder(folder)
 
 
 def refuse_devices(path: str | os.PathLike[str]) -> None:

@@ -60,6 +60,11 @@ def peak_memory() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
 
 
+def memory_left_here() -> float:
+    """Return what this process may still take if no other one takes more [bytes]; infinite where nothing tells.  Local."""
+    return min((limit.left for limit in limits_here("machine", "process", resident_memory())), default=float("inf"))
+
+
 # -- limits, read ------------------------------------------------------------------------------------------------------
 
 

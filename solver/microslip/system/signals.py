@@ -27,26 +27,91 @@ class _Asked:
     to_save = False
     to_stop: Interrupted | None = None
     waits_for_first = False  # another rank saves, and this one goes on for a while so that it can
+    is_over = False  # the end of the program is decided
     n_holding = 0  # blocks at work that are not to be broken off
+    parting: str = ""  # what a message on a stop ends with
+
+
+class Answer:
+    """How far the main thread has come with a signal that stops; for a thread that watches it."""
+
+    begun = threading.Event()  # it is on its way out
+    said = threading.Event()  # the message is written: everything is saved
 
 
 def obey_signals(is_first: bool = True) -> None:
     """Make signals ask for what this module says; one that the caller ignores, as nohup does, stays ignored.  Local.
 
-    To be called again after PETSc has started: it takes some for messages of its own.  The rank that saves ``is_first`` to stop:
+    To be called again after PETSc has started, which takes SIGPIPE.  The rank that saves ``is_first`` to stop:
     if another one did, the first would wait for it in the midst of a library, where no signal is answered.
     """
     _Asked.to_save, _Asked.to_stop, _Asked.waits_for_first = False, None, not is_first
+    _Asked.is_over = False
+    Answer.begun.clear()
     for number, answer in (*((number, _stop) for number in STOPPING), (signal.SIGUSR1, _save)):
         ignored = signal.getsignal(number) == signal.SIG_IGN
         signal.signal(number, signal.SIG_IGN if ignored else answer)
     signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc's handler ends the process; without it the write fails
 
 
+@contextmanager
+def handlers_unchanged() -> Iterator[None]:
+    """Give signals back the handlers that a library replaces in the block; one that arrives meanwhile waits.  Local."""
+    numbers = (*STOPPING, signal.SIGUSR1)
+    if threading.current_thread() is not threading.main_thread():  # of a notebook: handlers are not those of this program
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+    handlers = [signal.getsignal(number) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, handler in zip(numbers, handlers):
+            if handler is not None:
+                signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def asked_to_save() -> bool:
     """Return whether SIGUSR1 has come since the last call.  Local."""
     asked, _Asked.to_save = _Asked.to_save, False
     return asked
+
+
+def conclude_signals() -> None:
+    """Let no signal change the end of the program any more, which is decided.  Local."""
+    _Asked.is_over = True
+
+
+def is_concluded() -> bool:
+    """Return whether the end of the program is decided.  Local."""
+    return _Asked.is_over
+
+
+def ignore_signals() -> None:
+    """Ignore signals until the process ends: Python takes its handlers back before that.  Local."""
+    for number in (*STOPPING, signal.SIGUSR1):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def is_stopping() -> bool:
+    """Return whether a signal that stops has arrived, and this process is on its way out.  Local."""
+    return _Asked.to_stop is not None
+
+
+@contextmanager
+def parting_with(words: str) -> Iterator[None]:
+    """State what the message on a stop within the block ends with.  Local."""
+    _Asked.parting, before = words, _Asked.parting
+    try:
+        yield
+    finally:
+        _Asked.parting = before
+
+
+def parting_words() -> str:
+    """Return what the message on a stop ends with: where the results are.  Local."""
+    return _Asked.parting
 
 
 @contextmanager
@@ -68,7 +133,7 @@ def _save(number: int, frame) -> None:
 
 def _stop(number: int, frame) -> None:
     """Raise Interrupted wherever the program is; a second signal changes nothing about the way out of the first."""
-    if _Asked.to_stop is not None:
+    if _Asked.to_stop is not None or _Asked.is_over:
         return
     if _Asked.waits_for_first:
         _Asked.waits_for_first = False
@@ -77,6 +142,7 @@ def _stop(number: int, frame) -> None:
         again.start()
         return
     _Asked.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
+    Answer.begun.set()
     end_within(UNWINDING)
     _drop_what_nobody_reads()
     if not _Asked.n_holding:

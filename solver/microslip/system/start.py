@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import io
 import os
+import resource
 import signal
 import sys
 from typing import NoReturn
 
 _STOPPED = 5  # exit status of Interrupted
+ADDRESS_SPACE_OF_ONE, ADDRESS_SPACE_OF_SEVERAL = 700_000_000, 1_000_000_000  # bytes, which MPI, PETSc and their libraries map
 _LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
 
 
@@ -19,6 +21,27 @@ def launcher_rank() -> int:
     """Return this process's rank as its launcher tells it: known before MPI starts, and without MPI.  Local."""
     ranks = [os.environ[name] for name in _LAUNCHERS if os.environ.get(name, "").isdigit()]
     return int(ranks[0]) if ranks else 0
+
+
+def too_little_address_space() -> str | None:
+    """Return what to say where a limit leaves no room for the program's libraries: they would be taken for missing.  Local."""
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    needed = ADDRESS_SPACE_OF_ONE if _n_ranks() == 1 else ADDRESS_SPACE_OF_SEVERAL
+    if limit == resource.RLIM_INFINITY or limit >= needed:
+        return None
+    return (
+        f"the address space of a process is limited to {limit / 1e6:.0f} MB (ulimit -v), and the libraries of the program take "
+        f"{needed / 1e6:.0f} MB before there is a model; ulimit -v {2 * needed // 1024} leaves room for a small one, ulimit -v "
+        "unlimited for any"
+    )
+
+
+def _n_ranks() -> int:
+    """Return the number of ranks as the launcher tells it.  Local."""
+    sizes = [
+        os.environ[name] for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_NTASKS") if os.environ.get(name, "").isdigit()
+    ]
+    return int(sizes[0]) if sizes else 1
 
 
 def open_streams() -> None:

@@ -1,0 +1,133 @@
+"""Test that a run that gets a signal at a random moment ends in time with its status, and that the same command then goes on.
+
+    python jobs/bench/signal_test.py [SCENE] [--times 200] [--ranks 1 2] [--seed S] [--earlier SHARE] [--set KEY=VALUE ...]
+                                     [--stages NAME ...] [--folder DIR]
+
+The scene, by default a short form of the demo, runs once undisturbed on each number of ranks.  Then, `--times` times, it runs in a
+new folder and gets one signal, a third of them two of them, a moment apart.  A moment lies anywhere in the whole job, start and end
+included, or, in half of the trials, in one of the stages of the log, each as likely.  On one rank the signal goes to the process; on
+several in turn to one rank, to all ranks, and to mpirun.  The same command is then given again until the end.
+
+A trial fails where the run, with all processes of its session, has not ended 10 s after the signal (SIGUSR1 ends nothing); where
+its status is another than 5, or 0 of a run that was done before; where mpirun got the signal itself, and then says 1; where not
+exactly one message was written; and where :mod:`kill_test` finds fault with the files or with the run that goes on.  Any failure
+makes status 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import kill_test
+from kill_test import POINT, STAGE, Test, Trial, Undisturbed
+from killing import Run, members
+
+SHORT = ("response.levels=[5.0]", "response.points=20", "solver.error_bars=false")  # of the demo
+SIGNALS = (*3 * (signal.SIGTERM,), signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)
+WITHIN = 10.0  # s
+STOPPED, OF_MPIRUN, BEFORE_PYTHON = 5, 1, 0.6  # status; status; s, about, in which Python has not reached the program
+_MESSAGE = "microslip: error: "
+
+
+class SignalTest(Test):
+    """The test of a scene in a folder: :class:`kill_test.Test`, with signals that can be answered in the place of SIGKILL."""
+
+    def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, found: Trial) -> Run:
+        """Start a run, send it a signal at some moment, and note how it ended."""
+        number, run = self.random.choice(SIGNALS), Run(self.command(ranks, out), self.folder / "said")
+        self._wait_for_moment(run, goal)
+        where = (["start"] + [name for name, _ in STAGE.findall(run.said())])[-1]
+        to, at = self._send(run, number, ranks, found.number), run.seconds
+        if self.random.random() < 1.0 / 3.0:
+            time.sleep(self.random.uniform(0.0, 1.5))
+            self._send(run, number, ranks, found.number)
+        status = run.wait(kill_test.LIMIT if number == signal.SIGUSR1 else WITHIN)
+        while status is not None and members(run.process.pid) and run.seconds - at < WITHIN:  # mpirun ends before its ranks
+            time.sleep(0.05)
+        seconds, left = run.seconds - at, [] if status is None else members(run.process.pid)
+        run.kill()
+        n = found.told = max(len(POINT.findall(text)) for text in (run.said(), _log(out)))
+        found.hit.append(f"{number.name} to {to}: {at:.2f} s, after {where}, point {n}: {status} after {seconds:.1f} s")
+        if status is None:
+            found.wrong.append(f"had not ended {WITHIN:.0f} s after the signal")
+        found.wrong += [f"{len(left)} processes were left"] if left else []
+        found.wrong += _wrong(status, run.said(), number, to, at)
+        if found.wrong:
+            (self.folder / f"said_{ranks}_{found.number}").write_text(run.said())
+        return run
+
+    def _wait_for_moment(self, run: Run, goal: Undisturbed) -> None:
+        """Wait for a moment of the whole job, or for one within a stage."""
+        stages = list(goal.stages)
+        if not self.asked.stages and self.random.random() < 0.5:
+            self._sleep(run, self.random.uniform(0.0, goal.seconds))
+            return
+        i = self.random.choice([i for i, name in enumerate(stages) if name.startswith(tuple(self.asked.stages or [""]))])
+        while i and not run.is_over and stages[i - 1] not in dict(STAGE.findall(run.said())):
+            time.sleep(0.002)
+        self._sleep(run, self.random.uniform(0.0, 1.2 * goal.stages[stages[i]]))
+
+    def _send(self, run: Run, number: signal.Signals, ranks: int, trial: int) -> str:
+        """Send a signal, and return to whom."""
+        of_ranks = _children(run.process.pid)
+        if ranks == 1 or trial % 3 == 2 or not of_ranks:
+            to, processes = "the process" if ranks == 1 else "mpirun", [run.process.pid]
+        elif trial % 3 == 1:
+            to, processes = "all ranks", of_ranks
+        else:
+            rank = self.random.randrange(len(of_ranks))
+            to, processes = f"rank {rank}", of_ranks[rank : rank + 1]
+        for process in processes:
+            with suppress(ProcessLookupError):
+                os.kill(process, number)
+        return to
+
+
+def _log(out: Path) -> str:
+    """Return the log of a run over earlier results, or else of the folder: mpirun passes on no more points when it is stopped."""
+    logs = [out / "unfinished" / "run.log"] if (out / "restart" / "done").exists() else [out / "run.log"]
+    return "".join(log.read_text() for log in logs if log.exists())
+
+
+def _wrong(status: int | None, said: str, number: signal.Signals, to: str, at: float) -> list[str]:
+    """Return what is wrong with the end of a run after a signal."""
+    if number == signal.SIGUSR1:
+        expected = {0} | ({-number, OF_MPIRUN, 128 + number} if at < BEFORE_PYTHON else set())
+    else:
+        expected = (
+            {0, STOPPED} | ({OF_MPIRUN} if to == "mpirun" else set()) | ({-number, 128 + number} if at < BEFORE_PYTHON else set())
+        )
+    wrong = [] if status in expected or status is None else [f"status {status}: {said[-300:]!r}"]
+    n = said.count(_MESSAGE)
+    if status == STOPPED and n != 1 or status == 0 and n or n > 1:
+        wrong.append(f"{n} messages")
+    return wrong
+
+
+def _children(process: int) -> list[int]:
+    """Return the children of a process in the order of their start."""
+    with suppress(OSError):
+        return sorted(map(int, Path(f"/proc/{process}/task/{process}/children").read_text().split()))
+    return []
+
+
+def main() -> None:
+    os.environ.setdefault("MICROSLIP_CACHE", "off")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    kill_test.add_arguments(parser, times=200)
+    parser.add_argument("--stages", nargs="+", metavar="NAME", help="of the log, in which alone signals are sent")
+    asked = parser.parse_args()
+    asked.in_a_row = 1
+    if asked.scene == kill_test.DEMO and not asked.settings:
+        asked.settings = list(SHORT)
+    sys.exit(kill_test.run_trials(SignalTest, asked))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""The end of a run that does not answer a signal in time: by a thread, which the signal wakes.
+
+Python answers a signal when the call in progress returns: a factorisation may take minutes.  MUMPS and mpi4py let other threads
+run meanwhile, so that one of them can end the process; within a call that does not, faulthandler's timers remain.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import threading
+import time
+from contextlib import suppress
+from typing import NoReturn
+
+from ..messages.errors import Interrupted
+from ..system.files import remove_folders
+from ..system.signals import STOPPING, TO_FIRST, Answer, is_concluded, parting_words
+from ..system.start import launcher_rank
+from ..system.watchdog import end_within
+from .lock import release_all
+
+NOTICE = 0.6  # s without an answer until a line says so: mpirun kills a second after its signal
+ANSWER = 6.0  # s without an answer until the process ends
+LEAVING = 5.0  # s from the message to the end of the process
+_ABORTING = 2.0  # s that MPI may take to end the job
+ABORTS = 32  # tag: to rank 0, from one that ends all of them
+
+
+def oversee_signals() -> None:
+    """Start the thread.  Local; in the main thread of a process that is the program's own."""
+    receiver, sender = os.pipe()
+    os.set_blocking(sender, False)
+    with suppress(RuntimeError):  # no further thread is to be had: signals are answered, late in long calls
+        threading.Thread(target=_oversee, args=(receiver,), name="signals", daemon=True).start()
+        signal.set_wakeup_fd(sender, warn_on_full_buffer=False)
+
+
+def _oversee(receiver: int) -> NoReturn:
+    """Wait for a signal that stops, and see that the process ends after it."""
+    while True:
+        stopping = [number for number in os.read(receiver, 64) if number in STOPPING]
+        if stopping and not is_concluded():
+            _see_to_the_end(signal.Signals(stopping[0]).name)
+
+
+def _see_to_the_end(name: str) -> None:
+    """End the process where it does not answer a signal, or does not end after its message."""
+    is_first = launcher_rank() == 0
+    if not Answer.begun.wait(NOTICE) and is_first and not is_aborted():
+        _write(f"microslip: {name} arrived: the call in progress may end within {ANSWER:.0f} s{parting_words()}\n")
+    if not Answer.begun.wait(ANSWER - NOTICE if is_first else ANSWER + TO_FIRST) and not is_concluded():
+        _end(f"stopped by {name} during a call that takes longer than {ANSWER:.0f} s{parting_words()}" if is_first else "")
+    Answer.said.wait()
+    time.sleep(LEAVING)
+    _end("")
+
+
+def _end(message: str) -> NoReturn:
+    """Say a message and end this process, and with it the job, whatever its main thread does.  Local."""
+    if message:
+        _write(f"microslip: error: {message}\n")
+    release_all()
+    remove_folders()
+    end_within(_ABORTING)
+    with suppress(ImportError):
+        from mpi4py import MPI
+
+        if MPI.Is_initialized() and not MPI.Is_finalized() and _lets_threads_call(MPI) and MPI.COMM_WORLD.size > 1:
+            MPI.COMM_WORLD.Abort(Interrupted.exit_status)
+    os._exit(Interrupted.exit_status)
+
+
+def is_aborted() -> bool:
+    """Return on rank 0 whether another one has ended all ranks: then a signal comes from the launcher.  Local, in any thread."""
+    with suppress(ImportError):
+        from mpi4py import MPI
+
+        if MPI.Is_initialized() and not MPI.Is_finalized() and _lets_threads_call(MPI):
+            return MPI.COMM_WORLD.iprobe(tag=ABORTS)
+    return False
+
+
+def _lets_threads_call(MPI) -> bool:
+    return MPI.Query_thread() == MPI.THREAD_MULTIPLE
+
+
+def _write(text: str) -> None:
+    """Write to standard error, past Python's buffers, whose locks the main thread may hold; nowhere if that is full."""
+    with suppress(OSError, ValueError):
+        if select.select([], [2], [], 0.0)[1]:
+            os.write(2, text.encode(errors="backslashreplace"))

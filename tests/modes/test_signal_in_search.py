@@ -1,0 +1,47 @@
+"""A signal that arrives while SLEPc is at work ends the program with its status: nothing that SLEPc works on is freed."""
+
+from pathlib import Path
+
+import pytest
+from processes import python
+
+SCRIPT = """
+import signal, sys
+sys.path.insert(0, sys.argv[1])
+from microslip.parallel.petsc import initialise
+initialise()
+from mpi4py import MPI
+import lattices
+from microslip.guards.ending import conclude, leave
+from microslip.linear.joint_springs import linearise
+from microslip.modes.shift_invert import ModeSearch, _SolvesByFactor
+from microslip.system.signals import obey_signals
+
+solve, n = _SolvesByFactor._solve, iter(range(10**9))
+
+def interrupted(self, B):
+    if next(n) == int(sys.argv[2]):
+        signal.raise_signal(signal.SIGTERM)
+    return solve(self, B)
+
+def action():
+    obey_signals(MPI.COMM_WORLD.rank == 0)
+    system, pairs = lattices.lattice(MPI.COMM_WORLD, (12, 7, 6))
+    _SolvesByFactor._solve = interrupted
+    linearised = linearise(system, pairs)
+    try:
+        ModeSearch(linearised).lowest(10)
+    finally:
+        linearised.destroy()
+
+leave(conclude(MPI.COMM_WORLD, action))
+"""
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("number", [0, 7])
+def test_a_signal_in_a_solve(ranks, number):
+    done = python("-c", SCRIPT, Path(__file__).parents[1], number, ranks=ranks)
+    assert done.returncode == 5, done.stderr
+    assert done.stderr.count("microslip: error: stopped by SIGTERM") == 1 and "Traceback" not in done.stderr
