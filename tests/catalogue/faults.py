@@ -119,6 +119,15 @@ SURROUNDINGS = [
         launcher=("prlimit", "--nofile=24"),
         is_said=False,
     ),
+    Fault(
+        "an address space of 400 MB",
+        "",
+        "",
+        FIRST,
+        4,
+        ("400 MB (ulimit -v)", "00 MB before there is a model"),
+        launcher=("prlimit", "--as=400000000"),
+    ),
     *(
         Fault(
             f"files of {size} bytes at most",

@@ -2,6 +2,7 @@
 
 import faulthandler
 import os
+import random
 import shutil
 import signal
 import time
@@ -16,6 +17,7 @@ from catalogue.sound import EARLIER, fingerprint, write_sound
 from microslip.__main__ import main
 from microslip.parallel.agree import on_root
 
+SEED = os.environ.get("CATALOGUE_SEED")
 LIMIT = 30.0  # s: these take hundredths, on a machine that others do not keep busy
 
 
@@ -83,14 +85,27 @@ ON_RANK_0 = ("scene", "command", "results")  # are refused by rank 0 before the 
 
 
 def entry(number, sort, case):
-    """Return a case as a parameter: on two ranks, or on one where rank 0 alone finds it; a sample of either on the others."""
+    """Return a case as a parameter: on two ranks, or on one where rank 0 alone finds it; a sample of either on the others.
+
+    With CATALOGUE_SEED in the environment on any number of ranks.
+    """
+    if SEED:
+        return pytest.param(case, id=case.name)
     ranks = (1,) if sort in ON_RANK_0 else (2,)
     others = (1, 2) * (number % 4 == 0) + (3,) * (number % 16 == 0)
     return pytest.param(case, id=case.name, marks=pytest.mark.ranks(*ranks, *others))
 
 
+def entries():
+    """Return all cases as parameters, in an order that CATALOGUE_SEED shuffles."""
+    found = [entry(i, sort, case) for sort, cases in BY_SORT.items() for i, case in enumerate(cases)]
+    if SEED:
+        random.Random(SEED).shuffle(found)
+    return found
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [entry(i, sort, case) for sort, cases in BY_SORT.items() for i, case in enumerate(cases)])
+@pytest.mark.parametrize("case", entries())
 def test_a_bad_input(comm, place, capfd, case):
     if case.not_by_root and os.geteuid() == 0:
         pytest.skip("no permission stops root")

@@ -19,7 +19,7 @@ from reader_seeds import SEEDS
 from reader_targets import TARGETS, verdict
 from scene_files import GOOD
 
-from microslip.formats import bounded
+from microslip.formats import bounded, hdf5
 from microslip.formats.includes import included_files
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
@@ -440,3 +440,16 @@ def test_the_verdict_of_the_fuzzers_finds_what_is_wrong(tmp_path):
     assert verdict(Target(".x", gives_up), tmp_path / "f").startswith("KeyError in")
     assert verdict(Target(".x", lambda path: None), tmp_path / "f") is None
     assert inp(plain()).startswith("*Heading")
+
+
+def test_values_beyond_the_memory_that_is_left_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(hdf5, "memory_left_here", lambda: 1e8)
+    with h5py.File(tmp_path / "file.h5", "w") as file:
+        for name in ("first", "second", "third"):
+            file.create_dataset(name, data=np.zeros(2_500_000), compression="gzip", chunks=(250_000,))
+        storage = hdf5.Storage(10**6)
+        assert storage.fault(file["first"], "first") is storage.fault(file["second"], "second") is None
+        assert (
+            storage.fault(file["third"], "third")
+            == "third and what was read before it need 120 MB of memory, of which 100 MB are left"
+        )

@@ -31,7 +31,7 @@ def too_little_address_space() -> str | None:
         return None
     return (
         f"the address space of a process is limited to {limit / 1e6:.0f} MB (ulimit -v), and the libraries of the program take "
-        f"{needed / 1e6:.0f} MB before there is a model; ulimit -v {2 * needed // 1024} leaves room for a small one, ulimit -v "
+        f"{needed / 1e6:.0f} MB before there is a model; ulimit -v {2 * needed // 1000} leaves room for a small one, ulimit -v "
         "unlimited for any"
     )
 
