@@ -129,21 +129,22 @@ class Worker:
     """The process that does scenes, replaced by another one when it is gone."""
 
     def __init__(self, folder: Path):
-        self.folder, self.process = folder, None
+        self.folder = folder
+        self.process: subprocess.Popen | None = None
 
     def do(self, arguments: list[str]) -> tuple[int | str, str]:
         """Return status and message of a command, or what became of the process."""
-        if self.process is None:
-            self.process = subprocess.Popen(
-                [sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=self.folder
-            )
-        self.process.stdin.write(json.dumps(arguments) + "\n")
-        self.process.stdin.flush()
-        answer = self.process.stdout.readline() if select.select([self.process.stdout], [], [], HANG)[0] else "hang"
+        process = self.process = self.process or subprocess.Popen(
+            [sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=self.folder
+        )
+        assert process.stdin is not None and process.stdout is not None, "both are pipes"
+        process.stdin.write(json.dumps(arguments) + "\n")
+        process.stdin.flush()
+        answer = process.stdout.readline() if select.select([process.stdout], [], [], HANG)[0] else "hang"
         if answer not in ("", "hang"):
             return tuple(json.loads(answer))
-        self.process.kill()
-        status, self.process = self.process.wait(), None
+        process.kill()
+        status, self.process = process.wait(), None
         return ("hang" if answer else f"crash, status {status}"), ""
 
 
@@ -167,7 +168,8 @@ def try_mutations(asked: argparse.Namespace) -> bool:
     initialise()
     from catalogue.sound import write_sound
 
-    chance, counts, n_findings = random.Random(asked.seed), collections.Counter(), 0
+    chance, n_findings = random.Random(asked.seed), 0
+    counts: collections.Counter[tuple[str, int | str]] = collections.Counter()
     with tempfile.TemporaryDirectory(prefix="mutations_") as name:
         folder = Path(name)
         write_sound(folder)

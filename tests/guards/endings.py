@@ -78,6 +78,14 @@ def calls_without_an_answer():
         never_returns()
 
 
+def waits_without_an_answer():
+    """Be in such a call when somebody else sends a signal."""
+    with open(sys.argv[2] + str(COMM.rank), "w") as file:
+        file.write(f"{os.getpid()}\n")
+    with parting_with("; the results are elsewhere"):
+        never_returns()
+
+
 def says_and_hangs():
     """End with the message of a signal on the first rank, and stay in a call after it."""
     ending.leave = lambda status: never_returns()

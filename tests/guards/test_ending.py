@@ -97,6 +97,29 @@ def test_a_signal_during_a_long_call_ends_the_run(tmp_path, ranks):
     assert list((tmp_path / "out").iterdir()) == []
 
 
+def test_a_signal_to_mpirun_during_a_long_call_is_noticed(tmp_path):
+    command = [
+        MPIRUN,
+        "--oversubscribe",
+        "-n",
+        "2",
+        sys.executable,
+        str(ENDINGS),
+        "waits_without_an_answer",
+        str(tmp_path / "pid"),
+    ]
+    job = subprocess.Popen(command, env=environment(), stderr=subprocess.PIPE, text=True)
+    try:
+        for rank in range(2):
+            wait_for(tmp_path / f"pid{rank}")
+        job.send_signal(signal.SIGTERM)
+        said = job.communicate(timeout=LIMIT)[1]
+    finally:
+        job.kill()
+    assert job.returncode not in (0, None)
+    assert said.count("microslip: SIGTERM arrived: the call in progress may end within 1 s; the results are elsewhere\n") == 1
+
+
 def test_a_run_that_hangs_after_its_message_ends():
     done = python(ENDINGS, "says_and_hangs")
     assert done.returncode == 5 and done.stderr == "microslip: error: stopped by SIGTERM\n"

@@ -79,7 +79,10 @@ def conclude_part(comm: MPI.Comm, name: str, action: Callable[[], None]) -> int:
 
     Collective on ``comm``, all ranks or a part of them.  Ends the job where :func:`conclude` does.
     """
-    return _together(comm, *_outcome(comm, action), name=f"{name}: ")
+    status, problem = _outcome(comm, action)
+    if isinstance(problem, Interrupted):
+        _INTERRUPTED.append(problem)
+    return _together(comm, status, problem, name=f"{name}: ")
 
 
 def _outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[int, MicroslipError | None]:
@@ -178,7 +181,7 @@ def _say(text: str) -> None:
 
 
 def _say_problem(text: str, problem: MicroslipError | None) -> None:
-    """Write a problem to standard error; of a signal, everything has been saved by now."""
+    """Write a problem to standard error; of a signal that ends the program, everything has been saved by now."""
     _say(text)
     if isinstance(problem, Interrupted):
         Answer.said.set()
@@ -202,7 +205,7 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
     """
     is_said = comm.rank == 0 and isinstance(problem, Interrupted) and not _comes_from_abort()
     if is_said:
-        _say_problem(f"{name}{problem}", problem)
+        _say_problem(f"{name}{problem}", None if name else problem)  # other parts may still save
     statuses = array("i", 2 * comm.size * [0])
     grace = None if problem is None else GRACE_OF_SIGNAL if is_said else GRACE
     with unwatched():
