@@ -175,7 +175,7 @@ def assert_same_set_up(one, other):
     mine, theirs = (each.response.better.truncated.of(1) for each in (one, other))
     assert np.isclose(mine.omega, theirs.omega, rtol=1e-7) and mine.highest == pytest.approx(theirs.highest, rel=1e-9)
     assert astuple(mine.damping) == pytest.approx(astuple(theirs.damping), rel=1e-9)
-    for name in ("of_pairs", "of_outputs", "of_loads", "direct", "own", "residual"):
+    for name in ("of_pairs", "of_outputs", "of_loads", "direct", "drive_point", "residual"):
         assert_close(getattr(mine, name), getattr(theirs, name), 1e-7)
     all_pairs = np.arange(one.pairs.n_pairs)
     assert_close(*(each.model.receptance_of(1).static.G_static.transposed(all_pairs) for each in (one, other)))
@@ -263,7 +263,7 @@ def test_modes_that_structural_damping_couples_are_cached(shared_path, built):
     assert built == {"first": 2, "again": 0}
     assert_same_set_up(one, two)
     assert_close(one.model.receptance_of(1).modes.damping.S, two.model.receptance_of(1).modes.damping.S)
-    for name in ("of_pairs", "of_outputs", "of_loads", "own"):
+    for name in ("of_pairs", "of_outputs", "of_loads", "modal"):
         assert_close(*(getattr(each.response.better.truncated.of(1).coupling, name) for each in (one, two)))
     three, _ = prepared_by(scene(), shared_path / "third", shared)  # their number is chosen with the drag of the damping
     four, _ = prepared_by(scene(), shared_path / "fourth", None)
