@@ -13,6 +13,7 @@ from microslip.assembly import assemble as assemble_module
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import stiffness_at_rest
 from microslip.linear.joint_springs import linearise
+from microslip.mesh.links import find_links
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.reference_points import of_distributing
@@ -161,6 +162,44 @@ def test_other_meshes_converge(loose):
         mesh = stack("hex20", "hex20", n_low, n_high)
         errors.append(np.abs(frequencies(system_of(mesh, tied(mesh, GLUE)), 9)[6:] / wanted - 1.0).max())
     assert errors[1] < 0.005 and errors[1] < 0.1 * errors[0]
+
+
+@pytest.mark.parametrize("second", ["hex8", "hex20"])
+def test_what_lies_near_is_tied_and_the_rest_stays_free(second):
+    """A surface with nodes off the other one is tied as that without them: as Abaqus does by its position tolerance."""
+    mesh = stack("hex8", second)
+    side = np.flatnonzero((mesh.points[:, 0] == 1.0) & (mesh.points[:, 2] >= 1.0))
+    side = np.setdiff1d(side, mesh.node_groups["low_top"])
+    mesh.node_groups["corner"] = np.union1d(mesh.node_groups["high_bottom"], side)
+    beyond = len(np.setdiff1d(side, mesh.node_groups["high_bottom"]))
+    n = len(mesh.node_groups["corner"])
+    cases = [
+        tied(mesh, Tie(name="t", surfaces=(group, "low_top")), supports=[("base", "xyz")]) for group in ("high_bottom", "corner")
+    ]
+    alone, both = (find_links(mesh, case) for case in cases)
+    assert f"tie 't': {n - beyond} of {n} nodes of 'corner' follow" in both.notes[0]
+    assert f"; {beyond} lie farther than 0.025 m from them and stay free" in both.notes[0] and "WARNING" not in both.notes[0]
+    np.testing.assert_array_equal(alone.dependent, both.dependent)
+    assert abs(alone.weights - both.weights).max() < 1e-14
+    np.testing.assert_array_equal(gathered(system_of(mesh, cases[0]), "K"), gathered(system_of(mesh, cases[1]), "K"))
+
+
+def test_nodes_that_both_surfaces_have_are_one_already():
+    mesh = stack("hex8", "hex8")
+    mesh.node_groups["all"] = np.union1d(mesh.node_groups["low_top"], mesh.node_groups["high_bottom"])
+    (note,) = find_links(mesh, tied(mesh, Tie(name="t", surfaces=("all", "low_top")), supports=[("base", "xyz")])).notes
+    assert "9 of 18 nodes of 'all' follow" in note and note.endswith("; 9 are nodes of both surfaces")
+
+
+def test_a_tie_of_which_most_lies_beyond_is_a_warning_and_its_free_faces_may_slip():
+    mesh = stack("hex8", "hex8")
+    high = np.arange(len(mesh.points)) >= 18
+    mesh.node_groups["skin"] = np.flatnonzero(high)
+    case = tied(mesh, Tie(surfaces=("skin", "low_top")), supports=[("base", "xyz")], joints=[joint(surfaces=("top", "low_top"))])
+    with pytest.raises(MeshError, match="4 faces of 'low_top' of joint 'joint' are faces of 'low_top' of tie 'skin to low_top'"):
+        find_links(mesh, case)
+    links = find_links(mesh, case.with_keys(joints=[joint(surfaces=("top", "base"))]))  # faces of the tie, but not tied
+    assert links.notes[0].startswith("WARNING: tie 'skin to low_top': 9 of 18 nodes") or "9 of 18" in links.notes[0]
 
 
 def test_a_chain_is_resolved():
@@ -420,21 +459,22 @@ def refused(mesh, case, error, match):
         system_of(mesh, case)
 
 
-def test_nodes_far_from_the_facets():
+def test_no_node_near_the_facets():
     mesh = stack("hex8", "hex8")
-    mesh.points[mesh.node_groups["high_bottom"][4], 2] += 0.2
-    says = (
-        r"tie 'glue': 1 of 9 nodes of 'high_bottom' lie farther than 0.025 m .* worst is node \d+ at \(0.5, 0.5, 1.2\) m, 0.2 m"
-    )
+    mesh.points[mesh.node_groups["high_bottom"], 2] += 0.2
+    says = r"tie 'glue': 9 of 9 nodes of 'high_bottom' lie farther than 0.025 m .* the nearest is node \d+ at .* m, 0.2 m"
     refused(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]), MeshError, says)
     system_of(mesh, tied(mesh, GLUE.with_keys(tolerance=0.3), supports=[("base", "xyz")]))
 
 
-def test_surfaces_that_share_nodes():
+def test_faults_of_several_ties_and_points_are_one_message():
     mesh = stack("hex8", "hex8")
-    mesh.node_groups["all"] = np.union1d(mesh.node_groups["low_top"], mesh.node_groups["high_bottom"])
-    case = tied(mesh, Tie(name="glue", surfaces=("high_bottom", "all")), supports=[("base", "xyz")])
-    refused(mesh, case, MeshError, "share 9 nodes .* they are one there already")
+    mesh.node_groups["node"] = mesh.node_groups["top"][:1]
+    away = [Tie(name=name, surfaces=("top", "low_top")) for name in "ab"]
+    case = tied(mesh, *away, supports=[("base", "xyz")], points=(Point(name="p", position=(0.0, 0.0, 3.0), group="node"),))
+    refused(
+        mesh, case, MeshError, r"(?s)3 faults:\n  1\. .*tie 'a': 9 of 9.*\n  2\. .*tie 'b': 9 of 9.*\n  3\. .*point 'p': the 1"
+    )
 
 
 def test_ties_in_a_ring_and_twice():
@@ -447,12 +487,9 @@ def test_ties_in_a_ring_and_twice():
         "tie 'glue' and tie 'back' follow each other in a ring",
     )
     again = Tie(name="again", surfaces=GLUE.surfaces)
-    refused(
-        mesh,
-        tied(mesh, GLUE, again, supports=[("base", "xyz")]),
-        MeshError,
-        "9 nodes follow two things, tie 'glue' and tie 'again'",
-    )
+    links = find_links(mesh, tied(mesh, GLUE, again, supports=[("base", "xyz")]))
+    assert "tie 'again': 0 of 9 nodes of 'high_bottom' follow" in links.notes[1] and "; 9 follow another tie" in links.notes[1]
+    assert len(links.dependent) == 27
 
 
 def test_a_joint_on_tied_faces():

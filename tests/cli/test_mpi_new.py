@@ -66,6 +66,56 @@ def test_from_new_to_a_curve_by_names_and_by_bodies(comm, program, model, shared
     assert on_root(comm, lambda: (out / "mesh.png").stat().st_size) > 10_000
 
 
+FIXED = (
+    "*Step, name=Fixed, perturbation",
+    "*Frequency",
+    "4,",
+    "*Boundary",
+    "BAR_BOTTOM, ENCASTRE",
+    "PLATE_TOP, ENCASTRE",
+    "*End Step",
+)
+
+
+def test_a_fixed_interface_step_does_not_hold_the_joint(comm, program, shared_path):
+    """From such a file `new` leads to pairs that move, as its second step does; as it is the joint is refused."""
+    on_root(comm, lambda: (shared_path / "m.inp").write_text(inp(plain(), FIXED)))
+    scene, out = shared_path / "first.toml", shared_path / "out"
+    status, said, _ = program("new", shared_path / "m.inp", "--out", scene)
+    assert status == 0 and "left out: BAR_BOTTOM (xyz), PLATE_TOP (xyz), which fix both sides of a joint" in said
+    edit(comm, scene, *QUICK)
+    peaks = []
+    for changes in ((), ((r"^step = 1", "step = 2"), (r"^take = .*\n", ""), (r"^\[\[supports\]\]\ngroup.*\nfix.*\n", ""))):
+        edit(comm, scene, *changes)
+        status, said, error = program("check", scene)
+        assert status == 0, error
+        assert "WARNING" not in said and ("held: " not in said) and "PLATE_BASE: x, y, z" in said
+        assert said.count("*FREQUENCY, PERTURBATION") == 2
+        assert program("run", scene, "--out", out)[0] == 0
+        peaks.append(on_root(comm, lambda: np.abs(read_results(str(out / "results.h5")).levels[0].response).max()))
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-12)
+    edit(comm, scene, (r"^step = 2", "step = 1"))
+    status, _, error = program("check", scene)
+    assert status == 2 and "fix both sides of all its 8 pairs" in error
+    edit(comm, scene, (r"^step = 1", "step = 3"))
+    status, _, error = program("check", scene)
+    assert status == 2 and error.count("microslip: error: ") == 1
+    assert '[model] step = 3: the file has 2 steps, 1: *FREQUENCY, PERTURBATION "Fixed"; 2: *FREQUENCY, PERTURBATION' in error
+
+
+def test_all_faults_of_a_scene_are_reported_in_one_check(comm, program, shared_path):
+    """What has to be answered, a tie and a joint of faces that do not touch, an output without a node: one message, status 2."""
+    on_root(comm, lambda: (shared_path / "m.inp").write_text(inp(plain(), ("*Gap, elset=D", "0.1"))))
+    scene = shared_path / "first.toml"
+    assert program("new", shared_path / "m.inp", "--out", scene)[0] == 0
+    tie = '[[ties]]\nsurfaces = ["PLATE_BASE", "BAR_BOTTOM"]\n[[joints]]'
+    edit(comm, scene, (r"^ignore = .*\n", ""), (r"^\[\[joints\]\]", tie), (r'"BAR_BOTTOM", "PLATE_TOP"\]', '"BAR_BOTTOM", "PLATE_BASE"]'),
+         (r'name = "tip"\nnode = \d+', 'name = "tip"\nnode = 99999'))  # fmt: skip
+    status, _, error = program("check", scene)
+    assert status == 2 and error.count("microslip: error: ") == 1
+    assert re.search(r"(?s)error: 4 faults:\n  1\. .*\*GAP.*\n  2\. .*joint .*\n  3\. .*tie .*\n  4\. .*node = 99999", error)
+
+
 def test_a_model_file_is_checked_and_a_scene_kept(comm, program, model, shared_path):
     status, said, _ = program("check", model)
     assert status == 0 and said.count("model      ") == 1 and "supports   PLATE_BASE: x, y, z" in said

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from plain_model import inp, plain, tables
+from plain_model import bdf, inp, plain, tables
 
 from microslip import elements
 from microslip.assembly.assemble import assemble
@@ -19,7 +19,7 @@ from microslip.mesh.links import find_links
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
-from microslip.messages.errors import MeshError
+from microslip.messages.errors import CaseError, MeshError
 from microslip.modes.eigen import lowest_modes
 from microslip.scene.read import scene_of
 from microslip.tables.structure import Body, Material, Spring, Support, Tie
@@ -477,6 +477,67 @@ def test_what_changes_the_answer_is_found(tmp_path, card, word):
     assert [found for found in words(read(tmp_path, plain_text + "*MATERIAL, NAME=other\n" + card)) if found not in before] == [
         word
     ]
+
+
+STEPS = """*STEP, NAME=Fixed, PERTURBATION
+*FREQUENCY
+2
+*BOUNDARY
+ALL, ENCASTRE
+*END STEP
+*STEP, NAME=Press
+*STATIC
+*BOUNDARY
+1, PINNED
+*CLOAD
+5, 3, -1.
+6, 3, -1.
+*END STEP
+*STEP, NAME=Modes, PERTURBATION
+*FREQUENCY
+2
+*END STEP
+"""
+
+
+@pytest.mark.parametrize("step, held, at_rest", [(None, 8, None), (1, 8, None), (2, 1, "*STATIC"), (3, 1, "*STEP, PERTURBATION")])
+def test_the_conditions_are_those_of_the_chosen_step(tmp_path, step, held, at_rest):
+    """What a perturbation holds ends with it; a *STATIC that is named is vibrated about, with its loads."""
+    (tmp_path / "job.inp").write_text(CUBE + STEEL + STEPS)
+    model = read_model(tmp_path / "job.inp", step)
+    assert len(set(np.concatenate([model.groups[one.group].nodes for one in model.supports]).tolist())) == held
+    assert model.step == (step or 1)
+    assert (None if model.statics is None else model.statics.word) == at_rest
+    if at_rest:
+        assert model.statics.kinds == ["1 forces"] and words(model) == [at_rest]
+        assert model.statics.table.forces[0].force == (0.0, 0.0, -2.0)
+
+
+def test_a_table_says_what_each_step_states_and_what_of_it_is_taken(tmp_path):
+    heat = "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nALL, 20.\n*BOUNDARY\n4, PINNED\n"
+    (tmp_path / "job.inp").write_text(CUBE + STEEL + heat + STEPS)
+    rows = {one.number: one for one in read_model(tmp_path / "job.inp", 3).steps}
+    assert rows[0].states == {"supports": "single nodes", "temperatures": "ALL"} and "supports" in rows[0].taken
+    assert rows[1].procedure == '*FREQUENCY, PERTURBATION "Fixed"' and rows[1].states == {"supports": "ALL"}
+    assert rows[1].taken == () and rows[3].taken == ("supports",)
+    assert rows[2].states == {"supports": "single nodes", "loads": "2 *CLOAD"}
+    assert set(rows[2].taken) == {"supports", "loads", "temperatures"}
+
+
+@pytest.mark.parametrize("text, step, message", [
+    (STEPS, 4, r'\[model\] step = 4: the file has 3 steps, 1: \*FREQUENCY, PERTURBATION "Fixed"; 2: \*STATIC "Press"; 3: '),
+    ("", 1, r"\[model\] step = 1: the file has no steps"),
+])  # fmt: skip
+def test_a_step_that_is_not_there_is_refused_with_those_that_are(tmp_path, text, step, message):
+    (tmp_path / "job.inp").write_text(CUBE + STEEL + text)
+    with pytest.raises(MeshError, match=message):
+        read_model(tmp_path / "job.inp", step)
+
+
+def test_files_without_steps_have_none_to_choose(tmp_path):
+    (tmp_path / "m.bdf").write_text(bdf(plain()))
+    with pytest.raises(CaseError, match=r"\[model\] step = 2: .*: of files .bdf no steps are read; leave step out"):
+        read_model(tmp_path / "m.bdf", 2)
 
 
 VIBRATION = "*STEP, PERTURBATION\n*FREQUENCY\n2\n*END STEP\n"

@@ -8,6 +8,8 @@ import pytest
 from plain_model import bdf, cdb, cdb_with_contact, exodus, inp, plain, unv
 
 from microslip.formats.model import Cells, FileModel, Group
+from microslip.formats.read import read_model
+from microslip.library.complete import complete
 from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
 from microslip.studies.check.model_file import _lines as check_model_lines
@@ -89,6 +91,39 @@ def test_what_the_file_says_of_a_contact_stands_in_the_joint(tmp_path):
     filled(tmp_path / "m.toml")
     (joint,) = read_scene(tmp_path / "m.toml").joints
     assert (joint.surfaces, joint.friction, joint.normal_stiffness) == (("FEET", "TOP"), 0.25, 2e13)
+
+
+FIXED = (
+    "*Step, name=Fixed, perturbation",
+    "*Frequency",
+    "4,",
+    "*Boundary",
+    "BAR_BOTTOM, ENCASTRE",
+    "PLATE_TOP, 1, 3",
+    "*End Step",
+)
+
+
+def test_supports_that_fix_both_sides_of_a_joint_are_left_out_and_the_others_stay(tmp_path):
+    """The first step is that of fixed-interface modes: its conditions would hold every pair."""
+    (tmp_path / "m.inp").write_text(inp(plain(), FIXED))
+    said = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
+    assert 'conditions of step 1 of the file: *FREQUENCY, PERTURBATION "Fixed"' in said
+    assert "left out: BAR_BOTTOM (xyz), PLATE_TOP (xyz), which fix both sides of a joint" in said
+    text = filled(tmp_path / "m.toml")
+    assert "# step = ... takes those of another: 2 *FREQUENCY, PERTURBATION" in text
+    scene = read_scene(tmp_path / "m.toml")
+    assert (scene.model.step, [(one.group, one.fix) for one in scene.supports]) == (1, [("PLATE_BASE", ("x", "y", "z"))])
+    whole, _ = complete(scene, read_model(tmp_path / "m.inp", scene.model.step))
+    assert [one.group for one in whole.supports] == ["PLATE_BASE"] and len(whole.bodies) == 2
+
+
+def test_a_support_beside_a_joint_stays(tmp_path):
+    """The clamped side of a joint alone, or supports of its last nodes, fix no pair."""
+    (tmp_path / "m.inp").write_text(inp(plain(), ("*Boundary", "PLATE_TOP, ENCASTRE")))
+    said = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
+    assert "left out" not in said and "PLATE_TOP, by the file" in said
+    assert "[[supports]]" not in (tmp_path / "m.toml").read_text() and "take = " not in (tmp_path / "m.toml").read_text()
 
 
 def candidates_of(points, blocks, groups):

@@ -119,6 +119,16 @@ class LoadsAtRest:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FileStep:
+    """What a step of a file states, in words, and what of it is taken over."""
+
+    number: int  # from 1; 0: the model itself, before the first step
+    procedure: str  # "*STATIC", with the name of the step
+    states: Mapping[str, str]  # of "supports", "loads" and "temperatures" those that it states
+    taken: tuple[str, ...] = ()  # the parts that are taken over, of ``states``
+
+
+@dataclass(frozen=True, kw_only=True)
 class Finding:
     """Something of the file that is not taken over."""
 
@@ -155,6 +165,8 @@ class FileModel:
     equations: Equations | None = None
     bolts: tuple[Bolt, ...] = ()
     statics: LoadsAtRest | None = None
+    steps: tuple[FileStep, ...] = ()  # the model itself first; none: the format has no steps, or the file none
+    step: int = 0  # whose conditions are taken over; 0: the file has no steps
     findings: tuple[Finding, ...] = ()
     facts: tuple[str, ...] = ()  # what `microslip check` lists with it: the file's title, parts, instances, systems
 

@@ -15,9 +15,9 @@ from .model import FileModel
 from .via_meshio import FORMATS
 
 
-def _by(module: str, function: str) -> Callable[[str], FileModel]:
+def _by(module: str, function: str) -> Callable[..., FileModel]:
     """Return a reader of this room, which is imported when a file asks for it: a run needs one of a dozen."""
-    return lambda path: getattr(import_module(f".{module}", __package__), function)(path)
+    return lambda path, *step: getattr(import_module(f".{module}", __package__), function)(path, *step)
 
 
 def _read_dat(path: str) -> FileModel:
@@ -28,7 +28,7 @@ def _read_dat(path: str) -> FileModel:
     return read_input(path) if is_input(path) else read_bdf(path)
 
 
-READERS = {
+READERS: dict[str, Callable[..., FileModel]] = {
     ".msh": _by("msh", "read_msh"),
     ".inp": _by("abaqus.read", "read_inp"),
     ".cdb": _by("ansys.read", "read_cdb"),
@@ -41,6 +41,8 @@ READERS = {
     **dict.fromkeys(FORMATS, _by("via_meshio", "read_other")),
 }
 
+
+_OF_STEPS = (".inp",)  # files whose steps may be chosen
 
 # results and databases of programs, and what to have written in their place
 _ADVICE = {
@@ -55,12 +57,14 @@ _ADVICE = {
 }
 
 
-def read_model(path: str | os.PathLike[str]) -> FileModel:
+def read_model(path: str | os.PathLike[str], step: int | None = None) -> FileModel:
     """Return what a model file holds, its points and cells checked.  Local; call it on rank 0 only.
+
+    ``step`` is the number of the step whose supports, loads and temperatures are taken over; None: the first with a vibration.
 
     Raises
     ------
-    MeshError, CaseError : one message that names the file and the cause
+    MeshError, CaseError : one message that names the file and the cause; a step that the file does not have
     """
     path = os.path.normpath(path)
     ending = os.path.splitext(path)[1].lower()
@@ -73,9 +77,11 @@ def read_model(path: str | os.PathLike[str]) -> FileModel:
         raise CaseError(f"[model] mesh: there is no file {path}")
     if not os.path.getsize(path):
         raise MeshError(f"{path}: the file is empty")
+    if step is not None and ending not in _OF_STEPS:
+        raise CaseError(f"[model] step = {step}: {path}: of files {ending} no steps are read; leave step out")
     try:
         with bounded_memory(path):
-            model = READERS[ending](path)
+            model = READERS[ending](path) if step is None else READERS[ending](path, step)
         _check_points(model)
     except (MeshError, OSError) as problem:
         raise MeshError(f"{path}: {problem}") from None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..formats.model import FileModel
 from ..formats.read import read_model
-from ..messages.errors import CaseError
+from ..messages.errors import CaseError, Faults
 from ..messages.words import hint, listed
 from ..parallel.agree import on_root
 from ..scene.checks import remarks
@@ -35,7 +35,7 @@ def read_completed(scene: Scene, comm: MPI.Comm) -> tuple[FileModel | None, Scen
     CaseError, MeshError : as ``read_model`` and :func:`complete`, on every rank
     """
     assert scene.model.mesh is not None, "a scene with a mesh"
-    model = on_root(comm, read_model, scene.folder / scene.model.mesh, share=False)
+    model = on_root(comm, read_model, scene.folder / scene.model.mesh, scene.model.step, share=False)
     whole, notes = on_root(comm, complete, scene, model)
     return None if model is None else held_by(scene, model), whole, (*notes, *remarks(whole))
 
@@ -45,7 +45,7 @@ def held_by(scene: Scene, model: FileModel) -> FileModel:
 
     Local, rank 0.
     """
-    if model.equations is None or "supports" in _taken(scene, model):
+    if model.equations is None or "supports" in taken_parts(scene, model):
         return model
     return replace(model, equations=model.equations.without_supports())
 
@@ -63,7 +63,7 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
     """
     if scene.is_complete:
         return scene, ()
-    taken = _taken(scene, model)
+    taken = taken_parts(scene, model)
     notes = _refuse_findings(scene, model, taken)
     if not scene.awaits_file:
         return scene, tuple(notes)
@@ -132,8 +132,8 @@ def _name(entry: Tables) -> str:
     )
 
 
-def _taken(scene: Scene, model: FileModel) -> set[str]:
-    """Return the parts of the file's model that are taken over."""
+def taken_parts(scene: Scene, model: FileModel) -> set[str]:
+    """Return the parts of the file's model that are taken over.  Local."""
     is_stated = "take" in scene.model.model_fields_set
     own = {"bodies": scene.bodies, "supports": scene.supports, "statics": scene.statics}
     parts: set[str] = {part for part in scene.model.take if is_stated or not own.get(part)}
@@ -205,13 +205,13 @@ def _refuse_unknown_units(scene: Scene, part: str) -> None:
 
 
 def _refuse_incomplete(scene: Scene, materials: Mapping[str, Material]) -> None:
-    """Raise CaseError for a material that the file states in part, and the scene does not."""
+    """Raise CaseError for materials that the file states in part, and the scene does not."""
+    faults = Faults()
     for name, one in materials.items():
         if one.lacking and name not in scene.materials:
-            raise CaseError(
-                f"{scene.path}: material {name!r} of {scene.model.mesh} has no {listed(one.lacking)}; "
-                f"state [materials.{name}] in the scene"
-            )
+            text = f"{scene.path}: material {name!r} of {scene.model.mesh} has no {listed(one.lacking)}; "
+            faults.add([CaseError(f"{text}state [materials.{name}] in the scene")])
+    faults.refuse()
 
 
 def _joined_surfaces(scene: Scene) -> list[frozenset[str]]:
@@ -233,7 +233,7 @@ def _ties(scene: Scene, model: FileModel) -> list[Tie]:
 
 def _joints(scene: Scene, model: FileModel) -> list[Joint]:
     """Return the joints of the file that are taken over: those of which it says all, where loads at rest press them."""
-    taken, between = _taken(scene, model), _joined_surfaces(scene)
+    taken, between = taken_parts(scene, model), _joined_surfaces(scene)
     has_loads = scene.statics is not None or ("statics" in taken and model.statics is not None and model.statics.acts)
     if "joints" not in taken or not has_loads:
         return []

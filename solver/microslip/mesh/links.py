@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..messages.errors import MeshError
+from ..messages.errors import Faults, MeshError
 from ..messages.words import place
 from ..tables.structure import Point
 from ..tables.structure_tables import StructureTables
@@ -156,13 +156,22 @@ def _ties_and_points(mesh: Mesh, tables: StructureTables) -> Links:
     n_places = len(mesh.points) + 2 * len(tables.points)
     if not tables.ties and not tables.points:
         return Links(np.zeros(0, dtype=np.int64), sp.csr_matrix((0, 3 * n_places)), (), len(mesh.points), (), ())
-    check_joints(mesh, tables)
-    followers = [of_tie(mesh, tie, n_places) for tie in tables.ties]
+    followers, faults = list[Follower](), Faults()
+    taken = np.zeros(len(mesh.points), dtype=bool)
+    for tie in tables.ties:
+        with faults.collected():
+            followers.append(of_tie(mesh, tie, n_places, taken))
+            taken[followers[-1].dependent // 3] = True
+    if len(followers) == len(tables.ties):
+        with faults.collected():
+            check_joints(mesh, tables, followers)
     for i, point in enumerate(tables.points):
-        followers.append(
-            (of_rigid if point.connection == "rigid" else of_distributing)(mesh, point, len(mesh.points) + 2 * i, n_places)
-        )
-    _check_once(mesh, followers)
+        connected = of_rigid if point.connection == "rigid" else of_distributing
+        with faults.collected():
+            followers.append(connected(mesh, point, len(mesh.points) + 2 * i, n_places))
+    with faults.collected():
+        _check_once(mesh, followers)
+    faults.refuse()
     dependent = np.concatenate([part.dependent for part in followers])
     weights = sp.vstack([part.weights for part in followers]).tocsr()
     order = np.argsort(dependent)

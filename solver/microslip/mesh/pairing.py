@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from ..contact.laws import columns_on_area
 from ..contact.laws import joined as joined_columns
-from ..messages.errors import MeshError
+from ..messages.errors import Faults, MeshError
 from ..messages.words import place
 from ..tables.joint import Joint
 from .contact_points import ContactPoints, heaviest
@@ -34,20 +34,23 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
     Raises
     ------
     MeshError : surfaces that do not meet, face away, share nodes or penetrate, or belong to two joints; values for pairs that
-        are not there
+        are not there; of all joints together
     CaseError : a file of values is at fault
     """
     if not joints:
         return _no_pairs()
-    _check_faces(mesh, joints)
-    parts, faces, notes, n_pairs = [], [], [], 0
+    parts, faces, notes, n_pairs, faults = [], [], [], 0, Faults()
+    with faults.collected():
+        _check_faces(mesh, joints)
     for joint in joints:
-        points = contact_points(mesh, joint)
-        penetration = check_penetration(mesh, joint, points)
-        parts.append(_columns(mesh, joint, points))
-        faces += [face + n_pairs for face in points.faces]
-        notes += [note for note in (points.note, penetration) if note]
-        n_pairs += points.n_points
+        with faults.collected():
+            points = contact_points(mesh, joint)
+            penetration = check_penetration(mesh, joint, points)
+            parts.append(_columns(mesh, joint, points))
+            faces += [face + n_pairs for face in points.faces]
+            notes += [note for note in (points.note, penetration) if note]
+            n_pairs += points.n_points
+    faults.refuse()
     joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "own")}
     joined["own"] = joined_columns([(len(part["area"]), part["own"]) for part in parts])
     names = tuple(name for part in parts for name in part["joint"])

@@ -6,7 +6,7 @@ Points and facets in, arrays out; any kind of face, straight or curved.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -33,6 +33,10 @@ class Projection:
     distance: np.ndarray  # (n,) m, from the point to its foot
     gap: np.ndarray  # (n,) m, the part of it along the normal, above 0 on the side to which the normal points
     beyond: np.ndarray  # (n,) m, the part of it across the normal: how far the point lies beyond an edge
+
+    def of(self, rows: np.ndarray) -> Projection:
+        """Return the projection of some of the points.  Local."""
+        return Projection(*(getattr(self, column.name)[rows] for column in fields(self)))
 
 
 @dataclass(frozen=True)

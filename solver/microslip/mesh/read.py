@@ -10,7 +10,7 @@ import numpy as np
 
 from ..formats.model import KINDS, Equations, FileModel, Group
 from ..formats.read import read_model
-from ..messages.errors import MeshError
+from ..messages.errors import Faults, MeshError, prefixed
 from ..messages.words import hint
 from ..tables.structure import Body, Model
 from ..tables.structure_tables import StructureTables
@@ -38,12 +38,12 @@ def read_mesh(tables: StructureTables, file: FileModel | None = None) -> Mesh:
     MeshError, CaseError: one message that names the file and the cause.
     """
     path = os.path.normpath(tables.model.file_of("mesh") or "")
-    file = read_model(path) if file is None else file
+    file = read_model(path, tables.model.step) if file is None else file
     try:
         _check_groups(file, tables)
         return with_found_surfaces(_compose(path, file, tables), tables)
     except MeshError as problem:
-        raise type(problem)(f"{path}: {problem}") from None
+        raise prefixed(problem, path) from None
 
 
 def read_whole(path: Path) -> Mesh:
@@ -69,13 +69,15 @@ def read_whole(path: Path) -> Mesh:
 
 
 def _check_groups(file: FileModel, tables: StructureTables) -> None:
-    """Raise MeshError unless every group that is named exists."""
+    """Raise MeshError unless every group that is named exists; one error for all that do not."""
+    faults = Faults()
     of_file = [(f"[bodies.{name}] group", body.group) for name, body in tables.bodies.items()] + tables.attached
     known = [*file.groups, *(surface.name for surface in tables.surfaces)]
     for names, used in ((list(file.groups), of_file), (known, tables.groups_on_bodies)):
         for key, group in used:
             if group not in names:
-                raise MeshError(f"{key} = {group!r}: there is no such group in the mesh{_existing(group, names)}")
+                faults.add([MeshError(f"{key} = {group!r}: there is no such group in the mesh{_existing(group, names)}")])
+    faults.refuse()
 
 
 def _existing(word: str, names: list[str]) -> str:
@@ -258,7 +260,9 @@ def _all_nodes(group: Group, file: FileModel) -> np.ndarray:
 
 def _check_groups_on_bodies(mesh: Mesh, tables: StructureTables) -> None:
     """Raise MeshError for a support, surface or load group without a node on a body."""
+    faults = Faults()
     on_bodies = {surface.name for surface in tables.surfaces}  # of faces on bodies
     for key, group in tables.groups_on_bodies:
         if group not in on_bodies and len(mesh.node_groups[group]) == 0 and group not in mesh.outside.groups:
-            raise MeshError(f"{key} = {group!r}: no node of this group belongs to an element of a body")
+            faults.add([MeshError(f"{key} = {group!r}: no node of this group belongs to an element of a body")])
+    faults.refuse()

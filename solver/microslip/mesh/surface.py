@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,7 +147,7 @@ def _check_edges(mesh: Mesh, group: str, nodes: np.ndarray, at: np.ndarray, cosi
         )
 
 
-def face_keys(faces: dict[str, np.ndarray]) -> set[tuple[int, ...]]:
+def face_keys(faces: Mapping[str, np.ndarray]) -> set[tuple[int, ...]]:
     """Return what tells faces from each other: the corners of each, rising.  Local."""
     return {
         tuple(sorted(map(int, face[: elements.FACE_KINDS[kind].n_corners]))) for kind, nodes in faces.items() for face in nodes

@@ -6,13 +6,14 @@ place i has 3 i to 3 i + 2.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from .. import elements
-from ..messages.errors import MeshError
+from ..messages.errors import Faults, MeshError
 from ..messages.words import place
 from ..parallel.ownership import rows_of
 from ..tables.structure import Tie
@@ -21,8 +22,11 @@ from .data import Mesh
 from .projection import Projection, project_on_surface
 from .surface import face_keys, outward_faces
 
+Faces = Mapping[str, np.ndarray]  # by kind, (n_faces, n_face_nodes) index into Mesh.points
 TOLERANCE = 0.05  # of the size of the facets, where a tie states none
 COARSER = 1.2  # times as large as the facets of the other side
+LEAST = 0.01  # of the nodes of the first surface must lie near the second
+MANY = 0.5  # of them beyond: a warning
 TOUCHING = 1e-9  # of the size of the facets: closer nodes lie on them
 
 
@@ -35,36 +39,65 @@ class Follower:
     weights: sp.csr_matrix  # (m, n_dof)
     joined: np.ndarray  # (2, n) nodes
     note: str
+    faces: tuple[Faces, ...] = ()  # by kind, of each side of a tie: those that are glued
 
 
-def of_tie(mesh: Mesh, tie: Tie, n_places: int) -> Follower:
-    """Return how the nodes of the first surface follow the facets of the second."""
+def of_tie(mesh: Mesh, tie: Tie, n_places: int, taken: np.ndarray) -> Follower:
+    """Return how the nodes of the first surface follow the facets of the second, those that lie near them.
+
+    Nodes beyond the tolerance stay free, as in Abaqus; so do nodes of both surfaces, which are one there already, and nodes that
+    follow another tie, ``taken`` (n_nodes,) bool.  The note counts them.
+
+    Raises
+    ------
+    MeshError : fewer than ``LEAST`` of the nodes lie near the facets
+    """
     first, second = (outward_faces(mesh, group) for group in tie.surfaces)
     nodes, others = (
         np.unique(np.concatenate([nodes_of_faces.ravel() for nodes_of_faces in faces.values()])) for faces in (first, second)
     )
-    where = f"{mesh.path}: tie {tie.name!r}"
-    shared = np.intersect1d(nodes, others)
-    if len(shared):
-        raise MeshError(
-            f"{where}: {tie.surfaces[0]!r} and {tie.surfaces[1]!r} share {len(shared)} nodes (the first is node "
-            f"{mesh.numbers[shared].min()}): they are one there already; leave the tie out, or tie the other faces alone"
-        )
+    is_shared, is_taken = np.isin(nodes, others), taken[nodes]
     projection = project_on_surface(mesh.points, second, mesh.points[nodes])
     size = _facet_size(mesh, second)
-    _check_near(mesh, tie, nodes, projection, TOLERANCE * size if tie.tolerance is None else tie.tolerance, where)
-    weights = _on_facets(mesh, projection, mesh.points[nodes], TOUCHING * size, n_places)
-    joined = np.stack([np.repeat(nodes, projection.nodes.shape[1]), projection.nodes.ravel()])
+    tolerance = TOLERANCE * size if tie.tolerance is None else tie.tolerance
+    is_near = projection.distance <= tolerance
+    _check_near(mesh, tie, nodes, projection, is_near, tolerance)
+    follows = is_near & ~is_shared & ~is_taken
+    n_beyond, tied = int(np.count_nonzero(~is_near)), projection.of(np.flatnonzero(follows))
+    weights = _on_facets(mesh, tied, mesh.points[nodes[follows]], TOUCHING * size, n_places)
+    joined = np.stack([np.repeat(nodes[follows], tied.nodes.shape[1]), tied.nodes.ravel()])
+    counts = f"{len(tied.nodes)} of {len(nodes)}" if len(tied.nodes) < len(nodes) else f"{len(nodes)}"
     note = (
-        f"tie {tie.name!r}: {len(nodes)} nodes of {tie.surfaces[0]!r} follow the facets of {tie.surfaces[1]!r}, up to "
-        f"{projection.distance.max():.3g} m from them"
+        f"{'WARNING: ' if n_beyond > MANY * len(nodes) else ''}tie {tie.label!r}: {counts} nodes of {tie.surfaces[0]!r} follow "
+        f"the facets of {tie.surfaces[1]!r}, up to {tied.distance.max(initial=0.0):.3g} m from them"
     )
+    for n, why in (
+        (n_beyond, f"lie farther than {tolerance:.3g} m from them and stay free"),
+        (np.count_nonzero(is_near & is_shared), "are nodes of both surfaces"),
+        (np.count_nonzero(is_near & is_taken & ~is_shared), "follow another tie"),
+    ):
+        note += f"; {n} {why}" if n else ""
     if _facet_size(mesh, first) > COARSER * size:
         note += "; the coarser surface follows the finer one: swapped, the stresses beside them are better"
-    return Follower(f"tie {tie.name!r}", rows_of(nodes), weights, joined, note)
+    glued = (
+        (first, second)
+        if not n_beyond
+        else (_whole(first, nodes[is_near]), _under(second, projection.of(np.flatnonzero(is_near))))
+    )
+    return Follower(f"tie {tie.label!r}", rows_of(nodes[follows]), weights, joined, note, glued)
 
 
-def _facet_size(mesh: Mesh, faces: dict[str, np.ndarray]) -> float:
+def _whole(faces: Faces, nodes: np.ndarray) -> Faces:
+    """Return the faces all of whose nodes are among some."""
+    return {kind: corners[np.isin(corners, nodes).all(axis=1)] for kind, corners in faces.items()}
+
+
+def _under(faces: Faces, projection: Projection) -> Faces:
+    """Return the faces on which points have their feet."""
+    return {kind: corners[np.unique(projection.face[projection.kind == kind])] for kind, corners in faces.items()}
+
+
+def _facet_size(mesh: Mesh, faces: Faces) -> float:
     """Return the mean of the roots of the facets' areas [m]."""
     areas = [elements.face_nodal_areas(kind, mesh.points[nodes]).sum(axis=1) for kind, nodes in faces.items()]
     return float(np.sqrt(np.concatenate(areas)).mean())
@@ -95,31 +128,35 @@ def _on_facets(mesh: Mesh, projection: Projection, points: np.ndarray, touching:
     return weights
 
 
-def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, projection: Projection, tolerance: float, where: str) -> None:
-    """Raise MeshError where nodes lie beyond the tolerance: left loose they would open a crack that nobody asked for."""
-    far = projection.distance > tolerance
-    if far.any():
-        worst = int(np.argmax(projection.distance))
-        raise MeshError(
-            f"{where}: {np.count_nonzero(far)} of {len(nodes)} nodes of {tie.surfaces[0]!r} lie farther than {tolerance:.3g} m "
-            f"from the facets of {tie.surfaces[1]!r}; the worst is node {mesh.numbers[nodes[worst]]} at "
-            f"{place(mesh.points[nodes[worst]])} m, {projection.distance[worst]:.3g} m from them; let the first surface be the "
-            "smaller one, take faces that do not touch out of it, or state a larger tolerance"
-        )
-
-
-def check_joints(mesh: Mesh, tables: StructureTables) -> None:
-    """Raise MeshError where a face belongs to a tie and to a joint."""
-    if not tables.ties:
+def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, projection: Projection, is_near: np.ndarray, tolerance: float) -> None:
+    """Raise MeshError where so few nodes lie within the tolerance that the tie is a mistake."""
+    if np.count_nonzero(is_near) >= max(1.0, LEAST * len(nodes)):
         return
+    nearest_node = int(np.argmin(projection.distance))
+    raise MeshError(
+        f"{mesh.path}: tie {tie.label!r}: {np.count_nonzero(~is_near)} of {len(nodes)} nodes of {tie.surfaces[0]!r} lie farther "
+        f"than {tolerance:.3g} m from the facets of {tie.surfaces[1]!r}; the nearest is node {mesh.numbers[nodes[nearest_node]]} "
+        f"at {place(mesh.points[nodes[nearest_node]])} m, {projection.distance[nearest_node]:.3g} m from them; name the surfaces "
+        "that touch, or state a larger tolerance"
+    )
+
+
+def check_joints(mesh: Mesh, tables: StructureTables, ties: Sequence[Follower]) -> None:
+    """Raise MeshError where a face is glued by a tie and belongs to a joint.  ``ties`` follow as those of ``tables``."""
+    if not ties:
+        return
+    faults = Faults()
+    glued = [[face_keys(faces) for faces in tie.faces] for tie in ties] if tables.joints else []
     for joint in tables.joints:
         for group in joint.groups:
             keys = face_keys(outward_faces(mesh, group))
-            for tie in tables.ties:
-                for tied in tie.surfaces:
-                    both = keys & face_keys(outward_faces(mesh, tied))
+            for tie, sides in zip(tables.ties, glued):
+                for name, side in zip(tie.surfaces, sides):
+                    both = keys & side
                     if both:
-                        raise MeshError(
-                            f"{mesh.path}: {len(both)} faces of {group!r} of joint {joint.name!r} are faces of {tied!r} of tie "
-                            f"{tie.name!r}, too: what is glued cannot slip; take them out of one of the two groups"
+                        text = (
+                            f"{mesh.path}: {len(both)} faces of {group!r} of joint {joint.name!r} are faces of {name!r} of tie "
+                            f"{tie.label!r}, too: what is glued cannot slip; take them out of one of the two groups"
                         )
+                        faults.add([MeshError(text)])
+    faults.refuse()

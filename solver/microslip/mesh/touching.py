@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from .. import elements
 from ..elements import FACE_KINDS
-from ..messages.errors import MeshError
+from ..messages.errors import Faults, MeshError
 from ..messages.words import place
 from ..tables.structure import Surface
 from ..tables.structure_tables import StructureTables
@@ -178,22 +178,26 @@ def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
         tolerance: find_touching(skin, tolerance) for tolerance in {surface.tolerance for surface in tables.surfaces}
     }
     blocks, groups, notes = list(mesh.faces), dict(mesh.node_groups), list(mesh.notes)
+    faults = Faults()
     for surface in tables.surfaces:
-        if surface.name in mesh.node_groups:
-            raise MeshError(f"[[surfaces]] {surface.name!r}: a group of the mesh has this name already; take another")
-        faces = _faces_of(mesh, skin, touching[surface.tolerance], surface, tables)
+        faces = np.zeros(0, dtype=np.int64)
+        with faults.collected():
+            faces = _faces_of(mesh, skin, touching[surface.tolerance], surface, tables)
         blocks += [FaceBlock(kind, surface.name, nodes) for kind, nodes in skin.by_kind(faces).items()]
         groups[surface.name] = skin.nodes_of(faces)
         area = (skin.area * touching[surface.tolerance].share)[faces].sum()
         notes.append(
             f"surface {surface.name!r}: {len(faces)} faces of {surface.bodies[0]!r} on {surface.bodies[1]!r}, {area:.6g} m2"
         )
+    faults.refuse()
     names = mesh.found | {surface.name for surface in tables.surfaces}
     return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), found=names)
 
 
 def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, surface: Surface, tables: StructureTables) -> np.ndarray:
     """Return the faces of the first body that lie on the second, rising."""
+    if surface.name in mesh.node_groups:
+        raise MeshError(f"[[surfaces]] {surface.name!r}: a group of the mesh has this name already; take another")
     number = {group: i for i, group in enumerate(groups_of_bodies(mesh))}
     body, other = (number[tables.bodies[name].group] for name in surface.bodies)
     face = np.unique(touching.face[(skin.body[touching.face] == body) & (skin.body[touching.other] == other)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 
@@ -20,6 +20,59 @@ class CaseError(MicroslipError):
 
 class MeshError(CaseError):
     """The mesh, its groups or the contact surfaces are at fault."""
+
+
+class SeveralErrors(MeshError):
+    """Independent faults of one input, in one message."""
+
+    parts: tuple[CaseError, ...] = ()
+
+
+class Faults:
+    """Independent faults of one input, collected so that one message reports them all."""
+
+    def __init__(self) -> None:
+        self._faults: list[CaseError] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._faults)
+
+    @contextmanager
+    def collected(self) -> Iterator[None]:
+        """Keep a CaseError of this block, and go on after it.  Local."""
+        try:
+            yield
+        except CaseError as fault:
+            self.add(fault.parts if isinstance(fault, SeveralErrors) else (fault,))
+
+    def add(self, faults: Iterable[CaseError]) -> None:
+        """Add faults, each text once.  Local."""
+        for fault in faults:
+            if str(fault) not in map(str, self._faults):
+                self._faults.append(fault)
+
+    def refuse(self) -> None:
+        """Raise what was collected: one fault as it is, several as SeveralErrors; nothing where there is none.  Local."""
+        if len(self._faults) == 1:
+            raise self._faults[0]
+        if self._faults:
+            lines = [f"{i}. {fault}".replace("\n", "\n  ") for i, fault in enumerate(self._faults, 1)]
+            several = SeveralErrors("\n  ".join([f"{len(lines)} faults:", *lines]))
+            several.parts = tuple(self._faults)
+            raise several
+
+
+def prefixed(fault: CaseError, text: str) -> CaseError:
+    """Return a fault with a text before it, before each of several.  Local."""
+    if not isinstance(fault, SeveralErrors):
+        return type(fault)(f"{text}: {fault}")
+    faults = Faults()
+    faults.add(prefixed(part, text) for part in fault.parts)
+    try:
+        faults.refuse()
+    except CaseError as several:
+        return several
+    return fault
 
 
 class ConvergenceError(MicroslipError):

@@ -34,6 +34,9 @@ class Model(Table):
     ignore: Annotated[tuple[str, ...], AfterValidator(no_duplicates)] = Field(
         (), description='what the model file holds and is to be left out, a list of its words as "*CONTACT PAIR", each once'
     )
+    step: int | None = Field(
+        None, ge=1, description="the step of the model file whose conditions are taken over, a number from 1"
+    )
     stiffness: str | None = Field(None, min_length=1, description="the path of the stiffness matrix")
     mass: str | None = Field(None, min_length=1, description="the path of the mass matrix")
     damping: str | None = Field(None, min_length=1, description="the path of the damping matrix")
@@ -72,7 +75,7 @@ class Model(Table):
             raise ValueError("mass is missing: a model given as matrices needs stiffness and mass")
         elif self.recovery is None and self.recovery_dofs is not None:
             raise ValueError("recovery_dofs names the rows of a recovery matrix, and recovery is missing")
-        for key in ("scale", "units", "take", "ignore"):
+        for key in ("scale", "units", "take", "ignore", "step"):
             if self.mesh is None and key in self.model_fields_set:
                 raise ValueError(f"{key} belongs to a mesh; matrices are taken in SI units, as they are")
         return self

@@ -84,9 +84,8 @@ def _interactions(model: InputModel) -> dict[str, _Interaction]:
 
 
 def _before_vibration(model: InputModel) -> list[Card]:
-    """Return the cards of the steps up to the first vibration."""
-    last = model.first_vibration
-    return [card for step in model.steps if last is not None and step.number <= last.number for _, card in step.cards]
+    """Return the cards of the steps up to the chosen one."""
+    return [card for step in model.steps_until for _, card in step.cards]
 
 
 def _lacking(interaction: _Interaction, **why: str) -> _Interaction:

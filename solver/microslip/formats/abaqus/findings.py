@@ -71,6 +71,18 @@ def _keywords(text: str) -> list[str]:
     return [" ".join(word.split()) for word in text.split(",")]
 
 
+# what a step solves; one of these is its procedure
+PROCEDURES = frozenset(
+    _keywords(
+        """STATIC, FREQUENCY, MODAL DYNAMIC, STEADY STATE DYNAMICS, DYNAMIC, BUCKLE, COMPLEX FREQUENCY, HEAT TRANSFER, VISCO,
+        GREEN,
+        COUPLED TEMPERATURE-DISPLACEMENT, UNCOUPLED TEMPERATURE-DISPLACEMENT, RANDOM RESPONSE, RESPONSE SPECTRUM, SENSITIVITY,
+        CRACK PROPAGATION, FEASIBLE DIRECTION, ELECTROMAGNETICS, ROBUST DESIGN, STEADY STATE TRANSPORT, NO ANALYSIS,
+        SUBSTRUCTURE GENERATE"""
+    )
+)
+
+
 def _bare(word: str) -> str:
     return "".join(word.split())
 

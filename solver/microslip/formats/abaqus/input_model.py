@@ -36,6 +36,10 @@ class Step:
     def is_perturbation(self) -> bool:
         return "PERTURBATION" in self.cards[0][1].parameters
 
+    @property
+    def is_static(self) -> bool:
+        return any(card.keyword == "STATIC" for _, card in self.cards)
+
 
 @dataclass(frozen=True, eq=False)
 class Table:
@@ -63,6 +67,8 @@ class InputModel:
     cards: list[tuple[Scope, Card]]  # of the model, before its steps
     steps: list[Step]
     findings: Findings
+    step: Step | None = None  # whose conditions are taken; None: there are no steps
+    is_named: bool = False  # whether the user named the step
     materials: dict[str, Material] = field(default_factory=dict)
     orientations: dict[str, Orientation] = field(default_factory=dict)
     tables: dict[str, list[Table]] = field(default_factory=dict)  # of materials that depend on the temperature
@@ -85,16 +91,16 @@ class InputModel:
 
     @property
     def steps_at_rest(self) -> list[Step]:
-        """The steps about whose loads the first vibration is: those before a *STEP, PERTURBATION that are none themselves."""
-        vibration = self.first_vibration
-        if vibration is None or not vibration.is_frequency or not vibration.is_perturbation:
+        """The steps at whose end it vibrates: those before a *STEP, PERTURBATION, or up to a *STATIC that was named."""
+        if self.step is None or not (self.step.is_perturbation or (self.is_named and self.step.is_static)):
             return []
-        return [step for step in self.steps[: vibration.number - 1] if not step.is_perturbation]
+        return [step for step in self.steps_until if not step.is_perturbation]
 
     @property
-    def first_vibration(self) -> Step | None:
-        """The first step with *FREQUENCY, otherwise the first step."""
-        return next((step for step in self.steps if step.is_frequency), self.steps[0] if self.steps else None)
+    def steps_until(self) -> list[Step]:
+        """The steps whose conditions hold in the chosen one: itself and those before, without perturbations."""
+        before = [] if self.step is None else self.steps[: self.step.number]
+        return [step for step in before if step is self.step or not step.is_perturbation]
 
 
 def along_axis(model: InputModel, node: int, direction: int, factor: float) -> list[Term]:

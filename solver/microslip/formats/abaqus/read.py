@@ -21,20 +21,22 @@ from .parameters import in_full
 from .properties import take_materials, take_sections
 from .scopes import Scope, in_scopes
 from .statics import take_statics
+from .steps import chosen_step, table_of_steps
 from .supports import take_supports, take_transforms
 
 _TAKEN = {" ".join(word.split()) for word in TAKEN.split(",")}
 
 
-def read_inp(path: str) -> FileModel:
+def read_inp(path: str, step: int | None = None) -> FileModel:
     """Read an input file of Abaqus or CalculiX with what it includes.  Local.
 
+    ``step`` is the number of the step whose conditions are taken; None: the first with *FREQUENCY, otherwise the first.
     Materials, bodies (a section each), supports, ties, couplings and rigid bodies, masses, springs and equations are taken over,
     and the loads about which it vibrates; everything else is among the findings.
 
     Raises
     ------
-    MeshError without the file's name: damaged, or it uses keywords that are not followed.
+    MeshError without the file's name: damaged, or it uses keywords that are not followed; it has no such step.
     """
     cards = read_cards(path)
     for i, card in enumerate(cards):
@@ -54,7 +56,7 @@ def read_inp(path: str) -> FileModel:
         raise MeshError("the file holds no *NODE and *ELEMENT blocks that this program reads")
     finish(mesh)
     before, steps = _steps(played)
-    model = InputModel(mesh, grouped(mesh), before, steps, Findings())
+    model = InputModel(mesh, grouped(mesh), before, steps, Findings(), chosen_step(steps, step), step is not None)
     take_materials(model)
     take_sections(model)
     take_transforms(model)
@@ -94,9 +96,7 @@ def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], 
 
 def _find_unknown_parameters(model: InputModel) -> None:
     """Add findings for parameters of cards that are taken over, where nothing here knows what they do."""
-    last = model.first_vibration
-    steps = [step for step in model.steps if last is not None and step.number <= last.number]
-    for _, card in model.cards + [entry for step in steps for entry in step.cards]:
+    for _, card in model.cards + [entry for step in model.steps_until for entry in step.cards]:
         for name in in_full(card)[1]:
             model.findings.add(f"*{card.keyword}, {name}", card.where, "a parameter that is not known to this program", True)
 
@@ -111,13 +111,12 @@ def _find_rest(model: InputModel) -> None:
             _find_initial(model, card)
         elif card.keyword not in _TAKEN:
             add_card(model.findings, card)
-    last = model.first_vibration
     if model.steps and model.steps[-1].cards[-1][1].keyword != "END STEP":
         effect = "it is not there: what follows in a file that was cut is missing"
         model.findings.add("*END STEP", "the last line", effect, False)
     for step in model.steps:
         for _, card in step.cards:
-            counts = last is not None and step.number <= last.number
+            counts = step in model.steps_until
             if card.keyword not in _TAKEN and card not in model.loading and (counts or not _is_known_to_change(card)):
                 add_card(model.findings, card)
 
@@ -162,13 +161,15 @@ def _composed(model: InputModel) -> FileModel:
         equations=model.terms.equations(),
         bolts=tuple(model.bolts),
         statics=model.statics,
+        steps=tuple(table_of_steps(model)),
+        step=0 if model.step is None else model.step.number,
         findings=model.findings.all(),
         facts=tuple(_facts(model)),
     )
 
 
 def _facts(model: InputModel) -> list[str]:
-    """Return what is listed with the model: instances, how they are numbered, steps."""
+    """Return what is listed with the model: instances, and how they are numbered."""
     facts = []
     instances = [names for names in model.mesh.names.values() if names.scope.name]
     if instances:
@@ -180,7 +181,4 @@ def _facts(model: InputModel) -> list[str]:
                 f"instances share {what} numbers: those of the first stay, of the second are raised by {raised}, of the third by "
                 f"{2 * raised}, and so on; those of the assembly come last"
             )
-    if model.steps:
-        last = model.first_vibration
-        facts.append(f"{len(model.steps)} steps; what is held is that of step {last.number if last else 1}")
     return facts

@@ -21,6 +21,7 @@ from .temperatures import take_temperatures, temperatures_of
 from .types import is_solid
 
 WORD = "*STEP, PERTURBATION"
+STATIC = "*STATIC"
 LARGE = "*STEP, NLGEOM"
 _TAKEN = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
 _FACES = ("P1", "P2", "P3", "P4", "P5", "P6")
@@ -67,32 +68,37 @@ class _Acting:
 
 
 def take_statics(model: InputModel) -> None:
-    """Take the loads about which the first vibration is; findings for those that are not taken over.
+    """Take the loads about which the chosen step is; findings for those that are not taken over.
 
     Raises
     ------
     MeshError : values that are no numbers, sets that there are not
     """
-    vibration = model.first_vibration
-    if vibration is None or not vibration.is_frequency or not vibration.is_perturbation:
-        take_temperatures(model, None if _are_heated(model.steps[: vibration.number if vibration else 0]) else {}, "")
-        return
+    at_rest, vibration = model.steps_at_rest, model.step
     acting, loaded = _Acting(), []
-    for step in model.steps_at_rest:
+    for step in at_rest:
         if _is_loaded(step):
             loaded.append(step)
             _take_step(model, step, acting)
-    if not loaded:
-        take_temperatures(model, None if _are_heated([vibration]) else {}, "")
+    is_about = vibration is not None and vibration.is_perturbation
+    after = [step for step in model.steps_until if (step is vibration if is_about else step not in at_rest)]
+    if vibration is None or not loaded:
+        take_temperatures(model, None if _are_heated(after) else {}, "")
         return
-    if any(card.keyword == "BOUNDARY" for _, card in vibration.cards):
+    if is_about and any(card.keyword == "BOUNDARY" for _, card in vibration.cards):
         _refuse(model, "*BOUNDARY", vibration.cards[0][1].where, "what is held changes between the loads and the vibration")
     _find_nonlinear(model, loaded, acting)
     is_large = any(map(_is_large, loaded)) and not _why_not_large(model, acting)
-    model.statics = replace(_composed(model, acting, loaded[-1]), large=LARGE if is_large else "")
-    take_temperatures(model, None if _are_heated([vibration]) else acting.temperatures, acting.heated)
+    word = _word(model)
+    model.statics = replace(_composed(model, acting, loaded[-1], word), large=LARGE if is_large else "")
+    take_temperatures(model, None if _are_heated(after) else acting.temperatures, acting.heated)
     effect = f"vibration about the loads of step {loaded[-1].number}: take them over, or state them in [statics]"
-    _refuse(model, WORD, vibration.cards[0][1].where, effect)
+    _refuse(model, word, vibration.cards[0][1].where, effect)
+
+
+def _word(model: InputModel) -> str:
+    """Return the word for loads at rest."""
+    return WORD if model.step is not None and model.step.is_perturbation else STATIC
 
 
 def _are_heated(steps: list[Step]) -> bool:
@@ -135,7 +141,7 @@ def _take_step(model: InputModel, step: Step, acting: _Acting) -> None:
     """Take the loads of one step into what acts."""
     head = step.cards[0][1]
     if not any(card.keyword == "STATIC" for _, card in step.cards):
-        _refuse(model, WORD, head.where, f"vibration about the loads of step {step.number}, which is not *STATIC")
+        _refuse(model, _word(model), head.where, f"vibration about the loads of step {step.number}, which is not *STATIC")
         return
     acting.begin(step)
     for scope, card in step.cards:
@@ -251,13 +257,13 @@ def _take_pressure(model: InputModel, scope: Scope, words: list[str], where: str
     acting.put(acting.surfaces, name, value)
 
 
-def _composed(model: InputModel, acting: _Acting, step: Step) -> LoadsAtRest:
+def _composed(model: InputModel, acting: _Acting, step: Step, word: str) -> LoadsAtRest:
     """Return what acts, on groups made for it."""
     speed = 0.0 if acting.spin is None else float(np.sqrt(acting.spin[0]))
     _, *axis = (0.0,) * 7 if acting.spin is None else acting.spin
     bolts = {bolt.name: bolt.group for bolt in model.bolts}
     return LoadsAtRest(
-        word=WORD,
+        word=word,
         step=step.number,
         table=Statics.of_file(
             forces=tuple(_forces(model, acting)),

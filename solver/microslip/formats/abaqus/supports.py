@@ -74,7 +74,7 @@ _Held = dict[str, tuple[list[np.ndarray], set[int]]]  # by the name of a set, or
 
 
 def take_supports(model: InputModel) -> None:
-    """Take what is held in the first step with *FREQUENCY, or in the first step: by the model data and the steps up to it."""
+    """Take what is held in the chosen step: by the model data and the steps up to it."""
     held: _Held = {}
     loading = {card for step in model.steps_at_rest for _, card in step.cards}
     for scope, card in _boundaries(model):
@@ -86,13 +86,11 @@ def take_supports(model: InputModel) -> None:
 def _boundaries(model: InputModel) -> list[tuple[Scope, Card]]:
     """Return the *BOUNDARY cards that count; OP = NEW in one of several of a step removes those before the step alone."""
     cards = [(scope, card) for scope, card in model.cards if card.keyword == "BOUNDARY"]
-    last = model.first_vibration
-    for step in model.steps:
-        if last is not None and step.number <= last.number:
-            of_step = [(scope, card) for scope, card in step.cards if card.keyword == "BOUNDARY"]
-            if any(card.parameter("OP") == "NEW" for _, card in of_step):
-                cards = []
-            cards += of_step
+    for step in model.steps_until:
+        of_step = [(scope, card) for scope, card in step.cards if card.keyword == "BOUNDARY"]
+        if any(card.parameter("OP") == "NEW" for _, card in of_step):
+            cards = []
+        cards += of_step
     return cards
 
 

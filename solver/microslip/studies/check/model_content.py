@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from ...mesh.data import Mesh
 from ...mesh.skin import faces_of_group, skin_of_mesh
 from ...messages.words import place
 from ...tables.joint import Joint
-from ...tables.structure import Body, Material, Orientation
+from ...tables.structure import TAKEN, Body, Material, Orientation
 from ...tables.units import Units
 
 MOST = 40  # groups, findings or bodies that are listed one by one
@@ -174,6 +174,22 @@ def passed_over(findings: tuple[Finding, ...]) -> list[str]:
         rows = [f"{first[key]}: {key[0]}: {key[1]}{f' ({counts[key]} times)' if counts[key] > 1 else ''}" for key in keys]
         lines += table(heading, rows)
     return lines
+
+
+def steps(file: FileModel, parts: Collection[str] = TAKEN) -> list[str]:
+    """Return a table of the file's steps: what each states, and what of it is taken over with these parts of the file.  Local."""
+    if not file.steps:
+        return []
+    part_of = {"supports": "supports", "loads": "statics", "temperatures": "statics"}
+    rows = [("step", "procedure", *part_of, "taken over")]
+    for step in file.steps:
+        taken = [kind for kind in step.states if kind in step.taken and part_of[kind] in parts]
+        states = [step.states.get(kind, "-") for kind in part_of]
+        rows.append((str(step.number or "-"), step.procedure, *states, ", ".join(taken) or "nothing"))
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    lines = ["  ".join(f"{text:{width}}" for text, width in zip(row, widths)).rstrip() for row in rows]
+    chosen = f"conditions of step {file.step}" + ("; [model] step = ... takes another" if len(file.steps) > 2 else "")
+    return table("steps", [*lines, chosen])
 
 
 def facts(file: FileModel) -> list[str]:

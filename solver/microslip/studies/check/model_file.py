@@ -58,6 +58,7 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTab
         *([f"           {suspected}"] if suspected else []),
         *(f"           {note}" for note in mesh.notes),
         *content.facts(file),
+        *content.steps(file),
         *content.bodies(mesh, settings.bodies, volume, densities_of(file, UNITS[units])),
         *content.materials(
             {name: material.model_copy(update=material.in_si(UNITS[units])) for name, material in file.materials.items()}

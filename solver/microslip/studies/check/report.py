@@ -11,6 +11,7 @@ from ...assembly.matrices import GivenStructure
 from ...contact.laws import ELASTIC_COULOMB
 from ...continuation.accuracy import MOST_HARMONICS
 from ...formats.model import FileModel
+from ...library.complete import taken_parts
 from ...library.settings import reduction_settings, response_settings
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
@@ -26,11 +27,11 @@ from .plausible import SI, suspicion
 
 
 def description(
-    scene: Scene, file: FileModel, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...] = (), stated: Container[str] = ()
+    scene: Scene, file: FileModel, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...], stated: Scene
 ) -> list[str]:
     """Return lines that say what the scene holds and what a run will need.  Local, on rank 0.
 
-    ``of_file`` are notes on what was taken over from the model file, ``stated`` the materials that the scene states itself.
+    ``of_file`` are notes on what was taken over from the model file, ``stated`` is the scene as its file states it.
 
     Raises
     ------
@@ -48,9 +49,10 @@ def description(
         f"scene      {scene.source}: no fault found",
         f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(whole.part_names)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
-        *_suspected(scene, file, mesh, stated, content.mass(volume, density)),
+        *_suspected(scene, file, mesh, stated.materials, content.mass(volume, density)),
         *(f"           {note}" for note in (*of_file, *mesh.notes)),
         *content.facts(file),
+        *content.steps(file, taken_parts(stated, file)),
         *content.bodies(mesh, scene.bodies, volume, density),
         *_materials(scene),
         *content.axes(scene.orientations, scene.bodies),

@@ -11,9 +11,11 @@ from ...library.complete import read_completed
 from ...mesh.pairing import pair_contacts
 from ...mesh.partition import distribute
 from ...mesh.read import read_mesh
+from ...messages.errors import CaseError
 from ...parallel.agree import on_root
 from ...scene.schema import Scene
 from ...system.memory import peak_memory
+from .faults import refuse_all
 from .marks import marks_of_scene
 from .memory_report import memory_of_matrices, memory_of_mesh
 from .picture import draw
@@ -30,14 +32,26 @@ def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
 
     Raises
     ------
-    CaseError, MeshError : on every rank
+    CaseError, MeshError : on every rank; of a scene with a mesh all faults that are independent of each other
     """
+    try:
+        lines = _lines(scene, comm, out)
+    except CaseError as fault:
+        if scene.model.mesh is None:
+            raise
+        on_root(comm, refuse_all, scene, fault)
+    if comm.rank == 0:
+        print("\n".join(lines))
+
+
+def _lines(scene: Scene, comm: MPI.Comm, out: Path | None) -> list[str]:
+    """Return what there is to say, on rank 0.  Collective on ``comm``."""
     if scene.model.mesh is None:
         given = on_root(comm, read_structure, scene, share=False)
         lines = on_root(comm, description_of_matrices, scene, given)
         lines += memory_of_matrices(scene, given, comm)
     else:
-        stated = tuple(scene.materials)
+        stated = scene
         file, scene, notes = read_completed(scene, comm)
         mesh = on_root(comm, read_mesh, scene, file, share=False)
         pairs = on_root(comm, pair_contacts, mesh, scene.joints)
@@ -47,5 +61,4 @@ def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
         lines += memory_of_mesh(scene, dmesh, mesh, pairs, so_far)
         if out is not None:
             lines += on_root(comm, lambda: draw(out, mesh, marks_of_scene(mesh, scene), scene.title or scene.name))
-    if comm.rank == 0:
-        print("\n".join(lines))
+    return lines

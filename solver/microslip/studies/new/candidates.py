@@ -36,6 +36,7 @@ class Candidate:
     gap: float  # m, its mean
     size: float  # m, of the larger faces
     matches: bool  # node to node
+    nodes: tuple[np.ndarray, np.ndarray]  # index into Mesh.points, of the faces of either side that lie on the other
     is_likely: bool = True  # nothing else joins the two bodies, or the file names the surfaces
 
     @property
@@ -174,6 +175,7 @@ def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, seco
         gap=float(touching.gap[inside] @ weight / weight.sum()),
         size=float(max(skin.size[touched].mean(), skin.size[on].mean())),
         matches=_match(skin, first, second),
+        nodes=(skin.nodes_of(touched), skin.nodes_of(on)),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,16 @@ from scipy.spatial import cKDTree
 
 from ...formats.model import FileModel
 from ...mesh.data import Mesh
+from ...tables.structure import Support
 from ...tables.structure_tables import StructureTables
+from .candidates import Candidate
 
 # how names begin, or parts of them do, that say a group is held
 _HELD = ("clamp", "fix", "support", "held", "encastre", "encast", "ground", "wall", "spc", "base", "built", "mount", "root")
+
+
+_BOTH_SIDES = 0.5  # of the nodes of either side of a joint fixed: the supports are meant for another purpose than vibration
+_A_PART = 0.1  # of the nodes of a side that a support holds: it is one of those
 
 
 @dataclass(frozen=True)
@@ -26,6 +32,31 @@ class Place:
     direction: tuple[float, float, float]
 
 
+def supports_of_joints(mesh: Mesh, file: FileModel, joints: Sequence[Candidate]) -> list[Support]:
+    """Return the supports of the file that fix both sides of a joint, whose pairs would never move.  Local, rank 0."""
+    nodes_of = [_nodes_held(mesh, file, support) for support in file.supports]
+    held = np.zeros((len(mesh.points), 3), dtype=bool)
+    for support, nodes in zip(file.supports, nodes_of, strict=True):
+        for axis in {*support.fix} & {*"xyz"}:
+            held[nodes, "xyz".index(axis)] = True
+    is_fixed, wrong = held.all(axis=1), set()
+    for joint in joints:
+        if min(is_fixed[side].mean() for side in joint.nodes) < _BOTH_SIDES:
+            continue
+        for i, nodes in enumerate(nodes_of):
+            if any(np.isin(side, nodes).mean() >= _A_PART for side in joint.nodes):
+                wrong.add(i)
+    return [file.supports[i] for i in sorted(wrong)]
+
+
+def _nodes_held(mesh: Mesh, file: FileModel, support: Support) -> np.ndarray:
+    """Return the nodes that a support holds, those that follow its point among them."""
+    if support.point is None:
+        return mesh.node_groups.get(support.group or "", np.zeros(0, dtype=np.int64))
+    groups = [point.group for point in file.connected if point.name == support.point and point.connection == "rigid"]
+    return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(mesh.node_groups[name] for name in groups)]))
+
+
 def held_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: Iterable[str]) -> tuple[list[str], list[str]]:
     """Return the groups whose names say that they are held, and the others that may be.  Local.
 
@@ -36,6 +67,7 @@ def held_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: It
     others = {*settings.body_of, *used, *(name for tie in file.ties for name in tie.surfaces)}
     others |= {bolt.group for bolt in file.bolts} | {mass.group for mass in file.masses if mass.group is not None}
     free = [name for name, nodes in mesh.node_groups.items() if name not in others and len(nodes) >= 3]
+    free.sort(key=lambda name: name.startswith("_"))  # sets that programs make for themselves come last
     sure = [name for name in free if any(word in name.lower() for word in _HELD)]
     return sure, [name for name in free if name not in sure]
 

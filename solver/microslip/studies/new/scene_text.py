@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ...formats.model import FileModel, Finding, LoadsAtRest
+from ...formats.model import FileModel, FileStep, Finding, LoadsAtRest
 from ...mesh.data import Mesh
 from ...scene.toml_text import key_text, value_text
 from ...tables.joint import Joint
-from ...tables.structure import Material, Surface
+from ...tables.structure import TAKEN, Material, Support, Surface
 from ...tables.structure_tables import StructureTables
 from ...tables.units import UNITS
 from .candidates import Candidate
@@ -29,6 +30,7 @@ class First:
     file: FileModel
     settings: StructureTables
     candidates: list[Candidate]
+    left_out: list[Support]  # supports of the file that fix both sides of a joint; ``file`` is without them
     held: list[str]  # groups
     may_be_held: list[str]
     place: Place
@@ -37,6 +39,11 @@ class First:
     def joints(self) -> list[Candidate]:
         """The candidates that the scene takes for joints."""
         return [candidate for candidate in self.candidates if candidate.is_likely and not candidate.is_apart]
+
+    @property
+    def step(self) -> FileStep | None:
+        """The step whose conditions are taken; None: the file has no steps."""
+        return next((step for step in self.file.steps if step.number == self.file.step), None)
 
     @property
     def open_findings(self) -> list[Finding]:
@@ -105,6 +112,9 @@ def _model(first: First) -> str:
         lines.append(
             _line("scale", f"{first.scale:g}", f"m a unit of the mesh, which then measures {size:.4g} m across: is it so?")
         )
+    lines += _step(first)
+    if first.left_out:
+        lines.append(_line("take", f"[{', '.join(_quoted(part) for part in TAKEN if part != 'supports')}]", "supports below"))
     open_findings = first.open_findings
     if open_findings:
         lines.append("# The file holds what would change the answer and is not taken over. State what it means, or waive it:")
@@ -112,6 +122,17 @@ def _model(first: First) -> str:
         words = list(dict.fromkeys(finding.word for finding in open_findings))
         lines.append(f"#> ignore = [{', '.join(map(_quoted, words))}]")
     return "\n".join([*lines, ""])
+
+
+def _step(first: First) -> list[str]:
+    """Return the keys that say which step is taken, and what is left out of it."""
+    if first.step is None:
+        return []
+    lines = [f"# Supports, loads and temperatures are those of step {first.step.number} of the file, {first.step.procedure}."]
+    others = [f"{step.number} {step.procedure}" for step in first.file.steps if step.number and step is not first.step]
+    if others:
+        lines.append(f"# step = ... takes those of another: {'; '.join(others[:MOST])}")
+    return [*lines, _line("step", str(first.step.number))] if others else lines
 
 
 def _materials(first: First) -> str:
@@ -149,12 +170,32 @@ def _bodies(first: First) -> str:
     return "\n".join(lines)
 
 
+def named(supports: Iterable[Support]) -> str:
+    """Return supports with what they fix, in a line.  Local."""
+    return ", ".join(f"{support.group or support.point} ({''.join(support.fix)})" for support in supports)
+
+
+def _supports_left_out(first: First) -> list[str]:
+    """Return why the scene takes supports from the file one by one, and those that stay."""
+    lines = [f"# Left out, because they fix both sides of a joint, whose pairs would never move: {named(first.left_out)}."]
+    if first.file.equations is not None and first.file.equations.n_supports:
+        lines.append(f"# With them, {first.file.equations.n_supports} supports in turned axes: state those that are needed.")
+    for support in first.file.supports:
+        place = ("group", support.group) if support.point is None else ("point", support.point)
+        lines += [
+            "[[supports]]",
+            _line(place[0], _quoted(place[1] or ""), "as in the file"),
+            _line("fix", value_text(support.fix)),
+            "",
+        ]
+    return lines if first.file.supports else [*lines, ""]
+
+
 def _supports(first: First) -> str:
-    file = first.file
+    file, lines = first.file, _supports_left_out(first) if first.left_out else []
     if file.supports:
-        held = ", ".join(f"{support.group or support.point} ({''.join(support.fix)})" for support in file.supports[:5])
-        return f"# held by the file: {held}\n"
-    lines = [
+        return "\n".join(lines) if lines else f"# held by the file: {named(file.supports[:5])}\n"
+    lines += [
         line
         for name in first.held
         for line in ("[[supports]]", _line("group", _quoted(name), "by its name; is it held?"), _FIX, "")

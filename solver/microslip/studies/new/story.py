@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,8 +19,8 @@ from ..check.model_content import table
 from ..check.model_mesh import likely_units, whole_mesh
 from ..check.plausible import SI
 from .candidates import find_candidates
-from .places import farthest, held_groups
-from .scene_text import First, text_of
+from .places import farthest, held_groups, supports_of_joints
+from .scene_text import First, named, text_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -77,8 +78,10 @@ def _first(model: str, out: Path, file: FileModel) -> First:
     mesh, settings = whole_mesh(model, file, UNITS[units])
     states_scale = units != SI and not file.materials
     candidates = find_candidates(mesh, file, settings)
-    likely = [name for candidate in candidates if candidate.is_likely and not candidate.is_apart for name in candidate.surfaces]
-    held, may_be = held_groups(mesh, file, settings, likely)
+    likely = [candidate for candidate in candidates if candidate.is_likely and not candidate.is_apart]
+    left_out = supports_of_joints(mesh, file, likely)
+    file = replace(file, supports=tuple(support for support in file.supports if support not in left_out))
+    held, may_be = held_groups(mesh, file, settings, [name for candidate in likely for name in candidate.surfaces])
     return First(
         model=Path(os.path.relpath(model, out.parent)).as_posix(),
         units=None if units == SI or states_scale else units,
@@ -87,10 +90,19 @@ def _first(model: str, out: Path, file: FileModel) -> First:
         file=file,
         settings=settings,
         candidates=candidates,
+        left_out=left_out,
         held=held,
         may_be_held=may_be,
         place=farthest(mesh, file, held),
     )
+
+
+def _on_steps(first: First) -> list[str]:
+    """Say which step's conditions the scene takes, and which supports it leaves out."""
+    lines = [] if first.step is None else [f"conditions of step {first.step.number} of the file: {first.step.procedure}"]
+    if first.left_out:
+        lines.append(f"left out: {named(first.left_out)}, which fix both sides of a joint")
+    return lines
 
 
 def _lines(model: str, out: Path, first: First) -> list[str]:
@@ -109,6 +121,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         *table("joints", joints or ["no surfaces of different bodies lie on each other"]),
         *table("or", others, 10),
         *table("supports", holds or ["none known: fill in [[supports]]"]),
+        *table("", _on_steps(first)),
         f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is there, too",
         *table("to answer", [f"{finding.where}: {finding.word}: {finding.effect}" for finding in first.open_findings]),
         f"next       fill in what begins with #> in {out}, then: microslip check {out}",

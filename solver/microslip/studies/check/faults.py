@@ -1,0 +1,102 @@
+"""All faults of a scene and its files together, where the first has ended a check: a user mends them in one round."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from mpi4py import MPI
+
+from ...assembly.check import check_elements
+from ...assembly.constraints import check_supports
+from ...assembly.fixed_pairs import fixed_by_nodes, notes_on_fixed
+from ...assembly.nodal_forces import nodal_forces
+from ...assembly.output_rows import output_row
+from ...formats.model import FileModel
+from ...formats.read import read_model
+from ...library.complete import complete, held_by
+from ...mesh.connected import check_held, connected_parts
+from ...mesh.cut import cuts_through
+from ...mesh.data import ContactPairs, Mesh
+from ...mesh.links import Links, find_links, fixed_places
+from ...mesh.pairing import pair_contacts
+from ...mesh.partition import distribute
+from ...mesh.read import read_mesh
+from ...messages.errors import CaseError, Faults
+from ...scene.schema import Scene
+
+T = TypeVar("T")
+
+
+def refuse_all(scene: Scene, first: CaseError) -> None:
+    """Raise ``first``, which ended a check of a scene with a mesh, together with all others that do not follow from it.
+
+    Local, rank 0.
+
+    Raises
+    ------
+    CaseError, MeshError : always
+    """
+    faults = Faults()
+    whole, file = _completed(scene, faults)
+    if file is not None and whole is not None:
+        mesh = _value(faults, lambda: read_mesh(whole, held_by(scene, file)))
+        if mesh is not None:
+            _of_mesh(whole, mesh, faults)
+    with faults.collected():
+        raise first
+    faults.refuse()
+
+
+def _value(faults: Faults, function: Callable[[], T]) -> T | None:
+    """Return the value of a function, or None where it raised a fault, which is collected."""
+    with faults.collected():
+        return function()
+    return None
+
+
+def _completed(scene: Scene, faults: Faults) -> tuple[Scene | None, FileModel | None]:
+    """Return the scene completed by its file, what of the file has to be answered waived, and the file."""
+    assert scene.model.mesh is not None, "a scene with a mesh"
+    file = _value(faults, lambda: read_model(scene.folder / (scene.model.mesh or ""), scene.model.step))
+    if file is None:
+        return None, None
+    whole = _value(faults, lambda: complete(scene, file))
+    if whole is None:
+        words = tuple(dict.fromkeys(finding.word for finding in file.findings if finding.changes))
+        waived = scene.with_keys(model=scene.model.with_keys(ignore=words))
+        whole = _value(faults, lambda: complete(waived, file))
+    return (None if whole is None else whole[0]), file
+
+
+def _of_mesh(scene: Scene, mesh: Mesh, faults: Faults) -> None:
+    """Collect the faults of a scene on its mesh."""
+    pairs = _value(faults, lambda: pair_contacts(mesh, scene.joints))
+    links = _value(faults, lambda: find_links(mesh, scene))
+    with faults.collected():
+        check_elements(distribute(mesh, scene, MPI.COMM_SELF), scene)
+    if links is not None:
+        _of_links(scene, mesh, pairs, links, faults)
+    for i, load in enumerate(scene.loads, 1):
+        if links is not None or load.point is None:
+            with faults.collected():
+                nodal_forces(mesh, load, scene.model, f"[[loads]] {i}", links)
+    for output in scene.outputs:
+        if links is not None or output.point is None:
+            with faults.collected():
+                output_row(mesh, output, scene, links)
+    if scene.statics is not None:
+        with faults.collected():
+            cuts_through(mesh, scene.statics.bolts)
+
+
+def _of_links(scene: Scene, mesh: Mesh, pairs: ContactPairs | None, links: Links, faults: Faults) -> None:
+    """Collect the faults of supports, with what follows what."""
+    with faults.collected():
+        is_fixed = fixed_places(mesh, scene, links)
+        check_supports(mesh, links, is_fixed)
+        if pairs is not None:
+            notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(scene.path))
+    if pairs is not None:
+        with faults.collected():
+            check_held(*connected_parts(mesh, scene.body_of), mesh, scene.supports, pairs, links)
