@@ -5,7 +5,7 @@
 A mutation changes one to three places of a sound scene: a value to another of its kind (extreme, negative, zero, not finite) or of
 another kind, or one that stands elsewhere; a key or a table is removed, renamed, repeated or moved.  Scenes are checked, a share of
 them (`--runs`, a third) is run, without pictures.  All this happens in one process, which another one replaces where it crashes or
-takes longer than 90 s.  A status of 70 or any other than those named, a traceback, a crash and a hang are findings: they are shown
+takes longer than ten minutes.  A status of 70 or any other than those named, a traceback, a crash and a hang are findings: they are shown
 with the scene, and make status 1.  Status 4, a refusal of what does not fit into memory, is counted.
 """
 
@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "meshes")]
 SCENES = ("chain.toml", "lap.toml", *(f"bar_{ending}.toml" for ending in ("inp", "cdb", "bdf", "unv", "exo", "vtu")))
 ALLOWED = (0, 2, 3, 4)
-HANG = 90.0  # s
+HANG = 600.0  # s: a level far beyond the friction limit takes minutes on a busy machine
 NUMBERS = (0, -1, 1, 2, 1e300, -1e300, 1e-300, 1e-320, 1e20, 1e-9, float("nan"), float("inf"), 2**63, 10**30, True)
 WORDS = ("", "x", "harmonic", "receptance", "nan", "../x", "\0", "\u00e4", "a" * 5000, "1e3")
 

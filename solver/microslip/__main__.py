@@ -53,10 +53,10 @@ def main(arguments: list[str]) -> int:
     comm = None if no_room else _world()
 
     def action() -> int:
-        if no_room:
-            raise ResourceError(no_room)
         obey_signals(launcher_rank() == 0)
         command = parse(arguments)
+        if no_room:
+            raise ResourceError(no_room)
         with no_exit():
             return _perform(command, comm)
 

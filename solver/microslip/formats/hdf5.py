@@ -73,8 +73,8 @@ class Storage:
             return f"{name} and {self.names[address]} are one data set under two names"
         if self.taken > self.n_bytes:
             return f"{name} holds {stored} bytes, more than the file has left"
-        needed, left = _COPIES * self.claimed, memory_left_here()
-        if needed > max(left, _OF_ANY_FILE):
+        needed = _COPIES * self.claimed
+        if needed > _OF_ANY_FILE and needed > (left := memory_left_here()):
             return f"{name} and what was read before it need {gigabytes(needed)} of memory, of which {gigabytes(left)} are left"
         return None
 

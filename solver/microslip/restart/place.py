@@ -18,7 +18,7 @@ OPTIONAL = ("modes.vtkhdf", "peak_response.vtkhdf")  # fields, by every run that
 # by runs and by plot, report and convert; whatever else is in a folder is its owner's
 _OURS = re.compile(
     r"results\.(h5|unv|mat)|frf\.csv|run\.log|report\.html"
-    r"|(response\d*|states|slip_map|rom_size|energy|energy_map|error|rest)\.png"
+    r"|(response\d*|peaks\d*|states|slip_map|rom_size|energy|energy_map|error|rest)\.png"
     r"|(modes|peak_response|mode_shapes|rest|joint|(joint_)?motion_\d+)\.vtkhdf"
 )
 _PART = re.compile(r"(setup|level)-[0-9a-f]{24}")
