@@ -135,6 +135,7 @@ def test_numbers_that_are_unique_stay_and_one_instance_is_named_plainly_too(tmp_
         ("*SYSTEM\n1., 1., 1.\n*NODE\n1, 1., 2., 3.\n*SYSTEM\n", (2, 3, 4)),
         ("*SYSTEM\n1., 0., 0., 1., 1., 0.\n0., 0., 0.\n*NODE\n1, 1., 2., 3.\n*SYSTEM\n", (-1, 1, 3)),
         ("*NODE\n1, 1., , 3.\n", (1, 0, 3)),
+        ("*NODE\n1, 1., 2.\n", (1, 2, 0)),
         ("*NODE\n1, 1.D0, 2.d-1, 3.\n", (1, 0.2, 3)),
     ],
 )

@@ -440,6 +440,23 @@ def test_what_an_input_file_does_beside_is_refused_until_it_is_waived(tmp_path, 
 
 
 @pytest.mark.parametrize(
+    ("script", "says"),
+    [
+        (
+            "/prep7\nK,1,0,0\nk,2,1,0\nBLOCK,0,1,0,1,0,1\nvmesh,all\n",
+            r"commands that make one .*\(K, BLOCK, VMESH\); write the mesh in",
+        ),
+        ("/PREP7\nN,1\nN,11,10\nFILL\nE,1,2\nEGEN,10,1,1\n", r"\(N, FILL, E, EGEN\)"),
+        ("/COM no model\n*DIM,A,,3\n", r"it holds no mesh \(NBLOCK, EBLOCK\); write"),
+    ],
+)
+def test_a_script_that_builds_its_mesh_is_refused_for_that(script, says, tmp_path):
+    (tmp_path / "vm.dat").write_text(f"/TITLE,a script\n{script}")
+    with pytest.raises(MeshError, match=says):
+        read_model(tmp_path / "vm.dat")
+
+
+@pytest.mark.parametrize(
     "change, says",
     [
         (lambda text: text[: text.index("et,1,185") - 200], "the block of line 8 ends without -1; the file is truncated"),

@@ -6,7 +6,7 @@ import pytest
 meshio = pytest.importorskip("meshio")
 
 from microslip.formats.read import read_model
-from microslip.formats.via_meshio import load_meshio
+from microslip.formats.via_meshio import WHOLE, load_meshio
 from microslip.messages.errors import MeshError
 
 KINDS = {"wedge15": 15, "pyramid13": 13}
@@ -35,6 +35,26 @@ def test_a_version_that_knows_the_cells_is_left_alone(monkeypatch):
     monkeypatch.setattr(meshio, "CellBlock", lambda kind, nodes: None)
     load_meshio()
     assert not TABLE.keys() & KINDS.keys()
+
+
+@pytest.mark.parametrize("ending", ["vtu", "vtk"])
+def test_volumes_without_any_group_are_one(tmp_path, ending):
+    points = np.vstack([np.zeros(3), np.eye(3)])
+    cells = [("triangle", [[0, 1, 2]]), ("tetra", [[0, 1, 2, 3]])]
+    meshio.Mesh(points, cells).write(tmp_path / f"one.{ending}")
+    model = read_model(tmp_path / f"one.{ending}")
+    (block,) = [i for i, cells in enumerate(model.cells) if cells.kind == "tet4"]
+    assert list(model.groups) == [WHOLE] and {i: list(rows) for i, rows in model.groups[WHOLE].cells.items()} == {block: [0]}
+    assert any("'all'" in note for note in model.notes)
+
+
+def test_files_of_vtk_4_have_the_integers_of_vtk_9(tmp_path):
+    path = tmp_path / "one.vtk"
+    path.write_text(
+        "# vtk DataFile Version 4.1\none\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\n"
+        "CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10\nCELL_DATA 1\nFIELD FieldData 1\npart 1 1 vtktypeint64\n7\n"
+    )
+    assert list(read_model(path).groups) == ["part=7"]
 
 
 def test_a_version_without_its_table_is_refused_in_words(tmp_path, monkeypatch):

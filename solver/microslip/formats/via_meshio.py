@@ -13,6 +13,7 @@ from ..messages.errors import MeshError
 from .model import KINDS, Cells, FileModel, Group, names_of_tags
 
 # Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.
+WHOLE = "all"  # the group of all volume elements of a file without groups of them
 FORMATS = {".vtu": "vtu", ".vtk": "vtk"}
 _KINDS = {
     "vertex": "point",
@@ -73,8 +74,14 @@ def read_other(path: str) -> FileModel:
     for name, nodes in mesh.point_sets.items():
         groups.setdefault(name, Group()).add_nodes(np.asarray(nodes, dtype=np.int64))
     _group_by_values(mesh, cells, groups)
-    notes = () if has_numbers else ("node and element numbers are positions in the file, from 1",)
-    return FileModel(points, node_numbers, tuple(cells), groups, notes, _fields(mesh))
+    notes = [] if has_numbers else ["node and element numbers are positions in the file, from 1"]
+    volumes = [i for i, block in enumerate(cells) if KINDS.get(block.kind, (0, 0))[0] == 3]
+    if volumes and not any(i in group.cells for group in groups.values() for i in volumes):
+        whole = groups.setdefault(WHOLE, Group())
+        for i in volumes:
+            whole.add_cells(i, np.arange(len(cells[i].nodes)))
+        notes.append(f"no group holds volume elements; all of them are the group {WHOLE!r}")
+    return FileModel(points, node_numbers, tuple(cells), groups, tuple(notes), _fields(mesh))
 
 
 def _fields(mesh) -> dict[str, np.ndarray]:
@@ -90,7 +97,8 @@ def _fields(mesh) -> dict[str, np.ndarray]:
 def load_meshio():
     """Return meshio, completed where its cells of quadratic wedges and pyramids cannot be made.  Local.
 
-    Version 5.3 reads their nodes, but its table of dimensions lacks them, and it has no public way to add a kind.
+    Version 5.3 reads their nodes, but its table of dimensions lacks them, and it has no public way to add a kind.  Nor does it
+    know the integer types of VTK 9 in files of VTK's format 4, which its reader of format 5 knows.
 
     Raises
     ------
@@ -106,6 +114,8 @@ def load_meshio():
             if not isinstance(dimensions, dict):
                 raise MeshError(f"meshio {meshio.__version__} has no cells {kind}; install meshio 5.3") from None
             dimensions[kind] = 3
+    older, newer = (getattr(getattr(meshio.vtk, f"_vtk_{version}", None), "vtk_to_numpy_dtype_name", {}) for version in (42, 51))
+    older.update({name: newer[name] for name in newer.keys() - older.keys()})
     return meshio
 
 

@@ -32,7 +32,7 @@ def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
 
     Raises
     ------
-    MeshError : not a number and three coordinates on each line
+    MeshError : not a number and three coordinates, or two in a plane, on each line
     """
     values, counts = card.numbers()
     width = int(counts[0]) if len(counts) else 4
@@ -47,12 +47,12 @@ def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_empty_fields(card: Card) -> np.ndarray:
-    """Return (n, 4) numbers of lines of which some have empty fields, which are 0."""
+    """Return (n, 4) numbers of lines of which some have empty fields, which are 0, or in a plane no third coordinate."""
     rows = []
     for words, where in card.lines():
-        if len(words) < 4 or not words[0]:
+        if len(words) < 3 or not words[0]:
             raise MeshError(f"{where}: *NODE: every line must hold a number and three coordinates{_DAMAGED}")
-        rows.append([float(word.replace("D", "E").replace("d", "e")) if word else 0.0 for word in words[:4]])
+        rows.append([float(word.replace("D", "E").replace("d", "e")) if word else 0.0 for word in (*words, "")[:4]])
     return np.array(rows).reshape(-1, 4)
 
 

@@ -22,6 +22,10 @@ from .input_file import as_archived
 
 _LEAST_BYTES = 8  # of a node or an element in an archive
 _STARTS = ("/BATCH", "/COM", "/PREP7", "/TITLE", "/UNITS", "/WB", "NBLOCK,")  # lines near the beginning of an input file
+_MAKE_MESHES = set(  # the first letters, which Ansys goes by, of commands for points to volumes, meshes, nodes and elements
+    "K KGEN KFIL L LARC LSTR LGEN A AL AGEN AROT V VA VGEN VDRA VROT VEXT BLOC BLC4 BLC5 CYL4 CYL5 CYLI RECT PCIR "
+    "SPHE SPH4 CONE PRIS TORU VSWE VMES AMES LMES KMES AMAP VMAP N NGEN NDIS NSYM FILL E EN EGEN EMOR EINT".split()
+)
 _HEAD = 200  # lines that are looked at for them
 _GAIN = 200  # bytes of memory for a byte of the file
 _LONG_EXPONENT = re.compile(rb"[EeDd][+-]?[0-9]{4,}")
@@ -50,10 +54,22 @@ def read_input(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, or shapes that are no solids here
     """
-    said = tuple(as_archived(commands(path)))
+    given = tuple(commands(path))
+    _refuse_scripts(given)
+    said = tuple(as_archived(given))
     with open(path, encoding="utf-8", errors="replace") as file:
         blocks = blocks_of_text(file.read().splitlines())
     return model_of(blocks, said)
+
+
+def _refuse_scripts(said: tuple[Command, ...]) -> None:
+    """Raise MeshError where no mesh is in the file, and name the commands that make one."""
+    words = list(dict.fromkeys(command.word for command in said))
+    if {"NBLOCK", "EBLOCK"} & set(words):
+        return
+    made_by = ", ".join([word for word in words if word[:4] in _MAKE_MESHES][:4])
+    but = f" but commands that make one when Ansys runs them ({made_by})" if made_by else ""
+    raise MeshError(f"it holds no mesh (NBLOCK, EBLOCK){but}; write the mesh in Ansys by CDWRITE,DB,NAME,cdb and take that file")
 
 
 def is_input(path: str) -> bool:
