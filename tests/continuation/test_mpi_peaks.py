@@ -11,8 +11,9 @@ from oracles import scenes
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
-from microslip.continuation.maximum import EXACT, Maximum
+from microslip.continuation.maximum import EXACT, Maximum, Sample, _Search
 from microslip.continuation.peaks import PeakOver, follow_peak, peaks_of
+from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.operating_point import LawParameter
 from microslip.observe.level_log import peak_lines
@@ -136,6 +137,34 @@ def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():
     found = follow_peak(equation, friction, Sweep(2.0, 0.5), stuck, 1e-10, level=123.024)
     assert found.failure is None
     assert amplitude(found.points[-1]) == pytest.approx(0.5 * abs(twice.amplitude), rel=10.0 / 512**2)
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize(
+    "size, slope, rise, is_met",
+    [
+        pytest.param(lambda t: 1.0 - (t - 0.3) ** 2, lambda t: 0.6 - 2.0 * t, None, True, id="a maximum"),
+        pytest.param(lambda t: 1.0 - abs(t - 0.3), lambda t: np.sign(0.3 - t), None, True, id="a corner"),
+        pytest.param(lambda t: 1.0 + t, lambda t: 1.0, lambda t: 1.0 / (0.3 - t), False, id="a pole of the slope"),
+        pytest.param(lambda t: 1.0 - (t - 0.3) ** 4, lambda t: -4.0 * (t - 0.3) ** 3, None, False, id="no solution between"),
+    ],
+)
+def test_a_change_of_the_slopes_sign_is_a_maximum_or_none(size, slope, rise, is_met, request):
+    """Along a curve in a plane across level and frequency the slope over the frequency may have a pole."""
+
+    def sample(t, guess=None):
+        there = Iterate(np.zeros((0, 3, 3)), (float(t),), Harmonics.up_to(1))
+        return Sample(t, there, there.U, size(t), slope(t), (rise or slope)(t))
+
+    def nowhere(t, guess):
+        return None
+
+    of = nowhere if "no solution" in request.node.callspec.id else sample
+    search = SimpleNamespace(corrector=SimpleNamespace(tolerance=1e-9), row=SimpleNamespace(omega=0), at=of)
+    best, within, found = _Search.between(search, sample(0.0), sample(1.0))
+    assert found == is_met
+    if is_met:
+        assert best.t == pytest.approx(0.3, abs=1e-6) and within < 2e-3
 
 
 def test_a_peak_that_no_solve_reaches_says_so():

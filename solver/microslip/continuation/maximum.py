@@ -114,8 +114,9 @@ class _Search:
         ends = self.enclosed(start)
         if ends is None:
             return replace(self.ended(start), failure="the output has no maximum near by")
-        best, within = self.between(*ends)
-        return replace(self.ended(best), within=within)
+        best, within, is_met = self.between(*ends)
+        unmet = None if is_met or not self.system.constraints else "the slope has a pole, or no solution, in place of a maximum"
+        return replace(self.ended(best), within=within, failure=unmet)
 
     def ended(self, best: Sample) -> Correction:
         """Return a sample as the outcome of all solves."""
@@ -221,8 +222,8 @@ class _Search:
                 here, step = new, 2.0 * step
         return None
 
-    def between(self, low: Sample, high: Sample) -> tuple[Sample, float]:
-        """Return the best solution between a rising and a falling one, and the width [rad/s] within which the maximum is known.
+    def between(self, low: Sample, high: Sample) -> tuple[Sample, float, bool]:
+        """Return the best solution between a rising and a falling one, the width [rad/s] that it is known to, and if it is met.
 
         On to the secant of the slopes, which meets a zero, or to where the tangents cross, which meets a corner: a corner it is
         where the slopes at the ends stay as different as they were while these draw together.
@@ -233,7 +234,7 @@ class _Search:
             length, jump, corner = high.t - low.t, low.rise - high.rise, crossing(low, high)
             flattest = min(low, high, key=lambda end: abs(end.rise))
             if abs(flattest.rise) * first <= tolerance * flattest.size:
-                return flattest, 0.0
+                return flattest, 0.0, True
             best = min(low, high, key=lambda end: abs(end.rise * (corner - end.t)))
             is_corner = not jumps or jump / jumps[-1] > (length / lengths[-1]) ** 0.5
             is_met = is_corner and abs(best.rise * (corner - best.t)) <= tolerance * best.size
@@ -250,7 +251,8 @@ class _Search:
             low, high = (new, high) if new.rise > 0.0 else (low, new)
             lengths.append(length)
             jumps.append(jump)
-        return best, abs(high.iterate.parameters[self.row.omega] - low.iterate.parameters[self.row.omega])
+        width = abs(high.iterate.parameters[self.row.omega] - low.iterate.parameters[self.row.omega])
+        return best, width, is_met
 
 
 def crossing(low: Sample, high: Sample) -> float:
