@@ -94,6 +94,6 @@ def branches_of(path: Path, comm) -> list:
     return found
 
 
-def asked(branch) -> list:
+def requested(branch) -> list:
     """Return the points of a branch at the frequencies of [response] ``at``."""
-    return [point for point in branch.points if point.asked]
+    return [point for point in branch.points if point.requested]

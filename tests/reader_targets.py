@@ -28,11 +28,11 @@ from microslip.messages.errors import CaseError, MicroslipError, ResourceError
 from microslip.points.branch import Point
 from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.stuck import Factored, OnDemand
+from microslip.restart.branch_files import BranchFiles
 from microslip.restart.columns_file import ColumnsFile
 from microslip.restart.identity import Identity
-from microslip.restart.kept_branch import KeptBranch
-from microslip.restart.kept_points import to_point
-from microslip.restart.records import Latest, as_written, length_of, read_record, read_records, unpack
+from microslip.restart.point_records import to_point
+from microslip.restart.records import Latest, checked_read, length_of, read_record, read_records, unpack
 from microslip.restart.structure_arrays import basis_of, structure_of
 from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results, refuse_deadly
@@ -125,7 +125,7 @@ def _restart(path: Path) -> Any:
     """Read a file as each of those that a run goes on from."""
     for read in (_points, _ended, _identity, _set_up, _columns):
         with contextlib.suppress(CaseError):
-            as_written(path, read, path)
+            checked_read(path, read, path)
     return Latest(path.with_suffix("")).read()
 
 
@@ -138,7 +138,7 @@ def _ended(path: Path) -> Any:
     content, first = path.read_bytes(), length_of(read_records(path)[:1])
     path.with_name("end.0").write_bytes(content[:first])
     path.with_name("points.0").write_bytes(content[first:])
-    return KeptBranch(MPI.COMM_SELF, path.parent, 0)._read_end()
+    return BranchFiles(MPI.COMM_SELF, path.parent, 0)._read_end()
 
 
 def _identity(path: Path) -> list[str]:

@@ -176,9 +176,9 @@ def write(folder, branches, pairs, **options) -> str:
 
 def observe(writer: ResultWriter, branches: list[Branch]) -> None:
     """Tell the writer of whole branches, one after the other.  Collective on its communicator."""
-    tell = Observers(writer.comm, [found.level for found in branches], [writer]).tell
+    notify = Observers(writer.comm, [found.level for found in branches], [writer]).notify
     for number, found in enumerate(branches):
-        tell("level_started", number)
+        notify("level_started", number)
         for point in found.points:
-            tell("point", number, point)
-        tell("level_finished", number, found)
+            notify("point", number, point)
+        notify("level_finished", number, found)

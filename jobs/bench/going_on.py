@@ -28,14 +28,14 @@ from mpi4py import MPI
 import microslip.run as story
 from microslip.parallel.agree import on_root
 from microslip.restart import folder as kept
+from microslip.restart.branch_files import BranchFiles
 from microslip.restart.columns_file import ColumnsFile
-from microslip.restart.kept_branch import KeptBranch
 from microslip.restart.stored_structure import StoredStructure
 from microslip.scene.read import read_scene
 
 KEEPING = (
-    (KeptBranch, "keep"),
-    (KeptBranch, "end"),
+    (BranchFiles, "keep"),
+    (BranchFiles, "end"),
     (ColumnsFile, "_keep"),
     (StoredStructure, "write"),
     (kept.Restart, "finish"),

@@ -55,23 +55,23 @@ class Meter:
     def __init__(self, points: int, has_motion: bool = True):
         self.points, self.has_motion = points, has_motion
         self.resident, self.recorded = np.full((2, points), np.nan)  # all of it now: it is no growth
-        self._n, self._held, self._motion, self._tell = 0, 0.0, 0.0, Observers.tell
+        self._n, self._held, self._motion, self._notify = 0, 0.0, 0.0, Observers.notify
 
     def __enter__(self) -> Meter:
         meter = self
 
-        def tell(observers: Observers, event: str, *news) -> None:
-            meter._tell(observers, event, *news)
+        def notify(observers: Observers, event: str, *news) -> None:
+            meter._notify(observers, event, *news)
             if event == "point":
                 meter.take(news[1])
             if event == "level_finished":
                 meter.let_go(news[1])
 
-        self._patched.tell = tell
+        self._patched.notify = notify
         return self
 
     def __exit__(self, *_) -> None:
-        self._patched.tell = self._tell
+        self._patched.notify = self._notify
 
     def take(self, point) -> None:
         """Note what is held after a point.  Local; the same number of points on every rank."""

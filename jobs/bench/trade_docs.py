@@ -35,7 +35,7 @@ from microslip.studies.trade.report import (
     sentences,
     validation_lines,
 )
-from microslip.studies.trade.story import KNOBS, SECONDS, Asked, trade
+from microslip.studies.trade.story import KNOBS, SECONDS, Request, trade
 from microslip.studies.trade.study import TARGETS, Study
 
 SCENES = {
@@ -59,7 +59,7 @@ def main() -> None:
         scene, folder = read_scene(name), Path("results", f"{Path(name).stem}_trade")
         start, asked = time.perf_counter(), options.seconds or SCENES.get(name, SECONDS)
         knobs = tuple(knob for knob in KNOBS if knob != "method" or name not in WITHOUT_METHODS)
-        study = trade(scene, comm, folder, Asked(knobs=knobs, seconds=asked))
+        study = trade(scene, comm, folder, Request(knobs=knobs, seconds=asked))
         if comm.rank == 0:
             parts |= of_scene(name, study, time.perf_counter() - start)
             (options.out / "img").mkdir(parents=True, exist_ok=True)

@@ -143,13 +143,13 @@ def _diff(command: Command, comm: MPI.Comm | None) -> int:
     from .results.read import refuse_deadly
     from .studies.diff.command import compare_files
 
-    def compared(*asked) -> tuple[str, int]:
-        for file in asked[:2]:
+    def compared(*arguments) -> tuple[str, int]:
+        for file in arguments[:2]:
             refuse_deadly(file)
-        return compare_files(*asked)
+        return compare_files(*arguments)
 
-    asked = command.file, command.other, command.tolerance, command.bars, command.out, command.as_json
-    text, status = on_root(comm, compared, *asked) if comm is not None else compared(*asked)
+    arguments = command.file, command.other, command.tolerance, command.bars, command.out, command.as_json
+    text, status = on_root(comm, compared, *arguments) if comm is not None else compared(*arguments)
     if launcher_rank() == 0:
         print(text)
     return status
@@ -222,12 +222,12 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
     from .studies.batch import run_scenes
 
     limit = on_root(comm, time_limit, command.walltime)
-    asked = run.RunOptions(command.petsc, command.groups, fresh=command.fresh, limit=limit)
+    options = run.RunOptions(command.petsc, command.groups, fresh=command.fresh, limit=limit)
     if len(scenes) > 1:
         out = Path("results") if command.out is None else command.out
-        return out, run_scenes(scenes, comm, out, asked)
+        return out, run_scenes(scenes, comm, out, options)
     out = Path("results", scenes[0].name) if command.out is None else command.out
-    run.run(scenes[0], comm, out, asked)
+    run.run(scenes[0], comm, out, options)
     return out, 0
 
 
@@ -245,15 +245,15 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":
-        asked = verify.Asked(
+        request = verify.Request(
             command.at, command.levels, command.harmonics, command.samples, command.steps or verify.STEPS, command.from_rest
         )
-        verify.verify(scene, comm, out, asked, command.petsc)
+        verify.verify(scene, comm, out, request, command.petsc)
     elif command.name == "trade":
-        turned = trade.Asked(command.knobs or trade.KNOBS, command.levels, command.meshes, command.seconds or trade.SECONDS)
+        turned = trade.Request(command.knobs or trade.KNOBS, command.levels, command.meshes, command.seconds or trade.SECONDS)
         trade.trade(scene, comm, out, turned, command.petsc)
     else:
-        export.export(scene, comm, out, export.Asked(command.method, command.recovery), command.petsc)
+        export.export(scene, comm, out, export.Request(command.method, command.recovery), command.petsc)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from .observe.stops import goes_on
 from .parallel.agree import on_root
 from .restart.cache import cache_of
 from .restart.folder import Finished, Restart
-from .restart.place import RESULTS, place_of, settle
+from .restart.results_folder import RESULTS, move_results, output_folder
 from .results.draw import draw
 from .scene.schema import Scene
 from .system.versions import versions
@@ -45,19 +45,19 @@ def run(
     """
     with locked(comm, folder) as left:
         restart = Restart.open(comm, folder, scene, options.petsc, options.fresh, cache_of(folder)).noting(left)
-        finished = restart.done
+        finished = restart.finished
         if finished is not None:
-            draw_again(comm, finished.place, options.screen)
+            draw_again(comm, finished.folder, options.screen)
         else:
             finished = compute(restart, comm, folder, options)
     if finished.failures:
-        stays = "" if finished.place == folder else f"; the complete results of an earlier run stay in {folder}"
-        raise ConvergenceError("\n".join(finished.failures) + f"\nwhat converged is in {finished.place}{stays}")
+        stays = "" if finished.folder == folder else f"; the complete results of an earlier run stay in {folder}"
+        raise ConvergenceError("\n".join(finished.failures) + f"\nwhat converged is in {finished.folder}{stays}")
 
 
 def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions) -> Finished:
     """Compute what is left of a run, write and draw all of it, and return where it is and why levels ended early.  Collective."""
-    scene, place = restart.scene, on_root(comm, place_of, folder)
+    scene, output = restart.scene, on_root(comm, output_folder, folder)
     facts = {
         "scene": scene.source,
         "method": scene.solver.method,
@@ -65,31 +65,31 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         **versions(),
     }
     origin = origin_of(scene, comm)
-    with goes_on(place), RunLog(comm, str(place / "run.log"), screen=options.screen, facts=facts) as log:
+    with goes_on(output), RunLog(comm, str(output / "run.log"), screen=options.screen, facts=facts) as log:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(build, scene, comm, log, keeps_reference=False))
         with log.stage("response"):
-            branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log))
+            branches = follow_logged(prepared, output, options, origin, log, restart.checkpointers_of(prepared, log))
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
             shapes = shapes_of(prepared, branches)
-        log.note(libraries_used(prepared, branches, place / RESULTS), on_screen=False)
+        log.note(libraries_used(prepared, branches, output / RESULTS), on_screen=False)
         restart.share_factor(prepared, log)
         with log.stage("pictures"):
-            draw(comm, place, partial(write_shapes, prepared, branches, shapes, place, record_of(log)))
+            draw(comm, output, partial(write_shapes, prepared, branches, shapes, output, record_of(log)))
         prepared.close()
         failures = [f"level {branch.why_ended}" for branch in branches if branch.failure]
-        final = restart.final_place(folder, place, failures)
+        final = restart.final_folder(folder, output, failures)
         log.note(f"results in {final}")
-    if final != place:
-        on_root(comm, settle, folder, place, options.fresh)
+    if final != output:
+        on_root(comm, move_results, folder, output, options.fresh)
     return restart.finish(folder, final, failures)
 
 
 def draw_again(comm: MPI.Comm, folder: Path, screen: bool) -> None:
     """Draw the pictures of a run that was computed before.  Collective."""
     with RunLog(comm, screen=screen) as log:
-        log.note(f"all of it is in {folder}, nothing is left to compute (--fresh computes it anew)")
+        log.note(f"the results in {folder} are complete, nothing is left to compute (--fresh recomputes them)")
         with log.stage("pictures"):
             draw(comm, folder)

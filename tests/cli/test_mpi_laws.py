@@ -72,13 +72,15 @@ def test_a_mesh_with_each_law_through_the_program(comm, shared_path, program):
         (level,) = results.levels
         joint = results.joint
         assert level.status == "complete" and joint.law_names == (name,) and not joint.laws.any()
-        assert set(joint.own) == ({"exponent", "sliders"} if name == "rough" else {"slip_force", "chi", "beta", "sliders"})
+        assert set(joint.law_columns) == (
+            {"exponent", "sliders"} if name == "rough" else {"slip_force", "chi", "beta", "sliders"}
+        )
         peaks[name] = np.abs(level.response[:, 0, 1:3]).max()
         assert np.nanmax(level.error[:, 0].sum(axis=-1)) < 0.2 * peaks[name] and level.energy.sum(axis=1).max() > 0.0
         if name == "rough":
             assert np.allclose(joint.k_n, 1e6 / 1e-5 * joint.area) and np.allclose(joint.N0, 1e6 * joint.area)
         else:
-            assert joint.own["slip_force"].sum() == pytest.approx(100.0) and np.isnan(joint.mu).all()
+            assert joint.law_columns["slip_force"].sum() == pytest.approx(100.0) and np.isnan(joint.mu).all()
     assert peaks["rough"] != peaks["iwan"]
 
 
@@ -111,7 +113,7 @@ def test_directions_of_their_own_on_a_mesh(comm, shared_path):
     on_root(comm, lambda: write(path, text.replace(plain, own + "\n") + "modes = 8\n"))
     with microslip.build(microslip.read(path), comm) as structure:
         pairs = structure.pairs
-        assert np.allclose(pairs.own["k_ty"], 0.4 * pairs.k_t) and np.all(pairs.own["mu_y"] == 0.03)
+        assert np.allclose(pairs.law_columns["k_ty"], 0.4 * pairs.k_t) and np.all(pairs.law_columns["mu_y"] == 0.03)
         assert np.allclose(pairs.law.stiffness[:, 1], 0.4 * pairs.k_t)
         response = microslip.respond(structure, levels=[30.0])
         assert response.results.levels[0].status == "complete"

@@ -14,7 +14,7 @@ from microslip.guards import lock
 from microslip.guards.lock import NAME
 from microslip.observe.stops import Stops
 from microslip.parallel.agree import on_root
-from microslip.restart.place import UNFINISHED
+from microslip.restart.results_folder import UNFINISHED
 
 record = acceptance.point_record
 

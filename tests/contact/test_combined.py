@@ -164,9 +164,9 @@ def test_pairs_taken_a_few_at_a_time_are_those_taken_together(monkeypatch):
     of, U = rough(9), motions(9, 0.4)
     together = of.cycle(U, 32)
     monkeypatch.setattr(bundle, "_MOST_DERIVATIVES", 2 * of.bundle.size * (3 * N_H) ** 2)
-    apart = of.cycle(U, 32)
-    assert np.allclose(apart.p, together.p, rtol=0.0, atol=1e-13) and np.array_equal(apart.active, together.active)
-    assert np.allclose(apart.P, together.P, rtol=0.0, atol=1e-10) and np.array_equal(apart.state, together.state)
+    separate = of.cycle(U, 32)
+    assert np.allclose(separate.p, together.p, rtol=0.0, atol=1e-13) and np.array_equal(separate.active, together.active)
+    assert np.allclose(separate.P, together.P, rtol=0.0, atol=1e-10) and np.array_equal(separate.state, together.state)
 
 
 def test_part_of_several_laws():
@@ -182,7 +182,7 @@ def test_part_of_several_laws():
 def test_pairs_name_their_laws():
     columns = {name: np.array(values) for name, values in {"mu": [0.3] * 4, "N0": [2.0] * 4, "k_t": [3.0] * 4}.items()}
     columns |= {"k_n": np.full(4, 5.0), "separate": np.zeros(4, dtype=bool), "T0": np.zeros((4, 2))}
-    columns |= {"apart": np.zeros(4, dtype=bool)}
+    columns |= {"open_at_rest": np.zeros(4, dtype=bool)}
     keys = {"exponent": None, "sliders": None, "chi": -0.5, "beta": 0.2}
     own = joined([(1, {}), (2, columns_of_joint("rough", keys, 2)), (1, columns_of_joint("iwan", keys, 1))])
     assert np.isnan(own["exponent"][[0, 3]]).all() and own["sliders"].tolist()[1:] == [24.0, 24.0, 50.0]

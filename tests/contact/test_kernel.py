@@ -429,23 +429,25 @@ def test_a_pair_without_springs_has_all_of_its_force_in_p_and_none_where_it_stay
     """docs/theory.md, eq. (3.8): p is that of the stuck springs and their force, and the derivative with it."""
     U, law = many(200, sampled=sampled)
     law = replace(law, N0=-np.abs(law.N0))
-    apart = replace(law, apart=np.arange(200) % 2 == 0)
-    found, plain = apart.cycle(U, 64), law.cycle(U, 64)
+    gaps = replace(law, open_at_rest=np.arange(200) % 2 == 0)
+    found, plain = gaps.cycle(U, 64), law.cycle(U, 64)
     n = U.shape[-1]
-    expected = plain.p + np.where(apart.apart[:, None, None], law.stiffness[:, :, None] * U, 0.0)
+    expected = plain.p + np.where(gaps.open_at_rest[:, None, None], law.stiffness[:, :, None] * U, 0.0)
     assert found.p == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
-    assert not apart.stiffness[apart.apart].any() and apart.stiffness[~apart.apart] == pytest.approx(law.stiffness[1::2])
-    stays = apart.apart & ~np.isin(np.arange(200), found.active)
+    assert not gaps.stiffness[gaps.open_at_rest].any() and gaps.stiffness[~gaps.open_at_rest] == pytest.approx(
+        law.stiffness[1::2]
+    )
+    stays = gaps.open_at_rest & ~np.isin(np.arange(200), found.active)
     assert 0 < stays.sum() < 100 and not found.p[stays].any()
-    springs = np.where(apart.apart[:, None], law.stiffness, 0.0)[found.active]
+    springs = np.where(gaps.open_at_rest[:, None], law.stiffness, 0.0)[found.active]
     for i, P in zip(found.active, found.P):
         own = np.diag(np.repeat(springs[np.flatnonzero(found.active == i)[0]], n))
         assert P == pytest.approx(plain.P[np.flatnonzero(plain.active == i)[0]] + own)
 
 
 def test_a_pair_apart_at_rest_stays_so_up_to_its_gap():
-    law = replace(one_pair(N0=-2.0, k_n=4.0), apart=np.ones(1, dtype=bool))
+    law = replace(one_pair(N0=-2.0, k_n=4.0), open_at_rest=np.ones(1, dtype=bool))
     amplitudes = np.array([[0.1, 0.0, 0.25]])
     assert law.slip_safety(amplitudes) == pytest.approx([2.0]) and law.utilisation(amplitudes) == pytest.approx([0.5])
-    with pytest.raises(ValueError, match="is apart at rest, and has a preload"):
+    with pytest.raises(ValueError, match="is open at rest, and has a preload"):
         replace(law, N0=np.ones(1))

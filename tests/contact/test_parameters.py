@@ -22,13 +22,13 @@ def with_gaps(n, seed=0):
     return replace(law, N0=-0.2 * law.N0)
 
 
-def apart(n, seed=0):
-    return replace(with_gaps(n, seed), apart=np.ones(n, dtype=bool))
+def with_open_pairs(n, seed=0):
+    return replace(with_gaps(n, seed), open_at_rest=np.ones(n, dtype=bool))
 
 
 def apart_by_direction(n, seed=0):
     law = by_direction(n, seed)
-    return replace(law, N0=-0.2 * law.N0, apart=np.ones(n, dtype=bool))
+    return replace(law, N0=-0.2 * law.N0, open_at_rest=np.ones(n, dtype=bool))
 
 
 def without_normal_stiffness(n, seed=0):
@@ -38,7 +38,7 @@ def without_normal_stiffness(n, seed=0):
 def rough_apart(n, seed=0):
     rng, law = np.random.default_rng(seed), rough(n, seed)
     open_ = np.ones(n, dtype=bool)
-    return replace(law, exponent=rng.choice([2.0, 3.3], n), reference=law.N0, N0=-0.2 * law.N0, apart=open_)
+    return replace(law, exponent=rng.choice([2.0, 3.3], n), reference=law.N0, N0=-0.2 * law.N0, open_at_rest=open_)
 
 
 def at_samples(n, seed=0):
@@ -48,7 +48,7 @@ def at_samples(n, seed=0):
 ELASTIC = ("mu", "N0", "k_t", "k_n")
 CASES = [
     *[(make, name) for make in (elastic, started, by_direction, at_samples, rough) for name in ELASTIC],
-    *[(make, name) for make in (with_gaps, apart, apart_by_direction, rough_apart) for name in (*ELASTIC, "gap")],
+    *[(make, name) for make in (with_gaps, with_open_pairs, apart_by_direction, rough_apart) for name in (*ELASTIC, "gap")],
     *[(without_normal_stiffness, name) for name in ("mu", "N0", "k_t")],
     *[(iwan, name) for name in ("slip_force", "k_t")],
 ]

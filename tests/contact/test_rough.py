@@ -198,8 +198,8 @@ def test_a_pair_of_the_exponential_that_has_parted_is_no_rest():
         law(np.inf, 2).about(np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 50.0]]), np.zeros((2, law().n_memory)))
     with pytest.raises(ValueError, match="N0 of pair 0 is 0"):
         Rough(*np.array([[0.3], [0.0], [1.0], [1.0], [np.inf]]), reference=np.ones(1))
-    with pytest.raises(ValueError, match="pair 0 is apart at rest, and has a preload"):
-        law(2.0, apart=np.ones(1, dtype=bool))
+    with pytest.raises(ValueError, match="pair 0 is open at rest, and has a preload"):
+        law(2.0, is_open=np.ones(1, dtype=bool))
 
 
 # -- open at rest ----------------------------------------------------------------------------------------------------------
@@ -207,9 +207,9 @@ def test_a_pair_of_the_exponential_that_has_parted_is_no_rest():
 GAP = 0.1
 
 
-def from_gap(n=1, gap=GAP, apart=True, m=2.0, **own):
+def from_gap(n=1, gap=GAP, is_open=True, m=2.0, **own):
     """Return the law of pairs that are open by a gap, and how far that is from rest with the preload of :func:`law`."""
-    of = replace(law(m, n, **own), N0=np.full(n, -K_N * gap), reference=np.full(n, N0), apart=np.full(n, apart))
+    of = replace(law(m, n, **own), N0=np.full(n, -K_N * gap), reference=np.full(n, N0), is_open=np.full(n, is_open))
     return of, m * N0 / K_N + gap
 
 
@@ -228,10 +228,10 @@ def test_apart_it_is_the_law_of_pairs_that_are_pressed_moved_away():
     n, N_H, rng = 12, 7, np.random.default_rng(5)
     U = 0.2 * rng.standard_normal((n, 3, N_H))
     U[:, 2, 0] -= np.linspace(-3.0, 1.5, n)
-    apart, far = from_gap(n)
+    is_open, far = from_gap(n)
     pressed, moved = law(2.0, n), U.copy()
     moved[:, 2, 0] += far
-    found, wanted = apart.cycle(U, 64), pressed.cycle(moved, 64)
+    found, wanted = is_open.cycle(U, 64), pressed.cycle(moved, 64)
     force = wanted.p + pressed.stiffness[:, :, None] * moved
     force[:, 2, 0] -= N0
     assert np.allclose(found.p, force, atol=1e-12)
@@ -264,7 +264,7 @@ def test_about_a_rest_that_begins_untouched_it_goes_on_as_it_would_have():
     worst = []
     for n_sliders in (12, 48):
         n, rng = 20, np.random.default_rng(3)
-        of, far = from_gap(n, 0.0, apart=False, n_sliders=n_sliders)
+        of, far = from_gap(n, 0.0, is_open=False, n_sliders=n_sliders)
         path = np.cumsum(0.04 * rng.standard_normal((40, n, 3)), axis=0)
         path[..., 2] -= np.linspace(-0.5, 1.0, n)
         before = np.zeros((n, 3 + of.n_memory))
@@ -273,8 +273,10 @@ def test_about_a_rest_that_begins_untouched_it_goes_on_as_it_would_have():
             assert before[:, 2] + K_N * du[:, 2] == pytest.approx(-of.normal_force(du[:, 2])[0], abs=1e-12)
         rest, T0 = path[19], before[:, :2] + of.stiffness[:, :2] * path[19, :, :2]
         there, differs = of.about(rest, before[:, 3:]), []
-        assert 0 < there.apart.sum() < n and np.array_equal(there.apart, of.normal_force(rest[:, 2])[0] <= 1e-9 * N0)
-        assert there.N0[there.apart] == pytest.approx(-K_N * np.maximum(rest[there.apart, 2], 0.0), abs=1e-12)
+        assert 0 < there.open_at_rest.sum() < n and np.array_equal(
+            there.open_at_rest, of.normal_force(rest[:, 2])[0] <= 1e-9 * N0
+        )
+        assert there.N0[there.open_at_rest] == pytest.approx(-K_N * np.maximum(rest[there.open_at_rest, 2], 0.0), abs=1e-12)
         after = np.zeros_like(before)
         for du in path[20:]:
             before, _, _ = of.step(du, before)
@@ -282,7 +284,7 @@ def test_about_a_rest_that_begins_untouched_it_goes_on_as_it_would_have():
             T = before[:, :2] + of.stiffness[:, :2] * du[:, :2]
             differs.append(T - T0 - after[:, :2] - there.stiffness[:, :2] * (du - rest)[:, :2])
             assert there.normal_force(du[:, 2] - rest[:, 2])[0] == pytest.approx(of.normal_force(du[:, 2])[0], rel=1e-9, abs=1e-9)
-        firm = there.apart | (there.N0 > 0.01 * N0)
+        firm = there.open_at_rest | (there.N0 > 0.01 * N0)
         assert firm.sum() > 15
         worst.append(np.abs(differs)[:, firm].max())
     assert worst[0] < 0.02 * MU * N0 and worst[1] < worst[0] / 4.0
@@ -293,8 +295,8 @@ def test_what_touches_is_asked_of_its_gap():
     amplitudes = np.array([[1.0, 0.0, 0.5 * GAP], [3.0, 1.0, 0.0]])
     assert of.slip_safety(amplitudes).tolist() == [2.0, np.inf] and of.utilisation(amplitudes).tolist() == [0.5, 0.0]
     assert np.all(of.slipping_share(amplitudes) == 1.0)
-    with pytest.raises(ValueError, match="they are apart at rest"):
-        from_gap(apart=False)[0].cycle(np.zeros((1, 3, 3)), 16)
+    with pytest.raises(ValueError, match="they are open at rest"):
+        from_gap(is_open=False)[0].cycle(np.zeros((1, 3, 3)), 16)
 
 
 # -- pressures far above that at rest --------------------------------------------------------------------------------------

@@ -71,8 +71,8 @@ def test_a_batch_is_its_parts():
 def test_a_pair_that_is_apart_at_rest_bears_all_of_its_force():
     of, _, _ = example(6)
     gaps = of.N0 <= 0.0
-    bare, rng, springs = replace(of, w0=np.zeros((N, 2)), apart=gaps), np.random.default_rng(7), of.springs * gaps[:, None]
-    sprung = replace(bare, apart=np.zeros(N, dtype=bool))
+    bare, rng, springs = replace(of, w0=np.zeros((N, 2)), open_at_rest=gaps), np.random.default_rng(7), of.springs * gaps[:, None]
+    sprung = replace(bare, open_at_rest=np.zeros(N, dtype=bool))
     p, after = np.zeros((N, 3)), np.zeros((N, 3 + bare.n_memory))
     touched = np.zeros(N, dtype=bool)
     for _ in range(20):
@@ -92,7 +92,7 @@ def test_steps_until_they_repeat_are_the_cycle_of_the_return_map(gaps_have_sprin
     of, _, _ = example(4)
     of = replace(of, sampled=True)
     if not gaps_have_springs:
-        of = replace(of, apart=of.N0 <= 0.0, w0=np.where(of.N0[:, None] <= 0.0, 0.0, of.w0))
+        of = replace(of, open_at_rest=of.N0 <= 0.0, w0=np.where(of.N0[:, None] <= 0.0, 0.0, of.w0))
     U, N_t = np.random.default_rng(5).normal(size=(N, 3, 7)), 40
     du, p, kept = np.moveaxis(synthesise(U, N_t), -1, 0), np.zeros((N, 3 + of.n_memory)), []
     for sample in range(1, 60 * N_t):

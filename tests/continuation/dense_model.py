@@ -27,12 +27,12 @@ from microslip.reduction.settings import ModalDamping
 def reduced(system, comm, H, n_modes=None):
     """Return the reduced model of a system and its contact parameters; all modes unless told.
 
-    ``H`` is the highest harmonic, or a set of harmonics.  Pairs that the system says are ``apart`` have no springs in it.
+    ``H`` is the highest harmonic, or a set of harmonics.  Pairs that the system says are ``open_at_rest`` have no springs in it.
     """
     harmonics = H if isinstance(H, Harmonics) else Harmonics.up_to(H)
     M, R, f = system["M"], system["R"], np.stack([load["vector"] for load in system["loads"]], axis=1)
-    apart = system.get("apart", np.zeros(len(system["k_t"]), dtype=bool))
-    k = np.where(apart[:, None], 0.0, np.stack([system["k_t"], system["k_t"], system["k_n"]], axis=1)).ravel()
+    open_at_rest = system.get("open_at_rest", np.zeros(len(system["k_t"]), dtype=bool))
+    k = np.where(open_at_rest[:, None], 0.0, np.stack([system["k_t"], system["k_t"], system["k_n"]], axis=1)).ravel()
     K_L = system["K"] + R.T @ (k[:, None] * R)
     squares, phi = scipy.linalg.eigh(K_L, M)
     omega_n, phi = np.sqrt(squares[:n_modes]), phi[:, :n_modes]
@@ -67,7 +67,9 @@ def reduced(system, comm, H, n_modes=None):
         stated_damping=ModalDamping(ratio=system["zeta"]) if "zeta" in system else None,
     )
     return model, ElasticCoulomb(
-        *(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")), sampled=system.get("sampled", False), apart=apart
+        *(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")),
+        sampled=system.get("sampled", False),
+        open_at_rest=open_at_rest,
     )
 
 

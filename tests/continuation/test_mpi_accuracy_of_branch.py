@@ -1,4 +1,4 @@
-"""Harmonics, samples and steps from the accuracy asked for; on any number of ranks."""
+"""Harmonics, samples and steps from the accuracy requested for; on any number of ranks."""
 
 from dataclasses import replace
 

@@ -32,11 +32,11 @@ def scene(name):
 )
 def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, frequencies):
     found = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies, points=20)
-    asked = [point for point in found.points if point.asked]
+    requested = [point for point in found.points if point.requested]
     assert found.failure is None
-    assert [point.omega for point in asked] == pytest.approx(frequencies, abs=1e-12)
+    assert [point.omega for point in requested] == pytest.approx(frequencies, abs=1e-12)
     # the sampled loop converges as N_t^-2; the exact amplitude is known to 12 digits
-    assert [amplitude(point) for point in asked] == pytest.approx([X, X], rel=4e-6)
+    assert [amplitude(point) for point in requested] == pytest.approx([X, X], rel=4e-6)
 
 
 @pytest.mark.slow
@@ -49,7 +49,7 @@ def test_points_are_solutions_of_an_independent_harmonic_balance(name, level, om
     system = {**scene(name), "sampled": True}
     low = {"gap": system["omega"][0]}.get(name, system["omega"][0])
     found = branch(system, COMM, level, low=low, H=5, n_samples=64, at=(omega,))
-    point = next(point for point in found.points if point.asked)
+    point = next(point for point in found.points if point.requested)
     if COMM.rank > 0:  # motions and forces are recorded on rank 0
         return
     model, _ = reduced(system, COMM, 5)
@@ -182,13 +182,13 @@ def test_in_point_check_removes_the_error_of_the_late_update():
     system = scene("chain")
     low, high = system["omega"]
     at = tuple(np.linspace(low, high, 9)[1:-1])
-    asked = {}
+    requested = {}
     for name, selection in {"all": AllPairs(), "late": NonStickingPairs(), "checked": NonStickingPairs(True)}.items():
         found = branch(system, COMM, 10.0, at=at, selection=selection)
         assert found.failure is None
-        asked[name] = np.array([point.response[0] for point in found.points if point.asked])
-    peak = np.abs(asked["all"]).max()
-    assert np.abs(asked["checked"] - asked["all"]).max() < 1e-7 * peak
+        requested[name] = np.array([point.response[0] for point in found.points if point.requested])
+    peak = np.abs(requested["all"]).max()
+    assert np.abs(requested["checked"] - requested["all"]).max() < 1e-7 * peak
 
 
 @pytest.mark.slow
@@ -230,11 +230,11 @@ def test_error_falls_as_modes_are_added():
     system = scene("chain")
     at = tuple(np.linspace(*system["omega"], 9)[1:-1])
 
-    def asked(n_modes):
-        return np.array([p.response[0] for p in branch(system, COMM, 10.0, at=at, n_modes=n_modes).points if p.asked])
+    def requested(n_modes):
+        return np.array([p.response[0] for p in branch(system, COMM, 10.0, at=at, n_modes=n_modes).points if p.requested])
 
-    exact = asked(9)
-    errors = [np.abs(asked(n_modes) - exact).max() / np.abs(exact).max() for n_modes in (3, 5, 8)]
+    exact = requested(9)
+    errors = [np.abs(requested(n_modes) - exact).max() / np.abs(exact).max() for n_modes in (3, 5, 8)]
     assert errors[0] > 5 * errors[1] > 25 * errors[2] and errors[2] < 1e-3
 
 

@@ -8,7 +8,7 @@ from oracles import scenes
 from verification import extreme_structures as structures
 
 from microslip.continuation.accuracy import Accuracy, Resolution, steps_for
-from microslip.continuation.checkpoint import from_arrays, over, own_arrays, parts_of
+from microslip.continuation.checkpoint import from_arrays, over, parts_of, state_arrays
 from microslip.continuation.follow import advance
 from microslip.continuation.point_record import HELD
 from microslip.continuation.point_solver import Workspace
@@ -47,7 +47,7 @@ def free_task():
 
 def to_arrays(task, state):
     """Return a state between two steps, as a run keeps it.  Collective."""
-    return own_arrays(state) | {
+    return state_arrays(state) | {
         name: a for key, part in parts_of(task, state).items() for name, a in over(key, part.arrays()).items()
     }
 

@@ -68,7 +68,7 @@ def test_the_level_of_a_held_amplitude_is_that_of_the_curve():
     system = scenes.chain()
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
-    (point,) = (p for p in branch(system, COMM, LEVEL, at=(OMEGA,), tolerance=1e-11).points if p.asked)
+    (point,) = (p for p in branch(system, COMM, LEVEL, at=(OMEGA,), tolerance=1e-11).points if p.requested)
     model, law = reduced(system, COMM, 3)
     problem = OverLevelAndFrequency(HarmonicBalance.of_all(model, law, 128))
     U = COMM.bcast(point.U if COMM.rank == 0 else None)[model.owned]

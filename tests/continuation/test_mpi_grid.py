@@ -35,7 +35,7 @@ def test_points_of_a_branch_are_found_again_at_its_frequencies(level):
     assert found.failure is None and len(found.points) == len(followed.points)
     peak = max(np.abs(point.response).max() for point in followed.points)
     for a, b in zip(found.points, followed.points):
-        assert a.omega == pytest.approx(b.omega, rel=1e-14) and a.asked
+        assert a.omega == pytest.approx(b.omega, rel=1e-14) and a.requested
         assert a.response == pytest.approx(b.response, abs=1e-8 * peak)
         assert np.array_equal(a.state, b.state)
 

@@ -73,11 +73,11 @@ def test_the_motion_over_a_parameter_is_that_of_laws_that_have_its_values(name):
     steps = ArcLength(ds=0.05, ds_min=1e-4, ds_max=0.1)
     found = follow_branch(BranchTask(problem, AllPairs(), Sweep(0.4, 1.5, values), steps, 1e-10), 400)
     assert found.failure is None
-    asked = [point for point in found.points if point.asked]
-    assert len(asked) == len(values) and len(found.points) > 10
+    requested = [point for point in found.points if point.requested]
+    assert len(requested) == len(values) and len(found.points) > 10
     if COMM.rank == 0:  # forces are recorded there
-        assert np.abs(asked[0].p - asked[-1].p).max() > 0.1 * np.abs(asked[-1].p).max()
-    for value, point in zip(values, asked):
+        assert np.abs(requested[0].p - requested[-1].p).max() > 0.1 * np.abs(requested[-1].p).max()
+    for value, point in zip(values, requested):
         law = replace(problem.equation.law, **{name: value * getattr(problem.equation.law, name)})
         other = ForcedResponse(replace(problem.equation, law=law), LEVEL)
         U = other.equation.linear_motion(other.at((OMEGA,)))

@@ -86,7 +86,7 @@ def test_a_scaled_level_is_the_solved_one(name, selection, down):
     theirs = follow(model, parameters, sweep, curve, level, False, selection)
     assert ours.failure is None and ours.is_linear and not theirs.is_linear
     assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-12)
-    assert sorted(point.omega for point in ours.points if point.asked) == pytest.approx(at, rel=1e-14)
+    assert sorted(point.omega for point in ours.points if point.requested) == pytest.approx(at, rel=1e-14)
     for mine, solved in zip(ours.points, theirs.points, strict=True):
         assert (mine.newton, mine.krylov, mine.friction) == (0, 0, 0.0)
         assert not mine.state.any() and mine.unknowns == solved.unknowns

@@ -67,7 +67,7 @@ def test_peaks_are_those_of_a_fine_sweep():
     for peak in solved:
         near = np.linspace(-1e-4, 1e-4, 9) * peak.omega + peak.omega
         fine = branch(system, COMM, 100.0, H=3, n_samples=128, points=40, at=tuple(near))
-        sizes = np.array([amplitude(point) / abs(peak.amplitude) for point in fine.points if point.asked])
+        sizes = np.array([amplitude(point) / abs(peak.amplitude) for point in fine.points if point.requested])
         beside = sizes[np.abs(sizes - 1.0) < 1e-4]  # a folded branch passes there on other parts, too
         assert len(beside) >= 5
         assert beside.max() == pytest.approx(1.0, abs=1e-8)
@@ -120,10 +120,10 @@ def test_the_peak_over_the_level_is_one_branch():
     found = follow_peak(equation, "level", Sweep(10.0, 300.0, levels), of_curves[1.0], 1e-10)
     assert found.failure is None and len(found.points) < 60
     assert found.points[0].state.max() == 0 < found.points[-1].state.max()
-    asked = [point for point in found.points if point.asked]
-    assert amplitude(asked[0]) == pytest.approx(1.4979492641e-5, rel=5.0 / n_samples**2)
-    assert asked[0].omega == pytest.approx(209.21110546, rel=0.6 / n_samples)
-    for point, level in zip(asked, levels, strict=True):
+    requested = [point for point in found.points if point.requested]
+    assert amplitude(requested[0]) == pytest.approx(1.4979492641e-5, rel=5.0 / n_samples**2)
+    assert requested[0].omega == pytest.approx(209.21110546, rel=0.6 / n_samples)
+    for point, level in zip(requested, levels, strict=True):
         assert point.parameters == (level, point.omega)
         peak = of_curves[level]  # of another corner, it may be
         assert amplitude(point) == pytest.approx(abs(peak.amplitude), rel=10.0 / n_samples**2)

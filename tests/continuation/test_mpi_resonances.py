@@ -1,4 +1,4 @@
-"""Sharp resonances are not stepped over, however few points are asked for; on any number of ranks."""
+"""Sharp resonances are not stepped over, however few points are requested for; on any number of ranks."""
 
 import numpy as np
 import pytest

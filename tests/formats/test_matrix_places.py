@@ -12,7 +12,7 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
 from microslip.assembly.matrices import read_structure
-from microslip.assembly.matrix_checks import definiteness, negative_pivots, said_of
+from microslip.assembly.matrix_checks import definiteness, messages_on_matrices, negative_pivots
 from microslip.assembly.matrix_places import Places
 from microslip.mesh.data import Mesh
 from microslip.messages.errors import CaseError, MeshError
@@ -192,7 +192,7 @@ def upper_block(scale=1.0):
 
 
 def test_a_free_block_has_six_rigid_motions_and_its_mass():
-    said = said_of(*upper_block()[:2], {"stiffness": 0.0}, upper_block()[2])
+    said = messages_on_matrices(*upper_block()[:2], {"stiffness": 0.0}, upper_block()[2])
     assert said[1:] == [
         "stiffness: no negative eigenvalue",
         "stiffness: 6 of 6 rigid motions strain nothing (along x, along y, along z, about x, about y, about z)",
@@ -211,7 +211,7 @@ def test_each_part_is_told_by_itself(tmp_path):
 
 def test_a_held_block_has_none_and_millimetres_are_suspected():
     K, M, places = upper_block(1000.0)
-    said = said_of(K + 1e9 * sp.identity(24), M, {"stiffness": 0.0}, places)
+    said = messages_on_matrices(K + 1e9 * sp.identity(24), M, {"stiffness": 0.0}, places)
     assert said[2] == "stiffness: it is held"
     assert said[4].startswith("units: 7.8 kg in a box of 1e+06 m3 is 7.8e-06 kg/m3")
 

@@ -35,7 +35,7 @@ def root(tmp_path, monkeypatch):
 
 
 def left(root):
-    return {limit.name: limit.left for limit in limits_here("machine 0", "rank 0", 1.0 * GB, root)}
+    return {limit.name: limit.available for limit in limits_here("machine 0", "rank 0", 1.0 * GB, root)}
 
 
 def test_a_machine_tells_what_is_available(root):

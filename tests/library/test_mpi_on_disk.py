@@ -37,7 +37,7 @@ def on_disk(comm, shared_path, monkeypatch):
 
 def files(comm, folder):
     comm.Barrier()
-    return list(folder.rglob(f"{out_of_core.OWN}*/*"))
+    return list(folder.rglob(f"{out_of_core.PREFIX}*/*"))
 
 
 def peak(response):
@@ -75,7 +75,7 @@ def test_no_file_is_left_behind(comm, scene, on_disk):
         assert files(comm, on_disk)
     gc.collect()
     comm.Barrier()
-    assert not list(on_disk.glob(f"{out_of_core.OWN}*"))
+    assert not list(on_disk.glob(f"{out_of_core.PREFIX}*"))
 
 
 def test_nor_by_a_run_that_is_refused(comm, scene, on_disk, monkeypatch):
@@ -87,7 +87,7 @@ def test_nor_by_a_run_that_is_refused(comm, scene, on_disk, monkeypatch):
         microslip.build(scene, comm)
     gc.collect()
     comm.Barrier()
-    assert not list(on_disk.glob(f"{out_of_core.OWN}*"))
+    assert not list(on_disk.glob(f"{out_of_core.PREFIX}*"))
 
 
 def test_a_name_that_mumps_has_no_room_for_is_refused(comm, scene, on_disk, monkeypatch):

@@ -23,13 +23,13 @@ class Kept:
     """What is in a folder, as a factor that an earlier run has kept."""
 
     def __init__(self, folder):
-        self.folder, self.said = str(folder), ()
+        self.folder, self.messages = str(folder), ()
 
     def restore(self, A, prefix):
         return mumps.restored(A, prefix, self.folder)
 
     def drop(self, why):
-        self.said = (why,)
+        self.messages = (why,)
 
 
 @pytest.fixture(params=[None, 0, 1], ids=["all", "rank 0 empty", "rank 1 empty"])
@@ -79,7 +79,7 @@ def assert_close(found, expected):
 
 def test_a_restored_factor_answers_and_reports_as_the_one_that_was_saved(A, shared_path, factorised):
     found, info = save(A, shared_path)
-    again = Factor(A, known=Kept(shared_path))
+    again = Factor(A, cache=Kept(shared_path))
     assert len(factorised) == 1 and again.solver.order is None
     assert (again.info["solves"], again.info["refined"], again.info["residual"]) == (0, 0, 0.0)
     assert_close(answers(again), found)
@@ -91,7 +91,7 @@ def test_a_restored_factor_answers_and_reports_as_the_one_that_was_saved(A, shar
 
 def test_restored_twice_at_a_time(A, shared_path):
     found, _ = save(A, shared_path)
-    one, two = Factor(A, known=Kept(shared_path)), Factor(A, known=Kept(shared_path))
+    one, two = Factor(A, cache=Kept(shared_path)), Factor(A, cache=Kept(shared_path))
     assert_close(answers(one), found)
     one.destroy()
     assert_close(answers(two), found)
@@ -103,8 +103,8 @@ def test_the_factor_of_another_matrix_is_not_taken(A, shared_path, factorised):
     save(stiffer, shared_path)
     stiffer.destroy()
     kept = Kept(shared_path)
-    factor = Factor(A, known=kept)
-    assert len(factorised) == 2 and factor.info["said"] == kept.said == ("it is not that of K_L",)
+    factor = Factor(A, cache=kept)
+    assert len(factorised) == 2 and factor.info["messages"] == kept.messages == ("it is not that of K_L",)
     X_owned = answers(factor)[0]
     B = np.random.default_rng(3).standard_normal((K.shape[0], 5))
     X = spsolve(K.tocsc(), B)
@@ -116,7 +116,7 @@ def test_files_that_are_gone_are_not_taken(A, shared_path, factorised):
     save(A, shared_path)
     on_root(comm, lambda: (shared_path / mumps.saved_file(comm.size - 1)).unlink())
     assert mumps.restored(A, "static_", str(shared_path)) is None
-    factor = Factor(A, known=Kept(shared_path))
+    factor = Factor(A, cache=Kept(shared_path))
     assert len(factorised) == 2
     factor.destroy()
 

@@ -69,7 +69,7 @@ def test_the_analysis_foresees_what_is_used_and_is_not_repeated(A, monkeypatch):
     assert comm.allreduce(found.in_core) == pytest.approx(1e6 * factor.info["memory_MB"], rel=0.3)
     assert found.entries == pytest.approx(factor.info["entries"], rel=0.01)
     assert 0.0 < found.out_of_core < found.in_core and comm.allreduce(found.on_disk) >= 8.0 * factor.info["entries"]
-    assert factor.info["said"] == () and not factor.info["out_of_core"]
+    assert factor.info["messages"] == () and not factor.info["out_of_core"]
     factor.destroy()
 
 
@@ -79,7 +79,7 @@ def test_what_does_not_fit_is_kept_on_disk_and_solves_as_well(A, monkeypatch, tm
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: True)
     has(monkeypatch, 0.5 * (found.in_core + found.out_of_core))
     factor = Factor(A)
-    assert factor.info["out_of_core"] and "does not fit into memory (one rank needs" in factor.info["said"][0]
+    assert factor.info["out_of_core"] and "does not fit into memory (one rank needs" in factor.info["messages"][0]
     assert list(Path(folder).rglob("mumps_*"))
     assert solves(factor)
     factor.destroy()
@@ -120,7 +120,7 @@ def test_what_comes_later_sends_a_factor_to_disk(A, monkeypatch, tmp_path):
     has(monkeypatch, 1.5 * found.in_core)
     factor = Factor(A, later=lambda memory: memory.in_core)
     assert factor.info["out_of_core"] and solves(factor)
-    assert "does not fit into memory with what comes later (" in factor.info["said"][0]
+    assert "does not fit into memory with what comes later (" in factor.info["messages"][0]
     factor.destroy()
 
 
@@ -129,7 +129,7 @@ def test_a_factor_stays_in_memory_where_no_disk_has_room_for_what_comes_later(A,
     has(monkeypatch, 1.5 * found.in_core)
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: False)
     factor = Factor(A, later=lambda memory: memory.in_core)
-    assert not factor.info["out_of_core"] and factor.info["said"] == () and solves(factor)
+    assert not factor.info["out_of_core"] and factor.info["messages"] == () and solves(factor)
     factor.destroy()
 
 
@@ -142,8 +142,8 @@ def test_too_little_workspace_asked_for_by_an_option_is_raised(A, options):
     """ICNTL(14) far below MUMPS' own: INFOG(1) = -8 or -9, then more of it, whatever the option says."""
     options("static_mat_mumps_icntl_14", -60)
     factor = Factor(A)
-    assert len(factor.info["said"]) == 1
-    assert "INFOG(1) = -9" in factor.info["said"][0] and "again with 60 % of workspace" in factor.info["said"][0]
+    assert len(factor.info["messages"]) == 1
+    assert "INFOG(1) = -9" in factor.info["messages"][0] and "again with 60 % of workspace" in factor.info["messages"][0]
     assert solves(factor)
     factor.destroy()
 
@@ -172,7 +172,7 @@ def test_a_failed_allocation_moves_the_factor_to_disk(A, monkeypatch):
     attempts = reported(monkeypatch, -13, 0)
     factor = Factor(A)
     assert factor.info["out_of_core"] and attempts == [-13, 0]
-    assert "INFOG(1) = -13, INFOG(2) = 7; again with the factor on disk" in factor.info["said"][0] and solves(factor)
+    assert "INFOG(1) = -13, INFOG(2) = 7; again with the factor on disk" in factor.info["messages"][0] and solves(factor)
     factor.destroy()
 
 

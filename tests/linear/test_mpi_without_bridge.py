@@ -89,7 +89,7 @@ def test_too_little_workspace_is_asked_for_again(by_petsc, monkeypatch):
     large, controls = lattices.lattice_stiffness((14, 9, 8)), other_package.CONTROLS
     monkeypatch.setattr(other_package, "CONTROLS", (*controls, (14, -70)))
     factor = Factor(matrix(large))
-    (said,) = factor.info["said"]
+    (said,) = factor.info["messages"]
     assert "INFOG(1) = -9" in said or "INFOG(1) = -8" in said
     assert "again with 60 % of workspace" in said
     factor.destroy()

@@ -46,9 +46,9 @@ def test_gmsh_formats_give_vtk_order_and_groups(tmp_path, kind, file_format, bin
     meshio.write(path, written, file_format=file_format, binary=binary)
     mesh = read_mesh(settings_of(path, scale=1e-3))
     assert [(block.kind, block.group) for block in mesh.elements] == [(kind, "block")]
-    as_written = mesh.numbers - 1  # version 4.1 writes the nodes entity by entity
-    np.testing.assert_allclose(mesh.points, 1e-3 * written.points[as_written], atol=1e-15)
-    np.testing.assert_array_equal(as_written[mesh.elements[0].nodes], written.cells[1].data)
+    checked_read = mesh.numbers - 1  # version 4.1 writes the nodes entity by entity
+    np.testing.assert_allclose(mesh.points, 1e-3 * written.points[checked_read], atol=1e-15)
+    np.testing.assert_array_equal(checked_read[mesh.elements[0].nodes], written.cells[1].data)
     np.testing.assert_array_equal(mesh.node_groups["bottom"], np.flatnonzero(mesh.points[:, 2] == 0.0))
 
 

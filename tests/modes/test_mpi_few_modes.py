@@ -43,7 +43,7 @@ def test_a_space_too_small_is_doubled(comm, linearised, options):
     options(modes_eps_ncv=24, modes_eps_max_it=1)
     modes = lowest_modes(linearised, 10)
     np.testing.assert_allclose(modes.omega_n, lattices.lattice_frequencies(SHAPE)[:10], rtol=1e-9)
-    said = modes.info["said"]
+    said = modes.info["messages"]
     assert 1 <= len(said) <= 2 and "of 12 converged in a space of 24" in said[0] and modes.info["basis"] == 24 * 2 ** len(said)
     assert len(set(comm.allgather(said))) == 1
 
@@ -60,4 +60,4 @@ def test_too_few_in_the_largest_space_too_is_a_failure(comm, linearised, options
 
 def test_nothing_is_said_where_the_first_space_suffices(linearised, options):
     options(modes_eps_type="krylovschur")
-    assert lowest_modes(linearised, 5).info["said"] == ()
+    assert lowest_modes(linearised, 5).info["messages"] == ()

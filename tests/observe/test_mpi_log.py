@@ -51,11 +51,11 @@ def point(frequency, amplitude, states=(0, 1, 1, 2), **changes):
 
 def run_level(log, level=4.0, failure=None, shown=AMPLITUDE):
     branch = Branch(level, [point(99.0, 1e-6), point(100.0, 3e-6, notes=("mean slip held",)), point(101.0, 2e-6)], failure)
-    tell = Observers(COMM, [1.0, level, 9.0], [LevelLog(log, Sweep(2 * np.pi * 99.0, 2 * np.pi * 101.0), 3, shown)]).tell
-    tell("level_started", 1)
+    notify = Observers(COMM, [1.0, level, 9.0], [LevelLog(log, Sweep(2 * np.pi * 99.0, 2 * np.pi * 101.0), 3, shown)]).notify
+    notify("level_started", 1)
     for found in branch.points:
-        tell("point", 1, found)
-    tell("level_finished", 1, branch)
+        notify("point", 1, found)
+    notify("level_finished", 1, branch)
 
 
 def test_header_says_what_ran_where(path):
@@ -114,10 +114,10 @@ def test_each_point_is_a_line_and_each_level_a_sum(path):
 def test_of_statics_the_mean_is_told_with_its_sign(path):
     still = Branch(4.0, [point(99.0, 0.0, response=np.array([[-2e-6, 0.0, 0.0]]))])
     with RunLog(COMM, path, False, screen=False) as log:
-        tell = Observers(COMM, [4.0], [LevelLog(log, Sweep(2 * np.pi * 99.0, 2 * np.pi * 101.0), 1, MEAN)]).tell
-        tell("level_started", 0)
-        tell("point", 0, still.points[0])
-        tell("level_finished", 0, still)
+        notify = Observers(COMM, [4.0], [LevelLog(log, Sweep(2 * np.pi * 99.0, 2 * np.pi * 101.0), 1, MEAN)]).notify
+        notify("level_started", 0)
+        notify("point", 0, still.points[0])
+        notify("level_finished", 0, still)
     head, line, total = [found for found in lines(path) if "mean_m" in found or "e-06" in found]
     assert head.split()[2] == "mean_m" and line.split()[2] == "-2.00000e-06"
     assert "one point in" in total and "displacement -2.0000e-06 m (-5.0000e-07 m/N) at every frequency" in total
@@ -127,10 +127,10 @@ def test_points_of_mixed_levels_say_whose_they_are_and_are_counted_by_level(path
     with RunLog(COMM, path, False, screen=False) as log:
         observers = Observers(COMM, [4.0, 8.0], [LevelLog(log, Sweep(10.0, 20.0), 2)])
         for number in (1, 0):
-            observers.tell("level_started", number, f"rank {number}")
+            observers.notify("level_started", number, f"rank {number}")
         for number in (1, 0, 1):
-            observers.tell("point", number, point(99.0 + number, 1e-6))
-        observers.tell("level_finished", 1, Branch(8.0))
+            observers.notify("point", number, point(99.0 + number, 1e-6))
+        observers.notify("level_finished", 1, Branch(8.0))
     found = [line.split() for line in lines(path) if "1.00000e-06" in line]
     assert [(line[0], line[1], line[2]) for line in found] == [("8", "0", "100"), ("4", "0", "99"), ("8", "1", "100")]
     assert any(line.startswith("level 2 of 2: 8 N: 2 points in 0.5 s; peak") for line in lines(path))
@@ -143,14 +143,14 @@ def test_what_an_observer_raises_is_raised_on_every_rank():
             raise ResourceError("the disk is full")
 
     with pytest.raises(ResourceError, match="the disk is full"):
-        Observers(COMM, [1.0], [Full()]).tell("level_started", 0)
+        Observers(COMM, [1.0], [Full()]).notify("level_started", 0)
 
 
 def test_a_level_without_a_point(path):
     with RunLog(COMM, path, False, screen=False) as log:
-        tell = Observers(COMM, [1.0], [LevelLog(log, Sweep(10.0, 20.0), 1)]).tell
-        tell("level_started", 0)
-        tell("level_finished", 0, Branch(1.0, [], "hb: no convergence at the first frequency"))
+        notify = Observers(COMM, [1.0], [LevelLog(log, Sweep(10.0, 20.0), 1)]).notify
+        notify("level_started", 0)
+        notify("level_finished", 0, Branch(1.0, [], "hb: no convergence at the first frequency"))
     assert any("no point converged" in line for line in lines(path))
 
 

@@ -67,7 +67,7 @@ def test_rank_0_hears_everything_in_the_order_of_each_group(comm):
     reports = Reports(parts, lambda *news: heard.append(news))
     with reports.shared_failure():
         for k in range(20):
-            on_root(parts.comm, reports.tell, parts.number, k, np.full(5000, float(k)))  # too long to be sent at once
+            on_root(parts.comm, reports.notify, parts.number, k, np.full(5000, float(k)))  # too long to be sent at once
         on_root(parts.comm, reports.finish)
     reports.free()
     for number in range(parts.n) if comm.rank == 0 else ():
@@ -88,7 +88,7 @@ def test_what_ends_one_group_ends_all(comm, culprit):
         if parts.number == culprit % parts.n and k == 3:
             raise ResourceError("no more room")
         time.sleep(0.002)
-        reports.tell(k)
+        reports.notify(k)
 
     with pytest.raises(ResourceError, match="^no more room$"), reports.shared_failure():
         for k in range(3000):
@@ -107,7 +107,7 @@ def test_a_group_that_has_finished_still_hears_of_a_failure(comm):
     reports = Reports(parts, full)
     with pytest.raises(ResourceError, match="the disk is full"), reports.shared_failure():
         if parts.number == parts.n - 1:
-            on_root(parts.comm, reports.tell, "something")
+            on_root(parts.comm, reports.notify, "something")
         on_root(parts.comm, reports.finish)
     comm.Barrier()
 
@@ -166,12 +166,12 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     assert [level.level for level in side] == [level.level for level in turn] == LEVELS
     for a, b in zip(turn, side):
         assert (b.status, b.failure) == ("complete", "")
-        assert b.frequency[b.asked == 1] == pytest.approx(a.frequency[a.asked == 1], rel=1e-14) and (b.asked == 1).sum() == len(
-            AT
-        )
+        assert b.frequency[b.requested == 1] == pytest.approx(a.frequency[a.requested == 1], rel=1e-14) and (
+            b.requested == 1
+        ).sum() == len(AT)
         peak = np.abs(a.response).max()
-        assert np.abs(b.response[b.asked == 1] - a.response[a.asked == 1]).max() < 1e-8 * peak
-        assert np.abs(b.du[b.asked == 1] - a.du[a.asked == 1]).max() < 1e-8 * np.abs(a.du).max()
+        assert np.abs(b.response[b.requested == 1] - a.response[a.requested == 1]).max() < 1e-8 * peak
+        assert np.abs(b.du[b.requested == 1] - a.du[a.requested == 1]).max() < 1e-8 * np.abs(a.du).max()
     keys = [[(row["level_N"], row["point"], row["output"]) for row in rows(shared_path / name)] for name in ("turn", "side")]
     assert keys[0] == keys[1] and len(keys[0]) == 2 * sum(len(level.frequency) for level in turn)
     log = (shared_path / "side" / "run.log").read_text()
@@ -213,7 +213,7 @@ def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, prog
     failed, *whole = read_results(str(shared_path / "out" / "results.h5")).levels
     assert failed.status == "failed" and "no convergence beyond" in failed.failure
     assert [level.status for level in whole] == ["complete", "complete"]
-    assert all((level.asked == 1).sum() == len(AT) for level in whole)
+    assert all((level.requested == 1).sum() == len(AT) for level in whole)
     assert all(level.frequency.max() == pytest.approx(1.6 / (2.0 * np.pi)) for level in whole)
 
 

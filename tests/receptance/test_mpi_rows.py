@@ -45,7 +45,7 @@ def test_many_columns_are_solved_for_in_parts(monkeypatch):
     monkeypatch.setattr(static_columns, "_PART_BYTES", 72 * 60 * 25)
     G, solved, heard = np.random.default_rng(2).standard_normal((180, 180)), [], []
     columns = StaticColumns(60, 60, lambda of: solved.append(len(of)) or G[:, rows_of(of)])
-    columns.tell(lambda pairs: heard.append((pairs.copy(), columns.known[pairs].all())))
+    columns.subscribe(lambda pairs: heard.append((pairs.copy(), columns.known[pairs].all())))
     columns.require(np.arange(60))
     assert solved == [25, 25, 10] and columns.batches == 1
     assert np.array_equal(np.concatenate([pairs for pairs, _ in heard]), np.arange(60)) and all(known for _, known in heard)

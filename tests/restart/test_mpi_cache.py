@@ -172,7 +172,7 @@ def assert_same_set_up(one, other):
         assert_close(getattr(one.model.receptance_of(1).modes, name), getattr(other.model.receptance_of(1).modes, name), 1e-7)
     assert_close(one.model.receptance_of(1).modes.damping.C, other.model.receptance_of(1).modes.damping.C)
     assert not one.model.receptance_of(1).static.G_static.known.any()  # or other points would be found
-    mine, theirs = (each.response.better.truncated.of(1) for each in (one, other))
+    mine, theirs = (each.response.enriched.truncated.of(1) for each in (one, other))
     assert np.isclose(mine.omega, theirs.omega, rtol=1e-7) and mine.highest == pytest.approx(theirs.highest, rel=1e-9)
     assert astuple(mine.damping) == pytest.approx(astuple(theirs.damping), rel=1e-9)
     for name in ("of_pairs", "of_outputs", "of_loads", "direct", "drive_point", "residual"):
@@ -264,7 +264,7 @@ def test_modes_that_structural_damping_couples_are_cached(shared_path, built):
     assert_same_set_up(one, two)
     assert_close(one.model.receptance_of(1).modes.damping.S, two.model.receptance_of(1).modes.damping.S)
     for name in ("of_pairs", "of_outputs", "of_loads", "modal"):
-        assert_close(*(getattr(each.response.better.truncated.of(1).coupling, name) for each in (one, two)))
+        assert_close(*(getattr(each.response.enriched.truncated.of(1).coupling, name) for each in (one, two)))
     three, _ = prepared_by(scene(), shared_path / "third", shared)  # their number is chosen with the drag of the damping
     four, _ = prepared_by(scene(), shared_path / "fourth", None)
     assert built == {"first": 3, "again": 2} and three.structure.n_modes == four.structure.n_modes
@@ -344,7 +344,7 @@ def test_a_cache_that_cannot_be_written_is_said_and_done_without(shared_path):
     on_root(COMM, lambda: (shared_path / "cache").write_text("a file"))
     _, branches, notes = followed(scene_at(shared_path), shared_path / "out", shared_path / "cache")
     assert all(branch.failure is None for branch in branches)
-    assert any("is not kept for other runs" in note for note in notes)
+    assert any("is not stored for other runs" in note for note in notes)
 
 
 @pytest.mark.parametrize("write", ["matrices", "mesh"])
@@ -416,7 +416,7 @@ def test_files_are_taken_over_by_a_second_name_or_a_copy(links, tmp_path, monkey
         monkeypatch.setattr(cache.os, "link", lambda *_: (_ for _ in ()).throw(OSError("no links here")))
     (tmp_path / "one").write_text("new")
     (tmp_path / "two").write_text("old")
-    cache.take(tmp_path / "one", tmp_path / "two")
+    cache.link_or_copy(tmp_path / "one", tmp_path / "two")
     assert (tmp_path / "two").read_text() == "new" and len(list(tmp_path.iterdir())) == 2
 
 

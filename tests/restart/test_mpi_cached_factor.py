@@ -14,7 +14,7 @@ from microslip.linear import factor as factors
 from microslip.linear import mumps
 from microslip.parallel.agree import on_root
 from microslip.restart import cache, cached_factor
-from microslip.restart.records import note_record, read_record
+from microslip.restart.records import read_record, write_unsynced
 from microslip.results.read import read_results
 from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
@@ -128,7 +128,7 @@ def rewritten(change):
     def rewrite(folder):
         arrays, texts = read_record(folder / "of")
         change(arrays, texts)
-        note_record(folder / "of", arrays, texts)
+        write_unsynced(folder / "of", arrays, texts)
 
     return rewrite
 
@@ -152,7 +152,7 @@ DAMAGES = {
     "a pipe": pipe,
     "no record": lambda folder: (folder / "of").unlink(),
     "a cut record": lambda folder: os.truncate(folder / "of", 40),
-    "a record of others": lambda folder: note_record(folder / "of", {}, {"number": 1}),
+    "a record of others": lambda folder: write_unsynced(folder / "of", {}, {"number": 1}),
     "another machine": rewritten(lambda arrays, texts: texts.update(layout="MUMPS 4, vax, big")),
     "other ranks": rewritten(other_ranks),
     "other rows": rewritten(other_rows),
@@ -226,7 +226,7 @@ def test_a_factor_that_is_not_of_this_structure_is_found_out(shared_path, factor
 
 def test_a_factor_too_large_for_its_share_is_not_kept(shared_path, monkeypatch):
     monkeypatch.setattr(cached_factor, "LARGEST", 1000.0)
-    assert "the factor is not kept for other runs: it takes" in run_at(shared_path, "first")
+    assert "the factor is not stored for other runs: its size is" in run_at(shared_path, "first")
     assert on_root(COMM, lambda: list(shared_path.glob("cache/setup-*/factor-*"))) == []
 
 

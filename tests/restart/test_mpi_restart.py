@@ -16,8 +16,8 @@ from microslip.messages.errors import CaseError, ConvergenceError, Interrupted
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.restart import identity, stored_structure
+from microslip.restart.branch_files import BranchFiles
 from microslip.restart.folder import NAME, Restart
-from microslip.restart.kept_branch import KeptBranch
 from microslip.restart.records import pack
 from microslip.results.read import read_results
 from microslip.run import RunOptions, run
@@ -80,7 +80,7 @@ def followed(scene, folder, observers=(), fresh=False):
     restart = Restart.open(COMM, folder, scene, (), fresh)
     prepared = restart.prepared(log, partial(story.build, scene, COMM, log))
     try:
-        return follow(prepared.response, observers, 1, log, restart.keepers_of(prepared, log))
+        return follow(prepared.response, observers, 1, log, restart.checkpointers_of(prepared, log))
     finally:
         prepared.close()
 
@@ -92,7 +92,7 @@ def assert_same(branches, others, bits=COMM.size == 1):
         for a, b in zip(one.points, other.points):
             peak = max(np.abs(point.response).max() for point in one.points)
             assert np.abs(a.response - b.response).max() <= (0.0 if bits else 1e-8) * peak
-            assert a.notes == b.notes and a.asked == b.asked and a.segment == b.segment
+            assert a.notes == b.notes and a.requested == b.requested and a.segment == b.segment
             assert np.array_equal(a.error, b.error) or not bits
             if COMM.rank == 0 and bits:
                 assert np.array_equal(a.U, b.U) and np.array_equal(a.p, b.p) and np.array_equal(a.state, b.state)
@@ -120,7 +120,7 @@ def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, levels, 
     assert n_points < sum(len(branch.points) for branch in whole)
     with pytest.raises(Interrupted):
         followed(scene, shared_path / "parts", [StopsAfter(n_points)])
-    before = [point.seconds for branch in kept_points(shared_path / "parts") for point in branch]
+    before = [point.seconds for branch in point_records(shared_path / "parts") for point in branch]
     assert len(before) == n_points + 1  # with the one at which it was stopped, put off or not
     assert_same(whole, (rest := followed(scene, shared_path / "parts")))
     after = {point.seconds for branch in rest for point in branch.points}
@@ -132,14 +132,14 @@ def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, levels, 
 @pytest.mark.slow
 @pytest.mark.parametrize("n_points", [pytest.param(9, marks=pytest.mark.ranks(2)), pytest.param(10, marks=pytest.mark.ranks(1))])
 def test_a_run_that_is_killed_loses_one_point_at_most_and_goes_on_to_the_same_curve(n_points, shared_path, monkeypatch):
-    monkeypatch.setattr("microslip.restart.kept_branch.SHORT", math.inf)  # every other step is put off
-    monkeypatch.setattr("microslip.restart.kept_branch.SELDOM", math.inf)
-    monkeypatch.setattr(KeptBranch, "let_go", lambda kept: None)
+    monkeypatch.setattr("microslip.restart.branch_files.SHORT", math.inf)  # every other step is put off
+    monkeypatch.setattr("microslip.restart.branch_files.SELDOM", math.inf)
+    monkeypatch.setattr(BranchFiles, "flush", lambda kept: None)
     scene = scene_at(shared_path)
     whole = followed(scene, shared_path / "whole")
     with pytest.raises(Interrupted):
         followed(scene, shared_path / "parts", [StopsAfter(n_points)])  # in the middle of telling the next one
-    n_kept = sum(map(len, kept_points(shared_path / "parts")))
+    n_kept = sum(map(len, point_records(shared_path / "parts")))
     assert n_kept == n_points + n_points % 2  # pairs
     assert_same(whole, followed(scene, shared_path / "parts"))
 
@@ -149,7 +149,7 @@ def test_files_that_hold_something_else_are_refused_by_all_ranks(shared_path):
     followed(scene, shared_path)
     (end,) = (shared_path / NAME).glob("level-*/end.0")
     on_root(COMM, lambda: end.write_bytes(pack({}, {"of": "another program"})))
-    with pytest.raises(CaseError, match="holds what this program does not write there .*'n_points'.* --fresh"):
+    with pytest.raises(CaseError, match="has contents that this program does not write .*'n_points'.* --fresh"):
         followed(scene, shared_path)
     followed(scene, shared_path, fresh=True)
 
@@ -159,9 +159,9 @@ def seconds_of(branch):
     return COMM.bcast([point.seconds for point in branch.points])
 
 
-def kept_points(folder: Path):
+def point_records(folder: Path):
     """Return the points in the journals of a folder."""
-    from microslip.restart.kept_points import to_point
+    from microslip.restart.point_records import to_point
     from microslip.restart.records import read_records, unpack
 
     return [[to_point(*unpack(body)) for body in read_records(path)] for path in (folder / NAME).glob("level-*/points.*")]
@@ -175,7 +175,7 @@ def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
         restart = Restart.open(alone, shared_path / "parts", scene)
         prepared = restart.prepared(log, partial(story.build, scene, alone, log))
         with pytest.raises(Interrupted):
-            follow(prepared.response, [StopsAfter(7)], 1, log, restart.keepers_of(prepared, log))
+            follow(prepared.response, [StopsAfter(7)], 1, log, restart.checkpointers_of(prepared, log))
         prepared.close()
     COMM.barrier()
     alone.Free()
@@ -257,7 +257,7 @@ def test_what_changed_is_said_and_no_more_is_computed_again_than_depends_on_it(s
     assert (one.identity.level(30.0, 6) == two.identity.level(30.0, 6)) == level
     (note,) = two.notes
     key = setting.partition("=")[0].rpartition(".")[2]
-    assert key in note and ("is used again" if setup else "cannot be used again") in note
+    assert key in note and ("is reused" if setup else "cannot be reused") in note
 
 
 @pytest.mark.slow

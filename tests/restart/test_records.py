@@ -101,7 +101,7 @@ def test_the_disk_is_waited_for_a_small_part_of_the_time(tmp_path, monkeypatch):
     monkeypatch.setattr(records, "perf_counter", lambda: now[0])
     disk, handle = Disk(), os.open(tmp_path, os.O_RDONLY)
     while now[0] < 60.0:
-        disk.reach(handle)
+        disk.sync(handle)
         disk.wait()
         now[0] += 0.1
     assert len(waits) == 10 and np.diff(waits).min() > 300 * 0.02  # at first, and every six seconds
@@ -131,7 +131,7 @@ def test_a_disk_that_fails_is_told_with_the_next_record(tmp_path, monkeypatch):
     journal = Journal(tmp_path / "points", disk=disk)
     monkeypatch.setattr(os, "fsync", fail)
     journal.append({}, {"i": 0})
-    futures.wait(disk._under_way)
+    futures.wait(disk._pending)
     with pytest.raises(ResourceError, match="points: could not be written: Input/output error"):
         journal.append({}, {"i": 1})
     journal.close()

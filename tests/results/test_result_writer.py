@@ -121,10 +121,10 @@ def test_a_level_that_stopped_keeps_its_points_and_the_reason(tmp_path, pairs):
 
 
 def test_levels_that_have_not_come_to_their_end_are_known(tmp_path, pairs):
-    asked = dataclasses.replace(head(pairs), asked=(1.0, 8.0, 9.0))
+    requested = dataclasses.replace(head(pairs), requested=(1.0, 8.0, 9.0))
     found, stopped = branch(1.0, pairs, n_points=4), branch(8.0, pairs, n_points=4)
     stopped.failure = "hb: no convergence beyond 100.1 Hz"
-    writer, missing = ResultWriter(MPI.COMM_SELF, str(tmp_path), asked, 7), []
+    writer, missing = ResultWriter(MPI.COMM_SELF, str(tmp_path), requested, 7), []
     for number, one in enumerate((found, stopped, branch(9.0, pairs, n_points=4))):
         writer.level_started(number, one.level)
         for i, point in enumerate(one.points):

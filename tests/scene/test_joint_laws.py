@@ -75,7 +75,7 @@ def test_joints_of_three_laws_side_by_side(folder):
     assert pairs.laws.tolist() == ["rough"] * n + ["iwan"] * n + ["elastic-coulomb"] * n
     stiffness = pairs.law.stiffness
     assert np.array_equal(stiffness[:, 0], pairs.k_t) and np.array_equal(stiffness[:, 2], pairs.k_n)
-    assert np.isnan(pairs.own["slip_force"][:n]).all() and np.isnan(pairs.own["exponent"][2 * n :]).all()
+    assert np.isnan(pairs.law_columns["slip_force"][:n]).all() and np.isnan(pairs.law_columns["exponent"][2 * n :]).all()
 
 
 @pytest.mark.parametrize(

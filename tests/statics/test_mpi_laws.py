@@ -48,7 +48,7 @@ def test_rough_surfaces_carry_the_load_and_are_stiffer_under_it(comm, folder, la
         and ratio.max() > 3.0 > 1.5 > ratio.min()
     )
     assert pairs.k_t / pairs.k_n == pytest.approx(np.full(pairs.n_pairs, 1.4 / 1.7), rel=1e-12)
-    assert not pairs.apart.any() and np.hypot(*pairs.T0.T).max() > 0.0
+    assert not pairs.open_at_rest.any() and np.hypot(*pairs.T0.T).max() > 0.0
 
 
 def approach(N, area):
@@ -64,7 +64,7 @@ def test_a_block_pressed_on_rough_ground_comes_as_near_as_the_power_says(comm, f
         first, last = system.K.getOwnershipRange()
         du = comm.allreduce(system.R[:, first:last] @ system.rest_owned).reshape(-1, 3)
     forces = np.einsum("pji,pj->pi", pairs.frame, np.column_stack([pairs.T0, -pairs.N0]))
-    assert forces.sum(axis=0) == pytest.approx([0.1 * size, 0.05 * size, -size], rel=1e-8) and not pairs.apart.any()
+    assert forces.sum(axis=0) == pytest.approx([0.1 * size, 0.05 * size, -size], rel=1e-8) and not pairs.open_at_rest.any()
     assert du[:, 2] == pytest.approx(-approach(pairs.N0, pairs.area), rel=1e-8)
     assert pairs.k_n == pytest.approx(2.0 * pairs.N0 / approach(pairs.N0, pairs.area), rel=1e-9)
     assert pairs.k_t / pairs.k_n == pytest.approx(np.full(pairs.n_pairs, 1.4 / 1.7), rel=1e-12)
@@ -77,8 +77,8 @@ def test_rough_surfaces_that_open_at_rest_vibrate_about_their_gaps(comm, folder)
         with microslip.build(scene_of(comm, folder, statics, (ELASTIC, law), name="gaps"), comm) as structure:
             pairs, again = structure.pairs, pairs_of(*to_arrays(structure))
             response = microslip.respond(structure, levels=[20.0], points=3, span=[0.98, 1.02], error_bars=False)
-        assert 0 < pairs.apart.sum() < pairs.n_pairs and not pairs.law.stiffness[pairs.apart].any()
-        assert np.all(pairs.N0[pairs.apart] <= 0.0) and not pairs.T0[pairs.apart].any()
+        assert 0 < pairs.open_at_rest.sum() < pairs.n_pairs and not pairs.law.stiffness[pairs.open_at_rest].any()
+        assert np.all(pairs.N0[pairs.open_at_rest] <= 0.0) and not pairs.T0[pairs.open_at_rest].any()
         N = np.maximum(pairs.N0, 0.0) - (PRESSURE * pairs.area if law is POWER else 0.0)
         load = 1000.0 if law is FROM_NONE else -200.0
         assert N.sum() == pytest.approx(load, rel=1e-8)
@@ -122,7 +122,9 @@ def test_an_iwan_joint_holds_without_pressure(comm, folder):
         pairs = structure.pairs
         assert np.einsum("pji,pj->i", pairs.frame[:, :2], pairs.T0)[:2] == pytest.approx([150.0, 50.0], rel=1e-9)
         stuck = pairs.law.bundle.held_at_rest
-        assert stuck == pytest.approx(np.hypot(*pairs.T0.T), rel=1e-9) and np.isnan(pairs.N0).all() and not pairs.apart.any()
+        assert (
+            stuck == pytest.approx(np.hypot(*pairs.T0.T), rel=1e-9) and np.isnan(pairs.N0).all() and not pairs.open_at_rest.any()
+        )
         again = pairs_of(*to_arrays(structure))
         assert np.array_equal(again.law.w0, pairs.law.w0) and pairs.law.w0.any()
         response = microslip.respond(structure, levels=[20.0], points=3, span=[0.99, 1.01], samples=32, error_bars=False)

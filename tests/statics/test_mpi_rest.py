@@ -26,7 +26,7 @@ def test_normal_and_friction_forces_carry_the_load(comm, folder):
         pairs = structure.pairs
         carried = np.column_stack([pairs.T0, -pairs.N0])  # against the bar
         total = np.einsum("pji,pj->i", pairs.frame, carried)
-    assert not pairs.apart.any() and pairs.N0.min() > 0.0
+    assert not pairs.open_at_rest.any() and pairs.N0.min() > 0.0
     assert total == pytest.approx([150.0, 50.0, -1000.0], rel=1e-9)
     assert np.all(np.hypot(*pairs.T0.T) <= 0.3 * pairs.N0 * (1.0 + 1e-9))
 
@@ -36,12 +36,12 @@ def test_an_eccentric_load_opens_the_far_side(comm, folder):
         pairs = structure.pairs
         x = pairs.position[:, 0]
         N = np.maximum(pairs.N0, 0.0)
-        assert pairs.apart[x == 0.0].all() and not pairs.apart[x == LENGTH].any()
+        assert pairs.open_at_rest[x == 0.0].all() and not pairs.open_at_rest[x == LENGTH].any()
         assert N.sum() == pytest.approx(1000.0, rel=1e-9)
         assert (N @ x) / N.sum() == pytest.approx(0.9 * LENGTH, abs=0.02 * LENGTH)  # friction on the bottom turns it a little
-        assert not pairs.T0[pairs.apart].any()
+        assert not pairs.T0[pairs.open_at_rest].any()
         # the linearised structure has no springs where it is open
-        assert not pairs.law.stiffness[pairs.apart].any()
+        assert not pairs.law.stiffness[pairs.open_at_rest].any()
 
 
 def test_without_friction_the_steps_do_not_matter(comm, folder):
@@ -111,7 +111,7 @@ def test_vibration_about_rest_is_that_under_the_load_as_a_mean(comm, folder):
         ),
     )
     as_mean, state_mean, _ = at_one_frequency(comm, scene_of(comm, folder, None, *common, *mean, name="mean"))
-    assert pairs.apart.any() and (state == state_mean).all() and set(state) >= {0, 2}
+    assert pairs.open_at_rest.any() and (state == state_mean).all() and set(state) >= {0, 2}
     assert about_rest == pytest.approx(as_mean, abs=1e-6 * np.abs(as_mean).max())
 
 

@@ -6,13 +6,13 @@ import os
 import pytest
 
 from microslip.messages.errors import CaseError, ResourceError
-from microslip.system.files import make_folder, said_of, written_whole
+from microslip.system.files import atomic_write, file_errors, make_folder
 
 
 def test_the_new_file_appears_at_the_end(tmp_path):
     path = tmp_path / "x"
     path.write_text("old")
-    with written_whole(str(path)) as beside:
+    with atomic_write(str(path)) as beside:
         with open(beside, "w") as file:
             file.write("new")
         assert path.read_text() == "old" and os.path.dirname(beside) == str(tmp_path)
@@ -24,7 +24,7 @@ def test_what_goes_wrong_leaves_the_old_file(tmp_path, problem):
     path = tmp_path / "x"
     path.write_text("old")
     with pytest.raises(problem):
-        with written_whole(str(path)) as beside:
+        with atomic_write(str(path)) as beside:
             open(beside, "w").close()
             raise problem
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["x"]
@@ -45,7 +45,7 @@ def test_what_goes_wrong_leaves_the_old_file(tmp_path, problem):
 )
 def test_errors_of_the_system_get_their_status(problem, error):
     with pytest.raises(error) as caught:
-        with said_of("/some/file"):
+        with file_errors("/some/file"):
             raise problem
     assert "own" in str(caught.value) or "/some/file" in str(caught.value)
 

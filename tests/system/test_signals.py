@@ -8,8 +8,8 @@ import pytest
 
 from microslip.messages.errors import Interrupted
 from microslip.system import signals
-from microslip.system.files import written_whole
-from microslip.system.signals import STOPPING, asked_to_save, obey_signals, unbroken
+from microslip.system.files import atomic_write
+from microslip.system.signals import STOPPING, obey_signals, save_requested, unbroken
 
 
 @pytest.fixture(autouse=True)
@@ -21,7 +21,7 @@ def obeyed():
     yield
     for number, handler in handlers.items():
         signal.signal(number, handler)
-    signals._Asked.to_stop = None
+    signals._Requests.to_stop = None
 
 
 def send(number):
@@ -37,16 +37,16 @@ def test_the_first_signal_stops_and_further_ones_change_nothing(number):
 
 
 def test_a_signal_to_save_is_heard_once_and_ends_nothing():
-    assert not asked_to_save()
+    assert not save_requested()
     send(signal.SIGUSR1)
     send(signal.SIGUSR1)
-    assert asked_to_save() and not asked_to_save()
+    assert save_requested() and not save_requested()
 
 
 def test_a_file_that_is_being_written_is_finished_first(tmp_path):
     path = tmp_path / "file"
     path.write_text("before")
-    with pytest.raises(Interrupted), written_whole(str(path)) as beside, open(beside, "w") as file:
+    with pytest.raises(Interrupted), atomic_write(str(path)) as beside, open(beside, "w") as file:
         send(signal.SIGTERM)
         file.write("after")
     assert path.read_text() == "after" and os.listdir(tmp_path) == ["file"]

@@ -46,12 +46,12 @@ def nothing(command):
 def test_no_scheduler_no_limit_and_what_is_asked_for_otherwise():
     assert time_limit(None, {}, nothing) is None
     limit = time_limit(60.0, {}, nothing)
-    assert limit.source == "--walltime, 60 s" and 59.0 < limit.left <= 60.0
+    assert limit.source == "--walltime, 60 s" and 59.0 < limit.remaining <= 60.0
 
 
 def test_slurm_says_when_the_job_ends_or_is_asked():
     limit = time_limit(None, {"SLURM_JOB_ID": "7", "SLURM_JOB_END_TIME": f"{int(time.time()) + 100}"}, nothing)
-    assert limit.source == "the time limit of Slurm job 7" and 97.0 < limit.left <= 100.0
+    assert limit.source == "the time limit of Slurm job 7" and 97.0 < limit.remaining <= 100.0
     asked = []
 
     def squeue(command):

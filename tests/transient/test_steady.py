@@ -100,7 +100,7 @@ def test_harmonic_balance_comes_to_it_with_more_harmonics(n_modes):
         points = branch(
             system, COMM, level, low=550.0, high=570.0, H=H, n_samples=128, at=(omega,), points=4, n_modes=n_modes
         ).points
-        (point,) = (one for one in points if one.asked)
+        (point,) = (one for one in points if one.requested)
         found.append(point.response[0, 1:3])
     model, parameters = reduced(system, COMM, H, n_modes)
     transient = transient_model(model, parameters)
@@ -123,7 +123,7 @@ def test_the_linear_response_is_exact():
     assert found.periods.max() == 2 and not found.cycle.p.any()
 
 
-def on_stops(apart):
+def on_stops(open_at_rest):
     """A block between two pairs that are closed and two stops beside them that are open at rest."""
     m, k = np.diag([1.0, 1.0, 1.0, 0.3, 0.2, 0.4]), np.diag([0.5, 0.4, 0.6, 0.8, 0.9, 0.7])
     k[:3, 3:] = k[3:, :3] = -0.1 * np.eye(3)
@@ -141,14 +141,14 @@ def on_stops(apart):
         output=[0, 0, 0, 0, 0, 1],
         omega=(0.8, 1.6),
         levels={},
-    ) | {"apart": np.array([False, apart, apart])}
+    ) | {"open_at_rest": np.array([False, open_at_rest, open_at_rest])}
 
 
 def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
     """The same structure twice: what the springs of an open pair add to K_L the law takes away again; damping is that of a matrix."""
     found = []
-    for apart in (False, True):
-        system = on_stops(apart)
+    for open_at_rest in (False, True):
+        system = on_stops(open_at_rest)
         transient, _, level, one = marched(system, [1.1, 1.3], 0.8, 32, tolerance=1e-6)
         found.append(output(transient, level, one))
         assert (one.cycle.state[:, 1:] == 2).all() and np.abs(one.cycle.p).max(axis=(0, 1)).reshape(3, 3)[1:, 2].min() > 0.01

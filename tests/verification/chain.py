@@ -54,9 +54,9 @@ def solve_scene(scene, comm) -> Chain:
     return Chain(structure, prepared.model, branches, last - first)
 
 
-def asked(branch) -> list:
+def requested(branch) -> list:
     """Return the points of a branch at the frequencies of [response] ``at``."""
-    return [point for point in branch.points if point.asked]
+    return [point for point in branch.points if point.requested]
 
 
 def amplitudes(branch, output=0) -> np.ndarray:

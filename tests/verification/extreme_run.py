@@ -161,7 +161,7 @@ def _against_expectation(case: Case, system: dict, branches, H: int, outcome: Ou
             default=0.0,
         )
     elif case.expect == "jenkins":
-        worst = max(_jenkins_error(point, branch.level, H) for branch in branches for point in branch.points if point.asked)
+        worst = max(_jenkins_error(point, branch.level, H) for branch in branches for point in branch.points if point.requested)
     elif case.expect == "twin":
         worst = _twin_error(case, system, branches, what, folder)
     else:
@@ -217,7 +217,7 @@ def _twin_error(case: Case, system: dict, branches, what, folder: Path) -> float
     for branch, other in zip(branches, others):
         if other.failure:
             raise chain_failure(other.failure)
-        mine, its = ([point for point in found.points if point.asked] for found in (branch, other))
+        mine, its = ([point for point in found.points if point.requested] for found in (branch, other))
         if len(mine) != len(its):
             return np.inf
         for a, b in zip(mine, its):

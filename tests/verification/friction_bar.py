@@ -93,7 +93,7 @@ def errors(kind: str, cells, comm, levels=LEVELS, harmonics=15, samples=512) -> 
     with tempfile.TemporaryDirectory() as folder:
         weights = write_case(Path(folder), kind, cells, [small, *levels], harmonics, samples)
         done = chain.solve(Path(folder) / "bar.toml", comm)
-    stuck, *points = [chain.asked(branch)[0] for branch in done.branches]
+    stuck, *points = [chain.requested(branch)[0] for branch in done.branches]
     first_slip = small / utilisation(stuck.U, done.structure.pairs).max()
     exact = np.array([exact_harmonics(P, harmonics) for P in levels])
     difference = np.array([weights @ point.response for point in points]) - exact

@@ -87,9 +87,9 @@ def difference(path: Path, comm) -> Difference:
     response, states = 0.0, set()
     for a, b in zip(alone.branches, together.branches, strict=True):
         peak = chain.amplitudes(a).max()
-        for p, q in zip(chain.asked(a), chain.asked(b), strict=True):
+        for p, q in zip(chain.requested(a), chain.requested(b), strict=True):
             response = max(response, np.abs(p.response - q.response).max() / peak)
-        states |= {int(state) for point in chain.asked(a) for state in point.state}
+        states |= {int(state) for point in chain.requested(a) for state in point.state}
     found = (np.abs(together.model.omega_n / alone.model.omega_n - 1.0).max(), response, together.worst_closure)
     return Difference(
         *(float(comm.allreduce(value, op=MPI.MAX)) for value in found),

@@ -61,7 +61,7 @@ def balanced(case: Case, omegas, H: int, n_samples: int, points: int = 60) -> li
         points=points,
     )
     assert found.failure is None, found.failure
-    return sorted((point for point in found.points if point.asked), key=lambda point: point.omega)
+    return sorted((point for point in found.points if point.requested), key=lambda point: point.omega)
 
 
 def marched(case: Case, omega: float, n_steps: int, start=None, tolerance=1e-7):

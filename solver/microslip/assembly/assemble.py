@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from .. import elements
 from ..guards.memory import refuse_beyond
-from ..mesh.connected import check_held, connected_parts, loose_clusters
+from ..mesh.connected import check_held, connected_parts, loose_bodies
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
 from ..mesh.links import Links, find_links, fixed_places
 from ..messages.errors import CaseError, ResourceError
@@ -81,7 +81,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
         split_by=dmesh.split_by,
         notes=whole.notes,
         output_orders=orders_of(tables.outputs),
-        output_base=base_map(tables.outputs, tables.loads) if any(one.absolute for one in tables.outputs) else None,
+        output_base=base_map(tables.outputs, tables.loads) if any(output.absolute for output in tables.outputs) else None,
     )
     return system if constraints is None else constrained(system, constraints, whole.part)
 
@@ -119,7 +119,7 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         loads=[nodal_forces(mesh, load, tables.model, f"[[loads]] {i}", links) for i, load in enumerate(tables.loads, 1)],
         outputs=[output_row(mesh, output, tables, links) for output in tables.outputs],
         links=links,
-        loose=loose_clusters(part, len(part_names), mesh, tables.supports, links),
+        loose=loose_bodies(part, len(part_names), mesh, tables.supports, links),
         notes=notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(tables.path)),
     )
 

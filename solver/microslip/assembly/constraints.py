@@ -139,9 +139,9 @@ def _transformation(links: Links, dof: np.ndarray, free: np.ndarray, shape: tupl
     is_free = np.flatnonzero(free >= 0)
     followed = links.weights.tocoo()
     row, column = dof[links.dependent[followed.row]], free[followed.col]
-    kept = (row >= 0) & (column >= 0)
-    values = np.concatenate([np.ones(len(is_free)), followed.data[kept]])
-    places = (np.concatenate([dof[is_free], row[kept]]), np.concatenate([free[is_free], column[kept]]))
+    is_entry = (row >= 0) & (column >= 0)
+    values = np.concatenate([np.ones(len(is_free)), followed.data[is_entry]])
+    places = (np.concatenate([dof[is_free], row[is_entry]]), np.concatenate([free[is_free], column[is_entry]]))
     return sp.csr_matrix((values, places), shape)
 
 

@@ -27,7 +27,7 @@ from ..tables.vibration import Load, Output
 from .fixed_pairs import fixed_by_rows, notes_on_fixed
 from .force_file import forces_on_dofs
 from .maps import orders_of
-from .matrix_checks import said_of
+from .matrix_checks import messages_on_matrices
 from .matrix_places import Places, aligned, names_nodes, read_places
 from .pair_file import COLUMNS, GROUND, read_pairs
 from .system import System
@@ -99,7 +99,7 @@ def read_structure(tables: StructureTables) -> GivenStructure:
     _check_dofs(tables, n_dof, places)
     notes = tuple(note for each in of_files.values() for note in each.notes)
     notes += () if places is None else places.mesh.notes
-    notes += tuple(said_of(K, M, {key: each.skew for key, each in of_files.items()}, places))
+    notes += tuple(messages_on_matrices(K, M, {key: each.skew for key, each in of_files.items()}, places))
     pairs, R = _read_joints(tables, n_dof, places)
     notes += notes_on_fixed(pairs, fixed_by_rows(R), str(tables.path))
     loads, outputs = _load_map(tables.loads, n_dof, places), _output_map(tables.outputs, n_dof, places)
@@ -187,7 +187,7 @@ def _pairs_of_dofs(joints: Sequence[Joint], n_dof: int) -> tuple[ContactPairs, n
         separate=np.array(separate, dtype=bool),
         faces=(),
         laws=np.array(laws, dtype=str),
-        own=joined(of_laws),
+        law_columns=joined(of_laws),
     )
     return pairs, table[:, :6].astype(int)
 

@@ -17,7 +17,7 @@ _HEAVIEST, _LIGHTEST = 23_000.0, 0.1  # kg/m3 of any solid, over the box of the 
 _MOTIONS = ("along x", "along y", "along z", "about x", "about y", "about z")
 
 
-def said_of(K: sp.csr_matrix, M: sp.csr_matrix, skew: dict[str, float], places: Places | None) -> list[str]:
+def messages_on_matrices(K: sp.csr_matrix, M: sp.csr_matrix, skew: dict[str, float], places: Places | None) -> list[str]:
     """Return lines for the log and ``check``.  Local.
 
     ``skew`` has the largest |A - A^T| of each matrix as it was read, over its largest entry.
@@ -87,9 +87,9 @@ def _of_motions(K: sp.csr_matrix, M: sp.csr_matrix, motions: np.ndarray, names: 
         rows = part == number
         ratio = forces[rows].max(axis=0) / np.maximum(parts[rows].max(axis=0), np.finfo(float).tiny)
         free = [name for name, value in zip(names, ratio) if value < _RIGID]
-        said = f"{len(free)} of {len(names)} rigid motions strain nothing ({', '.join(free)})" if free else "it is held"
-        which = "" if len(moving) == 1 else f"part of {rows.sum()} rows with {dofs.name_of(int(np.argmax(rows)))}: "
-        lines.append(f"stiffness: {which}{said}")
+        summary = f"{len(free)} of {len(names)} rigid motions strain nothing ({', '.join(free)})" if free else "it is held"
+        where = "" if len(moving) == 1 else f"part of {rows.sum()} rows with {dofs.name_of(int(np.argmax(rows)))}: "
+        lines.append(f"stiffness: {where}{summary}")
     if len(moving) > _MOST_PARTS:
         lines.append(f"stiffness: {len(moving) - _MOST_PARTS} further parts")
     mass = np.einsum("di,di->i", motions[:, :3], M @ motions[:, :3])

@@ -90,15 +90,15 @@ class Places:
     def _row(self, nodes: np.ndarray, values: np.ndarray, where: str, file: Path | None = None) -> sp.csr_matrix:
         """Return values (n, 3) on nodes as a row over the matrices' rows; CaseError where none of them is there."""
         column, value = self.dof[nodes].ravel(), values.ravel()
-        kept = (column >= 0) & (value != 0.0)
-        if value.any() and not kept.any():
+        is_entry = (column >= 0) & (value != 0.0)
+        if value.any() and not is_entry.any():
             along = next(DIRECTIONS[i % 3] for i in np.flatnonzero(value))
             at = f"node {self.mesh.numbers[nodes[0]]}" if len(nodes) == 1 else f"its {len(nodes)} nodes"
             raise CaseError(
                 f"{where}{f' {file}' if file else ''}: the matrices have no row for {at} along {along}, or not any more"
             )
-        places = np.zeros(kept.sum(), dtype=int), column[kept]
-        return self.on_rows(sp.csr_matrix((value[kept], places), (1, self.expand.shape[0])))
+        places = np.zeros(is_entry.sum(), dtype=int), column[is_entry]
+        return self.on_rows(sp.csr_matrix((value[is_entry], places), (1, self.expand.shape[0])))
 
 
 def read_places(tables: StructureTables, given: DofMap | None, n_dof: int) -> Places | None:
@@ -195,10 +195,10 @@ def _mesh(tables: StructureTables, nodes: np.ndarray) -> Mesh:
     _, unknown = index_of(mesh.numbers, named)
     if not len(unknown) or mesh.elements:
         return mesh
-    apart = np.full((len(unknown), 3), np.nan)
+    no_position = np.full((len(unknown), 3), np.nan)
     note = f"{len(unknown)} nodes of the matrices have no place, the first is node {unknown[0]}"
     return replace(
-        mesh, points=np.concatenate([mesh.points, apart]), numbers=np.concatenate([mesh.numbers, unknown]), notes=(note,)
+        mesh, points=np.concatenate([mesh.points, no_position]), numbers=np.concatenate([mesh.numbers, unknown]), notes=(note,)
     )
 
 

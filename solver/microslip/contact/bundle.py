@@ -99,14 +99,14 @@ class Bundle:
         pair, elements = touching // self.size, self.elements.take(touching)
         cycle = elements.cycle(U[pair], n_samples, tangents, harmonics)
         springs = np.where(elements.N0 < 0.0, elements.k_t, 0.0)  # of the stuck element, which is no part of the stuck pair
-        those, first = np.unique(pair, return_index=True)  # pairs with an element that touches
+        touched, first = np.unique(pair, return_index=True)  # pairs with an element that touches
         p = np.zeros_like(U)
         state, creeps = np.zeros(n, dtype=np.uint8), np.zeros(n, dtype=bool)
-        if len(those):
-            p[those, :2] = np.add.reduceat(cycle.p[:, :2] + springs[:, None, None] * U[pair, :2], first)
+        if len(touched):
+            p[touched, :2] = np.add.reduceat(cycle.p[:, :2] + springs[:, None, None] * U[pair, :2], first)
             slips = np.logical_and.reduceat((cycle.state != STICK) | (elements.k_t == 0.0), first)
-            state[those[slips]] = SLIP
-            creeps[those] = np.logical_or.reduceat(cycle.creeps, first)
+            state[touched[slips]] = SLIP
+            creeps[touched] = np.logical_or.reduceat(cycle.creeps, first)
         active, start = np.unique(pair[cycle.active], return_index=True)
         P = None
         if cycle.P is not None:
@@ -136,11 +136,11 @@ class Bundle:
             part = slice(i, i + step)
             of = self.take(part)
             changes = of.of_elements(per_pair[i * self.size : (i + step) * self.size]) != 0.0
-            those = np.flatnonzero(of._touch(U[part], n_samples, harmonics) & changes)
-            pair, elements = those // self.size, of.elements.take(those)
-            elements = replace(elements, apart=elements.N0 < 0.0)
+            touched = np.flatnonzero(of._touch(U[part], n_samples, harmonics) & changes)
+            pair, elements = touched // self.size, of.elements.take(touched)
+            elements = replace(elements, open_at_rest=elements.N0 < 0.0)
             of_elements = elements.parameter_rate(name, U[part][pair], n_samples, harmonics)
-            of_elements *= per_pair[i * self.size + those, None, None]
+            of_elements *= per_pair[i * self.size + touched, None, None]
             np.add.at(rate[part, :2], pair, of_elements[:, :2])
         return rate
 

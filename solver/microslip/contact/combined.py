@@ -80,13 +80,15 @@ class CombinedLaw:
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> CombinedLaw:
         """Return the law with other values of a parameter of some pairs, whose laws have it.  Local."""
-        whole = np.full(self.n_pairs, np.nan)
+        all_pairs = np.full(self.n_pairs, np.nan)
         chosen = np.zeros(self.n_pairs, dtype=bool)
-        whole[pairs], chosen[pairs] = values, True
+        all_pairs[pairs], chosen[pairs] = values, True
         parts = []
         for part, law in self.parts:
-            those = np.flatnonzero(chosen[part])
-            parts.append((part, law.with_parameters(name, those, whole[part[those]]) if len(those) else law))
+            pairs_of_part = np.flatnonzero(chosen[part])
+            parts.append(
+                (part, law.with_parameters(name, pairs_of_part, all_pairs[part[pairs_of_part]]) if len(pairs_of_part) else law)
+            )
         return CombinedLaw(tuple(parts))
 
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:

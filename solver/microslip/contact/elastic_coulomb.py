@@ -37,7 +37,9 @@ class ElasticCoulomb:
     separate: np.ndarray  # bool: each tangential direction has its own friction limit
     w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) of all: the sliders' start [m], (3.5)
     sampled: bool = False  # the return map (3.3) at samples alone, instead of the path between them (3.6)
-    apart: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs (3.8)
+    open_at_rest: np.ndarray = field(
+        default_factory=lambda: np.zeros(1, dtype=bool)
+    )  # (n,) bool: open at rest, without springs (3.8)
     k_ty: np.ndarray | None = None  # (n,) tangential stiffness along y, where limits are separate [N/m]; None: k_t
     mu_y: np.ndarray | None = None  # (n,) friction coefficient along y, where limits are separate [-]; None: mu
 
@@ -52,9 +54,9 @@ class ElasticCoulomb:
                 raise ValueError(f"{name} of pair {np.nanargmin(values)} is negative: {np.nanmin(values)}")
             object.__setattr__(self, name, values)
         object.__setattr__(self, "w0", np.ascontiguousarray(np.broadcast_to(self.w0, (n, 2)), dtype=np.float64))
-        object.__setattr__(self, "apart", np.ascontiguousarray(np.broadcast_to(self.apart, (n,)), dtype=bool))
-        if np.any(self.apart & (self.N0 > 0.0)):
-            raise ValueError(f"pair {np.argmax(self.apart & (self.N0 > 0.0))} is apart at rest, and has a preload")
+        object.__setattr__(self, "open_at_rest", np.ascontiguousarray(np.broadcast_to(self.open_at_rest, (n,)), dtype=bool))
+        if np.any(self.open_at_rest & (self.N0 > 0.0)):
+            raise ValueError(f"pair {np.argmax(self.open_at_rest & (self.N0 > 0.0))} is open at rest, and has a preload")
         self._check_directions()
 
     def _check_directions(self) -> None:
@@ -75,9 +77,9 @@ class ElasticCoulomb:
     def n_memory(self) -> int:
         """Numbers of a pair that a step of time remembers beside p: none, for p says where the sliders stand.
 
-        Two where pairs are apart at rest: p of such a pair is all of its force, and says nothing of a slider that follows it.
+        Two where pairs are open at rest: p of such a pair is all of its force, and says nothing of a slider that follows it.
         """
-        return 2 if self.apart.any() else 0
+        return 2 if self.open_at_rest.any() else 0
 
     @property
     def n_pairs(self) -> int:
@@ -100,12 +102,12 @@ class ElasticCoulomb:
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is apart at rest."""
-        return np.where(self.apart[:, None], 0.0, self.springs)
+        """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is open at rest."""
+        return np.where(self.open_at_rest[:, None], 0.0, self.springs)
 
     @cached_property
     def springs(self) -> np.ndarray:
-        """The springs of a pair that touches, (n, 3) [N/m], of one that is apart at rest, too."""
+        """The springs of a pair that touches, (n, 3) [N/m], of one that is open at rest, too."""
         return np.column_stack([self._k_xy, self.k_n])
 
     @cached_property
@@ -125,7 +127,7 @@ class ElasticCoulomb:
 
     def take(self, indices: np.ndarray | slice) -> ElasticCoulomb:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
-        names = ("mu", "N0", "k_t", "k_n", "separate", "w0", "apart", "k_ty", "mu_y")
+        names = ("mu", "N0", "k_t", "k_n", "separate", "w0", "open_at_rest", "k_ty", "mu_y")
         return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})
 
     def followed(self, path: bool) -> ElasticCoulomb:
@@ -173,7 +175,7 @@ class ElasticCoulomb:
         if len(active) > 0:
             march(sampling, pairs, active, p, state, creeps, P)
         cycle = ContactCycle(p, state, active, P, creeps.astype(bool))
-        return self._without_springs(cycle, U, sampling) if self.apart.any() else cycle
+        return self._without_springs(cycle, U, sampling) if self.open_at_rest.any() else cycle
 
     def _cycle_by_direction(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
         """Return the cycle of pairs whose y has a stiffness, or a friction, of its own: docs/theory.md, eq. (3.9).
@@ -194,17 +196,19 @@ class ElasticCoulomb:
         return cycle
 
     def _without_springs(self, cycle: ContactCycle, U: np.ndarray, sampling: Sampling) -> ContactCycle:
-        """Return p of pairs that are apart at rest as all of their force, eq. (3.8): none if they never touch."""
-        touches = ~self.apart
-        touches[self.apart] = sampling.least(U[self.apart, 2]) * self.k_n[self.apart] < self.N0[self.apart]
+        """Return p of pairs that are open at rest as all of their force, eq. (3.8): none if they never touch."""
+        touches = ~self.open_at_rest
+        touches[self.open_at_rest] = (
+            sampling.least(U[self.open_at_rest, 2]) * self.k_n[self.open_at_rest] < self.N0[self.open_at_rest]
+        )
         active = cycle.active[touches[cycle.active]]
         p, P = np.where(touches[:, None, None], cycle.p, 0.0), cycle.P
-        now = self.apart & touches
+        now = self.open_at_rest & touches
         p[now] += self.springs[now, :, None] * U[now]
         if P is not None:
             P = P[touches[cycle.active]]
             n = P.shape[-1]
-            springs = np.where(self.apart[:, None], self.springs, 0.0)[active]
+            springs = np.where(self.open_at_rest[:, None], self.springs, 0.0)[active]
             P[:, np.arange(n), np.arange(n)] += np.repeat(springs, n // 3, axis=1)
         return replace(cycle, p=p, active=active, P=P)
 
@@ -237,24 +241,24 @@ class ElasticCoulomb:
             return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
         if name not in ("mu", "N0", "k_t", "k_n"):
             raise not_among(name, "elastic-Coulomb friction", ("mu", "N0", "gap", "k_t", "k_n"))
-        U, harmonics, asked = with_mean(U, harmonics)
+        U, harmonics, columns = with_mean(U, harmonics)
         rate = self._rate_with_springs(name, U, n_samples, harmonics)
-        if self.apart.any():
+        if self.open_at_rest.any():
             least = _sampling(harmonics, n_samples, self.sampled).least(np.ascontiguousarray(U[:, 2]))
             touches = least * self.k_n < self.N0
-            rate[self.apart & ~touches] = 0.0
-            now = self.apart & touches
+            rate[self.open_at_rest & ~touches] = 0.0
+            now = self.open_at_rest & touches
             if name == "k_t":
                 rate[now, :2] += np.stack([np.ones(self.n_pairs), self._shorter], axis=1)[now, :, None] * U[now, :2]
             if name == "k_n":
                 rate[now, 2] += U[now, 2]
-        return rate[:, :, asked]
+        return rate[:, :, columns]
 
     def _rate_with_springs(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics) -> np.ndarray:
         """Return the rate of p as if all pairs had their springs, for harmonics with a mean."""
         loose, still = self.k_n == 0.0, U.copy()  # where N stays N0, a spring that does not move says how p changes with N
         still[loose, 2] = 0.0
-        bare = replace(self, k_n=np.where(loose, 1.0, self.k_n), apart=np.zeros(1, dtype=bool))
+        bare = replace(self, k_n=np.where(loose, 1.0, self.k_n), open_at_rest=np.zeros(1, dtype=bool))
         cycle = bare.cycle(still, n_samples, True, harmonics)
         active, N_H, rate = cycle.active, U.shape[2], np.zeros_like(U)
         assert cycle.P is not None, "asked for"
@@ -291,7 +295,7 @@ class ElasticCoulomb:
         """Return p after a step that ends at ``du``, with what is remembered, its derivative and the states.
 
         Local.  docs/theory.md, eq. (3.1), eq. (3.2), eq. (3.3), eq. (3.4) and eq. (3.8).  Sliders stand at w = w0 - p_t / k_t, so
-        that p is all that the law remembers, and p of a pair that sticks stays what it was, to the bit.  Of a pair that is apart
+        that p is all that the law remembers, and p of a pair that sticks stays what it was, to the bit.  Of a pair that is open
         at rest p_t without its springs is remembered beside p.
 
         Parameters
@@ -302,14 +306,14 @@ class ElasticCoulomb:
         Returns
         -------
         after : (..., n, 3 + n_memory) [N], as ``before``
-        L : (..., n, 3, 3) d p / d du [N/m]; zero where a pair sticks, or is apart at rest and open
+        L : (..., n, 3, 3) d p / d du [N/m]; zero where a pair sticks, or is open at rest and does not touch
         state : (..., n) uint8, STICK, SLIP or OPEN during the step
         """
-        if not self.apart.any():
+        if not self.open_at_rest.any():
             return self._sprung_step(du, before)
-        apart, springs = self.apart[:, None], np.where(self.apart[:, None], self.springs, 0.0)
-        p, L, state = self._sprung_step(du, np.where(apart, before[..., 3:], before[..., :2]))
-        memory = np.where(apart, p[..., :2], 0.0)
+        open_at_rest, springs = self.open_at_rest[:, None], np.where(self.open_at_rest[:, None], self.springs, 0.0)
+        p, L, state = self._sprung_step(du, np.where(open_at_rest, before[..., 3:], before[..., :2]))
+        memory = np.where(open_at_rest, p[..., :2], 0.0)
         L[..., np.arange(3), np.arange(3)] += springs
         return np.concatenate([p + springs * du, memory], axis=-1), L, state
 
@@ -345,24 +349,26 @@ class ElasticCoulomb:
 
         It sticks where even all harmonics peaking together, in the direction of T0, stay within the friction limit,
         |T0| + k_t |du_t| <= mu (N0 - k_n du_z): with a larger factor it may stick, too.  0 where a pair has no preload, a gap, or
-        no friction left.  Of a pair that is apart at rest, the factor up to which it stays so.
+        no friction left.  Of a pair that is open at rest, the factor up to which it stays so.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
-        limit = np.broadcast_to(np.where(self.apart, -self.N0, self._friction_left(np.maximum(self.N0, 0.0))), x.shape)
-        taken = np.where(self.apart, self.k_n * z, self.k_t * np.hypot(x, self._shorter * y) + self._least_mu * self.k_n * z)
-        return np.divide(limit, taken, out=np.where(limit > 0.0, np.inf, 0.0), where=taken > 0.0)
+        limit = np.broadcast_to(np.where(self.open_at_rest, -self.N0, self._friction_left(np.maximum(self.N0, 0.0))), x.shape)
+        demand = np.where(
+            self.open_at_rest, self.k_n * z, self.k_t * np.hypot(x, self._shorter * y) + self._least_mu * self.k_n * z
+        )
+        return np.divide(limit, demand, out=np.where(limit > 0.0, np.inf, 0.0), where=demand > 0.0)
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the share of the friction limit, or of the preload, that motions take up, (..., n).  Local.
 
         Infinite where nothing is left of the limit of a pair that moves; negative where a pair has a gap; the share of the gap
-        where it is apart at rest.
+        where it is open at rest.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             left = self._least_mu * self.N0 - self.held_at_rest
-            shear = np.where(self.apart, 0.0, self.k_t * np.hypot(x, self._shorter * y) / left)
-            shares = shear, self.k_n * z / np.where(self.apart, -self.N0, self.N0)
+            shear = np.where(self.open_at_rest, 0.0, self.k_t * np.hypot(x, self._shorter * y) / left)
+            shares = shear, self.k_n * z / np.where(self.open_at_rest, -self.N0, self.N0)
         return np.nan_to_num(np.stack(shares), nan=0.0, posinf=np.inf, neginf=np.inf).max(axis=0)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:

@@ -92,8 +92,8 @@ class Iwan(OfElements):
         ends = np.concatenate([[0.0], self.weakest ** np.linspace(1.0, 0.0, self.n_sliders)])
         chi, weak = self.chi[:, None], (self.K_T / (1.0 + self.beta))[:, None]
         k = np.column_stack([weak * np.diff(ends ** (chi + 1.0), axis=1), self.K_T - weak[:, 0]])
-        share = (chi + 1.0) / (chi + 2.0) * np.diff(ends ** (chi + 2.0), axis=1)
-        strength = self.phi_max[:, None] * np.column_stack([weak * share, k[:, -1]])
+        weights = (chi + 1.0) / (chi + 2.0) * np.diff(ends ** (chi + 2.0), axis=1)
+        strength = self.phi_max[:, None] * np.column_stack([weak * weights, k[:, -1]])
         none = np.zeros(k.size)
         separate = np.ones(k.size, dtype=bool)
         w0 = np.zeros(2) if self.w0 is None else self.w0.reshape(-1, 2)
@@ -163,8 +163,8 @@ class Iwan(OfElements):
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
         """Return the share of the stuck force that p takes away at most, (..., n, 3).  Local."""
-        share = self.bundle.slipping_share(amplitudes, of_limit)
-        return np.stack([share, share, np.zeros_like(share)], axis=-1)
+        weights = self.bundle.slipping_share(amplitudes, of_limit)
+        return np.stack([weights, weights, np.zeros_like(weights)], axis=-1)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local.
@@ -211,6 +211,6 @@ def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:
     return {"mu": np.full_like(area, np.nan), "N0": np.full_like(area, np.nan), "k_t": k_t, "k_n": k_n, "slip_force": slip_force}
 
 
-def own(keys: Mapping[str, Any]) -> dict[str, float]:
+def law_columns(keys: Mapping[str, Any]) -> dict[str, float]:
     """Return the columns beyond those of elastic-Coulomb friction, the same for all pairs of a joint.  Local."""
     return {"slip_force": np.nan, "chi": keys["chi"], "beta": keys["beta"], "sliders": keys["sliders"] or SLIDERS}

@@ -14,28 +14,28 @@ class Keys:
     needed: tuple[str, ...]  # of a joint of surfaces, beside the preload
     of_file: tuple[str, ...]  # a CSV file of pairs has columns in their place
     needed_with_pairs: tuple[str, ...] = ()  # beside those columns
-    others: tuple[str, ...] = ()  # that not every law has
+    further: tuple[str, ...] = ()  # that not every law has
 
     @property
     def all(self) -> tuple[str, ...]:
-        return (*self.of_file, *self.needed_with_pairs, *self.others)
+        return (*self.of_file, *self.needed_with_pairs, *self.further)
 
 
 KEYS = {
     ELASTIC_COULOMB: Keys(
         needed=("friction", "tangential_stiffness", "normal_stiffness"),
         of_file=("friction", "tangential_stiffness", "normal_stiffness"),
-        others=("preload", "gap", "plane_point", "friction_limit"),
+        further=("preload", "gap", "plane_point", "friction_limit"),
     ),
     ROUGH: Keys(
         needed=("friction", "roughness_height"),
         of_file=("friction", "roughness_height", "roughness_pressure", "tangential_ratio"),
-        others=("preload", "friction_limit", "exponent", "sliders"),
+        further=("preload", "friction_limit", "exponent", "sliders"),
     ),
     IWAN: Keys(
         needed=("slip_force", "tangential_stiffness", "normal_stiffness", "chi", "beta"),
         of_file=("slip_force", "tangential_stiffness", "normal_stiffness"),
         needed_with_pairs=("chi", "beta"),
-        others=("sliders",),
+        further=("sliders",),
     ),
 }

@@ -24,7 +24,7 @@ class Kind:
     """What the other rooms know of a law by its name."""
 
     of_columns: Callable[[Columns], Law]
-    own: Callable[[Keys], Mapping[str, float]]  # columns beside those of ContactPairs, the same for all pairs of a joint
+    law_columns: Callable[[Keys], Mapping[str, float]]  # columns beside those of ContactPairs, the same for all pairs of a joint
     on_area: Callable[[Keys, np.ndarray], Mapping[str, np.ndarray]]  # columns of a joint of surfaces, from its pairs' areas
     per_point: tuple[str, ...]  # values that each contact point of surfaces may have of its own
     limit: Callable[[Columns, np.ndarray], np.ndarray]  # columns, normal forces N: the most that friction holds [N]
@@ -42,14 +42,14 @@ def _elastic_coulomb(columns: Columns) -> ElasticCoulomb:
     by_y = {name: np.where(np.isnan(y), columns[of_x], y) for (name, y), of_x in zip(by_y.items(), ("k_t", "mu"))}
     k_xy = np.stack([k_t, by_y.get("k_ty", k_t)], axis=1)
     w0 = np.divide(-T0, k_xy, out=np.zeros_like(T0), where=k_xy > 0.0)
-    mu, N0, k_n, separate, apart = (columns[name] for name in ("mu", "N0", "k_n", "separate", "apart"))
-    return ElasticCoulomb(mu, N0, k_t, k_n, separate, w0, apart=apart, k_ty=by_y.get("k_ty"), mu_y=by_y.get("mu_y"))
+    mu, N0, k_n, separate, open_at_rest = (columns[name] for name in ("mu", "N0", "k_n", "separate", "open_at_rest"))
+    return ElasticCoulomb(mu, N0, k_t, k_n, separate, w0, open_at_rest=open_at_rest, k_ty=by_y.get("k_ty"), mu_y=by_y.get("mu_y"))
 
 
 def _about_rest(columns: Columns, du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray | None]:
     """Return the columns of elastic-Coulomb pairs that change about the state that a march came to; T0 says the rest.  Local."""
     N0 = columns["N0"] - columns["k_n"] * du[:, 2]
-    return {"N0": N0, "apart": N0 <= 0.0}
+    return {"N0": N0, "open_at_rest": N0 <= 0.0}
 
 
 def _coulomb_limit(columns: Columns, N: np.ndarray) -> np.ndarray:
@@ -66,7 +66,7 @@ def _by_direction(keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:
 LAWS: dict[str, Kind] = {  # their keys: keys.py
     ELASTIC_COULOMB: Kind(
         of_columns=_elastic_coulomb,
-        own=lambda keys: {},
+        law_columns=lambda keys: {},
         on_area=_by_direction,
         per_point=("friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"),
         limit=_coulomb_limit,
@@ -76,7 +76,7 @@ LAWS: dict[str, Kind] = {  # their keys: keys.py
     ),
     ROUGH: Kind(
         of_columns=rough.of_columns,
-        own=rough.own,
+        law_columns=rough.law_columns,
         on_area=rough.on_area,
         per_point=("friction", "preload"),
         limit=_coulomb_limit,
@@ -88,7 +88,7 @@ LAWS: dict[str, Kind] = {  # their keys: keys.py
     ),
     IWAN: Kind(
         of_columns=iwan.of_columns,
-        own=iwan.own,
+        law_columns=iwan.law_columns,
         on_area=iwan.on_area,
         per_point=("tangential_stiffness", "normal_stiffness"),
         limit=iwan.limit,
@@ -112,7 +112,7 @@ def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarr
 
     Raises
     ------
-    ValueError : pairs have come apart whose law knows no rest without pressure
+    ValueError : pairs are open at rest whose law needs pressure at rest
     """
     changed: dict[str, np.ndarray] = {}
     for pairs, law, part in _parts(names, columns):
@@ -121,8 +121,8 @@ def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarr
             assert values is not None, "a state that a march came to"
             if name == "w0":
                 values = np.pad(values, ((0, 0), (0, memory.shape[1] // 2 - values.shape[1]), (0, 0)))
-            whole = columns[name] if name != "w0" else np.zeros((len(du), *values.shape[1:]))
-            changed.setdefault(name, whole.copy())[pairs] = values
+            merged = columns[name] if name != "w0" else np.zeros((len(du), *values.shape[1:]))
+            changed.setdefault(name, merged.copy())[pairs] = values
     return changed
 
 
@@ -167,11 +167,13 @@ def sliders_of(names: Sequence[str] | np.ndarray, columns: Columns) -> dict[str,
             parts = {name: bundle.of_elements(values) for name, values in of_elements.items()}
             sliders.append((pairs, parts | {"w0": elements.w0.reshape(len(pairs), -1, 2)}))
     most = max((values["k_t"].shape[1] for _, values in sliders), default=0)
-    whole = {name: np.full((len(names), most, *values.shape[2:]), np.nan) for _, part in sliders for name, values in part.items()}
+    merged = {
+        name: np.full((len(names), most, *values.shape[2:]), np.nan) for _, part in sliders for name, values in part.items()
+    }
     for pairs, part in sliders:
         for name, values in part.items():
-            whole[name][pairs, : values.shape[1]] = values
-    return whole
+            merged[name][pairs, : values.shape[1]] = values
+    return merged
 
 
 def _parts(names: Sequence[str] | np.ndarray, columns: Columns) -> Iterator[tuple[np.ndarray, str, Columns]]:
@@ -192,7 +194,7 @@ def columns_on_area(law: str, keys: Keys, area: np.ndarray) -> dict[str, np.ndar
 
 def columns_of_joint(law: str, keys: Keys, n_pairs: int) -> dict[str, np.ndarray]:
     """Return what all pairs of a joint have alike by their law, (n,) each.  Local."""
-    return {name: np.full(n_pairs, float(value)) for name, value in LAWS[law].own(keys).items()}
+    return {name: np.full(n_pairs, float(value)) for name, value in LAWS[law].law_columns(keys).items()}
 
 
 def joined(parts: Sequence[tuple[int, Mapping[str, np.ndarray]]]) -> dict[str, np.ndarray]:

@@ -51,7 +51,7 @@ class Rough(OfElements):
     sampled: bool = False  # asperities that know samples alone
     w0: np.ndarray | None = None  # (n, n_asperities, 2) where they start [m], as elastic-Coulomb sliders do; None: at 0
     reference: np.ndarray = field(default_factory=lambda: np.full(1, np.nan))  # (n,) N, of pairs that are open at rest
-    apart: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs
+    open_at_rest: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs
     bundle: Bundle = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -59,9 +59,9 @@ class Rough(OfElements):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
         object.__setattr__(self, "separate", np.array(np.broadcast_to(self.separate, self.N0.shape), dtype=bool))
         object.__setattr__(self, "reference", np.array(np.broadcast_to(self.reference, self.N0.shape), dtype=np.float64))
-        object.__setattr__(self, "apart", np.array(np.broadcast_to(self.apart, self.N0.shape), dtype=bool))
-        if np.any(self.apart & ~self.is_open):
-            raise ValueError(f"pair {np.argmax(self.apart & ~self.is_open)} is apart at rest, and has a preload")
+        object.__setattr__(self, "open_at_rest", np.array(np.broadcast_to(self.open_at_rest, self.N0.shape), dtype=bool))
+        if np.any(self.open_at_rest & ~self.is_open):
+            raise ValueError(f"pair {np.argmax(self.open_at_rest & ~self.is_open)} is open at rest, and has a preload")
         carried = np.where(self.is_open & ~(np.isfinite(self.exponent) & (self.reference > 0.0)), self.N0, self.pressed)
         for name, least, values in (("N0", 0.0, carried), ("k_n", 0.0, self.k_n), ("exponent", 1.0, self.exponent)):
             if np.any(values <= least):
@@ -91,7 +91,7 @@ class Rough(OfElements):
     @cached_property
     def stiffness(self) -> np.ndarray:
         """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is apart."""
-        return np.where(self.apart[:, None], 0.0, self.springs)
+        return np.where(self.open_at_rest[:, None], 0.0, self.springs)
 
     @cached_property
     def springs(self) -> np.ndarray:
@@ -100,7 +100,7 @@ class Rough(OfElements):
 
     def take(self, indices: np.ndarray | slice) -> Rough:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
-        names = ("mu", "N0", "k_t", "k_n", "exponent", "separate", "w0", "reference", "apart")
+        names = ("mu", "N0", "k_t", "k_n", "exponent", "separate", "w0", "reference", "open_at_rest")
         return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})
 
     def followed(self, path: bool) -> Rough:
@@ -138,15 +138,15 @@ class Rough(OfElements):
             slope = np.where(np.isinf(m), nu, nu ** (1.0 - 1.0 / m))  # over k_n
             x = np.where(np.isinf(m), np.log(nu), m * (nu ** (1.0 / m) - 1.0))  # approach over N0 / k_n
             at_0 = nu - np.where(nu > 0.0, slope * x, 0.0)  # the force of a tangent at rest, over N0
-        share, force = np.diff(slope, axis=1), np.diff(at_0, axis=1)
+        stiffness, force = np.diff(slope, axis=1), np.diff(at_0, axis=1)
         force[:, :n] = np.maximum(force[:, :n], 0.0)  # the last of them has next to nothing left
-        size = share.shape[1]
+        size = stiffness.shape[1]
         each = {name: np.repeat(getattr(self, name), size) for name in ("mu", "pressed", "k_t", "k_n", "lift")}
         elements = ElasticCoulomb(
             each["mu"],
-            each["pressed"] * force.ravel() - each["k_n"] * share.ravel() * each["lift"],
-            each["k_t"] * share.ravel(),
-            each["k_n"] * share.ravel(),
+            each["pressed"] * force.ravel() - each["k_n"] * stiffness.ravel() * each["lift"],
+            each["k_t"] * stiffness.ravel(),
+            each["k_n"] * stiffness.ravel(),
             np.repeat(self.separate, size),
             np.zeros(2) if self.w0 is None else self.w0.reshape(-1, 2),
             sampled=self.sampled,
@@ -159,20 +159,20 @@ class Rough(OfElements):
         """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.
 
         Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  A pair that moves along z is active: no part of this law is linear;
-        one that is apart, where it touches.
+        one that is open at rest, where it touches.
         """
         n, _, N_H = U.shape
         if self.n_pairs != n:
             raise ValueError(f"harmonics of {n} pairs with the law of {self.n_pairs}")
-        if np.any(self.is_open & ~self.apart):
-            raise ValueError("a cycle about a state without pressure in which pairs have springs: they are apart at rest")
+        if np.any(self.is_open & ~self.open_at_rest):
+            raise ValueError("a cycle about a state without pressure in which pairs have springs: they are open at rest")
         tangential = self.bundle.cycle(U, n_samples, tangents, harmonics)
         harmonics = harmonics or Harmonics.full(N_H)
         E, F = synthesis_matrix(harmonics, n_samples), analysis_matrix(harmonics, n_samples)
         du_z = U[:, 2] @ E.T
         N, k = (values.T for values in self.normal_force(du_z.T))
         p, state, K_J = tangential.p, tangential.state, self.stiffness
-        presses = np.where(self.apart, (N > 0.0).any(axis=1), U[:, 2].any(axis=1))
+        presses = np.where(self.open_at_rest, (N > 0.0).any(axis=1), U[:, 2].any(axis=1))
         p[presses, 2] = ((np.maximum(self.N0, 0.0)[:, None] - N - K_J[:, 2:] * du_z) @ F.T)[presses]
         state[(N <= 0.0).any(axis=1)] = OPEN
         active = np.union1d(tangential.active, np.flatnonzero(presses))
@@ -251,14 +251,14 @@ class Rough(OfElements):
         safety = self.bundle.slip_safety(amplitudes, self.n_sliders - 1)
         z = amplitudes[..., 2]
         to_touch = np.divide(-self.N0, self.k_n * z, out=np.full(z.shape, np.inf), where=z > 0.0)
-        return np.where(self.apart, to_touch, np.where(z > 0.0, 0.0, safety))
+        return np.where(self.open_at_rest, to_touch, np.where(z > 0.0, 0.0, safety))
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the share of friction limit, preload or gap that motions take up at the stiffness of rest, (..., n).  Local."""
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             left = np.maximum(self.mu * self.N0 - self.bundle.held_at_rest, 0.0)
-            shear = np.where(self.apart, 0.0, self.k_t * np.hypot(x, y) / left)
+            shear = np.where(self.open_at_rest, 0.0, self.k_t * np.hypot(x, y) / left)
             shares = np.stack([shear, self.k_n * z / np.abs(self.N0)])
         return np.nan_to_num(shares, nan=0.0, posinf=np.inf).max(axis=0)
 
@@ -276,7 +276,7 @@ class Rough(OfElements):
             normal = np.nan_to_num(np.maximum(1.0 - approach / x, 1.0 - (1.0 - parted / self.pressed) / x), nan=0.0)
             tangential = np.maximum(self.bundle.slipping_share(amplitudes, of_limit), 1.0 - 1.0 / stiffer)
         share = np.stack([tangential, tangential, normal], axis=-1)
-        return np.where(self.apart[:, None], 1.0, share)
+        return np.where(self.open_at_rest[:, None], 1.0, share)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
@@ -300,16 +300,16 @@ class Rough(OfElements):
         if np.any(parts & np.isinf(self.exponent)):
             raise ValueError(f"{np.count_nonzero(parts)} of {self.n_pairs} pairs carry nothing")
         gap = np.maximum(du[:, 2] + self.lift - np.where(parts, self.exponent, 0.0) * self.pressed / self.k_n, 0.0)
-        there = replace(
+        law = replace(
             self,
             N0=np.where(parts, -self.k_n * gap, N),
             k_t=np.where(parts, self.k_t, self.k_t * k_n / self.k_n),
             k_n=np.where(parts, self.k_n, k_n),
             w0=None,
             reference=np.where(parts, self.pressed, np.nan),
-            apart=parts,
+            open_at_rest=parts,
         )
-        return there._stretched(_carried_over(self.bundle, there.bundle, self.bundle.stretch(du, memory), du[:, 2]))
+        return law._stretched(_carried_over(self.bundle, law.bundle, self.bundle.stretch(du, memory), du[:, 2]))
 
     def _stretched(self, stretch: np.ndarray) -> Rough:
         """Return the law whose asperities are stretched (n, size, 2) [m] at rest, each within its limit.  Local."""
@@ -355,9 +355,9 @@ def of_columns(columns: Mapping[str, np.ndarray]) -> Rough:
     mu, N0, k_t, k_n, m, separate = (columns[name] for name in ("mu", "N0", "k_t", "k_n", "exponent", "separate"))
     n_sliders = int(columns["sliders"][0])
     none = np.zeros_like(mu)
-    reference, apart = columns.get("reference", none + np.nan), columns.get("apart", none.astype(bool))
+    reference, open_at_rest = columns.get("reference", none + np.nan), columns.get("open_at_rest", none.astype(bool))
     w0 = started(columns, 5 * n_sliders)
-    return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=n_sliders, w0=w0, reference=reference, apart=apart)
+    return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=n_sliders, w0=w0, reference=reference, open_at_rest=open_at_rest)
 
 
 def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
@@ -368,7 +368,7 @@ def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.nda
     ValueError : as :meth:`Rough.about`
     """
     law = of_columns(columns).about(du, memory)
-    changed = ("N0", "k_t", "k_n", "w0", "apart", *["reference"] * ("reference" in columns))
+    changed = ("N0", "k_t", "k_n", "w0", "open_at_rest", *["reference"] * ("reference" in columns))
     return {name: getattr(law, name) for name in changed}
 
 
@@ -404,6 +404,6 @@ def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:
     return {name: np.array(np.broadcast_to(values, area.shape), dtype=float) for name, values in columns.items()}
 
 
-def own(keys: Mapping[str, Any]) -> dict[str, float]:
+def law_columns(keys: Mapping[str, Any]) -> dict[str, float]:
     """Return the columns beyond those of elastic-Coulomb friction, the same for all pairs of a joint.  Local."""
     return {"exponent": keys["exponent"] or np.inf, "sliders": keys["sliders"] or SLIDERS}

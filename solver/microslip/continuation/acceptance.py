@@ -39,7 +39,7 @@ def accept(
     state: BranchState,
     solution: Solution,
     *,
-    asked: bool = False,
+    requested: bool = False,
     on_the_way: bool = False,
     notes: tuple[str, ...] = (),
 ) -> Accepted:
@@ -55,12 +55,12 @@ def accept(
     estimator = None if on_the_way else task.estimator
     while True:
         try:
-            point, moves = point_record(solver.problem, solver.selection, solution, asked, estimator)
+            point, moves = point_record(solver.problem, solver.selection, solution, requested, estimator)
             check_forces(solver, solution[0], point)
         except Unbalanced:  # its residual alone may be to blame
             tighter, memory = accuracy.tighter(solver.resolution, memory) if accuracy else (None, memory)
             tighter = tighter or replace(solver.resolution, tolerance=SHARPER * solver.tolerance)
-            better = solve_sharper(solver, tighter, solution, asked) if tighter.tolerance >= SHARPEST else None
+            better = solve_sharper(solver, tighter, solution, requested) if tighter.tolerance >= SHARPEST else None
             if not better:
                 raise
             solution, solver = better
@@ -103,17 +103,17 @@ def solve_with(
 
 
 def solve_sharper(
-    solver: PointSolver, sharper: Resolution, solution: Solution, asked: bool
+    solver: PointSolver, sharper: Resolution, solution: Solution, requested: bool
 ) -> tuple[Solution, PointSolver] | None:
     """Solve a point again with a smaller tolerance; None where Newton fails.  Collective.
 
     Beside a resonance that neither damping nor friction holds the equations are all but singular at a fixed frequency.  One that
-    neither was ``asked`` for nor ends the range may move, and the amplitude is held in its place.
+    neither was ``requested`` for nor ends the range may move, and the amplitude is held in its place.
     """
     better, there = solver.resolved(sharper), solution[0].iterate
     size, along = better.norm(there.U), np.array(there.U)
     along[..., better.harmonics.mean] = 0.0
-    if not asked and size > 0.0 and there.parameter not in (solver.sweep.start, solver.sweep.stop):
+    if not requested and size > 0.0 and there.parameter not in (solver.sweep.start, solver.sweep.stop):
         again, used = better.solve(there, Plane(there, along / size, (0.0,) * len(there.parameters)), size, solution[1])
         if again.failure is None:
             return (again.with_effort_of(solution[0]), used), better

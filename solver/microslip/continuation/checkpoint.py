@@ -48,7 +48,7 @@ class Part:
         return replace(self, arrays=lambda: arrays)
 
 
-def own_arrays(state: BranchState) -> Arrays:
+def state_arrays(state: BranchState) -> Arrays:
     """Return the arrays of a state that none of its parts has.  Collective."""
     solver, equation, memory = state.solver, state.solver.equation, state.memory
     newton = solver.workspace.newton_solver(equation, solver.resolution)

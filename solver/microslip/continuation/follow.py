@@ -10,8 +10,8 @@ import numpy as np
 from ..messages.errors import ConvergenceError
 from ..points.branch import NOTHING, Branch, Point
 from .acceptance import Accepted, accept
+from .checkpointer import NO_CHECKPOINTS, Checkpointer, Restored
 from .iterate import Iterate, PointState, interpolate
-from .keeper import KEEPS_NOTHING, Begun, Keeper
 from .point_record import Unbalanced
 from .point_solver import PointSolver, Solution, Workspace
 from .state import BranchState
@@ -59,12 +59,12 @@ def advance(task: BranchTask, state: BranchState, on_point: Emit = lambda point:
 
 def to_first(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     """Solve the first point.  Collective."""
-    after = first_point(task, state, asked=task.sweep.start in task.sweep.at)
+    after = first_point(task, state, requested=task.sweep.start in task.sweep.at)
     emit(after.point)
     return replace(after.state, now=after.now, is_done=task.problem.is_constant)
 
 
-def first_point(task: BranchTask, state: BranchState, asked: bool) -> Accepted:
+def first_point(task: BranchTask, state: BranchState, requested: bool) -> Accepted:
     """Return the first point, from the linear response or else by a way out.  Collective.
 
     Raises
@@ -78,7 +78,7 @@ def first_point(task: BranchTask, state: BranchState, asked: bool) -> Accepted:
         else ways_on(Stuck("first", solver, task.steps, task.may_hold, task=task, advance=advance))
     )
     for on in ways:
-        return accept(task, replace(state, solver=on.solver), on.solution, asked=asked, notes=on.notes)
+        return accept(task, replace(state, solver=on.solver), on.solution, requested=requested, notes=on.notes)
     raise ConvergenceError(task.problem.without_solution(task.sweep.start, str(solution[0].failure)))
 
 
@@ -179,7 +179,7 @@ def next_step(
 def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accepted:
     """Accept a point found from the last one, after those asked for on the way to it.  Collective."""
     was = leg.state.solver
-    state = _asked(leg, solution[0].iterate, solution[1])
+    state = _requested(leg, solution[0].iterate, solution[1])
     solution, solver = state.solver.still(solution, was)
     after = accept(leg.task, replace(state, solver=solver), solution, notes=notes)
     leg.emit(after.point)
@@ -189,31 +189,31 @@ def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accept
 def _to_limit(leg: Leg, solution: Solution, limit: float, notes: tuple[str, ...] = ()) -> Accepted:
     """Solve at the end of the range that a step has passed, after what is asked for before it.  Collective."""
     there = interpolate(leg.now.iterate, solution[0].iterate, limit)
-    leg = replace(leg, state=_asked(leg, there, solution[1]))
-    end = solved(leg, there, solution[1], asked=limit in leg.task.sweep.at, notes=notes)
+    leg = replace(leg, state=_requested(leg, there, solution[1]))
+    end = solved(leg, there, solution[1], requested=limit in leg.task.sweep.at, notes=notes)
     leg.emit(end.point)
     return end
 
 
-def _asked(leg: Leg, there: Iterate, selected: np.ndarray) -> BranchState:
+def _requested(leg: Leg, there: Iterate, selected: np.ndarray) -> BranchState:
     """Solve at the asked values between the last point and ``there``; return the state after them.  Collective."""
-    for value in leg.task.sweep.asked_between(leg.now.iterate.parameter, there.parameter):
+    for value in leg.task.sweep.requested_between(leg.now.iterate.parameter, there.parameter):
         harmonics = leg.state.solver.harmonics
         between = interpolate(leg.now.iterate.on(harmonics), there.on(harmonics), value)
-        solution = solved(leg, between, selected, asked=True)
+        solution = solved(leg, between, selected, requested=True)
         leg.emit(solution.point)
         leg = replace(leg, state=solution.state)
     return leg.state
 
 
-def solved(leg: Leg, guess: Iterate, selected: np.ndarray, asked: bool, notes: tuple[str, ...] = ()) -> Accepted:
+def solved(leg: Leg, guess: Iterate, selected: np.ndarray, requested: bool, notes: tuple[str, ...] = ()) -> Accepted:
     """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between.  Collective."""
     solver, selected = leg.state.solver, leg.now.selected | selected
     now, guess = solver.carried(leg.now), guess.on(solver.harmonics)
     solution = solver.solve_near(guess, now, selected)
     if solution[0].failure:
         solution = approach(solver, now, guess, selected, leg.task.steps)
-    return accept(leg.task, leg.state, solution, asked=asked, notes=notes)
+    return accept(leg.task, leg.state, solution, requested=requested, notes=notes)
 
 
 def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.ndarray, steps: ArcLength) -> Solution:
@@ -234,12 +234,12 @@ def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.n
             raise ConvergenceError(message(solver, here.parameter, solution, steps))
 
 
-def _wider(task: BranchTask, keeper: Keeper, workspace: Workspace) -> Begun | None:
+def _wider(task: BranchTask, checkpointer: Checkpointer, workspace: Workspace) -> Restored | None:
     """Return the state and the points that a shorter range gives, kept as those of this one.  Collective."""
-    shorter = keeper.shorter(task, workspace)
+    shorter = checkpointer.narrower(task, workspace)
     begun = None if shorter is None else widened(task, shorter, workspace, _to_the_end)
     if begun is not None:
-        keeper.keep(task, *begun)
+        checkpointer.save(task, *begun)
     return begun
 
 
@@ -255,12 +255,16 @@ def _to_the_end(task: BranchTask, state: BranchState) -> list[Point] | None:
 
 
 def follow_branch(
-    task: BranchTask, max_points: int, on_point: Emit = lambda point: None, segment: int = 0, keeper: Keeper = KEEPS_NOTHING
+    task: BranchTask,
+    max_points: int,
+    on_point: Emit = lambda point: None,
+    segment: int = 0,
+    checkpointer: Checkpointer = NO_CHECKPOINTS,
 ) -> Branch:
-    """Follow a branch to the end of its range, from where it was left if the ``keeper`` knows it.  Collective.
+    """Follow a branch to the end of its range, from where it was left if the ``checkpointer`` knows it.  Collective.
 
     A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.  ``on_point`` hears of the
-    points of a step when the ``keeper`` has them, so that at most those are lost again which that puts off.
+    points of a step when the ``checkpointer`` has them, so that at most those are lost again which that puts off.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch = Branch(task.problem.at(task.problem.curve.at(task.sweep.start).parameters).level)
@@ -276,7 +280,9 @@ def follow_branch(
             since.append(replace(point, segment=segment))
 
     try:
-        state, before = keeper.begun(task, workspace) or _wider(task, keeper, workspace) or (task.start(workspace), [])
+        state, before = (
+            checkpointer.restored(task, workspace) or _wider(task, checkpointer, workspace) or (task.start(workspace), [])
+        )
         for point in before:
             take(point)
         while not state.is_done and branch.failure is None:
@@ -285,12 +291,12 @@ def follow_branch(
             if len(branch.points) + len(since) == max_points:
                 where = task.problem.where(task.sweep.stop)
                 branch.failure = f"{max_points} points without reaching {where}: raise [response] points"
-            keeper.keep(task, None if solution.failure else state, since)
+            checkpointer.save(task, None if solution.failure else state, since)
             for point in since:
                 take(point)
             since.clear()
     except BaseException:  # a signal, or a problem of one rank alone
-        keeper.let_go()
+        checkpointer.flush()
         raise
     finally:
         workspace.destroy()

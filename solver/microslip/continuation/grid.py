@@ -111,7 +111,7 @@ def range_of(omegas: Sequence[float]) -> Sweep:
 
 def _points(task: BranchTask, state: BranchState, omegas: Sequence[float]) -> Iterator[Point]:
     """Yield the point at each frequency."""
-    solution = first_point(task, state, asked=True)
+    solution = first_point(task, state, requested=True)
     yield solution.point
     before: PointState | None = None
     for omega in omegas[1:]:
@@ -128,7 +128,7 @@ def _reach(task: BranchTask, state: BranchState, before: PointState | None, now:
     for start in [guess] if guess.U is now.iterate.U else [guess, now.iterate.at(omega)]:
         solution = state.solver.solve_near(start, now)
         if solution[0].failure is None:
-            return spent.added_to(accept(task, state, solution, asked=True))
+            return spent.added_to(accept(task, state, solution, requested=True))
         spent.add(solution[0].newton, solution[0].krylov)
     return spent.added_to(_follow_to(task, state, before, now, omega))
 
@@ -151,7 +151,7 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
         if (there.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
             spent.add(solution[0].newton, solution[0].krylov)
             goal = interpolate(now.iterate.on(solver.harmonics), there, omega)
-            return spent.added_to(solved(Leg(task, state, now), goal, solution[1], asked=True))
+            return spent.added_to(solved(Leg(task, state, now), goal, solution[1], requested=True))
         after = accept(task, state, solution, on_the_way=True)
         state, solver = after.state, after.state.solver
         spent.add(after.point.newton, after.point.krylov, after.point.seconds)

@@ -50,5 +50,5 @@ class PointState:
 def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
     """Return the point of the chord from ``a`` to ``b``, in the same harmonics, at a value of the swept parameter.  Local."""
     share = (parameter - a.parameter) / (b.parameter - a.parameter)
-    others = (p + share * (q - p) for p, q in zip(a.parameters[1:], b.parameters[1:]))
-    return Iterate(a.U + share * (b.U - a.U), (parameter, *others), a.harmonics)
+    remaining = (p + share * (q - p) for p, q in zip(a.parameters[1:], b.parameters[1:]))
+    return Iterate(a.U + share * (b.U - a.U), (parameter, *remaining), a.harmonics)

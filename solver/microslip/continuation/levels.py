@@ -24,11 +24,11 @@ from ..receptance.on_ranks import on_ranks
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.truncated_modes import EnrichedModel
 from .accuracy import accuracy_of, steps_for
+from .checkpointer import Checkpointer, Checkpointers, no_checkpoints
 from .corrector import Correction
 from .follow import follow_branch
 from .grid import going_on
 from .iterate import Iterate
-from .keeper import Keeper, Keepers, keep_nothing
 from .linear_levels import is_linear, sticks_up_to
 from .peaks import peaks_of
 from .point_record import point_record
@@ -54,7 +54,7 @@ class ResponseProblem:
     selection: Selection
     sweep: Sweep
     curve: LinearCurve  # the response with every pair stuck
-    better: EnrichedModel | None = None  # what error bars compare with; None: there are none
+    enriched: EnrichedModel | None = None  # what error bars compare with; None: there are none
 
     @property
     def steps(self) -> ArcLength:
@@ -64,7 +64,7 @@ class ResponseProblem:
     def on_ranks(self, comm: MPI.Comm) -> ResponseProblem:
         """Return the same for some of the ranks, ``comm``, which go on without the others.  Collective on all of them."""
         model = on_ranks(self.model, comm)
-        return replace(self, model=model, better=self.better and self.better.on_ranks(model, comm))
+        return replace(self, model=model, enriched=self.enriched and self.enriched.on_ranks(model, comm))
 
     def at_level(self, level: float) -> ForcedResponse:
         """Return what is continued at a level [N].  Local."""
@@ -88,7 +88,7 @@ def response_problem(
     law: Law,
     selection: Selection,
     omega_n: np.ndarray,
-    better: EnrichedModel | None = None,
+    enriched: EnrichedModel | None = None,
 ) -> ResponseProblem:
     """Return what all levels share: the range about the modes ``omega_n`` [rad/s], the linear curve in it.  Collective.
 
@@ -102,7 +102,7 @@ def response_problem(
     curve = linear_curve(model, sweep, law)
     if model.n_pairs > 0 and not all(columns.known.all() for columns in model.static_columns):
         model.expect_to_slip(likely_to_slip(model, law, curve))
-    return ResponseProblem(settings, model, law, selection, sweep, curve, better)
+    return ResponseProblem(settings, model, law, selection, sweep, curve, enriched)
 
 
 def frequency_sweep(settings: ResponseSettings, omega_n: np.ndarray) -> Sweep:
@@ -184,8 +184,8 @@ def arc_length_steps(settings: ResponseSettings, curve: LinearCurve) -> ArcLengt
 
 def stated_steps(settings: ResponseSettings, curve: LinearCurve) -> dict[str, float]:
     """Return the step lengths that are stated, from shares of the length of the linear curve.  Local."""
-    asked = {key: getattr(settings, key) for key in ("ds", "ds_min", "ds_max")}
-    return {key: curve.s[-1] * value for key, value in asked.items() if value}
+    requested = {key: getattr(settings, key) for key in ("ds", "ds_min", "ds_max")}
+    return {key: curve.s[-1] * value for key, value in requested.items() if value}
 
 
 def likely_to_slip(model: ReducedModel, law: Law, curve: LinearCurve) -> np.ndarray:
@@ -221,72 +221,79 @@ def nobody(event: str, *news: Any) -> None:
     """Tell nobody."""
 
 
-def follow_levels(of: ResponseProblem, tell: Callable[..., None] = nobody, keepers: Keepers = keep_nothing) -> list[Branch]:
-    """Return the branches of all levels, one after the other.  Collective, as is ``tell``, which hears of levels and points.
+def follow_levels(
+    of: ResponseProblem, notify: Callable[..., None] = nobody, checkpointers: Checkpointers = no_checkpoints
+) -> list[Branch]:
+    """Return the branches of all levels, one after the other.  Collective, as is ``notify``, which hears of levels and points.
 
     What it is told is what :class:`~microslip.observe.observer.Observers` has methods for.
     """
     branches = []
     for number, level in enumerate(of.settings.levels):
-        tell("level_started", number)
-        branches.append(follow_level(of, level, partial(tell, "point", number), keepers))
-        tell("level_finished", number, branches[-1])
+        notify("level_started", number)
+        branches.append(follow_level(of, level, partial(notify, "point", number), checkpointers))
+        notify("level_finished", number, branches[-1])
     return branches
 
 
 def follow_level(
-    of: ResponseProblem, level: float, on_point: Callable[[Point], None] = lambda point: None, keepers: Keepers = keep_nothing
+    of: ResponseProblem,
+    level: float,
+    on_point: Callable[[Point], None] = lambda point: None,
+    checkpointers: Checkpointers = no_checkpoints,
 ) -> Branch:
     """Return the branch of one level [N], with error bars where there is a better model, and its peaks if asked for.  Collective.
 
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
     Newton does not pass in one direction, often lie on one side only.
     """
-    branch = _whole_branch(of, level, on_point, keepers)
+    branch = _whole_branch(of, level, on_point, checkpointers)
     if of.settings.peaks and not of.model.harmonics.is_constant:
         branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance)
     return branch
 
 
-def _whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point], None], keepers: Keepers) -> Branch:
+def _whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers) -> Branch:
     """Return the branch of a level, of two segments where the first ends early.  Collective."""
-    branch = _kept_or_followed(of, level, on_point, keepers)
+    branch = _kept_or_followed(of, level, on_point, checkpointers)
     if branch.failure is None or of.model.harmonics.is_constant or len(branch.points) >= most_points(of.settings.points):
         return branch
-    other = _kept_or_followed(replace(of, sweep=of.sweep.reverse), level, on_point, keepers, segment=1)
+    other = _kept_or_followed(replace(of, sweep=of.sweep.reverse), level, on_point, checkpointers, segment=1)
     return branch.with_segment_from_the_other_end(other)
 
 
 def _kept_or_followed(
-    of: ResponseProblem, level: float, on_point: Callable[[Point], None], keepers: Keepers, segment: int = 0
+    of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers, segment: int = 0
 ) -> Branch:
     """Return one way through the range: as it was kept, or followed to its end."""
-    keeper = keepers(of.model.comm, level, segment)
-    branch = keeper.ended()
+    checkpointer = checkpointers(of.model.comm, level, segment)
+    branch = checkpointer.finished()
     if branch is None:
-        branch = _follow_one_way(of, level, on_point, segment, keeper)
-        keeper.end(branch)
+        branch = _follow_one_way(of, level, on_point, segment, checkpointer)
+        checkpointer.finish(branch)
         return branch
     for point in branch.points:
         on_point(point)
     return branch
 
 
-def _follow_one_way(of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int, keeper: Keeper) -> Branch:
+def _follow_one_way(
+    of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int, checkpointer: Checkpointer
+) -> Branch:
     """Follow a level in one direction, as finely as its accuracy asks; without pairs nothing is solved.  Collective."""
     problem, settings, steps = of.at_level(level), of.settings, of.steps
-    estimator = None if of.better is None else ErrorEstimator(of.better)
+    estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
     task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator)
     if of.model.n_pairs == 0:
         n_points = settings.points
         if problem.is_constant:
             task, n_points = replace(task, sweep=replace(of.sweep, at=())), 1
         branch = linear_branch(task, of.curve, n_points, on_point)
-        keeper.keep(task, None, branch.points)
+        checkpointer.save(task, None, branch.points)
         return branch
     linear = is_linear(problem.equation, level, of.curve)
     accuracy = accuracy_of(settings, problem.equation, linear) if estimator else None
     if accuracy is not None and accuracy.chooses_steps:
         steps = ArcLength(**asdict(steps_for(accuracy.target)) | stated_steps(settings, of.curve))
     task = replace(task, steps=steps, accuracy=accuracy, is_linear=linear)
-    return follow_branch(task, most_points(settings.points), on_point, segment, keeper)
+    return follow_branch(task, most_points(settings.points), on_point, segment, checkpointer)

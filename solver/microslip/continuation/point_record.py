@@ -27,7 +27,7 @@ class Unbalanced(ConvergenceError):
 
 
 def point_record(
-    problem: Problem, selection: Selection, solution: Solution, asked: bool, estimator: ErrorEstimator | None = None
+    problem: Problem, selection: Selection, solution: Solution, requested: bool, estimator: ErrorEstimator | None = None
 ) -> tuple[Point, np.ndarray]:
     """Return the record of a converged point and which pairs of all have p != 0, (n_pairs,) bool.
 
@@ -72,7 +72,7 @@ def point_record(
         seconds=0.0,
         harmonics=harmonics.highest,
         samples=equation.n_samples,
-        asked=asked,
+        requested=requested,
         parameters=correction.iterate.parameters,
         notes=(*((HELD,) if equation.held is not None else ()), *((CREEPS,) if creeps else ())),
         error=None if estimate is None else estimate.parts,

@@ -147,10 +147,10 @@ class LinearResponse:
     """The forced response of a problem while all pairs stick, closed, at fixed values of the parameters beside the swept one."""
 
     problem: Problem
-    others: tuple[float, ...] = ()
+    fixed_parameters: tuple[float, ...] = ()
 
     def at(self, parameter: float) -> Iterate:
-        return self._of((parameter, *self.others))
+        return self._of((parameter, *self.fixed_parameters))
 
     def holds(self, parameters: tuple[float, ...]) -> bool:
         at = self.problem.at(parameters)

@@ -297,7 +297,7 @@ def beyond_resonance(stuck: Stuck) -> Iterator[WayOn]:
     solver, (before, now) = stuck.solver, stuck.last_two
     here, resonance = now.iterate.parameter, where_unbounded(solver, before, now)
     for there in [] if resonance is None else [float(resonance + off * (resonance - here)) for off in OFF]:
-        if solver.sweep.beyond(there) or solver.sweep.asked_between(here, there):
+        if solver.sweep.beyond(there) or solver.sweep.requested_between(here, there):
             continue
         guess = solver.on_curve(there)
         solution = solver.solve_at(guess, solver.norm(guess.U), solver.selection.first(solver.equation.model.n_pairs))

@@ -11,7 +11,7 @@ import numpy as np
 from ..points.branch import Point
 
 if TYPE_CHECKING:
-    from .keeper import Begun, Shorter
+    from .checkpointer import Narrower, Restored
     from .point_solver import Workspace
     from .state import BranchState
     from .task import BranchTask
@@ -20,14 +20,14 @@ SAME = 1e-6  # relative difference of responses where both parts meet: beyond it
 Follow = Callable[["BranchTask", "BranchState"], list[Point] | None]  # collective; the points to the end of the range, or none
 
 
-def widened(task: BranchTask, shorter: Shorter, workspace: Workspace, follow: Follow) -> Begun | None:
+def widened(task: BranchTask, shorter: Narrower, workspace: Workspace, follow: Follow) -> Restored | None:
     """Return the state at the end of a shorter range and all points up to there; None where the branch cannot be taken over.
 
     Collective.  It cannot where the wider range asks for points within the shorter one, or where what is followed from the new
     start arrives at another solution.
     """
     sweep, state, points = shorter
-    if not set(task.sweep.asked_between(sweep.start, sweep.stop)) <= {point.omega for point in points if point.asked}:
+    if not set(task.sweep.requested_between(sweep.start, sweep.stop)) <= {point.omega for point in points if point.requested}:
         return None
     if sweep.start != task.sweep.start:
         ahead = replace(task, sweep=task.sweep.until(sweep.start))

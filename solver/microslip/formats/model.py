@@ -86,11 +86,11 @@ class Equations:
         """Return the others; None where there are none."""
         if not self.n_supports:
             return self
-        others = np.flatnonzero(~self.is_support)
-        if not len(others):
+        equations = np.flatnonzero(~self.is_support)
+        if not len(equations):
             return None
-        is_other = np.isin(self.equation, others)
-        equation, where = np.searchsorted(others, self.equation[is_other]), tuple(self.where[i] for i in others)
+        is_other = np.isin(self.equation, equations)
+        equation, where = np.searchsorted(equations, self.equation[is_other]), tuple(self.where[i] for i in equations)
         return Equations(equation, self.nodes[is_other], self.axes[is_other], self.coefficients[is_other], where)
 
 

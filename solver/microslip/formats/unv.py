@@ -153,7 +153,7 @@ def _add_point(points: dict, head: list[int], at: list[float], where: int) -> No
 
 def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: int) -> None:
     """Take elements by kind: number, physical property, nodes."""
-    i, others, n_ahead = 0, dict[int, int](), 1
+    i, other_types, n_ahead = 0, dict[int, int](), 1
     while i < len(lines):
         start = i
         head = _values(lines[i], line + i + 1)
@@ -169,7 +169,7 @@ def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: 
             raise MeshError(f"line {line + first + 1}: element {number} needs {n_nodes} nodes; the file is damaged or truncated")
         kind = _KINDS.get(descriptor)
         if kind is None:
-            others[descriptor] = others.get(descriptor, 0) + 1
+            other_types[descriptor] = other_types.get(descriptor, 0) + 1
         elif n_nodes != KINDS[kind][1]:
             raise MeshError(f"line {line + first}: element {number} of kind {kind} has {n_nodes} nodes")
         else:
@@ -180,7 +180,7 @@ def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: 
                 of_kind.append(alike)
                 i += len(alike[0]) * (i - start)
             n_ahead = 2 * n_ahead if alike is not None and len(alike[0]) == n_ahead else 1
-    for descriptor, n in others.items():
+    for descriptor, n in other_types.items():
         effect = "elements that are no solids and no faces here"
         word = f"element descriptor {descriptor}"
         findings.append(Finding(word=word, where=f"{n} elements", effect=effect, changes=descriptor not in (136, 137, 138, 139)))

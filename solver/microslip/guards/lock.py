@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_root
-from ..system.files import make_folder, said_of
+from ..system.files import file_errors, make_folder
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -103,7 +103,7 @@ def _take(folder: Path) -> tuple[Lock, list[str]]:
     """
     make_folder(str(folder))
     path = folder / NAME
-    with said_of(str(path)):
+    with file_errors(str(path)):
         while True:
             handle, is_new = _open(path)
             is_free = _flock(handle)

@@ -23,11 +23,11 @@ class Shortage:
     limit: str
     n_ranks: int  # that share it
     needed: float  # bytes, all of them together
-    left: float  # bytes
+    available: float  # bytes
 
     def __str__(self) -> str:
         who = "one rank needs" if self.n_ranks == 1 else f"its {self.n_ranks} ranks need"
-        return f"{who} {gigabytes(self.needed)} more, but of {self.limit} {gigabytes(self.left)} are left"
+        return f"{who} {gigabytes(self.needed)} more, but of {self.limit} {gigabytes(self.available)} are left"
 
 
 def memory_left(comm: MPI.Comm) -> float:
@@ -37,7 +37,7 @@ def memory_left(comm: MPI.Comm) -> float:
     """
     of_ranks = limits_of_ranks(comm)
     sharing = Counter(limit.shared_by for limits in of_ranks for limit in limits)
-    shares = [limit.left / sharing[limit.shared_by] for limits in of_ranks for limit in limits]
+    shares = [limit.available / sharing[limit.shared_by] for limits in of_ranks for limit in limits]
     return comm.size * min(shares, default=float("inf"))
 
 
@@ -75,11 +75,11 @@ def worst(of_ranks: Sequence[Sequence[Limit]], needed: Sequence[float]) -> Short
         for limit in limits:
             sums[limit.shared_by] = sums.get(limit.shared_by, 0.0) + more
     sharing = Counter(limit.shared_by for limits in of_ranks for limit in limits)
-    exceeded = [limit for limits in of_ranks for limit in limits if sums[limit.shared_by] > limit.left]
+    exceeded = [limit for limits in of_ranks for limit in limits if sums[limit.shared_by] > limit.available]
     if not exceeded:
         return None
-    first = min(exceeded, key=lambda limit: (limit.left - sums[limit.shared_by], limit.shared_by))
-    return Shortage(first.name, sharing[first.shared_by], sums[first.shared_by], max(first.left, 0.0))
+    first = min(exceeded, key=lambda limit: (limit.available - sums[limit.shared_by], limit.shared_by))
+    return Shortage(first.name, sharing[first.shared_by], sums[first.shared_by], max(first.available, 0.0))
 
 
 def limits_of_ranks(comm: MPI.Comm) -> list[list[Limit]]:

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from ..receptance.columns import ActiveColumns
 from .clustered import of_wide_slip
-from .gmres import Gmres, kept
+from .gmres import Gmres, reuse
 from .linearisation import Gatherer, Linearisation
 from .preconditioner import PairsPreconditioner, applied
 from .whole_inverse import WholeInverse
@@ -99,7 +99,7 @@ class AdjointSolver:
     def _set_up(self, n: int) -> Gmres:
         """Copy what the products need in single precision; make PETSc's objects where their size is another.  Collective."""
         at = self._at
-        self._gmres = kept(self._gmres, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, self.rtol))
+        self._gmres = reuse(self._gmres, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, self.rtol))
         if self.preconditioner is not None and not self.preconditioner.fits(at):
             self.preconditioner = None
         self._columns = ActiveColumns(at.G, self.precision)

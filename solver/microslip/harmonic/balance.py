@@ -135,7 +135,7 @@ class HarmonicBalance:
         ValueError : a value that the law of a pair does not have, or a stiffness that takes another structure; on every rank
         ResourceError : not enough memory for the update; on every rank
         """
-        return self if not at.law else self._kept("under", at.law, lambda: self._with_law(at.law))
+        return self if not at.law else self._cached("under", at.law, lambda: self._with_law(at.law))
 
     def allows(self, at: OperatingPoint) -> bool:
         """Tell whether the laws of all pairs have the parameters of an operating point.  Collective as :meth:`under`."""
@@ -222,11 +222,11 @@ class HarmonicBalance:
         """Return the model with the damping of an operating point.  Local."""
         if at.sigma == 0.0:
             return self.model
-        return self._kept("model", at.sigma, lambda: self.model.with_damping(at.sigma))
+        return self._cached("model", at.sigma, lambda: self.model.with_damping(at.sigma))
 
     def linear_motion(self, at: OperatingPoint) -> np.ndarray:
         """Return U_lin of this rank's pairs, (n_owned, 3, N_H) [m].  Local; kept for the last point: do not write into it."""
-        return self._kept("motion", at, lambda: linear_motion(self.model_at(at), at.level, at.omega).reshape(self.shape))
+        return self._cached("motion", at, lambda: linear_motion(self.model_at(at), at.level, at.omega).reshape(self.shape))
 
     def linear_motion_rate(self, at: OperatingPoint, rates: Rates) -> np.ndarray:
         """Return how U_lin changes with a parameter, (n_owned, 3, N_H).  Local; collective by a stiffness: one gather."""
@@ -257,7 +257,7 @@ class HarmonicBalance:
         """Return the same under any forces ``p`` (3 n_active, N_H) [N] of the ``active`` pairs."""
         return U - self.linear_motion(at) + (G or self.receptance(at, active)).apply(p)
 
-    def _kept(self, name: str, key: Any, make: Callable[[], Any]) -> Any:
+    def _cached(self, name: str, key: Any, make: Callable[[], Any]) -> Any:
         """Return what ``make`` returns, made once for a key."""
         cached = self._known.get(name)
         if cached is None or cached[0] != key:

@@ -71,7 +71,7 @@ class Gmres:
         return self._ksp.getResidualNorm() <= rtol * self._b.norm()
 
 
-def kept(gmres: Gmres | None, comm: MPI.Comm, n_owned: int, make: Callable[[], Gmres]) -> Gmres:
+def reuse(gmres: Gmres | None, comm: MPI.Comm, n_owned: int, make: Callable[[], Gmres]) -> Gmres:
     """Return GMRES of this size: the one at hand on all ranks, or a new one in its place.  Collective: one agreement."""
     is_right = gmres is not None and gmres.n_owned == n_owned
     if gmres is not None and comm.allreduce(is_right, op=MPI.LAND):

@@ -94,13 +94,13 @@ class NewtonSolver:
         n = len(of_active)
         d_nu_owned = x[n:].copy() if self.last else np.zeros(border.k)
         dp_all, d_nu = self._gatherer(at.pair_forces(x[:n]), (*np.zeros(border.k), *d_nu_owned))
-        others = at.G.apply(dp_all.reshape(-1, shape[-1])) + border.columns_times(d_nu[border.k :])
-        d_xi = b_U - others
+        other_columns = at.G.apply(dp_all.reshape(-1, shape[-1])) + border.columns_times(d_nu[border.k :])
+        d_xi = b_U - other_columns
         d_xi[active] = x[:n].reshape(len(active), *shape[1:])
         reason = outcome.reason
         if reason < 0 and gmres.reached(self._rtol):
             reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL  # rounding kept it from the weight's; Newton makes up
-        return Step(d_xi, d_nu_owned, d_xi + others, outcome.iterations, reason)
+        return Step(d_xi, d_nu_owned, d_xi + other_columns, outcome.iterations, reason)
 
     # -- the condensed system ----------------------------------------------------------------------------------
 

@@ -28,7 +28,7 @@ class PairsPreconditioner:
     """An answer to rows of the pairs that are active at one linearisation, for residuals near by.  Collective."""
 
     def __init__(self, at: Linearisation):
-        self.made_at, self.active_owned, self.own = at, at.forces.active_owned, own_rows(at)
+        self.made_at, self.active_owned, self.local_rows = at, at.forces.active_owned, rows_of_rank(at)
 
     def fits(self, at: Linearisation) -> bool:
         """Tell whether another linearisation has the same harmonics, and on every rank as many active pairs.  Collective."""
@@ -42,7 +42,7 @@ class PairsPreconditioner:
         amplitudes = to_complex(self.made_at.equation.gather(b.reshape(-1, N_H)))
         for n in range(amplitudes.shape[1]):
             amplitudes[:, n] = self.solve(n, amplitudes[:, n])
-        return to_real(amplitudes[self.own], N_H).reshape(b.shape)
+        return to_real(amplitudes[self.local_rows], N_H).reshape(b.shape)
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
         """Return B_n^-1 b, or near it, of the n-th harmonic of the set, complex (n_rows,) both.  Local."""
@@ -65,7 +65,7 @@ class HarmonicPreconditioner(PairsPreconditioner):
         return zgetrs(*self.factors[n], b)[0]  # lu_solve without its checks, thousands of times a curve
 
 
-def own_rows(at: Linearisation) -> slice:
+def rows_of_rank(at: Linearisation) -> slice:
     """Return the place of this rank's active pairs among the rows of all, 3 a pair.  Collective: one gather."""
     comm, n = at.equation.comm, len(at.forces.active_owned)
     first = 3 * sum(comm.allgather(n)[: comm.rank])
@@ -81,10 +81,10 @@ def applied(preconditioner: Any, x: np.ndarray, at: Linearisation) -> np.ndarray
     rows = x.reshape(len(active), *at.equation.shape[1:])
     if np.array_equal(active, made_of):
         return preconditioner.apply(rows).ravel()
-    whole = np.zeros(at.equation.shape)
-    whole[active] = rows
-    whole[made_of] = preconditioner.apply(whole[made_of])
-    return whole[active].ravel()
+    complete = np.zeros(at.equation.shape)
+    complete[active] = rows
+    complete[made_of] = preconditioner.apply(complete[made_of])
+    return complete[active].ravel()
 
 
 def complex_linear(P: np.ndarray, N_H: int) -> np.ndarray:

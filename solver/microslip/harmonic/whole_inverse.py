@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 
 from .linearisation import Linearisation
-from .preconditioner import own_rows
+from .preconditioner import rows_of_rank
 
 LARGEST = 400  # rows of the active pairs, all harmonics, up to which the matrix is formed
 
@@ -29,7 +29,7 @@ class WholeInverse:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # a singular one gives no step, which is seen then
             self.factor = scipy.linalg.lu_factor(G_P, check_finite=False)
-        self.own = own_rows(at)
+        self.local_rows = rows_of_rank(at)
 
     def apply(self, b: np.ndarray) -> np.ndarray:
         """Return (I + G P)^-1 b for this rank's pairs that were active, (m, 3, N_H) both.  Collective: one gather."""
@@ -42,5 +42,5 @@ class WholeInverse:
         )  # (3 n_active, n, N_H)
         columns = by_row.swapaxes(1, 2).reshape(-1, len(b))
         x = scipy.linalg.lu_solve(self.factor, columns, check_finite=False)
-        rows = x.reshape(len(by_row), -1, len(b))[self.own]
+        rows = x.reshape(len(by_row), -1, len(b))[self.local_rows]
         return np.moveaxis(rows, -1, 0).reshape(b.shape)

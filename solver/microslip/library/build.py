@@ -13,7 +13,7 @@ from ..assembly.assemble import assemble
 from ..assembly.matrices import distribute_structure, read_structure
 from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
-from ..linear.factor import KnownFactor
+from ..linear.factor import FactorCache
 from ..linear.joint_springs import Linearised, joint_stiffness, linearise
 from ..linear.soft_modes import SoftModes
 from ..mesh.data import ContactPairs, Mesh
@@ -129,7 +129,7 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None,
 
 
 def rebuilt(
-    scene: Scene, comm: MPI.Comm, log: RunLog, cached: KnownFactor | None, modes_of: Callable[[Linearised], Modes]
+    scene: Scene, comm: MPI.Comm, log: RunLog, cached: FactorCache | None, modes_of: Callable[[Linearised], Modes]
 ) -> Factored:
     """Return the large parts of a structure of which all else is known: assembled again, with a cached factor and cached modes.
 
@@ -156,7 +156,7 @@ def without_reference(parts: Assembled, keeps_reference: bool) -> Assembled:
     return replace(parts, reference=None)
 
 
-def factor_of(parts: Assembled, log: RunLog, cached: KnownFactor | None = None, has_later: bool = True) -> Linearised:
+def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, has_later: bool = True) -> Linearised:
     """Return the stuck structure, factored, or with a cached factor.  Collective.
 
     Memory is left for the modes where they come later.
@@ -173,7 +173,7 @@ def factor_of(parts: Assembled, log: RunLog, cached: KnownFactor | None = None, 
     with log.stage("factor of the stuck structure"):
         later = partial(memory_of_modes, system.K, settings) if has_later else None
         linearised = linearise(system, pairs, str(scene.path), later, cached)
-    for note in (*linearised.factor.info["said"], factor_in_words(linearised.factor.info)):
+    for note in (*linearised.factor.info["messages"], factor_in_words(linearised.factor.info)):
         log.note(note)
     if linearised.factor.info.get("out_of_core") and parts.reference is None and keeps_to_K_L(settings):
         linearised.let_K_go()  # memory is short
@@ -205,7 +205,7 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
         structure, why = choose_modes(structure, settings)
         if correct_soft_modes(linearised, structure.modes, parts.scene):
             structure, why = choose_modes(replace(structure, statics=static_response(linearised)), settings)
-    for note in filter(None, (*structure.modes.info.get("said", ()), why)):
+    for note in filter(None, (*structure.modes.info.get("messages", ()), why)):
         log.note(note)
     free_if_dropped(structure.comm, linearised.factor)
     return structure
@@ -225,9 +225,9 @@ def factor_in_words(info: dict[str, Any]) -> str:
     if memory is None:
         return f"factor by {info['package']}, which PETSc calls"
     by = f" by {info['interface']}'s interface to MUMPS" if "interface" in info else ""
-    if "kept_in" in info:
+    if "restored_from" in info:
         size = gigabytes(1e6 * info["memory_MB"])
-        return f"factor: that of an earlier run, {info['entries']} entries, {size} in {info['kept_in']}"
+        return f"factor: that of an earlier run, {info['entries']} entries, {size} in {info['restored_from']}"
     foreseen = memory.out_of_core if info["out_of_core"] else memory.in_core
     return (
         f"factor{by}: {info['entries']} entries, ordered by {info['ordering']}; memory {info['memory_MB']} MB on all ranks, "
@@ -262,7 +262,7 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
             other = replace(structure, factored=factored, pairs=rest.pairs, scene=scene, bolts=rest.bolts, balance=rest.balance)
         else:
             other = stuck_structure(Assembled(scene, structure.mesh, rest), log)
-        structure.results[_OTHER_REST] = key, other, (*rest.said, *log.notes)
+        structure.results[_OTHER_REST] = key, other, (*rest.messages, *log.notes)
     _, other, notes = structure.results[_OTHER_REST]
     return other, notes
 
@@ -303,7 +303,7 @@ def from_mesh(
         reference = ReferenceState.of(system, shares, mesh, pairs, scene, str(scene.path))
         rest = find_rest(reference, reference.pairs)
         reference.close()
-    for line in rest.said:
+    for line in rest.messages:
         log.note(line)
     return mesh, rest, reference
 

@@ -36,8 +36,8 @@ def read_completed(scene: Scene, comm: MPI.Comm) -> tuple[FileModel | None, Scen
     """
     assert scene.model.mesh is not None, "a scene with a mesh"
     model = on_root(comm, read_model, scene.folder / scene.model.mesh, scene.model.step, share=False)
-    whole, notes = on_root(comm, complete, scene, model)
-    return None if model is None else held_by(scene, model), whole, (*notes, *remarks(whole))
+    completed, notes = on_root(comm, complete, scene, model)
+    return None if model is None else held_by(scene, model), completed, (*notes, *remarks(completed))
 
 
 def held_by(scene: Scene, model: FileModel) -> FileModel:
@@ -63,26 +63,26 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
     """
     if scene.is_complete:
         return scene, ()
-    taken = taken_parts(scene, model)
-    notes = _refuse_findings(scene, model, taken)
+    file_parts = taken_parts(scene, model)
+    notes = _refuse_findings(scene, model, file_parts)
     if not scene.awaits_file:
         return scene, tuple(notes)
     tables = {name: value for name, value in scene.model_dump(exclude_unset=True).items() if value}
     for part in _PARTS:
-        entries = _tables_of(scene, model, part) if part in taken else ()
+        entries = _tables_of(scene, model, part) if part in file_parts else ()
         if entries:
             _refuse_unknown_units(scene, part)
             tables[part] = _joined(entries, tables.get(part))
-            said = _said_of_statics(model) if part == "statics" else f"{len(entries)} {part}"
-            notes.append(f"{said} taken over from {scene.model.mesh}" + (f": {_named(entries)}" if part != "statics" else ""))
-    if "statics" in taken:
+            summary = _summary_of_statics(model) if part == "statics" else f"{len(entries)} {part}"
+            notes.append(f"{summary} taken over from {scene.model.mesh}" + (f": {_named(entries)}" if part != "statics" else ""))
+    if "statics" in file_parts:
         tables["model"] = {**_axis(model, _units(scene)), **tables["model"]}
-    notes += _equations(model, scene, "supports" in taken)
+    notes += _equations(model, scene, "supports" in file_parts)
     tables["orientations"] = _joined(_tables_of(scene, model, "orientations"), tables.get("orientations"))
     for part in ("materials", "orientations"):
         used = {body.get(part[:-1]) for body in tables.get("bodies", {}).values()}
         tables[part] = {name: entry for name, entry in tables.get(part, {}).items() if name in used}
-    _refuse_incomplete(scene, {name: one for name, one in model.materials.items() if name in tables["materials"]})
+    _refuse_incomplete(scene, {name: material for name, material in model.materials.items() if name in tables["materials"]})
     return completed(scene, tables), tuple(notes)
 
 
@@ -113,13 +113,13 @@ def _joined(of_file: Any, of_scene: Any) -> Any:
     """Return the entries of both, those of the scene where a name is in both; lists one after the other."""
     if not isinstance(of_file, dict):
         return (*of_file, *(of_scene or ()))
-    lists = {key: (*of_file[key], *one) for key, one in (of_scene or {}).items() if isinstance(of_file.get(key), tuple)}
+    lists = {key: (*of_file[key], *values) for key, values in (of_scene or {}).items() if isinstance(of_file.get(key), tuple)}
     return {**of_file, **(of_scene or {}), **lists}
 
 
 def _named(entries: Any) -> str:
     """Return the names of some entries, or what they act on."""
-    names = list(entries) if isinstance(entries, dict) else [_name(one) for one in entries]
+    names = list(entries) if isinstance(entries, dict) else [_name(entry) for entry in entries]
     return ", ".join(names[:10]) + (f", ... ({len(names)} in all)" if len(names) > 10 else "")
 
 
@@ -145,7 +145,7 @@ def _ignores_statics(scene: Scene, model: FileModel) -> bool:
     return model.statics is not None and _bare(model.statics.word) in map(_bare, scene.model.ignore)
 
 
-def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[str]:
+def _refuse_findings(scene: Scene, model: FileModel, file_parts: set[str]) -> list[str]:
     """Return notes on what is left out.
 
     Raises
@@ -158,9 +158,9 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
         if bare not in held:
             near = hint(word, [finding.word for finding in findings])
             raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{near}')
-    answered = {model.statics.word, model.statics.large} if model.statics is not None and "statics" in taken else set()
+    answered = {model.statics.word, model.statics.large} if model.statics is not None and "statics" in file_parts else set()
     needed = {"statics"} if scene.statics is None and not _ignores_statics(scene, model) else set()
-    of_file = [frozenset(one.surfaces or ()) for one in _joints(scene, model)]
+    of_file = [frozenset(joint.surfaces or ()) for joint in _joints(scene, model)]
     between = _joined_surfaces(scene) + of_file
     wrong = [
         finding
@@ -168,13 +168,13 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
         if finding.changes
         and _bare(finding.word) not in ignored
         and finding.word not in answered
-        and finding.part in {"", *taken, *needed}
+        and finding.part in {"", *file_parts, *needed}
         and not (finding.surfaces and frozenset(finding.surfaces) in between)
     ]
     if wrong:
-        lines = [f"{one.where}: {one.word}: {one.effect}" for one in wrong[:20]]
+        lines = [f"{each.where}: {each.word}: {each.effect}" for each in wrong[:20]]
         more = [f"... and {len(wrong) - 20} more"] if len(wrong) > 20 else []
-        words = listed([f'"{word}"' for word in dict.fromkeys(one.word for one in wrong)], "and")
+        words = listed([f'"{word}"' for word in dict.fromkeys(each.word for each in wrong)], "and")
         raise CaseError(
             "\n  ".join(
                 [
@@ -186,8 +186,8 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
             )
         )
     answered -= set(ignored.values())
-    left_out = [one for one in findings if one.word not in answered and frozenset(one.surfaces) not in of_file]
-    return [f"{one.where}: {one.word} is left out: {one.effect}" for one in left_out]
+    left_out = [each for each in findings if each.word not in answered and frozenset(each.surfaces) not in of_file]
+    return [f"{each.where}: {each.word} is left out: {each.effect}" for each in left_out]
 
 
 def _bare(word: str) -> str:
@@ -207,9 +207,9 @@ def _refuse_unknown_units(scene: Scene, part: str) -> None:
 def _refuse_incomplete(scene: Scene, materials: Mapping[str, Material]) -> None:
     """Raise CaseError for materials that the file states in part, and the scene does not."""
     faults = Faults()
-    for name, one in materials.items():
-        if one.lacking and name not in scene.materials:
-            text = f"{scene.path}: material {name!r} of {scene.model.mesh} has no {listed(one.lacking)}; "
+    for name, material in materials.items():
+        if material.lacking and name not in scene.materials:
+            text = f"{scene.path}: material {name!r} of {scene.model.mesh} has no {listed(material.lacking)}; "
             faults.add([CaseError(f"{text}state [materials.{name}] in the scene")])
     faults.refuse()
 
@@ -228,18 +228,18 @@ def _units(scene: Scene) -> Units:
 def _ties(scene: Scene, model: FileModel) -> list[Tie]:
     """Return the ties of the file between surfaces that the scene does not join itself."""
     between = _joined_surfaces(scene)
-    return [one for one in model.ties if frozenset(one.surfaces) not in between]
+    return [tie for tie in model.ties if frozenset(tie.surfaces) not in between]
 
 
 def _joints(scene: Scene, model: FileModel) -> list[Joint]:
     """Return the joints of the file that are taken over: those of which it says all, where loads at rest press them."""
-    taken, between = taken_parts(scene, model), _joined_surfaces(scene)
-    has_loads = scene.statics is not None or ("statics" in taken and model.statics is not None and model.statics.acts)
-    if "joints" not in taken or not has_loads:
+    file_parts, between = taken_parts(scene, model), _joined_surfaces(scene)
+    has_loads = scene.statics is not None or ("statics" in file_parts and model.statics is not None and model.statics.acts)
+    if "joints" not in file_parts or not has_loads:
         return []
     ignored = set(map(_bare, scene.model.ignore))
-    left_out = [frozenset(one.surfaces) for one in model.findings if one.surfaces and _bare(one.word) in ignored]
-    return [one for one in model.joints if not one.lacking and frozenset(one.surfaces or ()) not in [*between, *left_out]]
+    left_out = [frozenset(joint.surfaces) for joint in model.findings if joint.surfaces and _bare(joint.word) in ignored]
+    return [joint for joint in model.joints if not joint.lacking and frozenset(joint.surfaces or ()) not in [*between, *left_out]]
 
 
 def _statics(scene: Scene, model: FileModel) -> Tables:
@@ -260,7 +260,7 @@ def _axis(model: FileModel, units: Units) -> Tables:
     return {"axis": statics.axis, "axis_point": times(statics.axis_point, units.length)}
 
 
-def _said_of_statics(model: FileModel) -> str:
+def _summary_of_statics(model: FileModel) -> str:
     """Return what has become [statics], in words."""
     statics = model.statics
     assert statics is not None, "a file with loads"
@@ -284,5 +284,5 @@ def _tables_of(scene: Scene, model: FileModel, part: str) -> Any:
         "springs": model.springs,
     }[part]
     if isinstance(entries, Mapping):
-        return {name: one.in_si(units) for name, one in entries.items()}
-    return tuple(one.in_si(units) for one in entries)
+        return {name: entry.in_si(units) for name, entry in entries.items()}
+    return tuple(entry.in_si(units) for entry in entries)

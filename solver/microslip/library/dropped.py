@@ -47,16 +47,16 @@ def free_if_dropped(comm: MPI.Comm, factor: Factor) -> None:
 
 def free_dropped(comm: MPI.Comm) -> None:
     """Free the factors and the PETSc objects that were dropped on all ranks of ``comm``.  Collective on ``comm``."""
-    of_comm = [one for one in _open if one.comm == comm]
+    of_comm = [structure for structure in _open if structure.comm == comm]
     if not of_comm:
         return
     gc.collect()
-    everywhere = zip(*comm.allgather([one.is_dropped for one in of_comm]))
-    for one, is_dropped in zip(of_comm, everywhere):
+    everywhere = zip(*comm.allgather([structure.is_dropped for structure in of_comm]))
+    for structure, is_dropped in zip(of_comm, everywhere):
         if all(is_dropped):
-            if one.solver is not None:
-                one.solver.destroy()
-            one.attributes.clear()  # its matrix, too
-            _open.remove(one)
+            if structure.solver is not None:
+                structure.solver.destroy()
+            structure.attributes.clear()  # its matrix, too
+            _open.remove(structure)
     if hasattr(PETSc, "garbage_cleanup"):  # before petsc4py 3.18 an object is freed with its Python name
         PETSc.garbage_cleanup(comm)  # after MUMPS, which works on a communicator that PETSc frees with its last matrix

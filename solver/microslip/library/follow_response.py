@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..continuation.keeper import Keepers, keep_nothing
+from ..continuation.checkpointer import Checkpointers, no_checkpoints
 from ..continuation.levels import ResponseProblem, follow_levels, levels_of_slip
 from ..observe.log import RunLog
 from ..observe.observer import Observer, Observers
@@ -21,12 +21,12 @@ def follow(
     observers: Iterable[Observer] = (),
     n_groups: int = 1,
     log: RunLog | None = None,
-    keepers: Keepers = keep_nothing,
+    checkpointers: Checkpointers = no_checkpoints,
     keeps_motion: bool = True,
 ) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0, if it is to be kept.
 
-    Collective on the model's communicator.  ``observers`` hear of levels and points as they come; ``keepers`` keep
+    Collective on the model's communicator.  ``observers`` hear of levels and points as they come; ``checkpointers`` keep
     them, so that what was followed before is not followed again.
 
     Raises
@@ -34,12 +34,12 @@ def follow(
     MicroslipError : on every rank; a level that ends early raises nothing, its branch says why
     """
     comm, n_pairs = response.model.comm, response.model.n_pairs
-    told, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
+    all_observers, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
     if (slip := levels_of_slip(response)) is not None:
         log.note(_in_words(*slip, max(response.settings.levels)))
     if not in_turn(response, n_groups):
-        return follow_side_by_side(response, n_groups, told, log, keepers)
-    branches = follow_levels(response, told.tell, keepers)
+        return follow_side_by_side(response, n_groups, all_observers, log, checkpointers)
+    branches = follow_levels(response, all_observers.notify, checkpointers)
     for columns in response.model.static_columns:
         log.note(f"static columns: of {columns.known.sum()} of {n_pairs} pairs, in {columns.batches} batches")
     return branches
@@ -54,8 +54,8 @@ def _in_words(first: float, half: float, highest: float) -> str:
     more = f", half of them from {half:.3g} N" if np.isfinite(half) else ""
     if first <= _AT_ONCE * highest:
         return f"by the linear peak, some pairs slip or are open at any level{more}"
-    said = f"by the linear peak, pairs slip from about {first:.3g} N on{more}"
-    return said if highest > first else f"{said}; the highest level is {highest:g} N, where nothing does"
+    summary = f"by the linear peak, pairs slip from about {first:.3g} N on{more}"
+    return summary if highest > first else f"{summary}; the highest level is {highest:g} N, where nothing does"
 
 
 def in_turn(response: ResponseProblem, n_groups: int) -> bool:
@@ -65,6 +65,6 @@ def in_turn(response: ResponseProblem, n_groups: int) -> bool:
 
 def known_columns(response: ResponseProblem) -> np.ndarray:
     """Return the pairs whose static columns were solved for, (n_pairs,) bool.  Local."""
-    structures = [response.model, *([] if response.better is None else [response.better.structure])]
+    structures = [response.model, *([] if response.enriched is None else [response.enriched.structure])]
     known = [columns.known for structure in structures for columns in structure.static_columns]
     return np.logical_or.reduce(known)

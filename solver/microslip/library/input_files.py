@@ -22,18 +22,18 @@ def input_files(scene: Scene) -> tuple[tuple[str, Path], ...]:
     ------
     CaseError : a file cannot be read
     """
-    found: list[tuple[str, Path]] = []
+    files: list[tuple[str, Path]] = []
     for key, stated in named_files(scene):
         path = scene.folder / stated
-        found.append((key, path))
+        files.append((key, path))
         try:
-            found += [(f"included by {path.name}", inner) for inner in included_files(path)]
+            files += [(f"included by {path.name}", inner) for inner in included_files(path)]
         except OSError as problem:
             raise CaseError(f"{path}: {problem.strerror}") from None
         rows = path.with_suffix(".dof")  # CalculiX tells the nodes of its matrices there
         if path.suffix.lower() in (".sti", ".mas") and rows.is_file():
-            found.append((f"beside {path.name}", rows))
-    return tuple(found)
+            files.append((f"beside {path.name}", rows))
+    return tuple(files)
 
 
 def fingerprint(files: Iterable[tuple[str, Path]]) -> tuple[InputFile, ...]:
@@ -44,12 +44,12 @@ def fingerprint(files: Iterable[tuple[str, Path]]) -> tuple[InputFile, ...]:
     CaseError : a file cannot be read
     """
     known: dict[Path, tuple[int, str]] = {}
-    found = []
+    hashed = []
     for key, path in files:
         if path not in known:
             known[path] = _size_and_hash(path)
-        found.append(InputFile(key, str(path), *known[path]))
-    return tuple(found)
+        hashed.append(InputFile(key, str(path), *known[path]))
+    return tuple(hashed)
 
 
 def _size_and_hash(path: Path) -> tuple[int, str]:

@@ -33,7 +33,7 @@ def _of_structure(structure: Structure, version: dict[str, str]) -> dict[str, st
     """Return what made the parts of a structure.  Local; the same on every rank."""
     linearised, n_ranks = structure.linearised, structure.comm.size
     K_L, info = linearised.K_L, linearised.factor.info
-    known = f", {_CACHED}" if "kept_in" in info else ""
+    known = f", {_CACHED}" if "restored_from" in info else ""
     by_option, is_ours = f"{info['package']}, by PETSc's options", "ordering" in info
     return {
         "matrices": f"PETSc {version['PETSc']} {K_L.getType()}, {K_L.getSize()[0]} DOF",

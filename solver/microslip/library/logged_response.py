@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ..continuation.keeper import Keepers
+from ..continuation.checkpointer import Checkpointers
 from ..observe.level_log import LevelLog
 from ..observe.log import RunLog
 from ..observe.not_computed import not_computed
@@ -40,7 +40,7 @@ def record_of(log: RunLog) -> RunRecord:
 
 
 def follow_logged(
-    prepared: Prepared, folder: Path, options: RunOptions, origin: Origin, log: RunLog, keepers: Keepers
+    prepared: Prepared, folder: Path, options: RunOptions, origin: Origin, log: RunLog, checkpointers: Checkpointers
 ) -> list[Branch]:
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
@@ -49,8 +49,8 @@ def follow_logged(
     writer = writer_of(prepared, folder, options.petsc, replace(origin, n_groups=n_groups))
     levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, options.limit)
     try:
-        with stops.kept():
-            branches = follow(response, [levels, writer, stops], n_groups, log, keepers, keeps_motion=False)
+        with stops.in_force():
+            branches = follow(response, [levels, writer, stops], n_groups, log, checkpointers, keeps_motion=False)
         if not in_turn(response, n_groups) or writer.table_is_gone():
             writer.put_in_order(branches)
     finally:

@@ -45,10 +45,10 @@ def _inputs(scene: Scene) -> tuple[InputFile, ...]:
         files = input_files(scene)
     except CaseError:
         files = tuple((key, scene.folder / stated) for key, stated in named_files(scene))
-    found: list[InputFile] = []
+    hashed: list[InputFile] = []
     for key, path in files:
         try:
-            found += fingerprint([(key, path)])
+            hashed += fingerprint([(key, path)])
         except CaseError:
-            found.append(InputFile(key, str(path), 0, ""))
-    return tuple(found)
+            hashed.append(InputFile(key, str(path), 0, ""))
+    return tuple(hashed)

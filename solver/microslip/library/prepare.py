@@ -64,11 +64,11 @@ def prepare(structure: Structure, scene: Scene | None = None, has_bars: bool | N
     reduction = reduced(structure, settings)
     seconds = perf_counter() - start
     has_bars = has_error_bars(scene) if has_bars is None else has_bars
-    better = enriched_model_of(structure, reduction, settings) if has_bars else None
+    enriched = enriched_model_of(structure, reduction, settings) if has_bars else None
     model = ReducedModel.of(reduction.structure, excitation(scene), settings.damping)
     of_response = response_settings(scene)
     law = structure.pairs.law.followed(of_response.follows_path)
-    response = response_problem(of_response, model, law, reduction.selection, structure.omega_n, better)
+    response = response_problem(of_response, model, law, reduction.selection, structure.omega_n, enriched)
     return Prepared(scene, structure, reduction, response, seconds)
 
 

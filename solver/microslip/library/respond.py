@@ -116,14 +116,14 @@ def respond(
     ResourceError : not enough memory; on every rank
     """
     structure.refuse_closed()
-    given = {"friction": friction, "preload": preload}
-    scene = scene_with(structure.scene, keys, given)
-    if structure.scene.statics is None or all(values is None for values in given.values()):
-        pairs = pairs_with(structure.pairs, given)
+    of_joints = {"friction": friction, "preload": preload}
+    scene = scene_with(structure.scene, keys, of_joints)
+    if structure.scene.statics is None or all(values is None for values in of_joints.values()):
+        pairs = pairs_with(structure.pairs, of_joints)
         of_scene, why = with_modes_for(structure, reduction_settings(scene), pairs)
         notes = [why]
     else:
-        of_scene, notes = at_rest_with(structure, scene, given)
+        of_scene, notes = at_rest_with(structure, scene, of_joints)
     prepared = prepare(of_scene, scene)
     return Response(prepared, follow(prepared.response, observers, n_groups), tuple(filter(None, notes)))
 
@@ -185,30 +185,30 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
     CaseError : a joint that is not there, a wrong number of values, or negative ones
     """
     names, joint = tuple(dict.fromkeys(pairs.joint)), np.array(pairs.joint)
-    found = {"friction": pairs.mu.copy(), "preload": pairs.N0.copy()}
+    columns = {"friction": pairs.mu.copy(), "preload": pairs.N0.copy()}
     for key, values in of_joints.items():
         for name, value in _by_joint(values, names).items():
-            own = np.flatnonzero(joint == name)
+            of_joint = np.flatnonzero(joint == name)
             where = f"respond: {key} of joint {name!r}"
-            if len(own) == 0:
+            if len(of_joint) == 0:
                 raise CaseError(f"{where}: there is no such joint{hint(name, names)}")
             numbers = np.asarray(value, dtype=float)
-            if numbers.shape not in ((), (len(own),)) or not np.all(np.isfinite(numbers) & (numbers >= 0.0)):
-                raise CaseError(f"{where}: a number of at least 0 is expected, or one for each of its {len(own)} pairs")
-            _check_law(key, pairs, own, where)
-            if key == "preload" and np.any(pairs.N0[own] < 0.0):
+            if numbers.shape not in ((), (len(of_joint),)) or not np.all(np.isfinite(numbers) & (numbers >= 0.0)):
+                raise CaseError(f"{where}: a number of at least 0 is expected, or one for each of its {len(of_joint)} pairs")
+            _check_law(key, pairs, of_joint, where)
+            if key == "preload" and np.any(pairs.N0[of_joint] < 0.0):
                 raise CaseError(f"{where}: it has a gap, and an open pair carries no preload")
-            area = np.nan_to_num(pairs.area[own], nan=1.0) if key == "preload" else 1.0
-            found[key][own] = numbers * area
-    return replace(pairs, mu=found["friction"], N0=found["preload"])
+            area = np.nan_to_num(pairs.area[of_joint], nan=1.0) if key == "preload" else 1.0
+            columns[key][of_joint] = numbers * area
+    return replace(pairs, mu=columns["friction"], N0=columns["preload"])
 
 
-def _check_law(key: str, pairs: ContactPairs, own: np.ndarray, where: str) -> None:
+def _check_law(key: str, pairs: ContactPairs, of_joint: np.ndarray, where: str) -> None:
     """Raise CaseError where a joint's law has no such number, or more than one, or a stiffness that follows from it."""
-    law = pairs.laws[own[0]]
+    law = pairs.laws[of_joint[0]]
     if key not in LAWS[law].limits:
         raise CaseError(f'{where}: its law, "{law}", has none, or its stiffness follows from it; change the scene and build anew')
-    if key == "friction" and not np.isnan(pairs.own.get("mu_y", np.full(pairs.n_pairs, np.nan))[own]).all():
+    if key == "friction" and not np.isnan(pairs.law_columns.get("mu_y", np.full(pairs.n_pairs, np.nan))[of_joint]).all():
         raise CaseError(f"{where}: it has a coefficient for each direction; change them in the scene and build anew")
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-_QUANTITY = {kept.name: kept for kept in QUANTITIES if kept.kind != TEXT}
+_QUANTITY = {quantity.name: quantity for quantity in QUANTITIES if quantity.kind != TEXT}
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,9 +127,9 @@ class Response:
         ------
         CaseError : the level was not asked for
         """
-        for found in self.results.levels:
-            if found.level == level:
-                return found
+        for branch in self.results.levels:
+            if branch.level == level:
+                return branch
         raise CaseError(f"there is no level {level:g} N; there are {', '.join(f'{known:g}' for known in self.levels)}")
 
     def __getitem__(self, output: str) -> Curves:
@@ -177,11 +177,11 @@ class Response:
         if len(parts) < len(self.results.levels):
             return None
         shape = np.max([part.shape for part in parts], axis=0)
-        whole = np.full((len(parts), *shape), np.nan if parts[0].dtype.kind == "f" else 0, dtype=parts[0].dtype)
-        for row, part in zip(whole, parts):
+        padded = np.full((len(parts), *shape), np.nan if parts[0].dtype.kind == "f" else 0, dtype=parts[0].dtype)
+        for row, part in zip(padded, parts):
             row[: len(part)] = 0  # coefficients of harmonics that a level has none of
             row[tuple(map(slice, part.shape))] = part
-        return whole
+        return padded
 
     def to_xarray(self) -> xarray.Dataset:
         """Return all quantities as a dataset of xarray, which must be installed.  Local.
@@ -219,20 +219,20 @@ class Response:
         """
         structure = self.prepared.structure
         structure.refuse_closed()
-        found, system = self.level(level), structure.system
-        if len(found.frequency) == 0:
-            raise CaseError(f"{level:g} N has no point: {found.failure}")
+        branch, system = self.level(level), structure.system
+        if len(branch.frequency) == 0:
+            raise CaseError(f"{level:g} N has no point: {branch.failure}")
         i = int(
             np.argmax(
-                self.results.shown.size(found.response[:, 0]) if frequency is None else -np.abs(found.frequency - frequency)
+                self.results.shown.size(branch.response[:, 0]) if frequency is None else -np.abs(branch.frequency - frequency)
             )
         )
-        p = found.p[i].reshape(-1, found.p.shape[-1])
-        at = ActingForces(level, 2.0 * np.pi * found.frequency[i], p)
+        p = branch.p[i].reshape(-1, branch.p.shape[-1])
+        at = ActingForces(level, 2.0 * np.pi * branch.frequency[i], p)
         (u_owned,) = self.prepared.reduction.displacements(self.prepared.model, [at])
         if system.dof is None:
-            return float(found.frequency[i]), np.concatenate(system.comm.allgather(u_owned))
-        return float(found.frequency[i]), system.comm.bcast(node_fields(system, u_owned))
+            return float(branch.frequency[i]), np.concatenate(system.comm.allgather(u_owned))
+        return float(branch.frequency[i]), system.comm.bcast(node_fields(system, u_owned))
 
     # -- files ---------------------------------------------------------------------------------------------------------
 
@@ -263,12 +263,12 @@ class Response:
         comm, folder = self.prepared.model.comm, Path(folder)
         writer = writer_of(self.prepared, folder)
         try:
-            tell = Observers(comm, list(self.levels), [writer]).tell
+            notify = Observers(comm, list(self.levels), [writer]).notify
             for number, branch in enumerate(self.branches):
-                tell("level_started", number)
+                notify("level_started", number)
                 for point in branch.points:
-                    tell("point", number, point)
-                tell("level_finished", number, branch)
+                    notify("point", number, point)
+                notify("level_finished", number, branch)
         finally:
             writer.close()
         shapes = shapes_of(self.prepared, self.branches)

@@ -46,7 +46,7 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
         at_rest=_tables(structure.balance, structure.bolts),
         units=units.outputs,
         level_unit=units.level,
-        asked=prepared.response.settings.levels,
+        requested=prepared.response.settings.levels,
         n_dof=structure.n_dof,
         origin=origin,
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..continuation.keeper import Keepers, keep_nothing
+from ..continuation.checkpointer import Checkpointers, no_checkpoints
 from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip
 from ..observe.log import RunLog
 from ..observe.observer import Observers
@@ -36,7 +36,7 @@ def groups_that_pay(of: ResponseProblem, n_dof: int) -> int:
 
 
 def follow_side_by_side(
-    of: ResponseProblem, n_groups: int, observers: Observers, log: RunLog, keepers: Keepers = keep_nothing
+    of: ResponseProblem, n_groups: int, observers: Observers, log: RunLog, checkpointers: Checkpointers = no_checkpoints
 ) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0.
 
@@ -56,19 +56,19 @@ def follow_side_by_side(
     groups = split(of.model.comm, min(n_groups, len(levels)))
     log.note(f"{len(levels)} levels on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
     with log.stage("static columns of all pairs"):
-        own = of.on_ranks(groups.comm)
+        of_ranks = of.on_ranks(groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
     counter, reports = Counter(groups.world), Reports(groups, observers.hear)
 
-    def tell(*news) -> None:
-        on_root(groups.comm, reports.tell, *news)
+    def notify(*news) -> None:
+        on_root(groups.comm, reports.notify, *news)
 
     with reports.shared_failure():
         for task in dealt(groups, counter, len(levels)):
             number = highest_first[task]
-            tell("level_started", number, groups.where)
-            branch = follow_level(own, levels[number], partial(tell, "point", number), keepers)
-            tell("level_finished", number, replace(branch, points=[]))
+            notify("level_started", number, groups.where)
+            branch = follow_level(of_ranks, levels[number], partial(notify, "point", number), checkpointers)
+            notify("level_finished", number, replace(branch, points=[]))
         with unwatched():
             on_root(groups.comm, reports.finish)
     reports.free()

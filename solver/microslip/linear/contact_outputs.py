@@ -29,9 +29,9 @@ def with_contact_forces(system: System, pairs: ContactPairs, outputs: Sequence[O
 
 def _on_pairs(pairs: ContactPairs, output: Output) -> np.ndarray:
     """Return c of one output, (3 n_pairs,): minus the direction in each pair's frame, or minus its normal; 0 elsewhere."""
-    own = np.array([name == output.joint for name in pairs.joint], dtype=bool)
+    of_joint = np.array([name == output.joint for name in pairs.joint], dtype=bool)
     if output.component == "normal":
         along = np.broadcast_to([0.0, 0.0, 1.0], (pairs.n_pairs, 3))
     else:
         along = pairs.frame @ np.array(output.direction or (0.0, 0.0, 0.0), dtype=float)
-    return -(along * own[:, None]).ravel()
+    return -(along * of_joint[:, None]).ravel()

@@ -39,7 +39,7 @@ def factorise(
     prefix: str,
     what: str,
     *,
-    known: Elimination = Elimination(),  # noqa: B008  frozen
+    elimination: Elimination = Elimination(),  # noqa: B008  frozen
     shift: tuple[float, PETSc.Mat] | None = None,
     later: Callable[[FactorMemory], float] | None = None,
 ) -> tuple[DirectSolver, dict[str, Any]]:
@@ -49,7 +49,7 @@ def factorise(
     """
     if other_package.is_asked_for(prefix) or not bridge.is_there(A.comm.tompi4py()):
         return other_package.factorise(A, prefix, what, shift)
-    return mumps.factorise(A, prefix, what, known=known, shift=shift, later=later)
+    return mumps.factorise(A, prefix, what, elimination=elimination, shift=shift, later=later)
 
 
 def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMemory | None:

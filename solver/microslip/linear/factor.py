@@ -33,7 +33,7 @@ PREFIX = "static_"  # of the PETSc options
 _N_PROBES = 4  # columns of the randomised residual
 
 
-class KnownFactor(Protocol):
+class FactorCache(Protocol):
     """A factor of K_L that an earlier run has kept.  All methods are collective, and their answers the same on every rank."""
 
     def restore(self, A: PETSc.Mat, prefix: str) -> tuple[DirectSolver, dict[str, Any]] | None:
@@ -43,7 +43,7 @@ class KnownFactor(Protocol):
         """Remove it: it is at fault."""
 
     @property
-    def said(self) -> tuple[str, ...]:
+    def messages(self) -> tuple[str, ...]:
         """Lines on why it was not used."""
 
 
@@ -65,7 +65,7 @@ class Factor:
         what: str = "K_L",
         last: np.ndarray | None = None,
         later: Callable[[FactorMemory], float] | None = None,
-        known: KnownFactor | None = None,
+        cache: FactorCache | None = None,
     ):
         """Factor A.
 
@@ -78,7 +78,7 @@ class Factor:
         what : how messages call A
         last : (m,) rows that are eliminated last, so that entries of A^-1 between them come quickly
         later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
-        known : where the factor may be had that an earlier run has kept: one that passed all tests
+        cache : where the factor may be had that an earlier run has kept: one that passed all tests
 
         Raises
         ------
@@ -90,21 +90,21 @@ class Factor:
         self._solver: DirectSolver | None = None
         self.soft_modes: SoftModes | None = None
         self.diagonal_owned = diagonal_owned(A)
-        if known is not None and self._takes(known):
+        if cache is not None and self._takes(cache):
             return
-        self._solver, self.info = factorise(A, PREFIX, what, known=Elimination(last), later=later)
-        self.info["said"] = (*(known.said if known is not None else ()), *self.info["said"])
+        self._solver, self.info = factorise(A, PREFIX, what, elimination=Elimination(last), later=later)
+        self.info["messages"] = (*(cache.messages if cache is not None else ()), *self.info["messages"])
         self._begin_to_count()
         if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):
             self.destroy()
             explain_singular(A, system, what)
 
-    def _takes(self, known: KnownFactor) -> bool:
+    def _takes(self, cache: FactorCache) -> bool:
         """Take the factor that an earlier run has kept, if it is that of A: it answers to random forces.  Collective."""
-        found = known.restore(self.A, PREFIX)
-        if found is None:
+        restored = cache.restore(self.A, PREFIX)
+        if restored is None:
             return False
-        self._solver, self.info = found
+        self._solver, self.info = restored
         self._begin_to_count()
         first = self.A.getOwnershipRange()[0]
         forces_owned = self.diagonal_owned[:, None] * random_signs(first, len(self.diagonal_owned), 1, key=1)
@@ -112,7 +112,7 @@ class Factor:
             self.solve(forces_owned)
         except (ConvergenceError, CaseError, ResourceError):
             self.destroy()
-            known.drop(f"it is not that of {self.what}")
+            cache.drop(f"it is not that of {self.what}")
             return False
         self._begin_to_count()
         return True

@@ -74,13 +74,13 @@ def _wanted(rows: np.ndarray, columns: np.ndarray, is_asked: np.ndarray, n: int)
 
 def _has_answered(mumps: Instance) -> bool:
     """Let MUMPS find the entries that were stated; return whether it did.  Collective; the same on every rank."""
-    before = {which: mumps.icntl(which) for which in (_INVERSE_ENTRIES, _SIDES, _DISTRIBUTED_SOLUTION, _AT_ONCE)}
+    before = {control: mumps.icntl(control) for control in (_INVERSE_ENTRIES, _SIDES, _DISTRIBUTED_SOLUTION, _AT_ONCE)}
     mumps.set_icntl(_INVERSE_ENTRIES, 1)
     mumps.set_icntl(_SIDES, 0)
     mumps.set_icntl(_DISTRIBUTED_SOLUTION, 0)
     mumps.set_icntl(_AT_ONCE, _FROM_DISK if mumps.icntl(_ON_DISK) == 1 else _COLUMNS)
     with patient():
         code = mumps.run(_SOLVE)
-    for which, value in before.items():
-        mumps.set_icntl(which, value)
+    for control, value in before.items():
+        mumps.set_icntl(control, value)
     return code >= 0

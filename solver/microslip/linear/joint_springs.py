@@ -15,7 +15,7 @@ from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
 from ..parallel.petsc import free
 from .analysis import FactorMemory
-from .factor import Factor, KnownFactor
+from .factor import Factor, FactorCache
 from .mumps import ADVICE
 
 STIFFEST = 1e9  # a spring of a joint over the norm of the stiffness matrix
@@ -59,12 +59,12 @@ def linearise(
     pairs: ContactPairs,
     where: str = "",
     later: Callable[[FactorMemory], float] | None = None,
-    known: KnownFactor | None = None,
+    cache: FactorCache | None = None,
 ) -> Linearised:
     """Return the structure with all pairs stuck, K_L of docs/theory.md, eq. (1.3), factored.
 
     Collective on ``system.comm``.  ``where`` is the scene file, for messages; ``later`` says what comes beside the
-    factor, ``known`` has that of an earlier run: :class:`.factor.Factor`.
+    factor, ``cache`` has that of an earlier run: :class:`.factor.Factor`.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def linearise(
     springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
     K_L = add_springs(system.K, springs)
     try:
-        factor = Factor(K_L, system, last=np.unique(system.R.indices), later=later, known=known)
+        factor = Factor(K_L, system, last=np.unique(system.R.indices), later=later, cache=cache)
         return Linearised(system, K_L, system.M, factor, springs)
     except CaseError as problem:
         K_L.destroy()

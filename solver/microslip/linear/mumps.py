@@ -161,7 +161,7 @@ def factorise(
     prefix: str,
     what: str,
     *,
-    known: Elimination = Elimination(),  # noqa: B008  frozen
+    elimination: Elimination = Elimination(),  # noqa: B008  frozen
     shift: tuple[float, PETSc.Mat] | None = None,
     later: Callable[[FactorMemory], float] | None = None,
 ) -> tuple[MumpsFactor, dict[str, Any]]:
@@ -174,7 +174,7 @@ def factorise(
     ----------
     prefix : of the PETSc options, read last
     what : how messages call A
-    known : of the order of elimination
+    elimination : of the order of elimination
     shift : (sigma, M): A - sigma M is factored as L D L^T, every negative pivot counted, those of the last front too, and nothing
         else kept
     later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
@@ -182,7 +182,7 @@ def factorise(
     Returns
     -------
     factor : to be destroyed by the caller
-    info : "code" is 0, or one of ``SINGULAR`` if A has no factor; "said": lines on what was done for want of memory
+    info : "code" is 0, or one of ``SINGULAR`` if A has no factor; "messages": lines on what was done for want of memory
 
     Raises
     ------
@@ -190,7 +190,7 @@ def factorise(
     CaseError : MUMPS refused its options, or is not the version that this program was built for
     """
     start = perf_counter()
-    factor = analysed(A, prefix, what, known=known, shift=shift)
+    factor = analysed(A, prefix, what, elimination=elimination, shift=shift)
     try:
         info = _factored(factor, what, later or (lambda _: 0.0))
     except BaseException:
@@ -224,7 +224,7 @@ def restored(A: PETSc.Mat, prefix: str, folder: str) -> tuple[MumpsFactor, dict[
         mumps.end()
         return None
     factor = MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix)
-    info = _report(factor) | {"memory": factor_memory(mumps), "out_of_core": False, "said": ()}
+    info = _report(factor) | {"memory": factor_memory(mumps), "out_of_core": False, "messages": ()}
     return factor, info | {"seconds": perf_counter() - start}
 
 
@@ -261,7 +261,7 @@ def analysed(
     prefix: str,
     what: str,
     *,
-    known: Elimination = Elimination(),  # noqa: B008  frozen
+    elimination: Elimination = Elimination(),  # noqa: B008  frozen
     shift: tuple[float, PETSc.Mat] | None = None,
 ) -> MumpsFactor:
     """Hand a matrix to MUMPS and let it be analysed.  Collective; arguments as of :func:`factorise`."""
@@ -271,9 +271,11 @@ def analysed(
         _set_controls(mumps, comm.size, prefix, is_inertia=shift is not None)
         scale = np.empty(0) if shift is None else _units(A)
         starts, columns, entries = on_each(comm, _handed_over, A, shift, scale, what)
-        order = known.order if mumps.icntl(7) == _GIVEN else None
+        order = elimination.order if mumps.icntl(7) == _GIVEN else None
         if mumps.icntl(7) == _GIVEN and order is None:
-            order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if known.last is None else known.last)
+            order = elimination_order(
+                comm, (starts, columns), np.empty(0, dtype=int) if elimination.last is None else elimination.last
+            )
         del starts, columns
         if order is not None:
             mumps.set_order(order.places, order.starts)
@@ -372,21 +374,21 @@ def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], fl
     ------
     CaseError, ResourceError : as :func:`factorise`
     """
-    said, relaxations, on_disk = list[str](), iter(RELAXATION), False
+    messages, relaxations, on_disk = list[str](), iter(RELAXATION), False
     is_analysed = factor.mumps.infog(1) >= 0
     while True:
-        info = _attempt(factor, what, later, on_disk) if is_analysed else _report(factor) | {"said": []}
-        code, said = info["code"], said + info.pop("said")
+        info = _attempt(factor, what, later, on_disk) if is_analysed else _report(factor) | {"messages": []}
+        code, messages = info["code"], messages + info.pop("messages")
         if code >= 0 or code in SINGULAR:
-            return info | {"said": tuple(said)}
+            return info | {"messages": tuple(messages)}
         failed = f"{what}: MUMPS ended its factorisation with INFOG(1) = {code}, INFOG(2) = {info['detail']}"
         more = next(relaxations, None) if code in WORKSPACE_TOO_SMALL else None
         if more is not None:
             factor.mumps.set_icntl(14, more)  # an option was too small
-            said.append(f"{failed}; again with {more} % of workspace beyond its estimate")
+            messages.append(f"{failed}; again with {more} % of workspace beyond its estimate")
         elif code in _OUT_OF_MEMORY and not on_disk and not info["out_of_core"] and "memory" in info:
             on_disk = True
-            said.append(f"{failed}; again with the factor on disk")
+            messages.append(f"{failed}; again with the factor on disk")
         else:
             raise failure(code, info["detail"], what, factor.prefix, int(factor.ranges[-1]))
 
@@ -418,22 +420,22 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     if factor.mumps.icntl(_ON_DISK) == 1:  # the user's option
         refuse_beyond(comm, memory.out_of_core, what_of, ADVICE)
         write_to_disk(comm, factor.mumps, room_on_disk(comm, memory) or usual_folder())
-        return {"memory": memory, "out_of_core": True, "said": []}
-    beside = later(memory)
-    lacks, kept = shortage(comm, memory.in_core + beside), {"memory": memory, "out_of_core": False, "said": []}
+        return {"memory": memory, "out_of_core": True, "messages": []}
+    later_memory = later(memory)
+    lacks, in_memory = shortage(comm, memory.in_core + later_memory), {"memory": memory, "out_of_core": False, "messages": []}
     if lacks is None and not on_disk:
-        return kept
+        return in_memory
     lacks_beside, folder = shortage(comm, memory.out_of_core), room_on_disk(comm, memory)
     if lacks_beside is not None or folder is None:
         if not on_disk and shortage(comm, memory.in_core) is None:
-            return kept  # what comes later may be less than foreseen
+            return in_memory  # what comes later may be less than foreseen
         less = f"; on disk it would still be so: {lacks_beside}" if lacks_beside else f"; nor is there room for {disks(memory)}"
         raise ResourceError(f"{what}: not enough memory for its factor ({n_dof} unknowns): {lacks}{less}; {ADVICE}")
     write_to_disk(comm, factor.mumps, folder)
-    with_what = " with what comes later" if comm.allreduce(beside) > 0.0 else ""
+    with_what = " with what comes later" if comm.allreduce(later_memory) > 0.0 else ""
     reason = f" does not fit into memory{with_what} ({lacks})" if lacks else ""
-    said = f"{what}: its factor of {gigabytes(8.0 * memory.entries)}{reason} is kept on disk, in {folder}"
-    return {"memory": memory, "out_of_core": True, "said": [said]}
+    message = f"{what}: its factor of {gigabytes(8.0 * memory.entries)}{reason} is kept on disk, in {folder}"
+    return {"memory": memory, "out_of_core": True, "messages": [message]}
 
 
 _ORDERINGS = {0: "AMD", 1: "METIS", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS", 6: "QAMD"}

@@ -52,7 +52,7 @@ def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
         n_rows, first_of, counts, columns = zip(*gathered)
         offsets = np.concatenate([[0], np.cumsum(n_rows)])
         n = within_int32(int(offsets[-1]), "unknowns")
-        firsts = np.concatenate([own + offset for own, offset in zip(first_of, offsets)])
+        firsts = np.concatenate([first + offset for first, offset in zip(first_of, offsets)])
         group = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, n)))
         graph = _graph_of_groups(group, np.concatenate(counts), np.concatenate(columns))
         is_last = np.zeros(len(firsts), dtype=bool)
@@ -72,8 +72,8 @@ def _groups(starts: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.nda
     from ._mumps import repeats
 
     is_first, counts = ~repeats(starts, columns), np.diff(starts)
-    kept = columns[np.repeat(is_first, counts)]
-    return np.flatnonzero(is_first), counts[is_first], kept
+    distinct = columns[np.repeat(is_first, counts)]
+    return np.flatnonzero(is_first), counts[is_first], distinct
 
 
 def _graph_of_groups(group: np.ndarray, lengths: np.ndarray, columns: np.ndarray) -> sp.csr_matrix:
@@ -90,5 +90,5 @@ def _dissected(graph: sp.csr_matrix, members: np.ndarray) -> np.ndarray:
     """Return the members of a graph, (m,), in the order of nested dissection of what couples them.  Local."""
     if len(members) <= 1:
         return members
-    own = graph if len(members) == graph.shape[0] else graph[members][:, members]
-    return members[nested_dissection(own)]
+    subgraph = graph if len(members) == graph.shape[0] else graph[members][:, members]
+    return members[nested_dissection(subgraph)]

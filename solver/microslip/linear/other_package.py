@@ -86,7 +86,7 @@ def factorise(
     CaseError : an option chose something that keeps no factor or needs the bridge to MUMPS, or PETSc refused it
     ResourceError : MUMPS lacks memory, also with more than it estimated; on every rank
     """
-    start, said, relaxations = perf_counter(), list[str](), iter(RELAXATION)
+    start, messages, relaxations = perf_counter(), list[str](), iter(RELAXATION)
     if not is_asked_for(prefix) and PETSc.Options(prefix).getInt(f"mat_mumps_icntl_{_ON_DISK}", 0) == 1:
         raise CaseError(
             f"-{prefix}mat_mumps_icntl_{_ON_DISK} 1: factors on disk need the bridge to MUMPS, which is not in use (microslip "
@@ -102,13 +102,13 @@ def factorise(
         info = _attempt(ksp, prefix, what, is_inertia=shift is not None, more=more)
         code = info["code"]
         if code >= 0 or code in SINGULAR:
-            known = {} if memory is None else {"memory": memory, "out_of_core": False, "interface": "PETSc"}
-            return PackageFactor(ksp), info | known | {"said": tuple(said), "seconds": perf_counter() - start}
+            report = {} if memory is None else {"memory": memory, "out_of_core": False, "interface": "PETSc"}
+            return PackageFactor(ksp), info | report | {"messages": tuple(messages), "seconds": perf_counter() - start}
         ksp.destroy()
         more = next(relaxations, None) if code in WORKSPACE_TOO_SMALL else None
         if more is None:
             raise failure(code, info["detail"], what, prefix, A.getSize()[0])
-        said.append(
+        messages.append(
             f"{what}: MUMPS ended its factorisation with INFOG(1) = {code}, INFOG(2) = {info['detail']}; again with {more} % of "
             "workspace beyond its estimate"
         )

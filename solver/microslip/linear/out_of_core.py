@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .analysis import FactorMemory
 
 VARIABLE = "MUMPS_OOC_TMPDIR"  # names another folder
-OWN = "microslip_factor_"  # what names of folders begin with that hold one rank's part of a factor
+PREFIX = "microslip_factor_"  # what names of folders begin with that hold one rank's part of a factor
 _OUT_OF_CORE = 22  # ICNTL
 _IN_MEMORY = ("tmpfs", "ramfs", "rootfs")  # file systems that are no disk
 _MARGIN = 1.2  # of the estimate, for what MUMPS adds to it while it factors
@@ -57,10 +57,10 @@ def write_to_disk(comm: MPI.Comm, mumps: Instance, folder: str) -> None:
 def _take_folder(mumps: Instance, folder: str) -> None:
     """Make a folder for this rank's files of a factor, and state it.  Local."""
     try:
-        own = tempfile.mkdtemp(prefix=OWN, dir=folder)
-        weakref.finalize(mumps, remove_folder, own)
-        remove_at_end(own)
-        mumps.set_folder(own)
+        folder_of_rank = tempfile.mkdtemp(prefix=PREFIX, dir=folder)
+        weakref.finalize(mumps, remove_folder, folder_of_rank)
+        remove_at_end(folder_of_rank)
+        mumps.set_folder(folder_of_rank)
     except (OSError, ValueError) as error:
         raise ResourceError(f"{folder}: cannot be written ({error}); set {VARIABLE}") from error
 

@@ -34,6 +34,6 @@ class ToOwners:
 
     def _exchange(self, rows: np.ndarray) -> np.ndarray:
         m = rows.shape[1]
-        found = np.empty((int(self._received.sum()), m), dtype=rows.dtype)
-        self.comm.Alltoallv((rows, self._sent * m), (found, self._received * m))
-        return found
+        received = np.empty((int(self._received.sum()), m), dtype=rows.dtype)
+        self.comm.Alltoallv((rows, self._sent * m), (received, self._received * m))
+        return received

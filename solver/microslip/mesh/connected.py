@@ -46,7 +46,7 @@ def parts_of(cells: Sequence[np.ndarray], n: int) -> tuple[int, np.ndarray]:
     return _components(first, other, n)
 
 
-def clusters_of(part: np.ndarray, n_parts: int, links: Links | None) -> np.ndarray:
+def tied_bodies(part: np.ndarray, n_parts: int, links: Links | None) -> np.ndarray:
     """Return which parts ties and points make one, (n_parts,) the number of the cluster.  Local, rank 0."""
     joined = (*links.joined, *links.more_joined) if links is not None else ()
     first, second = np.concatenate([np.zeros((2, 0), dtype=np.int64), *joined], axis=1)
@@ -66,11 +66,11 @@ def held_parts(part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Su
     return held
 
 
-def loose_clusters(
+def loose_bodies(
     part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links
 ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
     """Return the cluster of each part, and the parts of those that no support and no spring to ground holds.  Local, rank 0."""
-    tied, held = clusters_of(part, n_parts, links), held_parts(part, n_parts, mesh, supports, links)
+    tied, held = tied_bodies(part, n_parts, links), held_parts(part, n_parts, mesh, supports, links)
     return tied, tuple(np.flatnonzero(tied == i) for i in np.unique(tied) if not held[tied == i].any())
 
 
@@ -87,7 +87,7 @@ def check_held(
     held = held_parts(part, n_parts, mesh, supports, links)
     first, second = (on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
     part1, part2 = (first.T @ second).nonzero()
-    tied = clusters_of(part, n_parts, links)
+    tied = tied_bodies(part, n_parts, links)
     _, cluster = _components(np.r_[part1, np.arange(n_parts)], np.r_[part2, n_parts + tied], 2 * n_parts)
     cluster = cluster[:n_parts]
     for side, other in ((first, second), (second, first)):

@@ -49,11 +49,11 @@ def cuts_through(mesh: Mesh, bolts: Sequence[Bolt]) -> list[Cut]:
     ------
     MeshError : a group that is no cut, or cuts that touch each other
     """
-    cuts, taken = [], dict[int, str]()
+    cuts, users = [], dict[int, str]()
     for bolt in bolts:
         cut = cut_through(mesh, bolt)
         for node in np.unique(np.concatenate([_nodes_of(mesh, cut), cut.nodes])):
-            other = taken.setdefault(int(node), bolt.label)
+            other = users.setdefault(int(node), bolt.label)
             if other != bolt.label:
                 raise MeshError(
                     f"{mesh.path}: bolts {other!r} and {bolt.label!r}: their cuts lie side by side at node "

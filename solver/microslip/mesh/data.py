@@ -60,7 +60,9 @@ class Mesh:
     fields: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_nodes,) each: numbers at the nodes; NaN: none
     outside: Outside = field(default_factory=Outside)
     equations: Equations | None = None  # between nodes, and n_nodes + k for node k of ``outside``
-    found: frozenset[str] = frozenset()  # groups of faces that were found as touching: some may lie on the others in part alone
+    touching_faces: frozenset[str] = (
+        frozenset()
+    )  # groups of faces that were found as touching: some may lie on the others in part alone
 
     @property
     def diagonal(self) -> float:
@@ -114,7 +116,9 @@ class ContactPairs:
     separate: np.ndarray  # (n_pairs,) bool: each tangential direction has its own friction limit
     faces: tuple[np.ndarray, ...]  # contact faces for pictures: (n_faces, n_corners or with mid-sides) pair indices
     T0: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))  # (n_pairs, 2) N, friction force at rest; none given: 0
-    apart: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_pairs,) bool: open at rest, without springs
+    open_at_rest: np.ndarray = field(
+        default_factory=lambda: np.zeros(0, dtype=bool)
+    )  # (n_pairs,) bool: open at rest, without springs
     weights1: sp.csr_matrix | None = None  # (n_pairs, n_nodes) with which nodes of body 1 give its motion; None: node1 alone
     weights2: sp.csr_matrix | None = None  # (n_pairs, n_nodes) of body 2
     cells: np.ndarray = field(default_factory=lambda: np.full((0, 4, 3), np.nan))  # (n_pairs, 4, 3) m, for pictures; NaN: none
@@ -123,12 +127,14 @@ class ContactPairs:
     w0: np.ndarray = field(
         default_factory=lambda: np.zeros((0, 0, 2))
     )  # (n_pairs, n_elements, 2) m, of laws of many elements at rest
-    own: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_pairs,) each: what laws have beside these; NaN: not this one
+    law_columns: Mapping[str, np.ndarray] = field(
+        default_factory=dict
+    )  # (n_pairs,) each: what laws have beside these; NaN: not this one
 
     def __post_init__(self):
         if len(self.laws) != self.n_pairs:
             object.__setattr__(self, "laws", np.full(self.n_pairs, ELASTIC_COULOMB))
-        for name in ("T0", "apart", "w0"):  # of pairs that have no statics
+        for name in ("T0", "open_at_rest", "w0"):  # of pairs that have no statics
             values = getattr(self, name)
             if len(values) != self.n_pairs:
                 object.__setattr__(self, name, np.zeros((self.n_pairs, *values.shape[1:]), dtype=values.dtype))
@@ -154,8 +160,8 @@ class ContactPairs:
     @property
     def columns(self) -> dict[str, np.ndarray]:
         """What laws are made of, (n_pairs, ...) each."""
-        names = ("mu", "N0", "k_t", "k_n", "separate", "T0", "apart", "w0")
-        return {name: getattr(self, name) for name in names} | dict(self.own)
+        names = ("mu", "N0", "k_t", "k_n", "separate", "T0", "open_at_rest", "w0")
+        return {name: getattr(self, name) for name in names} | dict(self.law_columns)
 
 
 def on_nodes(nodes: np.ndarray, n_nodes: int) -> sp.csr_matrix:

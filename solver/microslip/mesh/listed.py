@@ -35,15 +35,15 @@ def listed_nodes(mesh: Mesh, joint: Joint) -> ContactPoints:
     node1, node2 = (_indices(mesh, table[:, i], lines, COLUMNS[i], path) for i in (0, 1))
     normals = table[:, 2:5] / np.linalg.norm(table[:, 2:5], axis=1, keepdims=True)
     near = np.where(node2 == GROUND, node1, node2)
-    apart = mesh.points[node1] - mesh.points[near]
+    offset = mesh.points[node1] - mesh.points[near]
     return ContactPoints(
         side1=on_nodes(node1, len(mesh.points)),
         side2=on_nodes(node2, len(mesh.points)),
         z=normals,
         area=table[:, 5],
         position=(mesh.points[node1] + mesh.points[near]) / 2.0,
-        distance=np.einsum("pi,pi->p", normals, apart),
-        note=_farthest(joint, apart, table),
+        distance=np.einsum("pi,pi->p", normals, offset),
+        note=_farthest(joint, offset, table),
     )
 
 
@@ -74,11 +74,11 @@ def _indices(mesh: Mesh, numbers: np.ndarray, lines: list[int], column: str, pat
     return places
 
 
-def _farthest(joint: Joint, apart: np.ndarray, table: np.ndarray) -> str:
+def _farthest(joint: Joint, offset: np.ndarray, table: np.ndarray) -> str:
     """Say how far apart the nodes of the pairs lie, where that is known."""
-    distance = np.linalg.norm(apart, axis=1)
+    distance = np.linalg.norm(offset, axis=1)
     if not np.isfinite(distance).all():
         return ""
     worst = int(np.argmax(distance))
-    said = f"joint {joint.name!r}: {len(table)} pairs of nodes from a file"
-    return said + (f", at most {distance[worst]:.3g} m apart (node {table[worst, 0]:.0f})" if distance[worst] > 0.0 else "")
+    note = f"joint {joint.name!r}: {len(table)} pairs of nodes from a file"
+    return note + (f", at most {distance[worst]:.3g} m apart (node {table[worst, 0]:.0f})" if distance[worst] > 0.0 else "")

@@ -46,17 +46,17 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
     cells = [cells_of(mesh, kind, faces) for kind, faces in first.faces.items()]
     by_moments = joint.pairing == MORTAR
     of_kinds = [shared_parts(mesh, of_kind, second, reach, by_moments) for of_kind in cells]
-    means, moments = (joined([both[which] for both in of_kinds]) for which in (0, 1))
+    means, moments = (joined([both[k] for both in of_kinds]) for k in (0, 1))
     area, corners = (np.concatenate([getattr(of_kind, name) for of_kind in cells]) for name in ("area", "corners"))
-    share = means.covered / means.whole
+    share = means.covered / means.cell_areas
     _check_covered(mesh, joint, first, second, cells, share)
     area_shared = np.minimum(share, 1.0) * area
     is_covered = area_shared.sum() / area.sum()
     face = face_of(cells)
     has_moments = by_moments & _is_whole(face, share, moments.covered)
     shared, area_shared = _with_moments(face, has_moments, means, moments, area_shared)
-    kept = np.flatnonzero(share > _LEAST)
-    side1, side2 = (sp.diags(1.0 / shared.covered[kept]) @ side[kept] for side in (shared.side1, shared.side2))
+    used = np.flatnonzero(share > _LEAST)
+    side1, side2 = (sp.diags(1.0 / shared.covered[used]) @ side[used] for side in (shared.side1, shared.side2))
     n1, n2 = side1 @ on_mesh(mesh, first), side2 @ on_mesh(mesh, second)
     n1, n2 = (n / np.linalg.norm(n, axis=1, keepdims=True) for n in (n1, n2))
     x1, x2 = side1 @ mesh.points, side2 @ mesh.points
@@ -67,11 +67,11 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
         side1=side1.tocsr(),
         side2=side2.tocsr(),
         z=z,
-        area=area_shared[kept],
+        area=area_shared[used],
         position=(x1 + x2) / 2,
         distance=distance,
-        cells=corners[kept],
-        note=f"joint {joint.name!r}: {len(kept)} contact points, {_in_words(first, by_moments, has_moments[kept])}; "
+        cells=corners[used],
+        note=f"joint {joint.name!r}: {len(used)} contact points, {_in_words(first, by_moments, has_moments[used])}; "
         f"{second.group!r} covers {is_covered:.2%} of them, {distance.min():.3g} to {distance.max():.3g} m away "
         f"(at most {reach:.3g} m)",
     )
@@ -106,12 +106,12 @@ def _with_moments(
     face: np.ndarray, has_moments: np.ndarray, means: Shared, moments: Shared, area: np.ndarray
 ) -> tuple[Shared, np.ndarray]:
     """Return the moments of cells that have them, the means of the others, and the areas (n,) [m2].  Local."""
-    chosen, others = sp.diags(has_moments.astype(float)), sp.diags((~has_moments).astype(float))
+    chosen, without_moments = sp.diags(has_moments.astype(float)), sp.diags((~has_moments).astype(float))
     both = Shared(
-        (chosen @ moments.side1 + others @ means.side1).tocsr(),
-        (chosen @ moments.side2 + others @ means.side2).tocsr(),
+        (chosen @ moments.side1 + without_moments @ means.side1).tocsr(),
+        (chosen @ moments.side2 + without_moments @ means.side2).tocsr(),
         np.where(has_moments, moments.covered, means.covered),
-        means.whole,
+        means.cell_areas,
     )
     per_covered = np.bincount(face, area) / np.maximum(np.bincount(face, moments.covered), 1e-300)
     return both, np.where(has_moments, moments.covered * per_covered[face], area)
@@ -127,7 +127,7 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, ce
             "restrict the group to the faces that touch, or state a smaller tolerance in the joint"
         )
     covered = np.minimum(share, 1.0) @ area / area.sum()
-    if covered >= (COVERED if first.group not in mesh.found else _LEAST):
+    if covered >= (COVERED if first.group not in mesh.touching_faces else _LEAST):
         return
     foot = project_on_surface(mesh.points, second.faces, mesh.points[first.nodes])
     worst, reach = int(np.argmax(foot.distance)), reach_of(mesh, joint, first, second)
@@ -141,8 +141,8 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, ce
     part = f"{1.0 - covered:.1%} of the area of {first.group!r}" if covered > _LEAST else "no contact point found: all its faces"
     advice = "name the smaller surface first, restrict the first group to what touches, or state a larger tolerance"
     if covered <= _LEAST:
-        apart = "" if joint.has_gap_of_mesh else ' (gap = "geometry" where they are apart at rest)'
-        advice = f"bring the surfaces together, or state a larger tolerance{apart}"
+        gap_advice = "" if joint.has_gap_of_mesh else ' (gap = "geometry" where they are apart at rest)'
+        advice = f"bring the surfaces together, or state a larger tolerance{gap_advice}"
     raise MeshError(
         f"{where}: {part} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "
         f"{mesh.numbers[first.nodes[worst]]} of {first.group!r} at {place(mesh.points[first.nodes[worst]])} m, "

@@ -51,8 +51,8 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
             notes += [note for note in (points.note, penetration) if note]
             n_pairs += points.n_points
     faults.refuse()
-    joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "own")}
-    joined["own"] = joined_columns([(len(part["area"]), part["own"]) for part in parts])
+    joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "law_columns")}
+    joined["law_columns"] = joined_columns([(len(part["area"]), part["law_columns"]) for part in parts])
     names = tuple(name for part in parts for name in part["joint"])
     return ContactPairs(joint=names, faces=tuple(faces), notes=tuple(notes), **joined)
 
@@ -61,7 +61,7 @@ def join_pairs(first: ContactPairs, second: ContactPairs) -> ContactPairs:
     """Return the pairs of both, those of joints by DOFs first; weights of nodes are left to the maps made of them.  Local."""
     if first.n_pairs == 0:
         return second
-    shared = {"joint", "faces", "notes", "own", "weights1", "weights2"}
+    shared = {"joint", "faces", "notes", "law_columns", "weights1", "weights2"}
     columns = {
         name: np.concatenate([getattr(first, name), getattr(second, name)])
         for name in ContactPairs.__dataclass_fields__
@@ -71,7 +71,7 @@ def join_pairs(first: ContactPairs, second: ContactPairs) -> ContactPairs:
         joint=first.joint + second.joint,
         faces=tuple(faces + first.n_pairs for faces in second.faces),
         notes=first.notes + second.notes,
-        own=joined_columns([(first.n_pairs, first.own), (second.n_pairs, second.own)]),
+        law_columns=joined_columns([(first.n_pairs, first.law_columns), (second.n_pairs, second.law_columns)]),
         **columns,
     )
 
@@ -154,7 +154,7 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
         "laws": np.full(points.n_points, joint.law),
     }
     by_law = columns_on_area(joint.law, {**joint.values_of_law, **vars(values)}, points.area)
-    return columns | {"own": by_law} | {name: by_law.pop(name) for name in columns.keys() & by_law.keys()}
+    return columns | {"law_columns": by_law} | {name: by_law.pop(name) for name in columns.keys() & by_law.keys()}
 
 
 def _preload(joint: Joint, points: ContactPoints, values: Values, k_n: np.ndarray) -> np.ndarray:

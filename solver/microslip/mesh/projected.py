@@ -31,19 +31,19 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
     if not near.any():
         check_sunk(mesh, joint, first, second, foot)
     _check_near(mesh, joint, first, second, foot.distance, reach)
-    kept = np.flatnonzero(near)
-    kept = kept[np.argsort(mesh.numbers[first.nodes[kept]], kind="stable")]
-    nodes = first.nodes[kept]
-    rows = np.repeat(np.arange(len(kept)), foot.nodes.shape[1])
-    shape = (len(kept), len(mesh.points))
-    side2 = sp.csr_matrix((foot.weights[kept].ravel(), (rows, foot.nodes[kept].ravel())), shape)
+    nodes_used = np.flatnonzero(near)
+    nodes_used = nodes_used[np.argsort(mesh.numbers[first.nodes[nodes_used]], kind="stable")]
+    nodes = first.nodes[nodes_used]
+    rows = np.repeat(np.arange(len(nodes_used)), foot.nodes.shape[1])
+    shape = (len(nodes_used), len(mesh.points))
+    side2 = sp.csr_matrix((foot.weights[nodes_used].ravel(), (rows, foot.nodes[nodes_used].ravel())), shape)
     side2.eliminate_zeros()
     normal2 = side2 @ on_mesh(mesh, second)
     normal2 /= np.linalg.norm(normal2, axis=1, keepdims=True)
-    check_opposite(mesh, joint, first.normals[kept], normal2, mesh.points[nodes])
-    z = normal2 - first.normals[kept]
+    check_opposite(mesh, joint, first.normals[nodes_used], normal2, mesh.points[nodes])
+    z = normal2 - first.normals[nodes_used]
     z /= np.linalg.norm(z, axis=1, keepdims=True)
-    distance = np.einsum("pi,pi->p", z, mesh.points[nodes] - foot.foot[kept])
+    distance = np.einsum("pi,pi->p", z, mesh.points[nodes] - foot.foot[nodes_used])
     point_of = np.full(len(mesh.points), -1)
     point_of[nodes] = np.arange(len(nodes))
     faces = [point_of[corners] for corners in first.faces.values()]
@@ -51,11 +51,11 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
         side1=on_nodes(nodes, len(mesh.points)),
         side2=side2,
         z=z,
-        area=first.areas[kept],
-        position=(mesh.points[nodes] + foot.foot[kept]) / 2,
+        area=first.areas[nodes_used],
+        position=(mesh.points[nodes] + foot.foot[nodes_used]) / 2,
         distance=distance,
         faces=tuple(corners[(corners >= 0).all(axis=1)] for corners in faces),
-        note=f"joint {joint.name!r}: {len(kept)} contact points, nodes of {first.group!r} on facets of {second.group!r}, "
+        note=f"joint {joint.name!r}: {len(nodes_used)} contact points, nodes of {first.group!r} on facets of {second.group!r}, "
         f"{distance.min():.3g} to {distance.max():.3g} m away (at most {reach:.3g} m)",
     )
 
@@ -64,7 +64,7 @@ def _check_near(mesh: Mesh, joint: Joint, first: Surface, second: Surface, dista
     """Raise MeshError where too much of the first surface has no partner."""
     near = distance <= reach
     covered = first.areas[near].sum() / first.areas.sum()
-    if covered >= COVERED or (near.any() and first.group in mesh.found):
+    if covered >= COVERED or (near.any() and first.group in mesh.touching_faces):
         return
     worst = int(np.argmax(distance))
     part = f"{1.0 - covered:.1%} of the area of {first.group!r}" if near.any() else "no contact point found: all its nodes"

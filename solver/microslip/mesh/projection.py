@@ -124,8 +124,8 @@ def _candidates(trees, queries: np.ndarray, reach: np.ndarray, facets: _Facets) 
     at, on = pairs_within(trees, queries, reach + _ROUNDING * facets.size)
     outside = np.maximum(np.maximum(facets.low[on] - queries[at], queries[at] - facets.high[on]), 0.0)
     least = np.linalg.norm(outside, axis=1)
-    kept = least <= reach[at] + _ROUNDING * facets.size
-    at, on, least = at[kept], on[kept], least[kept]
+    candidates = least <= reach[at] + _ROUNDING * facets.size
+    at, on, least = at[candidates], on[candidates], least[candidates]
     order = np.lexsort((on, least, at))
     return at[order], on[order], least[order]
 
@@ -148,11 +148,11 @@ def _nearest(facets: _Facets, queries: np.ndarray, at: np.ndarray, on: np.ndarra
 def _described(facets: _Facets, facet: np.ndarray, xi: np.ndarray, queries: np.ndarray) -> Projection:
     """Return all about the feet ``xi`` on the facets."""
     n, k = len(facet), max(corners.shape[1] for corners in facets.faces)
-    which = np.searchsorted(facets.first, facet, side="right") - 1
-    face = facet - facets.first[which]
+    facet_index = np.searchsorted(facets.first, facet, side="right") - 1
+    face = facet - facets.first[facet_index]
     nodes, weights, normals = np.zeros((n, k), dtype=np.int64), np.zeros((n, k)), np.zeros((n, 3))
     for i, (kind, faces) in enumerate(zip(facets.kinds, facets.faces, strict=True)):
-        mine, m = np.flatnonzero(which == i), faces.shape[1]
+        mine, m = np.flatnonzero(facet_index == i), faces.shape[1]
         corners = faces[face[mine]]
         nodes[mine, :m], nodes[mine, m:] = corners, corners[:, :1]
         weights[mine, :m] = snapped(FACE_KINDS[kind].values(xi[mine]))
@@ -164,7 +164,7 @@ def _described(facets: _Facets, facet: np.ndarray, xi: np.ndarray, queries: np.n
     away = queries - foot
     gap = np.einsum("fi,fi->f", away, normals)
     beyond = np.linalg.norm(away - gap[:, None] * normals, axis=1)
-    kinds = np.array(facets.kinds)[which]
+    kinds = np.array(facets.kinds)[facet_index]
     return Projection(kinds, face, xi, nodes, weights, foot, normals, np.linalg.norm(away, axis=1), gap, beyond)
 
 

@@ -147,9 +147,9 @@ def _equations(file: FileModel, tables: StructureTables, new: np.ndarray, outsid
     """Return the file's equations between the nodes that are kept."""
     if file.equations is None or not tables.has_equations:
         return None
-    kept = new.copy()
-    kept[outside] = new[-1] + 1 + np.arange(len(outside))  # new[-1] + 1 nodes are used
-    return replace(file.equations, nodes=kept[file.equations.nodes])
+    independent = new.copy()
+    independent[outside] = new[-1] + 1 + np.arange(len(outside))  # new[-1] + 1 nodes are used
+    return replace(file.equations, nodes=independent[file.equations.nodes])
 
 
 def _check_kinds(body: str, group: str, file: FileModel) -> None:

@@ -34,7 +34,7 @@ class Shared:
     side1: sp.csr_matrix  # (n, n_nodes) m2
     side2: sp.csr_matrix  # (n, n_nodes) m2
     covered: np.ndarray  # (n,) m2, in the cells' planes, or the moment of that
-    whole: np.ndarray  # (n,) m2, of the cells in their planes
+    cell_areas: np.ndarray  # (n,) m2, of the cells in their planes
 
 
 def joined(parts: Sequence[Shared]) -> Shared:
@@ -65,14 +65,14 @@ class _Integrals:
             weights = sp.csr_matrix((values.ravel(), (row, column)), (last - first + 1, self.n_nodes)).tocoo()
             side.append((weights.data, weights.row + first, weights.col))
 
-    def shared(self, whole: np.ndarray) -> Shared:
-        """Return the sums; ``whole`` (n,) m2."""
+    def shared(self, cell_areas: np.ndarray) -> Shared:
+        """Return the sums; ``cell_areas`` (n,) m2."""
         none = (np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
         sides = []
         for side in self.sides:
             values, rows, columns = map(np.concatenate, zip(none, *side, strict=True))
             sides.append(sp.csr_matrix((values, (rows, columns)), (self.n, self.n_nodes)))
-        return Shared(side1=sides[0], side2=sides[1], covered=self.covered, whole=whole)
+        return Shared(side1=sides[0], side2=sides[1], covered=self.covered, cell_areas=cell_areas)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +103,8 @@ def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_mom
             if by_moments:
                 of_face = at[:, None] // n_own * n_own + np.arange(n_own)
                 moments.add(of_face, faces, facing, w1[:, 1:], w2[:, 1:])
-    whole = shapely.area(polygons)
-    return means.shared(whole), moments.shared(whole)
+    cell_areas = shapely.area(polygons)
+    return means.shared(cell_areas), moments.shared(cell_areas)
 
 
 def _polygons(outlines: np.ndarray, bend: np.ndarray) -> np.ndarray:

@@ -107,11 +107,11 @@ def _faces_within(mesh: Mesh, members: np.ndarray) -> dict[str, np.ndarray]:
 
 def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the outer faces that the group names; MeshError where it names others."""
-    kept, n_found = {}, 0
+    groups, n_found = {}, 0
     for kind, faces in outer.items():
         wanted = named.get(_n_corners(kind), np.empty((0, _n_corners(kind)), dtype=np.int64))
-        kept[kind] = faces[isin_rows(_key(faces, kind), wanted)]
-        n_found += len(kept[kind])
+        groups[kind] = faces[isin_rows(_key(faces, kind), wanted)]
+        n_found += len(groups[kind])
     n_named = sum(len(np.unique(keys, axis=0)) for keys in named.values())
     if n_found < n_named:
         raise MeshError(
@@ -119,7 +119,7 @@ def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray
             "they lie inside the mesh, where elements share nodes, or on no element; bodies in contact need nodes of "
             "their own"
         )
-    return kept
+    return groups
 
 
 def _n_corners(kind: str) -> int:

@@ -53,10 +53,10 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int, taken: np.ndarray) -> Follower:
     MeshError : fewer than ``LEAST`` of the nodes lie near the facets
     """
     first, second = (outward_faces(mesh, group) for group in tie.surfaces)
-    nodes, others = (
+    nodes, slave_nodes = (
         np.unique(np.concatenate([nodes_of_faces.ravel() for nodes_of_faces in faces.values()])) for faces in (first, second)
     )
-    is_shared, is_taken = np.isin(nodes, others), taken[nodes]
+    is_shared, is_taken = np.isin(nodes, slave_nodes), taken[nodes]
     projection = project_on_surface(mesh.points, second, mesh.points[nodes])
     size = _facet_size(mesh, second)
     tolerance = TOLERANCE * size if tie.tolerance is None else tie.tolerance

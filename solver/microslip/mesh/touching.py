@@ -62,8 +62,10 @@ def find_touching(skin: Skin, tolerance: float | None = None) -> Touching:
 def _paired(skin: Skin, at: np.ndarray, on: np.ndarray, gap: np.ndarray, share: np.ndarray) -> Touching:
     """Return the pairs, each in both orders and once, with mean gaps."""
     key = np.concatenate([at * skin.n_faces + on, on * skin.n_faces + at])
-    pairs, which = np.unique(key, return_inverse=True)
-    mean = np.bincount(which, np.concatenate([gap, gap]), len(pairs)) / np.maximum(np.bincount(which, minlength=len(pairs)), 1)
+    pairs, pair_index = np.unique(key, return_inverse=True)
+    mean = np.bincount(pair_index, np.concatenate([gap, gap]), len(pairs)) / np.maximum(
+        np.bincount(pair_index, minlength=len(pairs)), 1
+    )
     n = max(skin.n_faces, 1)
     return Touching(pairs // n, pairs % n, mean, share)
 
@@ -89,14 +91,14 @@ def _candidates(skin: Skin, tolerance: float | None) -> tuple[np.ndarray, np.nda
         count = np.fromiter(map(len, lists), dtype=np.int64, count=len(lists))
         face = np.repeat(smaller, count)
         other = mine[np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=count.sum())]
-        kept = (skin.body[face] != skin.body[other]) | (skin.part[face] != skin.part[other])
-        kept[kept] = np.einsum("mi,mi->m", skin.normal[face[kept]], skin.normal[other[kept]]) < -_FACING
-        pairs.append(np.stack([face[kept], other[kept]]))
+        close = (skin.body[face] != skin.body[other]) | (skin.part[face] != skin.part[other])
+        close[close] = np.einsum("mi,mi->m", skin.normal[face[close]], skin.normal[other[close]]) < -_FACING
+        pairs.append(np.stack([face[close], other[close]]))
     face, other = np.unique(np.sort(np.concatenate(pairs, axis=1), axis=0), axis=1)
-    apart = np.linalg.norm(skin.centre[face] - skin.centre[other], axis=1)
-    kept = apart <= radius[face] + radius[other] + _reach(skin, face, other, tolerance)
-    kept[kept] = ~_share_a_node(skin, face[kept], other[kept])
-    return face[kept], other[kept]
+    distance = np.linalg.norm(skin.centre[face] - skin.centre[other], axis=1)
+    close = distance <= radius[face] + radius[other] + _reach(skin, face, other, tolerance)
+    close[close] = ~_share_a_node(skin, face[close], other[close])
+    return face[close], other[close]
 
 
 def _by_size(radius: np.ndarray) -> list[np.ndarray]:
@@ -160,8 +162,8 @@ def _feet(skin: Skin, point: np.ndarray, other: np.ndarray, reach: np.ndarray):
             xi, distance[at] = elements.nearest_on_faces(kind, corners, point[at])
             foot = np.einsum("fa,fai->fi", FACE_KINDS[kind].values(xi), corners)
             gap[at] = np.einsum("fi,fi->f", point[at] - foot, skin.normal[other[at]])
-    beside = np.sqrt(np.maximum(distance**2 - gap**2, 0.0))
-    return distance, gap, (np.abs(gap) <= reach) & (beside <= _BESIDE * skin.size[other])
+    tangential = np.sqrt(np.maximum(distance**2 - gap**2, 0.0))
+    return distance, gap, (np.abs(gap) <= reach) & (tangential <= _BESIDE * skin.size[other])
 
 
 def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
@@ -190,8 +192,8 @@ def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
             f"surface {surface.name!r}: {len(faces)} faces of {surface.bodies[0]!r} on {surface.bodies[1]!r}, {area:.6g} m2"
         )
     faults.refuse()
-    names = mesh.found | {surface.name for surface in tables.surfaces}
-    return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), found=names)
+    names = mesh.touching_faces | {surface.name for surface in tables.surfaces}
+    return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), touching_faces=names)
 
 
 def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, surface: Surface, tables: StructureTables) -> np.ndarray:
@@ -219,10 +221,10 @@ def _nothing(mesh: Mesh, skin: Skin, surface: Surface, body: int, other: int) ->
         shared = np.intersect1d(first, second)
         if len(shared):
             return f"{text}: they share {len(shared)} nodes, and are merged there; give each body nodes of its own"
-        apart, _ = cKDTree(mesh.points[second]).query(mesh.points[first])
-        nearest_node = first[np.argmin(apart)]
+        distance, _ = cKDTree(mesh.points[second]).query(mesh.points[first])
+        nearest_node = first[np.argmin(distance)]
         text += (
-            f"; the nearest nodes are {apart.min():.3g} m apart, at node {mesh.numbers[nearest_node]} "
+            f"; the nearest nodes are {distance.min():.3g} m apart, at node {mesh.numbers[nearest_node]} "
             f"{place(mesh.points[nearest_node])} m"
         )
     return f"{text}; state a larger tolerance, or other bodies"

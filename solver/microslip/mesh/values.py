@@ -54,7 +54,7 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
     if of_nodes:
         where = path or f"{mesh.path}: joint {joint.name!r} fields"
         gap, preload = (of_nodes.get(name, np.full(len(mesh.points), stated[name])) for name in ("gap", "preload"))
-        _check_open(where, mesh.points, gap, preload, _taken(points))
+        _check_open(where, mesh.points, gap, preload, _nodes_of(points))
     everywhere = {name: np.full(points.n_points, value) for name, value in stated.items()}
     values = _closed_or_open(Values(**everywhere | {name: _interpolated(points, nodal) for name, nodal in of_nodes.items()}))
     if not table or "node" in table:
@@ -66,16 +66,16 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
 
 
 def _of_rows(
-    mesh: Mesh, table: Mapping[str, np.ndarray], rows: np.ndarray, others: Mapping[str, float | np.ndarray]
+    mesh: Mesh, table: Mapping[str, np.ndarray], rows: np.ndarray, defaults: Mapping[str, float | np.ndarray]
 ) -> dict[str, np.ndarray]:
     """Return the values of all nodes, (n_nodes,) each: of the nodes ``rows`` those of the table, of others what they have."""
-    nodal = {name: np.array(np.broadcast_to(others[name], len(mesh.points))) for name in COLUMNS if name in table}
+    nodal = {name: np.array(np.broadcast_to(defaults[name], len(mesh.points))) for name in COLUMNS if name in table}
     for name, values in nodal.items():
         values[rows] = table[name]
     return nodal
 
 
-def _taken(points: ContactPoints) -> np.ndarray:
+def _nodes_of(points: ContactPoints) -> np.ndarray:
     """Return the nodes of the first surface that points take something from, rising."""
     return np.unique(points.side1.indices)
 
@@ -96,10 +96,10 @@ def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: OfPoints) -
         raise CaseError(f'{where} is no value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
     if name == "gap" and joint.has_gap_of_mesh:
         raise CaseError(f'{where}: the joint takes its gap from the mesh, gap = "geometry"; state one of them')
-    taken = _taken(points)
-    nodal = field_at_nodes(mesh, field, taken, where, "the joint")
+    nodes = _nodes_of(points)
+    nodal = field_at_nodes(mesh, field, nodes, where, "the joint")
     above = name.endswith("stiffness") or (name == "preload" and "n0" in LAWS[joint.law].above_0)
-    least = taken[np.argmin(nodal[taken])]
+    least = nodes[np.argmin(nodal[nodes])]
     if nodal[least] < 0.0 or (above and nodal[least] == 0.0):
         raise MeshError(
             f"{where} = {field!r} is {nodal[least]:g} at {place(mesh.points[least])} m; it must be "
@@ -162,8 +162,8 @@ def _rows_of_nodes(
     """Return the nodes that the rows of the table name, (n_rows,), nodes of the first surface."""
     if {"x", "y", "z"} & table.keys():
         raise CaseError(f"{path}: the header names node and x, y, z; a point is found by one of them")
-    taken = _taken(points)
-    unknown = np.flatnonzero(~np.isin(table["node"], mesh.numbers[taken]))
+    nodes = _nodes_of(points)
+    unknown = np.flatnonzero(~np.isin(table["node"], mesh.numbers[nodes]))
     if len(unknown):
         raise MeshError(
             f"{path}, line {lines[unknown[0]]}: node {table['node'][unknown[0]]:g} is no node of "
@@ -172,8 +172,8 @@ def _rows_of_nodes(
     named, count = np.unique(table["node"], return_counts=True)
     if (count > 1).any():
         raise CaseError(f"{path}: node {named[np.argmax(count)]:g} has {count.max()} rows; each needs one")
-    order = np.argsort(mesh.numbers[taken])
-    return taken[order][np.searchsorted(mesh.numbers[taken][order], table["node"])]
+    order = np.argsort(mesh.numbers[nodes])
+    return nodes[order][np.searchsorted(mesh.numbers[nodes][order], table["node"])]
 
 
 def _nearest_rows(joint: Joint, path: Path | None, points: ContactPoints, table: dict, lines: list[int]) -> np.ndarray:

@@ -165,8 +165,8 @@ def _forces(linearised: Linearised, phi_owned: np.ndarray) -> Forces:
 def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray, forces: Forces) -> float:
     """Return the largest relative residual; raise if a mode is wrong or not M-orthonormal.  Collective."""
     comm = linearised.system.comm
-    residual, share = _residuals(linearised, eigenvalues, phi_owned, forces)
-    wrong = ~(share <= 1.0)
+    residual, relative = _residuals(linearised, eigenvalues, phi_owned, forces)
+    wrong = ~(relative <= 1.0)
     if wrong.any():
         k = int(np.argmax(wrong))
         raise ConvergenceError(

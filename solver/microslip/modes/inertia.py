@@ -40,7 +40,7 @@ def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float, order: Order | None 
     ConvergenceError : sigma is an eigenvalue to working precision; on every rank
     ResourceError : not enough memory
     """
-    solver, info = factorise(K_L, "modes_inertia_", "K_L - sigma M", known=Elimination(order=order), shift=(sigma, M))
+    solver, info = factorise(K_L, "modes_inertia_", "K_L - sigma M", elimination=Elimination(order=order), shift=(sigma, M))
     solver.destroy()
     if info["code"] in SINGULAR or info["null"] > 0:
         raise ConvergenceError(

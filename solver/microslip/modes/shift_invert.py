@@ -63,7 +63,7 @@ class ModeSearch:
         has_rows = np.diff(linearised.M.getOwnershipRanges()).min() > 0
         self._in_blocks = "subspace" if has_rows else "krylovschur"  # SLEPc 3.18 cannot normalise a block without rows
         self._kind = self._in_blocks if linearised.factor.info.get("out_of_core") else "krylovschur"
-        self._info: dict = {"basis": 0, "restarts": 0, "complete": False, "said": ()}
+        self._info: dict = {"basis": 0, "restarts": 0, "complete": False, "messages": ()}
         self._n_solves = 0  # of SLEPc, each with its start vector
 
     def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
@@ -79,7 +79,7 @@ class ModeSearch:
         if n_wanted > len(self._theta) and not self._info["complete"]:
             theta, phi_owned, info = self._more(n_wanted)
             self._theta, self._phi_owned = theta, np.asfortranarray(phi_owned)
-            self._info = info | {"said": (*self._info["said"], *info["said"])}
+            self._info = info | {"messages": (*self._info["messages"], *info["messages"])}
         return self._theta, self._phi_owned, self._info
 
     def renew(self, n_missing: int) -> None:
@@ -116,7 +116,7 @@ class ModeSearch:
         st.setKSP(ksp)
         eps.setFromOptions()
         try:
-            said = _solve_with_room(eps, n_sought, n_dof - n_before * is_deflated)
+            messages = _solve_with_room(eps, n_sought, n_dof - n_before * is_deflated)
             phi_owned, info = _converged(eps, linearised)
         finally:
             free(start, *before, ksp, eps)
@@ -124,7 +124,7 @@ class ModeSearch:
         if is_deflated:
             phi_owned = np.hstack([self._phi_owned, phi_owned])
         eigenvalues, phi_owned = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)
-        return 1.0 / eigenvalues, phi_owned, info | {"said": said}
+        return 1.0 / eigenvalues, phi_owned, info | {"messages": messages}
 
     def _start(self) -> np.ndarray:
         """Return a start vector, (n_owned,): random signs, and loads over masses, of which K_L^-1 M makes static motions.
@@ -191,18 +191,18 @@ def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, .
     ------
     ConvergenceError : fewer modes converged in the largest space, too; on every rank
     """
-    said: list[str] = []
+    messages: list[str] = []
     for _ in range(_TRIES):
         with patient():
             eps.solve()  # what a signal ends in here cannot be freed any more
         basis = eps.getDimensions()[1]
         if _has_modes(eps, n_wanted):
-            return tuple(said)
-        said.append(f"modes: {eps.getConverged()} of {n_wanted} converged in a space of {basis}")
+            return tuple(messages)
+        messages.append(f"modes: {eps.getConverged()} of {n_wanted} converged in a space of {basis}")
         eps.setDimensions(n_wanted, min(2 * basis, n_most))
     raise ConvergenceError(
-        f"{'; '.join(said)}: the last after {eps.getIterationNumber()} iterations (reason {eps.getConvergedReason()}); ask for "
-        f"fewer [solver] modes, or try -{PREFIX}eps_max_it {2 * eps.getTolerances()[1]}"
+        f"{'; '.join(messages)}: the last after {eps.getIterationNumber()} iterations (reason {eps.getConvergedReason()}); ask "
+        f"for fewer [solver] modes, or try -{PREFIX}eps_max_it {2 * eps.getTolerances()[1]}"
     )
 
 

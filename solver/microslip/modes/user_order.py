@@ -33,12 +33,12 @@ def in_user_order(linearised: Linearised, owned: np.ndarray) -> np.ndarray | Non
     return np.concatenate(rows)[np.argsort(np.concatenate(places))]
 
 
-def from_user_order(linearised: Linearised, whole: np.ndarray | None) -> np.ndarray:
+def from_user_order(linearised: Linearised, fields: np.ndarray | None) -> np.ndarray:
     """Return this rank's rows (n_owned, m) of the array (n_dof, m) that rank 0 passes.  Collective: a gather, a scatter."""
     comm = linearised.system.comm
     places = comm.gather(user_order(linearised))
     shares: list[np.ndarray] = []
-    if places is not None and whole is not None:
+    if places is not None and fields is not None:
         rank_of = np.argsort(np.argsort(np.concatenate(places)))  # place among all, of each row in rank order
-        shares = np.split(whole[rank_of], np.cumsum([len(place) for place in places])[:-1])
+        shares = np.split(fields[rank_of], np.cumsum([len(place) for place in places])[:-1])
     return np.asfortranarray(comm.scatter(shares))

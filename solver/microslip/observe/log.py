@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..parallel.agree import on_root
-from ..system.files import make_folder, said_of
+from ..system.files import file_errors, make_folder
 from ..system.watchdog import moved
 from ..version import __version__
 from .screen import Screen
@@ -161,10 +161,10 @@ class RunLog:
         self.screen.begin(name)
 
     def _end_line(self, name: str, numbers: str) -> None:
-        whole = f"{name:<40}{numbers}"
-        self._write((whole[len(name) :] if self._unfinished == name else whole) + "\n")
+        line = f"{name:<40}{numbers}"
+        self._write((line[len(name) :] if self._unfinished == name else line) + "\n")
         self._unfinished = ""
-        self.screen.line(whole)
+        self.screen.line(line)
 
     # -- the end -----------------------------------------------------------------------------------------------
 
@@ -202,7 +202,7 @@ class RunLog:
 def _open(path: str):
     """Create the log file and its folder."""
     make_folder(os.path.dirname(path) or ".")
-    with said_of(path):
+    with file_errors(path):
         return open(path, "w", encoding="utf-8", errors="replace")
 
 

@@ -32,17 +32,17 @@ class Observer(Protocol):
 
 
 class Observers:
-    """All observers of the levels of a run.  ``branches`` has one for each level [N], with the points heard of so far.
+    """All observers of the levels of a run.  ``branches`` has one for each level [N], with the points reported so far.
 
-    Its methods are local, on rank 0, but for ``tell``.  Without ``keeps_motion`` the points of a level that has ended lose theirs
-    when all have heard of it, but for the one of the largest response: it takes most of the memory of a run.
+    Its methods are local, on rank 0, except ``notify``.  Without ``keeps_motion`` the motion of all points but the one of largest
+    response is dropped when a level has ended and all observers are notified: it takes most of the memory of a run.
     """
 
     def __init__(self, comm: MPI.Comm, levels: Sequence[float], observers: Iterable[Observer] = (), keeps_motion: bool = True):
         self.comm, self.observers, self.keeps_motion = comm, tuple(observers), keeps_motion
         self.branches = [Branch(level) for level in levels]
 
-    def tell(self, event: str, *news: Any) -> None:
+    def notify(self, event: str, *news: Any) -> None:
         """Call the method of this name on rank 0.  Collective on ``comm``: what an observer raises is raised on every rank."""
         on_root(self.comm, self.hear, event, *news, share=False)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..messages.errors import Interrupted, MicroslipError
 from ..points.branch import Branch, Point
-from ..system.signals import asked_to_save, parting_with
+from ..system.signals import parting_with, save_requested
 from ..system.walltime import TimeLimit
 from .log import RunLog
 
@@ -33,8 +33,8 @@ class Stops:
         self._slowest_point = self._slowest_save = 0.0  # s
         self._has_stopped = False
         if limit is not None:
-            left = max(limit.left, 0.0)
-            log.note(f"{left:.0f} s are left by {limit.source}; what is not done shortly before is left to the next run")
+            remaining = max(limit.remaining, 0.0)
+            log.note(f"{remaining:.0f} s are left by {limit.source}; what is not done shortly before is left to the next run")
 
     @property
     def margin(self) -> float:
@@ -54,7 +54,7 @@ class Stops:
         """Take note of a level at its end, which has been saved."""
 
     @contextmanager
-    def kept(self) -> Iterator[None]:
+    def in_force(self) -> Iterator[None]:
         """Save on the way out of what a signal interrupts.  Local: other ranks may be anywhere."""
         try:
             yield
@@ -66,14 +66,14 @@ class Stops:
 
     def _look(self) -> None:
         """Raise Interrupted when the time is nearly up, with everything saved."""
-        if asked_to_save():
+        if save_requested():
             self._save_in_time()
             self._log.note("saved by SIGUSR1: results.h5 has every point until now")
-        if self._limit is not None and self._limit.left < self.margin:
+        if self._limit is not None and self._limit.remaining < self.margin:
             self._save_in_time()
             self._has_stopped = True
-            left = self._limit.left
-            when = f"{left:.0f} s before" if left >= 0.0 else f"{-left:.0f} s after"
+            remaining = self._limit.remaining
+            when = f"{remaining:.0f} s before" if remaining >= 0.0 else f"{-remaining:.0f} s after"
             raise Interrupted(f"stopped {when} the end of {self._limit.source}")
 
     def _save_in_time(self) -> None:

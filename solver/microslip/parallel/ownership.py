@@ -15,9 +15,9 @@ def split_evenly(n: int, size: int) -> np.ndarray:
     return np.array([n * rank // size for rank in range(size + 1)])
 
 
-def rows_of(those: np.ndarray) -> np.ndarray:
+def rows_of(pairs: np.ndarray) -> np.ndarray:
     """Return the three rows of each of some pairs or places (m,), (3 m,).  Local."""
-    return (3 * np.asarray(those)[:, None] + np.arange(3)).ravel()
+    return (3 * np.asarray(pairs)[:, None] + np.arange(3)).ravel()
 
 
 def summed(comm: MPI.Comm, partial: np.ndarray) -> np.ndarray:
@@ -36,10 +36,10 @@ def gathered_rows(comm: MPI.Comm, owned: np.ndarray, limits: np.ndarray, root: i
     if comm.size == 1:
         return owned
     part, n = np.ascontiguousarray(owned, dtype=float), owned.shape[1]
-    whole = np.empty((limits[-1], n)) if root in (None, comm.rank) else None
-    parts = [whole, n * np.diff(limits)]
+    gathered = np.empty((limits[-1], n)) if root in (None, comm.rank) else None
+    parts = [gathered, n * np.diff(limits)]
     if root is None:
         comm.Allgatherv(part, parts)
     else:
         comm.Gatherv(part, parts if comm.rank == root else None, root)
-    return whole
+    return gathered

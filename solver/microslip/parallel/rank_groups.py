@@ -113,17 +113,17 @@ class Reports:
 
     Parameters
     ----------
-    hear : called on rank 0 with the arguments of each ``tell``, those of a group in its order
+    hear : called on rank 0 with the arguments of each ``notify``, those of a group in its order
     """
 
     def __init__(self, groups: Groups, hear: Callable[..., None]):
         self._world, self._hear = groups.world.Dup(), hear
         self._is_root = groups.is_root
         self._at_work = {int(rank) for rank in groups.limits[1:-1]}  # roots that rank 0 still hears from
-        self._others = sorted(self._at_work)
+        self._other_ranks = sorted(self._at_work)
         self._sent: list[MPI.Request] = []
 
-    def tell(self, *news: Any) -> None:
+    def notify(self, *news: Any) -> None:
         """Tell rank 0 something; on rank 0 hear what the others have told meanwhile, too.
 
         Raises
@@ -204,7 +204,7 @@ class Reports:
         return True
 
     def _end_all(self, problem: MicroslipError | None) -> None:
-        for rank in self._others:
+        for rank in self._other_ranks:
             self._send(rank, _END, problem)
 
     def _send(self, rank: int, tag: int, what: Any) -> None:

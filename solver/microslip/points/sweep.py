@@ -42,7 +42,7 @@ class Sweep:
     def before(self, parameter: float) -> bool:
         return self.direction * (parameter - self.start) < 0.0
 
-    def asked_between(self, a: float, b: float) -> list[float]:
+    def requested_between(self, a: float, b: float) -> list[float]:
         """Return the asked values strictly between two points, in the order of travel from a to b."""
         low, high = min(a, b), max(a, b)
         return sorted((value for value in self.at if low < value < high), reverse=bool(b < a))

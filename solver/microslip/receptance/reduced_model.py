@@ -133,10 +133,10 @@ class ReducedModel(ReducedStructure):
         """Return terms of the groups, each (..., N_H of its own), as one array (..., N_H); the term itself of one.  Local."""
         if len(terms) == 1:
             return terms[0]
-        whole = np.empty((*terms[0].shape[:-1], self.N_H))
+        joined_terms = np.empty((*terms[0].shape[:-1], self.N_H))
         for group, term in zip(self.groups, terms):
-            whole[..., group.columns] = term
-        return whole
+            joined_terms[..., group.columns] = term
+        return joined_terms
 
     def index_of(self, n: int) -> tuple[int, int]:
         """Return the number of the group of harmonic n, and the place of n in it.  Local."""

@@ -14,11 +14,11 @@ class Rows:
     ----------
     places : (m,) addresses of the rows, of ``n`` numbers each, contiguous
     precision : of the numbers, np.float64 or np.float32
-    kept : what holds the rows, which lives as long as the matrix
+    owner : what holds the rows, which lives as long as the matrix
     """
 
-    def __init__(self, places: np.ndarray, n: int, precision: type, kept: object):
-        self._places, self.shape, self.precision, self._kept = places, (len(places), n), precision, kept
+    def __init__(self, places: np.ndarray, n: int, precision: type, owner: object):
+        self._places, self.shape, self.precision, self._owner = places, (len(places), n), precision, owner
 
     @classmethod
     def of(cls, A: np.ndarray) -> Rows:
@@ -27,7 +27,7 @@ class Rows:
 
     def part(self, chosen: np.ndarray) -> Rows:
         """Return some of the rows, (k,) by number, of the same memory."""
-        return Rows(self._places[chosen], self.shape[1], self.precision, self._kept)
+        return Rows(self._places[chosen], self.shape[1], self.precision, self._owner)
 
     def combined(self, p: np.ndarray) -> np.ndarray:
         """Return p^T A, (N, n), for p (m, N), in the precision of A."""

@@ -183,9 +183,9 @@ def stated_damping_rate(modes: DampedModes, stated: StatedDamping, dK: np.ndarra
     """
     g, squares, h = stated.modal(modes.omega_n), modes.omega_n**2, 1e-3
     slope = (stated.modal((1.0 + h) * modes.omega_n) - stated.modal((1.0 - h) * modes.omega_n)) / (4.0 * h * squares)
-    apart = squares[:, None] - squares
-    is_multiple = np.abs(apart) <= MULTIPLE * squares
-    quotient = np.divide(g[:, None] - g, apart, out=0.5 * (slope[:, None] + slope), where=~is_multiple)
+    difference = squares[:, None] - squares
+    is_multiple = np.abs(difference) <= MULTIPLE * squares
+    quotient = np.divide(g[:, None] - g, difference, out=0.5 * (slope[:, None] + slope), where=~is_multiple)
     return quotient * (modes.R_phi.conj().T @ (dK[:, None] * modes.R_phi))
 
 

@@ -48,19 +48,19 @@ class StaticColumns:
         """Solve for missing pairs in this order from now on, where others leave room.  Local; the same on every rank."""
         self.likely = pairs
 
-    def tell(self, hears: Callable[[np.ndarray], None]) -> None:
-        """Tell of pairs whose columns were solved for from now on; ``hears`` is collective.  Local."""
-        self.on_new = hears
+    def subscribe(self, listener: Callable[[np.ndarray], None]) -> None:
+        """Tell of pairs whose columns were solved for from now on; ``listener`` is collective.  Local."""
+        self.on_new = listener
 
     def require(self, pairs: np.ndarray) -> None:
         """Solve for the columns of ``pairs`` (m,) that are not known yet.  Collective; the same pairs on every rank."""
         missing = pairs[~self.known[pairs]]
         if len(missing) == 0:
             return
-        others = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
+        expected = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
         together = max(int(_PART_BYTES / (72 * len(self.known))), self.batch)
         wanted = min(max(self.batch, np.count_nonzero(self.known)), together)
-        missing = np.concatenate([missing, others[: max(wanted - len(missing), 0)]])
+        missing = np.concatenate([missing, expected[: max(wanted - len(missing), 0)]])
         start = perf_counter()
         for first in range(0, len(missing), together):
             part = missing[first : first + together]
@@ -123,9 +123,9 @@ class ConjugateStaticColumns(StaticColumns):
         """Order the missing pairs of both, as :meth:`StaticColumns.expect`.  Local."""
         self._base.expect(pairs)
 
-    def tell(self, hears: Callable[[np.ndarray], None]) -> None:
+    def subscribe(self, listener: Callable[[np.ndarray], None]) -> None:
         """Tell of the columns of both, as :meth:`StaticColumns.tell`.  Local."""
-        self._base.tell(hears)
+        self._base.subscribe(listener)
 
     def require(self, pairs: np.ndarray) -> None:
         """Solve for missing columns of both, as :meth:`StaticColumns.require`.  Collective."""
@@ -153,7 +153,7 @@ class ChosenColumns(Rows):
 
     def part(self, chosen: np.ndarray) -> ChosenColumns:
         """Return some of the columns, (k,) by number, of the same memory."""
-        return type(self)(self._places[chosen], self.n_rows, self._kept, self.largest)
+        return type(self)(self._places[chosen], self.n_rows, self._owner, self.largest)
 
     @property
     def n_rows(self) -> int:
@@ -207,7 +207,7 @@ class ConjugateColumns(ComplexColumns):
     @classmethod
     def of_columns(cls, base: ChosenColumns) -> ConjugateColumns:
         """Return the conjugates of ``base``, which is complex.  Local."""
-        return cls(base._places, base.n_rows, base._kept, base.largest)
+        return cls(base._places, base.n_rows, base._owner, base.largest)
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return the real coefficients of conj(G) p, (n_rows, N_H) [m]; there is no mean."""

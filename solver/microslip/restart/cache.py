@@ -1,11 +1,11 @@
-"""Structures that runs share, beside their folders for results.
+"""A cache of structures that several runs share, next to their folders for results.
 
-    cache/setup-KEY/model, modes-NAME, columns   a stuck structure: stored_structure.py; columns of the run that knew most of them
+    cache/setup-KEY/model, modes-NAME, columns   a stuck structure: stored_structure.py; columns of the run with most of them
     cache/setup-KEY/factor-N                     its factor on N ranks: cached_factor.py
 
-The key is a hash of all that a stuck structure depends on (identity.py).  Files are written beside, take their places whole and
-are never changed there, so that any number of runs may read and write them at a time: whoever comes last is the one who counts.
-What is damaged is dropped.  Nothing here is needed: where the cache fails, a run does without.
+The key is a hash of everything that a stuck structure depends on (identity.py).  Files are written under temporary names, renamed
+atomically and never changed afterwards, so that any number of runs may read and write at the same time; the last writer wins.
+Damaged files are removed.  A run that cannot use the cache computes everything itself.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from ..parallel.agree import on_root
 from ..reduction.choose_modes import choose_modes
 from .cached_factor import CachedFactor
 from .columns_file import n_pairs_in
-from .place import is_part
 from .records import Arrays
-from .stored_structure import StoredStructure, extent_of, take
+from .results_folder import is_checkpoint
+from .stored_structure import StoredStructure, extent_of, link_or_copy
 from .structure_arrays import numbers_of
 
 if TYPE_CHECKING:
@@ -45,20 +45,20 @@ if TYPE_CHECKING:
     from ..scene.schema import Scene
 
 NAME, VARIABLE, OFF = "cache", "MICROSLIP_CACHE", "off"
-WHY = "modes: "  # how the note begins that says why so many
-_LIMITS = ("mu", "N0", "own/mu_y")  # of pairs: the stuck structure does not know of them
-LARGEST = 4e9  # bytes: factors, and then set-ups, that were used longest ago are removed beyond
+WHY = "modes: "  # start of the note that gives the reason for the number of modes
+_LIMITS = ("mu", "N0", "law_columns/mu_y")  # of pairs: the stuck structure does not depend on them
+LARGEST = 4e9  # bytes of the cache: beyond, the least recently used factors and then set-ups are removed
 
 
 def cache_of(folder: Path) -> Path | None:
-    """Return the folder of the set-ups that a run shares, beside that for its results or where the environment says; or None."""
-    said = os.environ.get(VARIABLE, "")
-    return None if said == OFF else Path(said) if said else folder.absolute().parent / NAME
+    """Return the folder of the cache, next to that of the results or as the environment states; None where it is off."""
+    choice = os.environ.get(VARIABLE, "")
+    return None if choice == OFF else Path(choice) if choice else folder.absolute().parent / NAME
 
 
 @dataclass(eq=False)
 class Cache:
-    """A structure in a cache.  All methods are collective on ``comm``; files at fault raise nothing."""
+    """A structure in the cache.  All methods are collective on ``comm``; faulty files raise no errors."""
 
     comm: MPI.Comm
     path: Path  # of the cache
@@ -70,7 +70,7 @@ class Cache:
 
     @cached_property
     def factor(self) -> CachedFactor:
-        """The factor on as many ranks as this run has."""
+        """The factor on the number of ranks of this run."""
         return CachedFactor(self.comm, self._entry)
 
     @cached_property
@@ -79,11 +79,11 @@ class Cache:
         return StoredStructure(self.comm, self._entry, self.factor)
 
     def structure(self, scene: Scene, log: RunLog) -> tuple[Structure, list[str], Path] | None:
-        """Return the structure for a scene, notes, and the file of its modes; None where it cannot be had."""
-        found = on_root(self.comm, self._read)
-        if found is None:
+        """Return the structure for a scene, notes, and the file of its modes; None if the cache has none to use."""
+        stored = on_root(self.comm, self._read)
+        if stored is None:
             return None
-        arrays, texts = found
+        arrays, texts = stored
         with log.stage("structure from the cache"):
             structure = self.stored.structure((arrays, texts), scene, log)
             pairs = structure.pairs if texts["is_at_rest"] else pairs_for(scene, structure.pairs, texts["joints"], self.comm)
@@ -96,59 +96,59 @@ class Cache:
         return structure, notes, self._entry / texts["modes"]
 
     def _read(self) -> tuple[Arrays, dict[str, Any]] | None:
-        """Return what is there, as used now; an entry that is damaged is removed.  Rank 0."""
+        """Return the stored arrays and texts and mark the entry as used now; remove a damaged entry.  Rank 0."""
         with suppress(OSError):
-            found = self.stored.read()
-            if found is not None and (self._entry / found[1]["modes"]).is_file():
+            stored = self.stored.read()
+            if stored is not None and (self._entry / stored[1]["modes"]).is_file():
                 os.utime(self.stored.model)
-                return found
+                return stored
             if self.stored.model.exists():
                 shutil.rmtree(self._entry, ignore_errors=True)
         return None
 
     def share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> str:
-        """Share the files of a structure, where those there are of less or are to be renewed; return why not, or nothing."""
+        """Store a structure unless the cache has the same extent already; return an error message or nothing."""
         return self._tried(lambda: self._share(structure, of_run, renews))
 
     def _share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> None:
-        there = None if renews else self.stored.read()
-        if there is None or there[1]["extent"] != extent_of(structure):
-            self.stored.take_from(of_run)
+        cached = None if renews else self.stored.read()
+        if cached is None or cached[1]["extent"] != extent_of(structure):
+            self.stored.copy_from(of_run)
             make_room(self.path, self._entry)
 
     def share_columns(self, journal: Path) -> str:
-        """Share the static columns in the journal of a run, where they are more than those there; return why not, or nothing."""
+        """Store the static columns of a run if they are more than the cached ones; return an error message or nothing."""
         return self._tried(lambda: self._link_columns(journal))
 
     def _link_columns(self, journal: Path) -> None:
         columns = self.stored.columns.path
         if self.stored.model.is_file() and n_pairs_in(journal) > n_pairs_in(columns):
-            take(journal, columns)
+            link_or_copy(journal, columns)
             make_room(self.path, self._entry)
 
     def share_factor(self, factor: Factor) -> str:
-        """Share a factor that is wanted for later runs; return why that could not be, or nothing."""
+        """Store a factor for later runs; return an error message or nothing."""
         return self.factor.keep(factor) or self._tried(lambda: make_room(self.path, self._entry))
 
     def _tried(self, write: Callable[[], None]) -> str:
-        """Write on rank 0; return what went wrong, on every rank."""
+        """Write on rank 0; return the error message or nothing, on every rank."""
 
         def tried() -> str:
             try:
                 write()
             except (CaseError, ResourceError, OSError) as problem:
-                return f"the set-up is not kept for other runs: {problem}"
+                return f"the set-up is not stored for other runs: {problem}"
             return ""
 
         return on_root(self.comm, tried)
 
 
 def make_room(path: Path, newest: Path) -> None:
-    """Remove the factors of the set-ups used longest ago, then set-ups, until the rest is no larger than ``LARGEST``.  Rank 0.
+    """Remove the least recently used factors, then set-ups, until the cache is no larger than ``LARGEST``.  Rank 0.
 
-    A factor is most of what is there and saves least: modes take longer.
+    Factors are the largest files and save the least time: computing modes takes longer.
     """
-    entries = sorted(filter(is_part, path.glob("setup-*")), key=lambda entry: (entry == newest, _used(entry)))
+    entries = sorted(filter(is_checkpoint, path.glob("setup-*")), key=lambda entry: (entry == newest, _used(entry)))
     factors = [factor for entry in entries for factor in entry.glob("factor-*")]
     for part in (*factors, *entries):
         if sum(map(size_of, entries)) <= LARGEST:
@@ -157,7 +157,7 @@ def make_room(path: Path, newest: Path) -> None:
 
 
 def size_of(folder: Path) -> int:
-    """Return the bytes of all files in a folder; others may remove some of them meanwhile.  Rank 0."""
+    """Return the size of all files in a folder [bytes]; other runs may remove some of them meanwhile.  Rank 0."""
     size = 0
     for file in folder.rglob("*"):
         with suppress(OSError):
@@ -189,8 +189,8 @@ def pairs_for(scene: Scene, cached: ContactPairs, joints: list[dict[str, Any]], 
         return cached
     if scene.model.mesh is None:
         return None
-    file, whole, _ = read_completed(scene, comm)
-    return on_root(comm, _paired, whole, file, cached)
+    file, completed, _ = read_completed(scene, comm)
+    return on_root(comm, _paired, completed, file, cached)
 
 
 def _paired(scene: Scene, file, cached: ContactPairs) -> ContactPairs | None:

@@ -1,4 +1,4 @@
-"""The static columns of pairs in a journal, as they come.  The files are those of rank 0."""
+"""The static columns of pairs in a journal, in the order in which they are computed.  Rank 0 has the files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
 from ..receptance.static_columns import StaticColumns
-from .records import Arrays, Disk, Journal, as_written, length_of, read_records, unpack
+from .records import Arrays, Disk, Journal, checked_read, length_of, read_records, unpack
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -20,7 +20,7 @@ BATCH = 64  # pairs whose columns travel together
 
 
 class ColumnsFile:
-    """Columns of G_static by pairs, in a file of which whole records count.  All methods are collective on ``comm``.
+    """Columns of G_static by pairs in a file; incomplete records are ignored.  All methods are collective on ``comm``.
 
     Raises
     ------
@@ -32,29 +32,29 @@ class ColumnsFile:
         self._journal: Journal | None = None
 
     def restore(self, G_static: StaticColumns, is_known: bool) -> None:
-        """Put what is there into ``G_static``: as known, or as stored until it is required."""
+        """Give the stored columns to ``G_static``: as known columns, or as columns to take when they are required."""
         records = on_root(self.comm, read_records, self.path, share=False)
         ends = 3 * split_evenly(len(G_static.known), self.comm.size)[self.comm.rank :][:2]
         for i in range(self.comm.bcast(len(records) if records is not None else None)):
-            there = on_root(self.comm, as_written, self.path, self._columns, records, i)
+            there = on_root(self.comm, checked_read, self.path, self._columns, records, i)
             (G_static.put if is_known else G_static.store)(there["pairs"], there["columns"][slice(*ends)])
 
     def _columns(self, records: Sequence[bytes], i: int) -> Arrays:
-        """Return pairs and columns of a record."""
+        """Return the pairs and the columns of a record."""
         arrays, _ = unpack(records[i])
         return {name: arrays[name] for name in ("pairs", "columns")}
 
     def follow(self, G_static: StaticColumns) -> None:
-        """Keep what is known of ``G_static`` beyond the file, and from now on what comes to be."""
-        there = on_root(self.comm, as_written, self.path, self._open)
+        """Append the columns of ``G_static`` that the file lacks, now and whenever new ones are computed."""
+        there = on_root(self.comm, checked_read, self.path, self._open)
         new = np.flatnonzero(G_static.known)
         new = new[~np.isin(new, there)]
         for start in range(0, len(new), BATCH):
             self._keep(G_static, new[start : start + BATCH])
-        G_static.tell(lambda pairs: self._keep(G_static, pairs))
+        G_static.subscribe(lambda pairs: self._keep(G_static, pairs))
 
     def _open(self) -> np.ndarray:
-        """Open the file behind its whole records; return the pairs that they hold."""
+        """Open the file after its complete records; return their pairs."""
         records = read_records(self.path)
         self._journal = Journal(self.path, keep=length_of(records), disk=self._disk)
         return np.concatenate([np.empty(0, dtype=int), *(unpack(record)[0]["pairs"] for record in records)])
@@ -69,5 +69,7 @@ class ColumnsFile:
 
 
 def n_pairs_in(path: Path) -> int:
-    """Return of how many pairs a file has the columns.  Rank 0."""
-    return len(np.unique(np.concatenate([np.empty(0, dtype=int), *(unpack(one)[0]["pairs"] for one in read_records(path))])))
+    """Return the number of pairs with columns in a file.  Rank 0."""
+    return len(
+        np.unique(np.concatenate([np.empty(0, dtype=int), *(unpack(record)[0]["pairs"] for record in read_records(path))]))
+    )

@@ -1,4 +1,4 @@
-"""What a run is of: its scene, the files that it reads, the program; and what of that a part of its work depends on."""
+"""The inputs of a run: scene, files, program; and the keys of its parts, hashes of the inputs that each part depends on."""
 
 from __future__ import annotations
 
@@ -20,41 +20,41 @@ if TYPE_CHECKING:
     from ..scene.schema import Scene
 
 Tables = dict[str, Any]
-_OF_RESPONSE = ("samples", "tolerance")  # of [solver]: the set-up knows nothing of them
+_OF_RESPONSE = ("samples", "tolerance")  # of [solver]: the set-up does not depend on them
 _NOT_OF_STRUCTURE = ("title", "continuation", "response", "solver", "damping")
 _RANGE = ("frequencies", "mode", "span")  # of [response]
-_AT_REST = "loads at rest"  # among the files: the model file may make [statics]
+_AT_REST = "loads at rest"  # key in ``files``: the model file may have the loads of [statics]
 _PERTURBED, _LOADED = re.compile(rb"(?i)perturbation"), re.compile(rb"(?i)\*\s*(c|d|d\s*s)\s*load")
 
 
 @dataclass(frozen=True)
 class Identity:
-    """A scene as stated, and what else decides its results."""
+    """A scene as stated, and all other inputs that decide its results."""
 
-    scene: Tables  # as JSON has it; with nothing that the program chose
-    files: dict[str, str]  # hashes of the input files, by the names that they have in the scene
+    scene: Tables  # as JSON, without defaults
+    files: dict[str, str]  # hashes of the input files, by their names in the scene
     program: dict[str, str]  # versions, and a hash of the program's own files
     options: tuple[str, ...]  # of PETSc
 
     def as_texts(self) -> Tables:
-        """Return it as JSON has it."""
+        """Return the identity as JSON can represent it."""
         return {"scene": self.scene, "files": self.files, "program": self.program, "options": list(self.options)}
 
     @classmethod
     def from_texts(cls, texts: Tables) -> Identity:
-        """Return the identity that ``as_texts`` gave."""
+        """Return the identity of the texts by ``as_texts``."""
         return cls(texts["scene"], texts["files"], texts["program"], tuple(texts["options"]))
 
     # -- what parts of the work depend on --------------------------------------------------------------------------
 
     @property
     def whole(self) -> str:
-        """The key of all of the run."""
+        """The key of the whole run."""
         return self._key(self.scene)
 
     @property
     def setup(self) -> str:
-        """The key of the set-up: all but what only the response follows.
+        """The key of the set-up: all inputs except those of the response alone.
 
         The range is part of it, also where modes are stated: whether they reach its end is said with the set-up.
         """
@@ -80,7 +80,7 @@ class Identity:
         return self._key(scene)
 
     def level(self, level: float, n_modes: int) -> str:
-        """Return the key of a level [N]: everything but the other levels.  The number of modes stands for what chose it."""
+        """Return the key of a level [N]: everything except the other levels, and the number of modes instead of their choice."""
         scene, response = dict(self.scene), dict(self.scene["response"])
         scene.pop("title", None)
         response.pop("levels")
@@ -88,7 +88,7 @@ class Identity:
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
 
     def branch(self, level: float, n_modes: int) -> str:
-        """Return the key of a level [N] over whatever range."""
+        """Return the key of a level [N], independent of the range."""
         scene, response = dict(self.scene), dict(self.scene["response"])
         for name in ("levels", "at", "fields", *_RANGE):
             response.pop(name, None)
@@ -112,7 +112,7 @@ class Identity:
 
 
 def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
-    """Return what a run of a scene is of.  Local, on rank 0: all input files are read once.
+    """Return the identity of a run.  Local, on rank 0: reads all input files once.
 
     Raises
     ------
@@ -122,15 +122,15 @@ def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
     inputs = input_files(scene)
     if _may_be_loaded(scene, [path for _, path in inputs]):
         files[_AT_REST] = "maybe"
-    for one in fingerprint(inputs):
-        name = f"{one.key} {Path(one.path).name}"
-        files[name] = files.get(name, "") + one.sha256  # files of one name in several folders
+    for file in fingerprint(inputs):
+        name = f"{file.key} {Path(file.path).name}"
+        files[name] = files.get(name, "") + file.sha256  # files of one name in several folders
     program = {"microslip": f"{__version__} ({program_hash()})", **versions()}
     return Identity(scene.model_dump(mode="json", exclude_unset=True), files, program, tuple(options))
 
 
 def _may_be_loaded(scene: Scene, files: list[Path]) -> bool:
-    """Return whether an input file of Abaqus or CalculiX may hold loads about which it vibrates: it has words for both."""
+    """Return whether an input file of Abaqus or CalculiX may have loads at rest: it has keywords of a static step and loads."""
     if Path(scene.model.mesh or "").suffix.lower() != ".inp":
         return False
     return all(any(_has(path, word) for path in files) for word in (_PERTURBED, _LOADED))
@@ -144,18 +144,18 @@ def _has(path: Path, word: re.Pattern[bytes]) -> bool:
 
 
 def _without_limits(joint: Tables) -> Tables:
-    """Return a joint without what the stuck structure does not know of."""
+    """Return a joint without the keys that the stuck structure does not depend on."""
     limits = LAWS[joint.get("law", ELASTIC_COULOMB)].limits
     return {key: value for key, value in joint.items() if key not in limits}
 
 
 def _changes(path: str, was: Any, now: Any) -> list[tuple[str, str, str]]:
-    """Return where two values of JSON differ, as keys with both values in short."""
+    """Return the differences of two JSON values: keys with both values, abbreviated."""
     if isinstance(was, Mapping) and isinstance(now, Mapping):
         names = [*was, *(name for name in now if name not in was)]
-        return [found for name in names for found in _changes(f"{path} {name}".strip(), was.get(name), now.get(name))]
+        return [change for name in names for change in _changes(f"{path} {name}".strip(), was.get(name), now.get(name))]
     if _is_list_of_tables(was) and _is_list_of_tables(now) and len(was) == len(now):
-        return [found for i, (a, b) in enumerate(zip(was, now), 1) for found in _changes(f"{path} {i}", a, b)]
+        return [change for i, (a, b) in enumerate(zip(was, now), 1) for change in _changes(f"{path} {i}", a, b)]
     return [] if was == now else [(path, _short(was), _short(now))]
 
 

@@ -1,10 +1,10 @@
-"""Arrays as checked records in files: whatever ends a process, what is read back is whole or not there.
+"""Arrays as checked records in files: after any interruption a record is read back complete or not at all.
 
-A record is a frame of two words, the length of what follows and its checksum, a JSON head that names the arrays, and their
-bytes.  Nothing in it is executed.  Local, on the rank that owns the file.
+Each record has a length and a CRC-32, a JSON head that names the arrays, and their bytes.  Nothing in it is executed.  Local, on
+the rank that owns the file.
 
-Records are with the system when they are written, so that they outlive the process.  The disk is waited for in a thread, beside
-the computation: fsync takes as long as a point on a busy disk.
+A written record has been handed to the operating system and survives the process.  fsync, which can take as long as a point on a
+busy disk, runs in a background thread.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from typing import TypeVar
 import numpy as np
 
 from ..messages.errors import CaseError
-from ..system.files import said_of, written_whole
+from ..system.files import atomic_write, file_errors
 
 T = TypeVar("T")
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _FRAME = struct.Struct("<QI")  # bytes of a record, their CRC-32
 _HEAD = struct.Struct("<I")  # bytes of its head
 _KIND = re.compile(r"[<>|][iufbc]\d{1,2}")  # of arrays; texts travel in the head
-# what bytes that are no record come to
+# errors of decoding bytes that are no record
 _DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError, struct.error)
-_SHARE = 300.0  # times as long as the disk takes to have it all: files are left to the system's memory in between
+_INTERVAL = 300.0  # times the duration of an fsync: the least time between two of them
 
 
 def pack(arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | bytes | None = None) -> bytes:
-    """Return arrays and texts, anything that JSON holds or JSON itself, as one record."""
+    """Return one record of arrays and of texts, which are encoded JSON or anything that JSON can represent."""
     values = [np.asarray(value, order="C") for value in arrays.values()]
     head = _head_of(tuple(arrays), *zip(*[(value.dtype, value.shape) for value in values]))
     coded = head + (texts if isinstance(texts, bytes) else json.dumps(texts).encode() if texts else b"{}") + b"]"
@@ -46,23 +46,23 @@ def pack(arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | bytes |
 
 
 def framed(body: bytes) -> bytes:
-    """Return what is in a record as one, with its length and checksum."""
+    """Return a record: its contents after their length and checksum."""
     return _FRAME.pack(len(body), zlib.crc32(body)) + body
 
 
 @lru_cache(maxsize=64)
 def _head_of(names: tuple[str, ...], kinds: tuple[np.dtype, ...] = (), shapes: tuple[tuple[int, ...], ...] = ()) -> bytes:
-    """Return the first half of a head: names, types and shapes, which are mostly those of the record before."""
+    """Return the first half of a head: names, types and shapes; most records have those of the record before."""
     described = {name: (kind.str, shape) for name, kind, shape in zip(names, kinds, shapes)}
     return json.dumps([described]).encode()[:-1] + b","
 
 
 def unpack(body: bytes) -> tuple[Arrays, dict]:
-    """Return the arrays and texts of a record, without its frame.
+    """Return the arrays and texts of a record without its header.
 
     Raises
     ------
-    ValueError : it is not one
+    ValueError : the bytes are no record
     """
     start = _HEAD.size + _HEAD.unpack_from(body)[0]
     head, texts = json.loads(body[_HEAD.size : start])
@@ -78,23 +78,23 @@ def unpack(body: bytes) -> tuple[Arrays, dict]:
 
 
 def read_records(path: Path) -> list[bytes]:
-    """Return the records of a file up to the first that is not whole, without their frames; none where there is no file."""
-    found: list[bytes] = []
-    left = path.stat().st_size if path.is_file() else 0
-    if left == 0:
-        return found
+    """Return the records of a file up to the first incomplete one, without their headers; none if there is no file."""
+    records: list[bytes] = []
+    remaining = path.stat().st_size if path.is_file() else 0
+    if remaining == 0:
+        return records
     with open(path, "rb") as file:
-        while left >= _FRAME.size:
+        while remaining >= _FRAME.size:
             length, checksum = _FRAME.unpack(file.read(_FRAME.size))
-            left -= _FRAME.size
-            if length > left:
+            remaining -= _FRAME.size
+            if length > remaining:
                 break
             body = file.read(length)
             if zlib.crc32(body) != checksum:
                 break
-            found.append(body)
-            left -= length
-    return found
+            records.append(body)
+            remaining -= length
+    return records
 
 
 def length_of(records: Sequence[bytes]) -> int:
@@ -108,45 +108,45 @@ def checksum_of(record: bytes) -> int:
 
 
 def write_record(path: Path, arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = None) -> None:
-    """Write a file of one record, whole or not at all.
+    """Write a file of one record atomically.
 
     Raises
     ------
     CaseError, ResourceError : it cannot be written
     """
-    with written_whole(str(path)) as beside, open(beside, "wb") as file:
+    with atomic_write(str(path)) as temporary, open(temporary, "wb") as file:
         file.write(pack(arrays, texts))
 
 
-def as_written(path: Path, read: Callable[..., T], *arguments: object) -> T:
-    """Return what ``read(*arguments)`` makes of the records of a file or a folder.
+def checked_read(path: Path, read: Callable[..., T], *arguments: object) -> T:
+    """Return ``read(*arguments)``, which decodes the records of a file or a folder.
 
-    Records are whole, their sums say.  What they hold was written by this very program, or by somebody else.
+    Checksums show that records are complete, not that this version of the program wrote them.
 
     Raises
     ------
-    CaseError : it is not what this program writes
+    CaseError : the records have contents that this program does not write
     """
     try:
         return read(*arguments)
     except _DAMAGED as problem:
         cause = " ".join(f"{type(problem).__name__}: {problem}".split())[:200]
-        raise CaseError(f"{path}: holds what this program does not write there ({cause}); begin anew with --fresh") from problem
+        raise CaseError(f"{path}: has contents that this program does not write ({cause}); start again with --fresh") from problem
 
 
-def note_record(path: Path, arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = None) -> None:
-    """Write a file of one record where none is worth keeping: cut off, it is as good as not there, so nobody waits for the disk.
+def write_unsynced(path: Path, arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = None) -> None:
+    """Write a file of one record without waiting for the disk: a truncated file is treated as missing.
 
     Raises
     ------
     CaseError, ResourceError : it cannot be written
     """
-    with said_of(str(path)), open(path, "wb", buffering=0) as file:
+    with file_errors(str(path)), open(path, "wb", buffering=0) as file:
         _write_all(file.fileno(), [pack(arrays, texts)])
 
 
 def read_record(path: Path) -> tuple[Arrays, dict] | None:
-    """Return arrays and texts of a file of one record; None where it is missing or damaged."""
+    """Return arrays and texts of a file of one record; None if it is missing or damaged."""
     records = read_records(path)
     try:
         return unpack(records[0]) if records else None
@@ -155,60 +155,60 @@ def read_record(path: Path) -> tuple[Arrays, dict] | None:
 
 
 class Disk:
-    """Has files reach the disk, in a thread: at first, and whenever that takes less than a three-hundredth of the time since.
+    """Calls fsync in a background thread, at most for one three-hundredth of the time.
 
-    One for all files of a run, or of its own for each.  What the system reports comes with the next call.
+    One object serves all files of a run, or a single file.  An error of the system is raised by the next call.
 
     Raises
     ------
-    OSError : of every method, where a file did not reach the disk
+    OSError : of every method, if a file did not reach the disk
     """
 
     def __init__(self) -> None:
         self._next = 0.0
-        self._beside: ThreadPoolExecutor | None = None
-        self._under_way: list[Future] = []
+        self._executor: ThreadPoolExecutor | None = None
+        self._pending: list[Future] = []
 
-    def reach(self, handle: int, is_last: bool = False) -> None:
-        """Begin to bring a file to the disk, if it is time or this is the last of it."""
-        self._hear()
-        if is_last or (not self._under_way and monotonic() >= self._next):
-            self._beside = self._beside or ThreadPoolExecutor(1, "disk")
-            own = os.dup(handle)
+    def sync(self, handle: int, is_last: bool = False) -> None:
+        """Start to synchronise a file, if that is due or ``is_last``."""
+        self._raise_failures()
+        if is_last or (not self._pending and monotonic() >= self._next):
+            self._executor = self._executor or ThreadPoolExecutor(1, "disk")
+            duplicate = os.dup(handle)
             try:
-                self._under_way.append(self._beside.submit(self._bring, own))
+                self._pending.append(self._executor.submit(self._sync, duplicate))
             except RuntimeError:  # the system gives no further thread
-                self._beside = None
-                self._bring(own)
+                self._executor = None
+                self._sync(duplicate)
 
     def wait(self) -> None:
-        """Wait for what is under way."""
-        for one in self._under_way:
-            one.exception()
-        self._hear()
+        """Wait for all pending files."""
+        for future in self._pending:
+            future.exception()
+        self._raise_failures()
 
-    def _bring(self, handle: int) -> None:
-        """Wait until a file has reached the disk, in the thread; the handle is its own."""
+    def _sync(self, handle: int) -> None:
+        """Synchronise a file and close its handle.  Called in the thread."""
         try:
             began = perf_counter()
             os.fsync(handle)
-            self._next = monotonic() + _SHARE * (perf_counter() - began)
+            self._next = monotonic() + _INTERVAL * (perf_counter() - began)
         finally:
             os.close(handle)
 
-    def _hear(self) -> None:
-        """Raise what has failed since the last call."""
-        over = [one for one in self._under_way if one.done()]
-        self._under_way = [one for one in self._under_way if one not in over]
-        for one in over:
-            one.result()
+    def _raise_failures(self) -> None:
+        """Raise the first error since the last call."""
+        finished = [future for future in self._pending if future.done()]
+        self._pending = [future for future in self._pending if future not in finished]
+        for future in finished:
+            future.result()
 
 
 class Journal:
-    """A file that records are appended to; ``keep`` bytes of it stay, what lies behind them is dropped.
+    """A file to which records are appended after its first ``keep`` bytes; the remainder is truncated.
 
-    Each record is with the system when ``append`` returns, so that it outlives the process, and soon on the disk, so that it
-    outlives the machine.
+    When ``append`` returns, the operating system has the record, which survives the process; soon after it is on the disk and
+    survives the machine.
 
     Raises
     ------
@@ -217,7 +217,7 @@ class Journal:
 
     def __init__(self, path: Path, keep: int = 0, disk: Disk | None = None):
         self.path = path
-        with said_of(str(path)):
+        with file_errors(str(path)):
             self._handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
             os.ftruncate(self._handle, keep)
             os.lseek(self._handle, 0, os.SEEK_END)
@@ -231,25 +231,25 @@ class Journal:
         """Append records."""
         try:
             _write_all(self._handle, records)
-            self._disk.reach(self._handle)
+            self._disk.sync(self._handle)
         except OSError:
-            with said_of(str(self.path)):
+            with file_errors(str(self.path)):
                 raise
 
     def close(self) -> None:
         """Leave the file to the disk and close it."""
         if self._handle >= 0:
-            with said_of(str(self.path)):
-                self._disk.reach(self._handle, is_last=True)
+            with file_errors(str(self.path)):
+                self._disk.sync(self._handle, is_last=True)
             os.close(self._handle)
             self._handle = -1
 
 
 class Latest:
-    """The latest of the records written under one name: two files in turn, so that one of them is always whole.
+    """The latest record of a name, written to two files alternately, so that one of them is always complete.
 
-    A record may have parts, which are packed records themselves and often those of the one before: they lie behind it, and it
-    holds their checksums, so that they are neither packed nor summed again.
+    A record may have parts: packed records that follow it in the file.  The record has their checksums, so that parts which did
+    not change are neither packed nor summed again.
 
     Raises
     ------
@@ -258,28 +258,28 @@ class Latest:
 
     def __init__(self, path: Path, disk: Disk | None = None):
         self._paths = [path.with_name(f"{path.name}.{i}") for i in range(2)]
-        self._number = max([found["number"] for _, found in self._whole()], default=-1)
+        self._number = max([record["number"] for _, record in self._intact()], default=-1)
         self._handles = [-1, -1]
         self._lengths = [path.stat().st_size if path.is_file() else 0 for path in self._paths]
         self._disk = disk or Disk()
 
-    def _whole(self) -> list[tuple[Arrays, dict]]:
-        return [found for path in self._paths if (found := _with_parts(path)) is not None]
+    def _intact(self) -> list[tuple[Arrays, dict]]:
+        return [record for path in self._paths if (record := _with_parts(path)) is not None]
 
     def read(self) -> list[tuple[Arrays, dict]]:
-        """Return what is whole of it, the latest first, with the arrays of its parts under their names."""
-        return sorted(self._whole(), key=lambda found: -found[1]["number"])
+        """Return the complete records, the latest first, with the arrays of their parts under the names of the parts."""
+        return sorted(self._intact(), key=lambda record: -record[1]["number"])
 
     def write(self, arrays: Mapping[str, np.ndarray], parts: Mapping[str, bytes] | None = None) -> None:
-        """Write a record in place of the one before the last."""
+        """Write a record over the older of the two."""
         self._number += 1
         turn, parts = self._number % 2, parts or {}
-        said = {"number": np.array(self._number), "sums": np.array([checksum_of(part) for part in parts.values()], dtype="u4")}
-        record = pack({**arrays, **said}, _names_of(tuple(parts)))
+        header = {"number": np.array(self._number), "sums": np.array([checksum_of(part) for part in parts.values()], dtype="u4")}
+        record = pack({**arrays, **header}, _names_of(tuple(parts)))
         try:
             self._put(turn, [record, *parts.values()])
         except OSError:
-            with said_of(str(self._paths[turn])):
+            with file_errors(str(self._paths[turn])):
                 raise
 
     def _put(self, turn: int, records: Sequence[bytes]) -> None:
@@ -292,7 +292,7 @@ class Latest:
         if length < self._lengths[turn]:
             os.ftruncate(handle, length)
         self._lengths[turn] = length
-        self._disk.reach(handle)
+        self._disk.sync(handle)
 
     def close(self) -> None:
         """Close both files."""
@@ -304,17 +304,17 @@ class Latest:
 
 @lru_cache(maxsize=64)
 def _names_of(parts: tuple[str, ...]) -> bytes:
-    """Return names of parts as texts, which are mostly those of the record before."""
+    """Return the names of the parts as JSON; most records have those of the record before."""
     return json.dumps({"parts": parts}).encode()
 
 
 def _with_parts(path: Path) -> tuple[Arrays, dict] | None:
-    """Return arrays and texts of a record and its parts; None where one of them is missing or damaged."""
+    """Return arrays and texts of a record and its parts; None if one of them is missing or damaged."""
     records = read_records(path)
     try:
-        arrays, said = unpack(records[0])
-        number, sums, names = int(arrays.pop("number")), arrays.pop("sums").tolist(), said["parts"]
-        parts = records[1 : 1 + len(sums)]  # what lies behind is of a longer one before
+        arrays, header = unpack(records[0])
+        number, sums, names = int(arrays.pop("number")), arrays.pop("sums").tolist(), header["parts"]
+        parts = records[1 : 1 + len(sums)]  # records after these belong to an earlier, longer record
         if [zlib.crc32(part) for part in parts] != sums:
             return None
         for name, part in zip(names, parts, strict=True):

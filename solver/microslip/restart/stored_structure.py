@@ -1,10 +1,10 @@
-"""A stuck structure in a folder, of a run by itself or in a cache that runs share.
+"""A stuck structure in a folder: that of a run, or one in the cache.
 
-    model        all but what is as large as the mesh (structure_arrays.py); names the file of its modes
+    model        everything except data as large as the mesh (structure_arrays.py); names the file of its modes
     modes-NAME   all modes computed, in the order of the user's nodes, for fields on the mesh
     columns      static columns (columns_file.py)
 
-The modes are written first: a folder without a model holds no structure.
+The modes are written first: a folder without a model has no structure.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..library.build import Structure, rebuilt
-from ..linear.factor import KnownFactor
+from ..linear.factor import FactorCache
 from ..linear.joint_springs import Linearised
 from ..modes.eigen import Modes, lowest_modes
 from ..modes.user_order import from_user_order
@@ -41,28 +41,28 @@ if TYPE_CHECKING:
 
 
 class StoredStructure:
-    """The files of a structure in a folder; ``factor`` is that of a cache.
+    """The files of a structure in a folder; ``factor`` is its factor in the cache.
 
     Raises
     ------
     CaseError, ResourceError : files cannot be written; on every rank
     """
 
-    def __init__(self, comm: MPI.Comm, path: Path, factor: KnownFactor | None = None, disk: Disk | None = None):
+    def __init__(self, comm: MPI.Comm, path: Path, factor: FactorCache | None = None, disk: Disk | None = None):
         self.comm, self.path, self.factor = comm, path, factor
         self.model = path / "model"
         self.columns = ColumnsFile(comm, path / "columns", disk)
 
     def read(self) -> tuple[Arrays, dict[str, Any]] | None:
-        """Return the arrays and texts of the model; None where it is missing or damaged.  Rank 0."""
+        """Return the arrays and texts of the model; None if it is missing or damaged.  Rank 0."""
         return read_record(self.model)
 
-    def structure(self, found: tuple[Arrays, dict[str, Any]], scene: Scene, log: RunLog) -> Structure:
-        """Return the structure of arrays and texts, the same on every rank; its large parts are made when they are needed.
+    def structure(self, stored: tuple[Arrays, dict[str, Any]], scene: Scene, log: RunLog) -> Structure:
+        """Return the structure of arrays and texts, the same on every rank.  Local.
 
-        Local.
+        Its large parts are computed when they are first needed.
         """
-        arrays, texts = found
+        arrays, texts = stored
 
         def assemble() -> Factored:
             projected, n_proved = structure.projected, structure.n_proved
@@ -72,16 +72,16 @@ class StoredStructure:
         return structure
 
     def _modes(self, name: str, omega_n: np.ndarray, n_proved: int, linearised: Linearised) -> Modes:
-        """Return the modes of a file; computed again where that is gone or damaged.  Collective."""
-        whole = on_root(self.comm, read_modes, self.path / name, share=False)
-        if not self.comm.bcast(whole is not None):
+        """Return the modes of a file, or compute them again if it is missing or damaged.  Collective."""
+        record = on_root(self.comm, read_modes, self.path / name, share=False)
+        if not self.comm.bcast(record is not None):
             return lowest_modes(linearised, len(omega_n))
-        return Modes(omega_n, from_user_order(linearised, whole), {"complete": False, "proved": n_proved})
+        return Modes(omega_n, from_user_order(linearised, record), {"complete": False, "proved": n_proved})
 
     def write(
         self, structure: Structure, basis: Basis | None, modes: Path | None = None, more: dict[str, Any] | None = None
     ) -> None:
-        """Write a structure, with ``more`` texts; its modes are those of the file ``modes`` if that is given.  Collective."""
+        """Write a structure, with ``more`` texts; ``modes`` is the file of its modes, None: they are written.  Collective."""
         phi = None
         if modes is None:
             phi = structure.in_user_order(structure.using(structure.n_computed).modes.phi_owned)
@@ -92,23 +92,23 @@ class StoredStructure:
         make_folder(str(self.path))
         name = f"modes-{uuid.uuid4().hex[:12]}" if modes is None else modes.name
         if modes is not None:
-            with suppress(OSError):  # modes that have just been removed are computed again where they are needed
-                take(modes, self.path / name)
+            with suppress(OSError):  # modes removed meanwhile are computed again when they are needed
+                link_or_copy(modes, self.path / name)
         elif phi is not None:
             write_record(self.path / name, {"phi": phi})
         arrays, texts = to_arrays(structure, basis)
         write_record(self.model, arrays, {**texts, "modes": name, "extent": extent_of(structure), **(more or {})})
         self._remove_other_modes(name)
 
-    def take_from(self, other: StoredStructure) -> None:
-        """Have the model and the modes of another folder.  Rank 0."""
-        found = other.read()
-        if found is None:
+    def copy_from(self, other: StoredStructure) -> None:
+        """Link or copy the model and the modes of another folder.  Rank 0."""
+        stored = other.read()
+        if stored is None:
             return
         make_folder(str(self.path))
-        name = found[1]["modes"]
-        take(other.path / name, self.path / name)
-        take(other.model, self.model)
+        name = stored[1]["modes"]
+        link_or_copy(other.path / name, self.path / name)
+        link_or_copy(other.model, self.model)
         self._remove_other_modes(name)
 
     def _remove_other_modes(self, name: str) -> None:
@@ -118,27 +118,27 @@ class StoredStructure:
 
 
 def extent_of(structure: Structure) -> list[int]:
-    """Return how much of a structure is known: modes computed and proved; samples and coupling, if any.  Local."""
-    has_made = (int((name, structure.projected) in structure.results) for name in (SAMPLED, COUPLED))
-    return [structure.n_computed, structure.n_proved, *has_made]
+    """Return the extent of a structure: counts of modes computed and proved, whether it has samples and coupling.  Local."""
+    has_results = (int((name, structure.projected) in structure.results) for name in (SAMPLED, COUPLED))
+    return [structure.n_computed, structure.n_proved, *has_results]
 
 
 def read_modes(path: Path) -> np.ndarray | None:
-    """Return modes from their file, None where it is gone or damaged.  Rank 0."""
+    """Return modes from their file, None if it is missing or damaged.  Rank 0."""
     with suppress(OSError):
-        found = read_record(path)
-        return None if found is None else found[0]["phi"]
+        record = read_record(path)
+        return None if record is None else record[0]["phi"]
     return None
 
 
-def take(source: Path, target: Path) -> None:
-    """Give a file a second name, in place of what has it, or copy it where the file system has but one name each.  Rank 0."""
-    beside = target.with_name(f"{target.name}-{uuid.uuid4().hex[:12]}.part")
+def link_or_copy(source: Path, target: Path) -> None:
+    """Replace ``target`` by a hard link to ``source``, or by a copy if the file system has no links.  Rank 0."""
+    temporary = target.with_name(f"{target.name}-{uuid.uuid4().hex[:12]}.part")
     try:
         try:
-            os.link(source, beside)
+            os.link(source, temporary)
         except OSError:
-            shutil.copyfile(source, beside)
-        os.replace(beside, target)
+            shutil.copyfile(source, temporary)
+        os.replace(temporary, target)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

@@ -1,7 +1,7 @@
-"""A stuck structure as arrays and texts: all that a response needs of it but what is as large as its mesh, and static columns.
+"""A stuck structure as arrays and texts: all data of a response except static columns and data as large as the mesh.
 
-Everything is small, and whole on every rank.  The structure that is made of it again has its matrices, factor and modes over all
-DOFs made when they are first needed.
+All arrays are small and the same on every rank.  A restored structure computes its matrices, factor and modes over all DOFs when
+they are first needed.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ def _of_group(stuck: StuckStructure) -> Arrays:
 
 
 def _tables_of(structure: Structure) -> dict[str, BoltsAtRest | JointsAtRest | BodiesAtRest]:
-    """Return what is known of the equilibrium at rest."""
+    """Return the tables of the equilibrium at rest."""
     tables: dict[str, Any] = {} if structure.bolts is None else {"bolts": structure.bolts}
     balance = structure.balance
     return tables if balance is None else tables | {"across_joints": balance.joints, "on_bodies": balance.bodies}
 
 
 def numbers_of(of: Any) -> Arrays:
-    """Return what a dataclass holds of numbers, by path: arrays, single ones, and those of what it holds in turn."""
+    """Return the numbers in a dataclass by path: arrays, scalars, and those of nested dataclasses."""
     arrays: Arrays = {}
     for field in fields(of):
         value = getattr(of, field.name)
@@ -102,14 +102,14 @@ def structure_of(
     scene: Scene,
     comm: MPI.Comm,
     factored: Callable[[Hashable], OnDemand],
-    others: PerGroup[StuckStructure] | None = None,
+    per_group: PerGroup[StuckStructure] | None = None,
 ) -> Structure:
     """Return the structure of arrays and texts, the same on every rank, without static columns.  Local.
 
     Parameters
     ----------
     factored : returns what makes the large parts of a group of harmonics
-    others : makes the groups that are not among the arrays; None: the structure has one group
+    per_group : makes the groups that are not among the arrays; None: the structure has one group
     """
     bolts, balance, observed = None, None, under("observed", arrays)
     if "bolts" in texts:
@@ -117,7 +117,7 @@ def structure_of(
     if "across_joints" in texts:
         joints = JointsAtRest(tuple(texts["across_joints"]), **under("across_joints", arrays))
         balance = Balance(joints, BodiesAtRest(tuple(texts["on_bodies"]), **under("on_bodies", arrays)))
-    whole: dict[str, Any] = {
+    common: dict[str, Any] = {
         "scene": scene,
         "comm": comm,
         "n_dof": int(arrays["n_dof"]),
@@ -128,19 +128,19 @@ def structure_of(
         "bolts": bolts,
         "balance": balance,
     }
-    group_ids = PerGroup.single(None).groups if others is None else others.groups
+    group_ids = PerGroup.single(None).groups if per_group is None else per_group.groups
     stored = {group: under(f"group/{i}", arrays) for i, group in enumerate(group_ids)}
-    groups = {group: _group_of(of_group, comm, factored(group), group, whole) for group, of_group in stored.items() if of_group}
-    if others is None:
+    groups = {group: _group_of(of_group, comm, factored(group), group, common) for group, of_group in stored.items() if of_group}
+    if per_group is None:
         return groups[group_ids[0]]
-    make = others.of_group
-    per_group = PerGroup(lambda group: groups[group] if group in groups else make(group), others.group_of, group_ids)
+    make = per_group.of_group
+    all_groups = PerGroup(lambda group: groups[group] if group in groups else make(group), per_group.group_of, group_ids)
     for group, stuck in groups.items():
-        groups[group] = replace(stuck, groups=per_group)
-    return groups[others.group_of(1)]
+        groups[group] = replace(stuck, groups=all_groups)
+    return groups[per_group.group_of(1)]
 
 
-def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashable, whole: Mapping[str, Any]) -> Structure:
+def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashable, common: Mapping[str, Any]) -> Structure:
     """Return the structure of one group of harmonics.  Local."""
     projected, statics, counts = (
         ProjectedModes(**under("projected", arrays)),
@@ -149,7 +149,7 @@ def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashabl
     )
     is_complex = np.iscomplexobj(projected.R_phi) or np.iscomplexobj(statics["out_R"])
     columns = pair_columns(lambda: factored().linearised, comm, statics["row_sums"], is_complex=is_complex)
-    made: dict[Hashable, Any] = {
+    results: dict[Hashable, Any] = {
         (name, projected): _made_of(kind, under(name, arrays)) for name, kind in _MADE.items() if under(name, arrays)
     }
     return Structure(
@@ -157,27 +157,27 @@ def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashabl
         statics=StaticResponse(columns, **statics),
         factored=factored,
         group=group,
-        results=made,
-        **{**counts, **whole},
+        results=results,
+        **{**counts, **common},
     )
 
 
 def _made_of(kind: type, arrays: Arrays) -> Any:
-    """Return a dataclass of its arrays, its single numbers as floats."""
+    """Return a dataclass with the given arrays as fields, scalars as floats."""
     return kind(**{name: value if value.ndim else float(value) for name, value in arrays.items()})
 
 
 def pairs_of(arrays: Arrays, texts: Mapping[str, Any]) -> ContactPairs:
     """Return the contact pairs.  Local."""
     of_pairs = under("pairs", arrays)
-    faces, own = under("faces", of_pairs), under("own", of_pairs)
-    whole = {name: values for name, values in of_pairs.items() if "/" not in name}
+    faces, law_columns = under("faces", of_pairs), under("law_columns", of_pairs)
+    columns = {name: values for name, values in of_pairs.items() if "/" not in name}
     return ContactPairs(
         joint=tuple(texts["joint"]),
         laws=np.array(texts["laws"], dtype=str),
         faces=tuple(faces[name] for name in sorted(faces, key=int)),
-        own=own,
-        **whole,
+        law_columns=law_columns,
+        **columns,
     )
 
 

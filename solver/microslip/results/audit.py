@@ -51,9 +51,9 @@ def balance(results: ResultFile, level: LevelResult) -> np.ndarray:
 def audit_text(branches: list[Branch], works: Sequence[int] | None = None) -> str:
     """Return the audit of all levels as a small table for the log; ``works`` as above.  Local, on rank 0."""
     bounds = sorted({branch.closes_to for branch in branches}) or [CLOSES_TO]
-    said = " to ".join(f"{bound:.0e}" for bound in {bounds[0], bounds[-1]})
+    limits = " to ".join(f"{bound:.0e}" for bound in {bounds[0], bounds[-1]})
     lines = [
-        f"energy balance, input = damping + friction [J per cycle]; to close within {said}",
+        f"energy balance, input = damping + friction [J per cycle]; to close within {limits}",
         f"  {'level_N':>10} {'largest closure':>15} {'at Hz':>12} {'input there':>12} {'friction at peak':>16}",
     ]
     for branch in branches:

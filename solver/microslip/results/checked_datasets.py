@@ -117,9 +117,9 @@ class Reader:
     def array(self, name: str, kind: str, shape: tuple[int | None, ...]) -> np.ndarray:
         """Return numbers as type ``kind`` and of ``shape``, where None is any length."""
         dataset = self._dataset(name)
-        fits = dataset.ndim == len(shape) and all(want in (None, have) for want, have in zip(shape, dataset.shape))
+        fits = dataset.ndim == len(shape) and all(expected in (None, have) for expected, have in zip(shape, dataset.shape))
         if dataset.dtype.kind not in "iufb" or not fits:
-            wanted = "x".join("n" if want is None else str(want) for want in shape)
+            wanted = "x".join("n" if expected is None else str(expected) for expected in shape)
             raise CaseError(f"{self.path}: dataset {name!r} is {dataset.dtype} {dataset.shape}, not numbers {wanted}")
         return dataset[()].astype(kind, copy=False)
 

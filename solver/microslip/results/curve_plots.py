@@ -190,12 +190,12 @@ def draw_error(results: ResultFile) -> Pages:
     shares = [error_shares(level) for level in levels]
     lowest = [max(_ERROR_DECADES * bars.max(), _LEAST_ERROR) for bars, _ in shares]
     seen = [any(parts[:, i].max() > _SEEN * low for (_, parts), low in zip(shares, lowest)) for i in range(len(PARTS))]
-    looks = list(zip(PARTS, _PART_COLOURS))
+    styles = list(zip(PARTS, _PART_COLOURS))
     any_bar = any(bars.max() > _LEAST_ERROR for bars, _ in shares)
     handles = [Line2D([], [], color=INK, lw=1.6, label="error bar")] if any_bar else []
     if any_bar and any(level.error_corrected is not None for level in levels):
         handles.append(Line2D([], [], color=INK, lw=1.1, ls=":", label="of the corrected amplitude"))
-    handles += [Line2D([], [], color=colour, lw=1.1, label=part) for (part, colour), is_seen in zip(looks, seen) if is_seen]
+    handles += [Line2D([], [], color=colour, lw=1.1, label=part) for (part, colour), is_seen in zip(styles, seen) if is_seen]
     says = f"error bar of {plain(results.outputs[0], 24)}, and what it comes from, over the peak of the level"
     page, axes = _panels(results, says, levels, handles)
     for ax, level, (bars, parts), low in zip(axes, levels, shares, lowest):
@@ -206,7 +206,7 @@ def draw_error(results: ResultFile) -> Pages:
             continue
         _decades(ax)  # what is 0 lies below the axis
         _curve(ax, level, bars, INK, lw=1.6)
-        for values, (_, colour) in zip(parts.T, looks):  # on top, so that a part of a single point shows in its spike
+        for values, (_, colour) in zip(parts.T, styles):  # on top, so that a part of a single point shows in its spike
             if values.max() > _SEEN * low:
                 _curve(ax, level, values, colour, lw=1.1)
         if level.error_corrected is not None:

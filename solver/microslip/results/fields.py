@@ -16,7 +16,7 @@ import numpy as np
 from ..elements import KINDS
 from ..mesh.data import ElementBlock, Mesh
 from ..messages.errors import CaseError
-from ..system.files import written_whole
+from ..system.files import atomic_write
 from ..system.hdf5 import written_hdf5
 from .checked_datasets import Reader, opened
 from .writer import write_array, write_texts
@@ -68,9 +68,9 @@ def keep_fields(path: str, fields: Fields | None, run: RunRecord | None = None) 
     """
     if fields is None and run is None:
         return
-    with written_whole(path) as beside:
-        shutil.copyfile(path, beside)
-        with written_hdf5(beside, "r+") as file:
+    with atomic_write(path) as temporary:
+        shutil.copyfile(path, temporary)
+        with written_hdf5(temporary, "r+") as file:
             if run is not None:
                 _write_run(file, run)
             if fields is not None:

@@ -24,7 +24,7 @@ def columns_table() -> str:
 
 def datasets_table(quantities: Iterable[Quantity], *first: str) -> str:
     """Return the datasets of a group in results.h5, whose shape begins with ``first``."""
-    rows = ((f"`{kept.dataset}`", _shape(kept, first), _content(kept)) for kept in quantities)
+    rows = ((f"`{quantity.dataset}`", _shape(quantity, first), _content(quantity)) for quantity in quantities)
     return _table(("dataset", "shape", "content"), rows)
 
 
@@ -32,13 +32,17 @@ def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
 
 
-def _shape(kept: Quantity, first: tuple[str, ...]) -> str:
+def _shape(quantity: Quantity, first: tuple[str, ...]) -> str:
     lengths = axis_lengths(0, 0, 0)
-    return f"({', '.join([*first, *(SIZES.get(axis) or str(lengths[axis]) for axis in kept.axes)])})"
+    return f"({', '.join([*first, *(SIZES.get(axis) or str(lengths[axis]) for axis in quantity.axes)])})"
 
 
-def _content(kept: Quantity) -> str:
-    return kept.meaning if kept.unit == "1" or kept.meaning.startswith(kept.unit) else f"{kept.meaning}, {kept.unit}"
+def _content(quantity: Quantity) -> str:
+    return (
+        quantity.meaning
+        if quantity.unit == "1" or quantity.meaning.startswith(quantity.unit)
+        else f"{quantity.meaning}, {quantity.unit}"
+    )
 
 
 TABLES = {

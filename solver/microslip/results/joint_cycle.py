@@ -40,7 +40,7 @@ def joint_cycle(joint: Joint, level: LevelResult, at: int, n_samples: int = SAMP
     """
     du, p = synthesise(level.du[at], n_samples), synthesise(level.p[at], n_samples)
     k_t, k_n = (np.nan_to_num(k)[:, None] for k in (joint.k_t, joint.k_n))
-    sprung = 1.0 - joint.apart[:, None]
+    sprung = 1.0 - joint.open_at_rest[:, None]
     at_rest = np.maximum(np.nan_to_num(joint.N0), 0.0)[:, None]
     stretch = np.divide(p[:, :2], k_t[:, None], out=np.zeros_like(p[:, :2]), where=k_t[:, None] > 0.0)
     slip = np.where(sprung[:, None] > 0.0, -stretch, du[:, :2] - stretch)
@@ -78,4 +78,4 @@ def rest_values(joint: Joint) -> dict[str, np.ndarray]:
     values = {"normal_force_at_rest_N": N}
     if np.isfinite(joint.area).all() and (joint.area > 0.0).all():
         values["pressure_at_rest_Pa"] = N / joint.area
-    return values | {"friction_force_at_rest_N": np.hypot(*joint.T0.T), "open_at_rest": joint.apart.astype(float)}
+    return values | {"friction_force_at_rest_N": np.hypot(*joint.T0.T), "open_at_rest": joint.open_at_rest.astype(float)}

@@ -32,7 +32,7 @@ def draw_slip_map(results: ResultFile) -> Pages:
     """Draw stick, slip and separation on the contact surfaces at the peak of each level.  Local."""
     handles = [_swatch(colour, name) for colour, name in zip(STATE_COLOURS, STATE_NAMES)]
     colours = np.array([matplotlib.colors.to_rgba(c) for c in STATE_COLOURS])
-    n_at_rest = int(np.count_nonzero(results.joint.apart))
+    n_at_rest = int(np.count_nonzero(results.joint.open_at_rest))
 
     def says(level: LevelResult) -> str:
         _, n_slip, n_open = counts(level.state[level.top])
@@ -83,12 +83,12 @@ def draw_energy_map(results: ResultFile) -> Pages:
 def draw_rest(results: ResultFile) -> Pages:
     """Draw pressure and share of the friction limit at rest, where statics have found them.  Local."""
     joint = results.joint
-    if not (joint.apart.any() or joint.T0.any()):
+    if not (joint.open_at_rest.any() or joint.T0.any()):
         return {}
     without = np.isnan(joint.N0)  # pairs of a law that knows no normal force
     N = np.where(without, 0.0, np.maximum(joint.N0, 0.0))
     pressure = N / joint.area / 1e6
-    columns = {"mu": joint.mu, "N0": joint.N0, **joint.own}
+    columns = {"mu": joint.mu, "N0": joint.N0, **joint.law_columns}
     limit = np.nan_to_num(friction_limit(np.array(joint.law_names)[joint.laws], columns, N))
     friction = np.divide(np.hypot(*joint.T0.T), limit, out=np.zeros_like(N), where=limit > 0.0)
     palette = matplotlib.colormaps["viridis_r"]

@@ -12,7 +12,7 @@ from scipy.io.matlab import MatWriteError
 from ..messages.errors import CaseError
 from ..points.branch import QUANTITIES
 from ..points.quantities import TEXT
-from ..system.files import written_whole
+from ..system.files import atomic_write
 from .fields import Fields
 from .record import JOINT_QUANTITIES, LevelResult, ResultFile, peak_arrays
 
@@ -29,7 +29,7 @@ def write_mat(path: Path, results: ResultFile, fields: Fields | None) -> Path:
     """
     variables = variables_of(results, fields)
     try:
-        with written_whole(str(path)) as beside, open(beside, "wb") as file:
+        with atomic_write(str(path)) as temporary, open(temporary, "wb") as file:
             savemat(file, variables, long_field_names=True, do_compression=True, oned_as="column")
     except MatWriteError:
         raise CaseError(
@@ -50,8 +50,8 @@ def variables_of(results: ResultFile, fields: Fields | None) -> dict[str, Any]:
         "units": _cells([results.unit_of(k) for k in range(len(results.outputs))]),
         "level_unit": results.level_unit,
         "modes": {"frequency_Hz": results.mode_frequency},
-        "joint": {kept.dataset: getattr(results.joint, kept.field) for kept in JOINT_QUANTITIES}
-        | {"names": _cells(results.joint.names), "laws": _cells(results.joint.law_names), **results.joint.own},
+        "joint": {quantity.dataset: getattr(results.joint, quantity.field) for quantity in JOINT_QUANTITIES}
+        | {"names": _cells(results.joint.names), "laws": _cells(results.joint.law_names), **results.joint.law_columns},
         "levels": _cells([_level(level) for level in results.levels]),
     }
     if results.linear is not None:
@@ -66,10 +66,10 @@ def variables_of(results: ResultFile, fields: Fields | None) -> dict[str, Any]:
 
 def _level(level: LevelResult) -> dict[str, Any]:
     variables: dict[str, Any] = {"level_N": level.level, "status": level.status, "failure": level.failure}
-    for kept in QUANTITIES:
-        values = level.arrays[kept.name]
+    for quantity in QUANTITIES:
+        values = level.arrays[quantity.name]
         if values is not None:
-            variables[kept.dataset] = _cells(values) if kept.kind == TEXT else values
+            variables[quantity.dataset] = _cells(values) if quantity.kind == TEXT else values
     if level.peaks is not None:
         variables["peaks"] = peak_arrays(level.peaks)
     return variables

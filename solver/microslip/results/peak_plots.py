@@ -28,8 +28,8 @@ def resonances(levels: Sequence[LevelResult], output: int) -> list[Resonance]:
     for level in sorted((level for level in levels if level.peaks and level.level), key=lambda level: abs(level.level)):
         peaks = [peak for peak in level.peaks or () if peak.output == output]
         ends = np.log([line[-1][1].omega for line in lines])
-        apart = np.abs(np.log([[peak.omega] for peak in peaks]).reshape(-1, 1) - ends)
-        follows = {i: j for i, j in zip(*linear_sum_assignment(apart)) if apart[i, j] < _SAME}
+        distance = np.abs(np.log([[peak.omega] for peak in peaks]).reshape(-1, 1) - ends)
+        follows = {i: j for i, j in zip(*linear_sum_assignment(distance)) if distance[i, j] < _SAME}
         for i, peak in enumerate(peaks):
             if i in follows:
                 lines[follows[i]].append((level, peak))
@@ -67,11 +67,11 @@ def _draw_row(row, lines: list[Resonance], unit: str, name: str) -> None:
     factor, unit = with_prefix([0.0, *(abs(peak.amplitude) for line in lines for _, peak in line)], unit)
     sizes = [abs(level.level) for line in lines for level, _ in line]
     for i, line in enumerate(lines):
-        looks = {"color": _COLOURS[i % len(_COLOURS)], "lw": 0.9, "marker": "o", "ms": 3.5, "mfc": "white"}
+        style = {"color": _COLOURS[i % len(_COLOURS)], "lw": 0.9, "marker": "o", "ms": 3.5, "mfc": "white"}
         at = [abs(level.level) for level, _ in line]
-        row[0].plot(at, [factor * abs(peak.amplitude) for _, peak in line], **looks)
-        row[1].errorbar(at, [hertz(peak.omega) for _, peak in line], [hertz(peak.within) / 2.0 for _, peak in line], **looks)
-        row[2].plot(at, [100.0 * peak.damping for _, peak in line], **looks)
+        row[0].plot(at, [factor * abs(peak.amplitude) for _, peak in line], **style)
+        row[1].errorbar(at, [hertz(peak.omega) for _, peak in line], [hertz(peak.within) / 2.0 for _, peak in line], **style)
+        row[2].plot(at, [100.0 * peak.damping for _, peak in line], **style)
     for ax, label in zip(row, (f"{name}amplitude [{unit}]", "frequency [Hz]", "damping ratio [%]")):
         ax.set_ylabel(label)
     if sizes and max(sizes) > _WIDE * min(sizes):
@@ -96,18 +96,18 @@ def label_peaks(ax, levels: Sequence[LevelResult], output: int, factor: float, u
 
     The limits of the axes must be final.
     """
-    taken: list[np.ndarray] = []
+    occupied: list[np.ndarray] = []
     peaks = [peak for level in levels for peak in level.peaks or () if peak.output == output]
     for peak in sorted(peaks, key=lambda peak: -abs(peak.amplitude)):
         at = (hertz(peak.omega), factor * abs(peak.amplitude))
         here = ax.transAxes.inverted().transform(ax.transData.transform(at))
-        is_clear = all(np.any(np.abs(here - other) > _ROOM) for other in taken)
+        is_clear = all(np.any(np.abs(here - other) > _ROOM) for other in occupied)
         if not is_clear or not (0.0 <= here).all() or not (here <= 1.0).all():
             continue
         damping = "" if np.isnan(peak.damping) else f", \u03b6 {100.0 * peak.damping:.3g} %"
         side, offset = ("right", -5) if here[0] > 0.55 else ("left", 5)
         text = f"{at[0]:.6g} Hz, {at[1]:.4g} {unit}{damping}"
         ground = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
-        looks = {"fontsize": 5.5, "color": INK, "zorder": 3.5, "ha": side, "va": "center", "bbox": ground}
-        ax.annotate(text, at, xytext=(offset, 0), textcoords="offset points", **looks)
-        taken.append(here)
+        style = {"fontsize": 5.5, "color": INK, "zorder": 3.5, "ha": side, "va": "center", "bbox": ground}
+        ax.annotate(text, at, xytext=(offset, 0), textcoords="offset points", **style)
+        occupied.append(here)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import matplotlib
 
 from ..messages.errors import CaseError
-from ..system.files import make_folder, said_of
+from ..system.files import file_errors, make_folder
 from .curve_plots import draw_energy, draw_error, draw_response, draw_rom_size, draw_states
 from .joint_plots import draw_energy_map, draw_rest, draw_slip_map
 from .peak_plots import draw_peaks
@@ -47,7 +47,7 @@ def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> lis
     make_folder(out_dir)
     if not results.solved:
         return []
-    with matplotlib.rc_context(RC), said_of(out_dir):
+    with matplotlib.rc_context(RC), file_errors(out_dir):
         drawn = (named for draw in pictures_of(results)[share] for named in draw(results).items())
         return [page.save(f"{out_dir}/{name}") for name, page in drawn]
 

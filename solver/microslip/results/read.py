@@ -91,12 +91,12 @@ def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
         level_unit,
         int(reader.array("structure/n_dof", "i8", ())) if "structure/n_dof" in reader else 0,
         _origin(reader),
-        asked=_asked(reader),
+        requested=_requested_levels(reader),
         at_rest={name: _static(reader, name) for name in STATIC_TABLES if f"statics/{name}" in reader},
     )
 
 
-def _asked(reader: Reader) -> tuple[float, ...]:
+def _requested_levels(reader: Reader) -> tuple[float, ...]:
     """Return the levels of the run; none where an earlier version wrote the file."""
     if "scene/levels" not in reader:
         return ()
@@ -139,7 +139,7 @@ def _linear(reader: Reader, n_outputs: int) -> LinearCurve | None:
 def _joint(reader: Reader) -> Joint:
     n_pairs = len(reader.array("joint/mu", "f8", (None,)))
     lengths = axis_lengths(0, n_pairs, 0)
-    columns = {kept.field: _of_joint(reader, kept, kept.shape(lengths)) for kept in JOINT_QUANTITIES}
+    columns = {quantity.field: _of_joint(reader, quantity, quantity.shape(lengths)) for quantity in JOINT_QUANTITIES}
     names = tuple(reader.texts("joint/names"))
     faces = tuple(reader.array(f"joint/faces/{name}", "i8", (None, None)) for name in sorted(reader.group("joint/faces")))
     laws = tuple(reader.texts("joint/laws")) if "joint/laws" in reader else (ELASTIC_COULOMB,)
@@ -150,7 +150,7 @@ def _joint(reader: Reader) -> Joint:
         or not all(0 <= i < len(laws) for i in columns["laws"])
     ):
         raise CaseError(f"{reader.path}: the joint names pairs that are not there; the file is damaged or was edited")
-    return Joint(names=names, faces=faces, law_names=laws, own=of_laws, **columns)
+    return Joint(names=names, faces=faces, law_names=laws, law_columns=of_laws, **columns)
 
 
 def _names(reader: Reader, group: str) -> list[str]:
@@ -158,12 +158,12 @@ def _names(reader: Reader, group: str) -> list[str]:
     return sorted(reader.group(group)) if group in reader else []
 
 
-def _of_joint(reader: Reader, kept: Quantity, shape: tuple[int, ...]) -> np.ndarray:
+def _of_joint(reader: Reader, quantity: Quantity, shape: tuple[int, ...]) -> np.ndarray:
     """Return a quantity of the joint; zeros where it came with a later version."""
-    name = f"joint/{kept.dataset}"
-    if kept.optional and name not in reader:
-        return np.zeros(shape, dtype=kept.kind)
-    return reader.array(name, kept.kind, shape)
+    name = f"joint/{quantity.dataset}"
+    if quantity.optional and name not in reader:
+        return np.zeros(shape, dtype=quantity.kind)
+    return reader.array(name, quantity.kind, shape)
 
 
 def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: bool, unit: str) -> LevelResult:
@@ -172,7 +172,8 @@ def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: boo
         raise CaseError(f"{reader.path}: dataset '{group}/response' has {N_H} coefficients, not 2 H + 1")
     lengths = axis_lengths(n_outputs, n_pairs, N_H)
     arrays = {
-        kept.name: _quantity(reader, group, kept, n, lengths) if motion or not kept.is_motion else None for kept in QUANTITIES
+        quantity.name: _quantity(reader, group, quantity, n, lengths) if motion or not quantity.is_motion else None
+        for quantity in QUANTITIES
     }
     attributes = reader.group(group)
     for name, values in arrays.items():
@@ -194,7 +195,9 @@ def _peaks(reader: Reader, group: str, n_outputs: int) -> tuple[Peak, ...] | Non
     if f"{group}/peaks" not in reader:
         return None
     n = len(reader.array(f"{group}/peaks/frequency_Hz", "f8", (None,)))
-    columns = {kept.dataset: reader.array(f"{group}/peaks/{kept.dataset}", kept.kind, (n,)) for kept in PEAK_QUANTITIES}
+    columns = {
+        quantity.dataset: reader.array(f"{group}/peaks/{quantity.dataset}", quantity.kind, (n,)) for quantity in PEAK_QUANTITIES
+    }
     is_sound = np.isfinite(columns["amplitude"]) & (columns["frequency_Hz"] > 0.0)
     if not is_sound.all() or not np.isin(columns["output"], np.arange(n_outputs)).all():
         raise CaseError(f"{reader.path}: '{group}/peaks' has values that no run writes; the file is damaged or was edited")
@@ -213,25 +216,25 @@ def _peaks(reader: Reader, group: str, n_outputs: int) -> tuple[Peak, ...] | Non
 
 def _out_of_range(arrays: Mapping[str, np.ndarray | None], N_H: int) -> str | None:
     """Return what of a level has values that no run writes; None where all may be."""
-    whole = {name: values for name, values in arrays.items() if values is not None and values.dtype.kind in "iu"}
+    indices = {name: values for name, values in arrays.items() if values is not None and values.dtype.kind in "iu"}
     most = {"state": OPEN, "harmonics": N_H}
-    for name, values in whole.items():
+    for name, values in indices.items():
         if values.size and not 0 <= values.min() <= values.max() <= most.get(name, values.max()):
             return name
     frequency = arrays["frequency"]
     return "frequency" if frequency is not None and (frequency < 0.0).any() else None
 
 
-def _quantity(reader: Reader, group: str, kept: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:
+def _quantity(reader: Reader, group: str, quantity: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:
     """Return a quantity of the n points of a level; None where it may be missing, and is."""
-    name = f"{group}/{kept.dataset}"
-    if kept.optional and name not in reader:
+    name = f"{group}/{quantity.dataset}"
+    if quantity.optional and name not in reader:
         return None
-    if kept.kind == TEXT:
+    if quantity.kind == TEXT:
         return np.array(reader.texts(name), dtype=TEXT)[:n]
-    if "parts" not in kept.axes:
-        return reader.array(name, kept.kind, (n, *kept.shape(lengths)))
-    values = reader.array(name, kept.kind, (n, *(None if axis == "parts" else lengths[axis] for axis in kept.axes)))
+    if "parts" not in quantity.axes:
+        return reader.array(name, quantity.kind, (n, *quantity.shape(lengths)))
+    values = reader.array(name, quantity.kind, (n, *(None if axis == "parts" else lengths[axis] for axis in quantity.axes)))
     missing = lengths["parts"] - values.shape[-1]
     if missing < 0:
         raise CaseError(f"{reader.path}: dataset '{name}' has {values.shape[-1]} parts, more than {lengths['parts']}")

@@ -85,7 +85,7 @@ class Joint:
     k_n: Annotated[np.ndarray, Quantity("k_n", "pairs", "N/m", "normal stiffness")]
     separate: Annotated[np.ndarray, Quantity("separate", "pairs", "1", "1 where directions slip on their own", "u1")]
     T0: Annotated[np.ndarray, Quantity("T0", "pairs tangents", "N", "friction force at rest, against body 1", optional=True)]
-    apart: Annotated[
+    open_at_rest: Annotated[
         np.ndarray,
         Quantity("apart", "pairs", "1", "1 where a pair is open at rest and no spring stands for it", "u1", optional=True),
     ]
@@ -98,7 +98,9 @@ class Joint:
     laws: Annotated[np.ndarray, Quantity("law", "pairs", "index into laws", "contact law of each pair", "i8", optional=True)]
     faces: tuple[np.ndarray, ...] = ()  # (n_faces, 3, 4, 6 or 8) indices of pairs
     law_names: tuple[str, ...] = (ELASTIC_COULOMB,)
-    own: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_pairs,) each: what laws have beside; NaN: not this one
+    law_columns: Mapping[str, np.ndarray] = field(
+        default_factory=dict
+    )  # (n_pairs,) each: what laws have beside; NaN: not this one
 
     @property
     def n_pairs(self) -> int:
@@ -144,7 +146,7 @@ class ResultFile:
     level_unit: str = "N"
     n_dof: int = 0  # of the structure; 0: an earlier version wrote the file
     origin: Origin | None = None  # None: an earlier version wrote the file
-    asked: tuple[float, ...] = ()  # levels that the run is of [N]; none: an earlier version wrote the file
+    requested: tuple[float, ...] = ()  # levels that the run is of [N]; none: an earlier version wrote the file
     at_rest: Mapping[str, StaticTable] = field(default_factory=dict)  # by keys of ``STATIC_TABLES``; none without [statics]
 
     @property
@@ -156,7 +158,7 @@ class ResultFile:
     def missing(self) -> tuple[float, ...]:
         """The levels of the run that have not come to their end [N]: it is at work, or was stopped."""
         ended = {level.level for level in self.levels if level.status != RUNNING}
-        return tuple(level for level in self.asked if level not in ended)
+        return tuple(level for level in self.requested if level not in ended)
 
     @cached_property
     def shown(self) -> Shown:
@@ -169,19 +171,19 @@ class ResultFile:
 
     def of_output(self, k: int) -> ResultFile:
         """Return the results of one output alone, with their title and levels; arrays are views.  Local."""
-        which, linear = slice(k, k + 1), self.linear
-        axes = {kept.name: kept.axes for kept in QUANTITIES}
+        columns, linear = slice(k, k + 1), self.linear
+        axes = {quantity.name: quantity.axes for quantity in QUANTITIES}
 
         def of_level(level: LevelResult) -> LevelResult:
-            arrays = {name: a if a is None or "outputs" not in axes[name] else a[:, which] for name, a in level.arrays.items()}
+            arrays = {name: a if a is None or "outputs" not in axes[name] else a[:, columns] for name, a in level.arrays.items()}
             peaks = [replace(peak, output=0) for peak in level.peaks or () if peak.output == k]
             return replace(level, arrays=arrays, peaks=None if level.peaks is None else tuple(peaks))
 
         return replace(
             self,
-            outputs=self.outputs[which],
-            units=self.units[which],
-            linear=None if linear is None else LinearCurve(linear.frequency, linear.response[:, which]),
+            outputs=self.outputs[columns],
+            units=self.units[columns],
+            linear=None if linear is None else LinearCurve(linear.frequency, linear.response[:, columns]),
             levels=tuple(map(of_level, self.levels)),
         )
 
@@ -193,13 +195,13 @@ class ResultFile:
 def joint_of(pairs: ContactPairs, node_numbers: np.ndarray | None = None) -> Joint:
     """Return the record of :class:`~microslip.mesh.data.ContactPairs`; ``node_numbers`` are the user's.  Local."""
     names = tuple(dict.fromkeys(pairs.joint))
-    given = {kept.field: getattr(pairs, kept.field) for kept in JOINT_QUANTITIES}
+    given = {quantity.field: getattr(pairs, quantity.field) for quantity in JOINT_QUANTITIES}
     index = np.array([names.index(name) for name in pairs.joint], dtype=np.int64)
     law_names, laws = np.unique(pairs.laws, return_inverse=True)
     nodes = {name: _numbers(given[name], node_numbers) for name in ("node1", "node2")}
     indices = {"joint": index, "laws": laws.ravel()}
     named = {"names": names, "law_names": tuple(map(str, law_names)) or (ELASTIC_COULOMB,)}
-    return Joint(**given | nodes | indices | named | {"faces": tuple(pairs.faces), "own": dict(pairs.own)})
+    return Joint(**given | nodes | indices | named | {"faces": tuple(pairs.faces), "law_columns": dict(pairs.law_columns)})
 
 
 def _numbers(nodes: np.ndarray, node_numbers: np.ndarray | None) -> np.ndarray:
@@ -212,11 +214,13 @@ def level_result(branch: Branch, sizes: tuple[int, int, int], status: str, unit:
     n_outputs, n_pairs, N_H = sizes
     N_H = max([N_H, *(point.response.shape[-1] for point in branch.points)])  # points may have more harmonics than others
     lengths = axis_lengths(n_outputs, n_pairs, N_H)
-    arrays = {kept.name: kept.array(branch.points, lengths) for kept in QUANTITIES}
+    arrays = {quantity.name: quantity.array(branch.points, lengths) for quantity in QUANTITIES}
     peaks = None if branch.peaks is None else tuple(branch.peaks)
     return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to, peaks)
 
 
 def peak_arrays(peaks: Sequence[Peak]) -> dict[str, np.ndarray]:
     """Return the peaks of a level as arrays (n_peaks,) by the names of ``PEAK_QUANTITIES``.  Local."""
-    return {kept.dataset: np.array([kept.of(peak) for peak in peaks], dtype=kept.kind) for kept in PEAK_QUANTITIES}
+    return {
+        quantity.dataset: np.array([quantity.of(peak) for peak in peaks], dtype=quantity.kind) for quantity in PEAK_QUANTITIES
+    }

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..messages.errors import CaseError
 from ..messages.words import lies_deep
-from ..system.files import written_whole
+from ..system.files import atomic_write
 from .origin import InputFile
 from .record import ResultFile
 
@@ -31,19 +31,19 @@ def write_scene(results: ResultFile, folder: Path) -> Path:
     ResourceError : the disk is full
     """
     path = folder / f"{Path(results.name).name}.toml"
-    text = "\n".join([*(f"# {line}" for line in said_of_run(results)), "", relocated(results, path.parent)])
+    text = "\n".join([*(f"# {line}" for line in summary_of_run(results)), "", relocated(results, path.parent)])
     if path.exists() and path.read_bytes() != text.encode():
         raise CaseError(f"{path}: there is a file of this name already; choose another folder with --out")
-    with written_whole(str(path)) as beside, open(beside, "w", encoding="utf-8", newline="") as file:
+    with atomic_write(str(path)) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         file.write(text)
     return path
 
 
-def said_of_run(results: ResultFile) -> list[str]:
+def summary_of_run(results: ResultFile) -> list[str]:
     """Return how results were computed, and which of the files that were read are still the same, in lines.  Local."""
     origin = results.origin
-    said = ", ".join(f"{name} {version}" for name, version in results.versions.items())
-    lines = [f"from {Path(results.path).name}; computed by {said}"]
+    versions = ", ".join(f"{name} {version}" for name, version in results.versions.items())
+    lines = [f"from {Path(results.path).name}; computed by {versions}"]
     if origin is not None:
         ranks = f"{origin.n_ranks} rank{'s' if origin.n_ranks > 1 else ''} in {origin.n_groups} groups"
         lines.append(f"{origin.started}, {ranks.removesuffix(' in 1 groups')}: {origin.command}")

@@ -37,10 +37,10 @@ def skin(mesh: Mesh, most: int) -> Skin:
     edges = np.searchsorted(nodes, np.unique(sides[sides[:, 0] != sides[:, 1]], axis=0))
     n_outer = len(nodes)
     if n_outer > most:
-        kept = _clustered(mesh.points[nodes], most)
-        triangles = kept[triangles]
-        whole = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
-        triangles, body = triangles[whole], body[whole]
+        clustered = _clustered(mesh.points[nodes], most)
+        triangles = clustered[triangles]
+        is_triangle = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)
+        triangles, body = triangles[is_triangle], body[is_triangle]
         _, first = np.unique(np.column_stack([np.sort(triangles, axis=1), body]), axis=0, return_index=True)
         triangles, body, edges = triangles[np.sort(first)], body[np.sort(first)], np.zeros((0, 2), dtype=int)
         used, triangles = _renumbered(triangles)

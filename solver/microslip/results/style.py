@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from ..system.files import written_whole
+from ..system.files import atomic_write
 from .record import STOPPED, LevelResult, ResultFile
 
 WIDTH = 7.1  # in: the two columns of a page
@@ -169,8 +169,8 @@ class Page:
 
     def text(self, x: float, y: float, text: str, **options) -> None:
         """Write below and right of a point, in inches from the upper left corner."""
-        looks = {"va": "top", "color": INK, "linespacing": 1.25, **options}
-        self.figure.text(x / self.width, 1.0 - y / self.height, text, **looks)
+        style = {"va": "top", "color": INK, "linespacing": 1.25, **options}
+        self.figure.text(x / self.width, 1.0 - y / self.height, text, **style)
 
     def axes(self, x: float, y: float, width: float, height: float):
         """Return axes whose upper left corner is at a point, in inches from the upper left corner."""
@@ -183,7 +183,7 @@ class Page:
 
     def save(self, path: str) -> str:
         """Write the page as PNG, whole or not at all, and return its path."""
-        with warnings.catch_warnings(), written_whole(path) as unfinished:
+        with warnings.catch_warnings(), atomic_write(path) as unfinished:
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a title in letters that the font lacks: boxes
             # savefig would draw twice to lay out; a third of zlib's work makes files a tenth larger
             FigureCanvasAgg(self.figure).print_png(unfinished, pil_kwargs={"compress_level": 3})

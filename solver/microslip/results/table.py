@@ -10,10 +10,14 @@ from contextlib import suppress
 
 from ..points.branch import QUANTITIES, Branch, Point
 from ..points.quantities import Column
-from ..system.files import said_of, written_whole
+from ..system.files import atomic_write, file_errors
 
-_AFTER_UNIT = [kept for kept in QUANTITIES if kept.field in ("corrected", "error_corrected")]  # columns are added at the end
-_FIRST, *_REST = (kept for kept in QUANTITIES if kept not in _AFTER_UNIT)  # the frequency stands before the name of the output
+_AFTER_UNIT = [
+    quantity for quantity in QUANTITIES if quantity.field in ("corrected", "error_corrected")
+]  # columns are added at the end
+_FIRST, *_REST = (
+    quantity for quantity in QUANTITIES if quantity not in _AFTER_UNIT
+)  # the frequency stands before the name of the output
 COLUMNS = (
     Column("level_N", "level"),
     Column("point", "number of the point on its curve, from 0"),
@@ -37,7 +41,7 @@ class ResponseTable:
     def __init__(self, folder: str, outputs: tuple[str, ...], units: tuple[str, ...]):
         self.path = os.path.join(folder, NAME)
         self.outputs, self.units = outputs, units
-        with said_of(self.path):
+        with file_errors(self.path):
             self._begin(self.path)
 
     def _begin(self, path: str) -> None:
@@ -66,7 +70,7 @@ class ResponseTable:
 
     def add(self, level: float, i: int, point: Point) -> None:
         """Append the ``i``-th point of a level [N], counted from 0; passed to the system before this returns."""
-        with said_of(self.path):
+        with file_errors(self.path):
             self._append(self._row(level, i, point, k) for k in range(len(self.outputs)))
 
     def _row(self, level: float, i: int, point: Point, k: int) -> list[object]:
@@ -85,13 +89,13 @@ class ResponseTable:
     def put_in_order(self, branches: list[Branch]) -> None:
         """Replace the table by that of these branches, one after the other, and close it."""
         self.close()
-        with written_whole(self.path) as beside:
-            self._begin(beside)
+        with atomic_write(self.path) as temporary:
+            self._begin(temporary)
             for branch in branches:
                 for i, point in enumerate(branch.points):
                     self.add(branch.level, i, point)
             self.close()
 
     def close(self) -> None:
-        with said_of(self.path):
+        with file_errors(self.path):
             self._file.close()

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..mesh.data import Mesh
-from ..system.files import written_whole
+from ..system.files import atomic_write
 from .fields import Fields
 from .measures import segments
 from .record import LevelResult, ResultFile
@@ -40,7 +40,7 @@ def write_unv(path: Path, results: ResultFile, fields: Fields | None) -> Path:
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with written_whole(str(path)) as beside, open(beside, "w", encoding="ascii", errors="replace") as file:
+    with atomic_write(str(path)) as temporary, open(temporary, "w", encoding="ascii", errors="replace") as file:
         for number, lines in _data_sets(results, fields):
             file.write(f"    -1\n{number:6d}\n")
             file.writelines(line + "\n" for line in lines)
@@ -89,16 +89,16 @@ def _elements(mesh: Mesh) -> Iterator[str]:
 
 
 def _shape(
-    results: ResultFile, mesh: Mesh, says: str, whole: tuple[int, ...], real: tuple[float, ...], u: np.ndarray
+    results: ResultFile, mesh: Mesh, says: str, integers: tuple[int, ...], real: tuple[float, ...], u: np.ndarray
 ) -> Iterator[str]:
     """Yield a vector at every node: real of a mode, complex of a response.
 
-    ``whole`` begins with the numbers of what follows in it, and of ``real``.
+    ``integers`` begins with the numbers of what follows in it, and of ``real``.
     """
     analysis, kind = (5, 5) if np.iscomplexobj(u) else (2, 2)
     yield from (_line(text) for text in (results.title, says, "microslip", "", ""))
     yield "".join(f"{value:10d}" for value in (1, analysis, 2, _DISPLACEMENT, kind, 3))
-    yield "".join(f"{value:10d}" for value in whole)
+    yield "".join(f"{value:10d}" for value in integers)
     yield "".join(map(_single, real))
     numbers = u.view(u.real.dtype).reshape(len(u), -1) if np.iscomplexobj(u) else u
     for node, values in zip(mesh.numbers, numbers):

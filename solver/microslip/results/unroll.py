@@ -56,11 +56,11 @@ def patches(joint: Joint) -> list[Patch]:
     parts.sort(key=lambda pairs: (joint.joint[pairs[0]], pairs[0]))
     for pairs in parts:
         siblings = [other for other in parts if joint.joint[other[0]] == joint.joint[pairs[0]]]
-        surfaces.append(_patch(joint, pairs, joint.names[joint.joint[pairs[0]]] + _which(joint, pairs, siblings)))
+        surfaces.append(_patch(joint, pairs, joint.names[joint.joint[pairs[0]]] + _label(joint, pairs, siblings)))
     return surfaces
 
 
-def _which(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray]) -> str:
+def _label(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray]) -> str:
     """Return where a patch lies among the patches of its joint: the coordinate in which they differ most."""
     if len(siblings) == 1:
         return ""

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from ..mesh.data import Mesh
-from ..system.files import written_whole
+from ..system.files import atomic_write
 from ..system.hdf5 import written_hdf5
 
 VERSION = (2, 1)
@@ -63,7 +63,7 @@ def write_fields(path: str, mesh: Mesh, fields: Mapping[str, np.ndarray]) -> Non
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with written_whole(path) as beside, written_hdf5(beside) as file:
+    with atomic_write(path) as temporary, written_hdf5(temporary) as file:
         root = vtk_root(file, "UnstructuredGrid")
         write_grid(root, mesh)
         for name, values in fields.items():

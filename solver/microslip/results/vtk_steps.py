@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from ..mesh.data import Mesh
-from ..system.files import written_whole
+from ..system.files import atomic_write
 from ..system.hdf5 import written_hdf5
 from .joint_mesh import JointMesh
 from .vtk import pack, vtk_root, write_grid, write_numbers
@@ -24,7 +24,7 @@ def write_structure_series(path: str, mesh: Mesh, times: Sequence[float] | np.nd
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with written_whole(path) as beside, written_hdf5(beside) as file:
+    with atomic_write(path) as temporary, written_hdf5(temporary) as file:
         root = vtk_root(file, "UnstructuredGrid")
         write_grid(root, mesh)
         write_numbers(root, mesh)
@@ -57,7 +57,7 @@ def write_joint_series(
     def of_points(step: int) -> dict[str, np.ndarray]:
         return {name: joint.weights @ values for name, values in at_pairs(step).items() if name == "displacement"}
 
-    with written_whole(path) as beside, written_hdf5(beside) as file:
+    with atomic_write(path) as temporary, written_hdf5(temporary) as file:
         root = vtk_root(file, "PolyData")
         pack(root, "NumberOfPoints", np.array([len(joint.points)], dtype="i8"))
         pack(root, "Points", joint.points.astype("f8"))

@@ -13,7 +13,7 @@ from ..parallel.agree import on_root
 from ..points.branch import QUANTITIES, Branch, Point
 from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
-from ..system.files import make_folder, written_whole
+from ..system.files import atomic_write, make_folder
 from ..system.hdf5 import written_hdf5
 from .origin import Origin
 from .record import (
@@ -65,7 +65,7 @@ class ResultWriter:
         """Create both files, without levels."""
         make_folder(self.folder)
         table = ResponseTable(self.folder, head.outputs, tuple(self._units))
-        with written_whole(self.path) as beside, written_hdf5(beside) as file:
+        with atomic_write(self.path) as temporary, written_hdf5(temporary) as file:
             _write_head(file, head)
             _write_joint(file.create_group("joint"), head.joint)
             for name, static in head.at_rest.items():
@@ -107,9 +107,9 @@ class ResultWriter:
         """Replace results.h5 by itself with a level added."""
         result = level_result(branch, self._sizes, status, self._level_unit)
         name = f"levels/{number:04d}"
-        with written_whole(self.path) as beside:
-            shutil.copyfile(self.path, beside)
-            with written_hdf5(beside, "r+") as file:
+        with atomic_write(self.path) as temporary:
+            shutil.copyfile(self.path, temporary)
+            with written_hdf5(temporary, "r+") as file:
                 if name in file:
                     del file[name]
                 _write_level(file.create_group(name), result, common(self._units))
@@ -136,7 +136,7 @@ def _write_head(file: h5py.File, head: ResultFile) -> None:
         file.create_dataset("structure/n_dof", data=np.int64(head.n_dof))
     if head.origin is not None:
         _write_origin(file.create_group("origin"), head.origin)
-    write_array(file, "scene/levels", np.array(head.asked, dtype="f8"), head.level_unit)
+    write_array(file, "scene/levels", np.array(head.requested, dtype="f8"), head.level_unit)
     write_array(file, "modes/frequency_Hz", head.mode_frequency, "Hz")
     if head.linear is not None:
         write_array(file, "linear/frequency_Hz", head.linear.frequency, "Hz")
@@ -163,9 +163,11 @@ def _write_joint(group: h5py.Group, joint: Joint) -> None:
     write_texts(group, "names", joint.names)
     write_texts(group, "laws", joint.law_names)
     lengths = axis_lengths(0, joint.n_pairs, 0)
-    for kept in JOINT_QUANTITIES:
-        write_array(group, kept.dataset, np.asarray(kept.of(joint), kept.kind).reshape(kept.shape(lengths)), kept.unit)
-    for name, values in joint.own.items():
+    for quantity in JOINT_QUANTITIES:
+        write_array(
+            group, quantity.dataset, np.asarray(quantity.of(joint), quantity.kind).reshape(quantity.shape(lengths)), quantity.unit
+        )
+    for name, values in joint.law_columns.items():
         write_array(group, f"own/{name}", np.asarray(values, "f8"), "")
     group.create_group("faces")
     for i, faces in enumerate(joint.faces):
@@ -178,22 +180,24 @@ def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
     group.attrs["closes_to"] = level.closes_to
     if level.peaks is not None:
         arrays = peak_arrays(level.peaks)
-        for kept in PEAK_QUANTITIES:
-            write_array(group, f"peaks/{kept.dataset}", arrays[kept.dataset], unit if kept.unit == "m" else kept.unit)
-    for kept in sorted(QUANTITIES, key=lambda kept: (kept.kind != TEXT, kept.is_motion)):  # the large ones last
-        _write_quantity(group, kept, level.arrays[kept.name], unit if "outputs" in kept.axes else kept.unit)
+        for quantity in PEAK_QUANTITIES:
+            write_array(
+                group, f"peaks/{quantity.dataset}", arrays[quantity.dataset], unit if quantity.unit == "m" else quantity.unit
+            )
+    for quantity in sorted(QUANTITIES, key=lambda quantity: (quantity.kind != TEXT, quantity.is_motion)):  # the large ones last
+        _write_quantity(group, quantity, level.arrays[quantity.name], unit if "outputs" in quantity.axes else quantity.unit)
 
 
-def _write_quantity(group: h5py.Group, kept: Quantity, values: np.ndarray | None, unit: str) -> None:
+def _write_quantity(group: h5py.Group, quantity: Quantity, values: np.ndarray | None, unit: str) -> None:
     """Write the quantity of a level, with its unit and the names along its axes; nothing where it was not computed."""
     if values is None:
         return
-    if kept.kind == TEXT:
-        write_texts(group, kept.dataset, values)
+    if quantity.kind == TEXT:
+        write_texts(group, quantity.dataset, values)
         return
-    write_array(group, kept.dataset, values, unit)
-    for axis in LABELS.keys() & set(kept.axes):
-        group[kept.dataset].attrs[axis] = ", ".join(LABELS[axis])
+    write_array(group, quantity.dataset, values, unit)
+    for axis in LABELS.keys() & set(quantity.axes):
+        group[quantity.dataset].attrs[axis] = ", ".join(LABELS[axis])
 
 
 def write_array(group: h5py.Group, name: str, values: np.ndarray, unit: str) -> None:

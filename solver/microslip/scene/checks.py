@@ -185,18 +185,21 @@ def _statics(scene: Scene) -> list[str]:
     mistakes += _same_bolts(statics)
     mistakes += [
         f'[[statics.temperatures]] group = "{group}" is used {n} times; a body has one temperature'
-        for group, n in Counter(warm.group for warm in statics.temperatures).items()
+        for group, n in Counter(temperature.group for temperature in statics.temperatures).items()
         if n > 1
     ]
     body_of = {body.group: body for body in scene.bodies.values()}
-    for i, warm in enumerate(statics.temperatures, 1):
-        where = f'[[statics.temperatures]] {i} group = "{warm.group}"'
+    for i, temperature in enumerate(statics.temperatures, 1):
+        where = f'[[statics.temperatures]] {i} group = "{temperature.group}"'
         if scene.awaits_file:
             continue
-        if warm.group not in body_of:
-            mistakes.append(f"{where}: no body has this group{hint(warm.group, body_of)}")
-        elif body_of[warm.group].material in scene.materials and scene.materials[body_of[warm.group].material].expansion is None:
-            mistakes.append(f"{where}: [materials.{body_of[warm.group].material}] expansion is missing, in 1/K")
+        if temperature.group not in body_of:
+            mistakes.append(f"{where}: no body has this group{hint(temperature.group, body_of)}")
+        elif (
+            body_of[temperature.group].material in scene.materials
+            and scene.materials[body_of[temperature.group].material].expansion is None
+        ):
+            mistakes.append(f"{where}: [materials.{body_of[temperature.group].material}] expansion is missing, in 1/K")
     return mistakes
 
 

@@ -23,8 +23,8 @@ def named_files(scene: Scene) -> list[tuple[str, str]]:
     ]
     named += [(f"[[loads]] {i} forces", load.forces) for i, load in enumerate(scene.loads, 1)]
     if scene.statics is not None:
-        warm = enumerate(scene.statics.temperatures, 1)
-        named += [(f"[[statics.temperatures]] {i} file", temperature.file) for i, temperature in warm]
+        temperatures = enumerate(scene.statics.temperatures, 1)
+        named += [(f"[[statics.temperatures]] {i} file", temperature.file) for i, temperature in temperatures]
     return [(where, file) for where, file in named if file is not None]
 
 

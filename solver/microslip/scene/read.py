@@ -89,26 +89,26 @@ def completed(scene: Scene, tables: Mapping[str, Any]) -> Scene:
 
 def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = False, settings: tuple[str, ...] = ()) -> Scene:
     """Return the scene of tables and the text that they are of."""
-    said = " ".join([str(path), *(f"--set {setting}" for setting in settings)])
+    command = " ".join([str(path), *(f"--set {setting}" for setting in settings)])
     try:
         context = {"path": path.absolute(), "text": text, "is_complete": is_complete, "settings": settings}
         scene = Scene.model_validate(raw, context=context)
     except ValidationError as problem:
-        _refuse(said, in_words(problem.errors(include_url=False), raw))
+        _refuse(command, in_words(problem.errors(include_url=False), raw))
         raise AssertionError("a scene was refused without a reason") from problem
     for problems in (contradictions, missing_files):
-        _refuse(said, problems(scene))
+        _refuse(command, problems(scene))
     return scene
 
 
-def _refuse(said: str, problems: list[str]) -> None:
+def _refuse(command: str, problems: list[str]) -> None:
     """Raise CaseError with all problems of the scene that is said, if there are any."""
     if len(problems) == 1:
-        raise CaseError(f"{said}: {shortened(problems[0], _LONGEST)}") from None
+        raise CaseError(f"{command}: {shortened(problems[0], _LONGEST)}") from None
     if problems:
         shown = [shortened(problem, _LONGEST) for problem in problems[:_MOST_MISTAKES]]
         shown += [f"and {len(problems) - _MOST_MISTAKES} more"] * (len(problems) > _MOST_MISTAKES)
-        raise CaseError("\n  ".join([f"{said}: {len(problems)} mistakes", *shown])) from None
+        raise CaseError("\n  ".join([f"{command}: {len(problems)} mistakes", *shown])) from None
 
 
 def _text(path: Path) -> str:
@@ -134,8 +134,8 @@ def _tables(path: Path, text: str) -> dict[str, Any]:
     try:
         return _frozen(tomllib.loads(text))
     except tomllib.TOMLDecodeError as problem:
-        said = _TABLE.sub(lambda keys: f"[{keys[1]}]".replace("', '", "."), str(problem))
-        raise CaseError(f"{path}: not valid TOML: {said}{_line(said, text)}{_no_scene(path)}") from None
+        command = _TABLE.sub(lambda keys: f"[{keys[1]}]".replace("', '", "."), str(problem))
+        raise CaseError(f"{path}: not valid TOML: {command}{_line(command, text)}{_no_scene(path)}") from None
     except ValueError as problem:  # a number of thousands of digits
         raise CaseError(f"{path}: not valid TOML: {problem}") from None
     except RecursionError:

@@ -68,28 +68,30 @@ def balance_of(loaded: Loaded, rest: Rest, acting: Acting | None) -> Balance:
     ConvergenceError : forces do not balance as far as any solve that is accepted makes them; on every rank
     """
 
-    def found() -> Balance:
+    def checked() -> Balance:
         assert acting is not None and loaded.mesh is not None, "rank 0 of a structure with a mesh"
         balance = Balance(_of_joints(loaded.pairs, rest, acting), _of_bodies(loaded, rest, acting))
         check_balance(loaded, rest, balance)
         return balance
 
-    return on_root(loaded.system.comm, found)
+    return on_root(loaded.system.comm, checked)
 
 
 def _of_joints(pairs: ContactPairs, rest: Rest, acting: Acting) -> JointsAtRest:
     """Return what joints carry, with what is stated as preload."""
     sides, names = pairs.sides(len(acting.places)), np.array(pairs.joint)
     on_first = -_in_model_axes(pairs, rest.force)
-    found: list[tuple] = []
+    rows: list[tuple] = []
     for name in dict.fromkeys(pairs.joint):
-        own = np.flatnonzero(names == name)
-        about = np.average(pairs.position[own], axis=0, weights=pairs.area[own])
-        first, second = (_of_side(side[own], sign * on_first[own], acting, about) for side, sign in zip(sides, (1.0, -1.0)))
-        second = second if sides[1][own].nnz else -first  # ground
-        size = np.linalg.norm(rest.force[own], axis=1).sum()
-        found.append((name, about, first, second, size, _farthest(pairs.position[own], about)))
-    return JointsAtRest(*_columns(found, (str, 3, 6, 6, 0, 0)))
+        of_joint = np.flatnonzero(names == name)
+        about = np.average(pairs.position[of_joint], axis=0, weights=pairs.area[of_joint])
+        first, second = (
+            _of_side(side[of_joint], sign * on_first[of_joint], acting, about) for side, sign in zip(sides, (1.0, -1.0))
+        )
+        second = second if sides[1][of_joint].nnz else -first  # ground
+        size = np.linalg.norm(rest.force[of_joint], axis=1).sum()
+        rows.append((name, about, first, second, size, _farthest(pairs.position[of_joint], about)))
+    return JointsAtRest(*_columns(rows, (str, 3, 6, 6, 0, 0)))
 
 
 def _of_bodies(loaded: Loaded, rest: Rest, acting: Acting) -> BodiesAtRest:
@@ -101,18 +103,18 @@ def _of_bodies(loaded: Loaded, rest: Rest, acting: Acting) -> BodiesAtRest:
     of_points = tied[part[list(() if constraints is None else constraints.group_nodes)]]
     contact = _contact_on_nodes(loaded.pairs, rest, n_nodes)
     held = np.where(acting.is_held, acting.resisted - acting.loads - contact, 0.0)
-    found: list[tuple] = []
+    rows: list[tuple] = []
     for i in np.unique(tied):
-        nodes, own = np.flatnonzero(tied[part] == i), np.flatnonzero(of_points == i)
+        nodes, of_body = np.flatnonzero(tied[part] == i), np.flatnonzero(of_points == i)
         about, at = mesh.points[nodes].mean(axis=0), acting.places[nodes]
-        borne = _resultant(acting.points[own], acting.on_points[own, :3], about)
-        borne[3:] += acting.on_points[own, 3:].sum(axis=0)
+        borne = _resultant(acting.points[of_body], acting.on_points[of_body, :3], about)
+        borne[3:] += acting.on_points[of_body, 3:].sum(axis=0)
         loads, joints, supports = (_resultant(at, forces[nodes], about) for forces in (acting.loads, contact, held))
         sizes = [np.linalg.norm(forces[nodes], axis=1).sum() for forces in (acting.loads, contact, held)]
-        sizes[0] += np.linalg.norm(acting.on_points[own, :3], axis=1).sum()
+        sizes[0] += np.linalg.norm(acting.on_points[of_body, :3], axis=1).sum()
         name = listed([part_names[k] for k in np.flatnonzero(tied == i)])
-        found.append((name, about, loads + borne, joints, supports - borne, max(sizes), _farthest(mesh.points[nodes], about)))
-    return BodiesAtRest(*_columns(found, (str, 3, 6, 6, 6, 0, 0)))
+        rows.append((name, about, loads + borne, joints, supports - borne, max(sizes), _farthest(mesh.points[nodes], about)))
+    return BodiesAtRest(*_columns(rows, (str, 3, 6, 6, 6, 0, 0)))
 
 
 def _in_model_axes(pairs: ContactPairs, force: np.ndarray) -> np.ndarray:
@@ -206,8 +208,8 @@ def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
     for i, name in enumerate(bodies.names):
         size, reach = sizes[i] or 1.0, bodies.reach[i] or 1.0
         by = {"loads": bodies.loads[i, :3], "joints": bodies.joints[i, :3], "supports": bodies.supports[i, :3]}
-        felt = {what: force for what, force in by.items() if np.abs(force).max() > _ROUNDING * size}
-        acting = ", ".join(f"{what} {_shown(force, size)} N" for what, force in felt.items())
+        forces = {what: force for what, force in by.items() if np.abs(force).max() > _ROUNDING * size}
+        acting = ", ".join(f"{what} {_shown(force, size)} N" for what, force in forces.items())
         left, turned = np.linalg.norm(bodies.left[i].reshape(2, 3), axis=1) / (size, size * reach)
         lines.append(
             f"  {name}: {acting or 'no forces'}; what is left over is {left:.1e} of the forces, {turned:.1e} of their "
@@ -216,9 +218,9 @@ def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
     return lines
 
 
-def _open(share: float) -> str:
+def _open(remainder: float) -> str:
     """Say that forces balance less than a solve should make them."""
-    return "" if share <= RESIDUAL_LIMIT else f": more than the {RESIDUAL_LIMIT:g} that a solve should leave"
+    return "" if remainder <= RESIDUAL_LIMIT else f": more than the {RESIDUAL_LIMIT:g} that a solve should leave"
 
 
 def _shown(vector: np.ndarray, size: float) -> str:

@@ -37,7 +37,7 @@ class Cuts:
     U_owned: np.ndarray  # (n_dof_owned, n_bolts) K_L^-1 F, motion of a unit shortening
     RU: np.ndarray  # (3 n_pairs, n_bolts) R K_L^-1 F
     S: np.ndarray  # (n_bolts, n_bolts) N/m, forces in the cuts of unit shortenings
-    given: np.ndarray  # (n_bolts,) bool: a force is given, not a shortening
+    has_force: np.ndarray  # (n_bolts,) bool: a force is given, not a shortening
     stated: np.ndarray  # (n_bolts,) N or m
 
     def tightened(self, p: np.ndarray) -> np.ndarray:
@@ -45,9 +45,9 @@ class Cuts:
 
         Local.  docs/theory.md, eq. (12.8).
         """
-        delta = np.where(self.given, 0.0, self.stated)
+        delta = np.where(self.has_force, 0.0, self.stated)
         missing = self.stated - self.force(delta, p)
-        delta[self.given] = np.linalg.solve(self.S[np.ix_(self.given, self.given)], missing[self.given])
+        delta[self.has_force] = np.linalg.solve(self.S[np.ix_(self.has_force, self.has_force)], missing[self.has_force])
         return delta
 
     def force(self, delta: np.ndarray, p: np.ndarray, of_loads: np.ndarray | float = 0.0) -> np.ndarray:
@@ -57,7 +57,7 @@ class Cuts:
     @property
     def release(self) -> tuple[np.ndarray, np.ndarray]:
         """R K_L^-1 F and S^-1 of the bolts that are pulled by a given force, (3 n_pairs, n_given) and (n_given, n_given)."""
-        return self.RU[:, self.given], np.linalg.inv(self.S[np.ix_(self.given, self.given)])
+        return self.RU[:, self.has_force], np.linalg.inv(self.S[np.ix_(self.has_force, self.has_force)])
 
 
 def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
@@ -80,9 +80,9 @@ def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
                 "nothing connects its two sides, no joint under the head and no support; add the joint that it presses on, or "
                 "pull with a force"
             )
-    given = np.array([bolt.force is not None for bolt in bolts.given])
+    has_force = np.array([bolt.force is not None for bolt in bolts.given])
     stated = np.array([bolt.force if bolt.force is not None else bolt.shortening for bolt in bolts.given], dtype=float)
-    return Cuts(bolts, U_owned, comm.bcast(RU), S, given, stated)
+    return Cuts(bolts, U_owned, comm.bcast(RU), S, has_force, stated)
 
 
 def of_loads(cuts: Cuts, linearised: Linearised, forces_owned: np.ndarray) -> np.ndarray:

@@ -88,8 +88,8 @@ class Flexibility:
 
     def apply(self, pairs: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return du of forces p (m, 3) [N] on ``pairs`` (m,), by number, (n_pairs, 3) [m].  Collective: one gather."""
-        own = self._columns.chosen(pairs).combined(p.reshape(-1, 1))
-        du = gathered_rows(self.comm, own.reshape(-1, 3), self._limits)
+        combined = self._columns.chosen(pairs).combined(p.reshape(-1, 1))
+        du = gathered_rows(self.comm, combined.reshape(-1, 3), self._limits)
         assert du is not None, "gathered on every rank"
         return du
 
@@ -104,19 +104,19 @@ class Flexibility:
         """
         counts = np.diff(np.searchsorted(pairs, self._limits))
         first, n_rows = int(counts[: self.comm.rank].sum()), 3 * len(pairs)
-        own = slice(first, first + int(counts[self.comm.rank]))
+        local = slice(first, first + int(counts[self.comm.rank]))
         if 8.0 * n_rows**2 > _ASKED_FROM:
-            needed = 8.0 * n_rows * (3 * (own.stop - own.start) + (n_rows if self.comm.rank == 0 < self.comm.size - 1 else 0))
+            needed = 8.0 * n_rows * (3 * (local.stop - local.start) + (n_rows if self.comm.rank == 0 < self.comm.size - 1 else 0))
             refuse_beyond(self.comm, needed, f"[statics]: the equilibrium of {len(pairs)} pairs that open or slip", _FEWER)
-        columns, J_owned = self._columns.chosen(pairs), np.empty((3 * (own.stop - own.start), n_rows))
-        for start in range(own.start, own.stop, _BLOCK):
-            block = slice(start, min(start + _BLOCK, own.stop))
+        columns, J_owned = self._columns.chosen(pairs), np.empty((3 * (local.stop - local.start), n_rows))
+        for start in range(local.start, local.stop, _BLOCK):
+            block = slice(start, min(start + _BLOCK, local.stop))
             G = columns.columns(rows_of(pairs[block] - self.owned.start)).T
             if release is not None:
                 RU, compliance = release
                 G = G + RU[rows_of(pairs[block])] @ (compliance @ RU[rows_of(pairs)].T)
             part = np.matmul(G.reshape(len(G), len(pairs), 3).swapaxes(0, 1), L)  # (m, 3 k, 3)
-            J_owned[3 * (start - own.start) :][: len(G)] = part.swapaxes(0, 1).reshape(len(G), n_rows)
+            J_owned[3 * (start - local.start) :][: len(G)] = part.swapaxes(0, 1).reshape(len(G), n_rows)
         J = gathered_rows(self.comm, J_owned, 3 * np.append(0, np.cumsum(counts)), root=0)
         if J is not None:
             J.ravel()[:: n_rows + 1] += 1.0  # the diagonal
@@ -129,7 +129,7 @@ def equilibrium(
     forces_owned: np.ndarray,
     n_steps: int,
     cuts: Cuts | None = None,
-    which_flies: Callable[[], str] = lambda: "",
+    free_bodies: Callable[[], str] = lambda: "",
 ) -> Rest:
     """Return the joint at rest under ``forces_owned`` (n_dof_owned,) [N], this rank's rows, put on in equal steps.
 
@@ -138,7 +138,7 @@ def equilibrium(
 
     Parameters
     ----------
-    which_flies : says which bodies the loads move freely, and what would hold them; collective
+    free_bodies : says which bodies the loads move freely, and what would hold them; collective
 
     Raises
     ------
@@ -152,7 +152,7 @@ def equilibrium(
     du_load = comm.bcast(summed(comm, R_owned @ u_load)).reshape(-1, 3)
     contact = Contact(comm, pairs, G)
     unloaded = np.zeros((pairs.n_pairs, 3 + pairs.law.n_memory))
-    now, n_taken, found = State(np.zeros(du_load.shape), unloaded), 0, None
+    now, n_taken, bolts_at_rest = State(np.zeros(du_load.shape), unloaded), 0, None
     held, u_held = np.zeros(du_load.shape), 0.0
     if cuts is not None:
         delta = cuts.tightened(now.p)
@@ -162,17 +162,17 @@ def equilibrium(
         tightened = cuts.force(delta, now.p)
         held, u_held = (cuts.RU @ delta).reshape(-1, 3), cuts.U_owned @ delta
     if cuts is None or comm.allreduce(bool(forces_owned.any()), MPI.LOR):
-        loading = Loading(held, du_load, "the load", which_flies)
+        loading = Loading(held, du_load, "the load", free_bodies)
         now, n_more = contact.follow(loading, now, n_steps)
         n_taken += n_more
     if cuts is not None:
         at_rest = cuts.force(delta, now.p, of_loads(cuts, linearised, forces_owned))
         bolts = cuts.bolts
-        found = BoltsAtRest(tuple(bolt.label for bolt in bolts.given), bolts.area, delta, tightened, at_rest)
+        bolts_at_rest = BoltsAtRest(tuple(bolt.label for bolt in bolts.given), bolts.area, delta, tightened, at_rest)
     u_owned = u_held + u_load - linearised.factor.solve((R_owned.T @ now.p.ravel())[:, None])[:, 0]
     force = now.p + pairs.law.stiffness * now.du
     force[:, 2] -= np.maximum(np.nan_to_num(pairs.N0), 0.0)
-    return Rest(now.du, force, u_owned, contact.iterations, n_taken, found, now.after[:, 3:])
+    return Rest(now.du, force, u_owned, contact.iterations, n_taken, bolts_at_rest, now.after[:, 3:])
 
 
 def stuck_forces(G: Flexibility, pairs: ContactPairs, forces_owned: np.ndarray, cuts: Cuts | None) -> np.ndarray:
@@ -207,7 +207,7 @@ class Loading:
     held: np.ndarray  # (n_pairs, 3) m
     rising: np.ndarray  # (n_pairs, 3) m
     name: str  # of what is put on, for messages
-    which_flies: Callable[[], str] = lambda: ""
+    free_bodies: Callable[[], str] = lambda: ""
     release: tuple[np.ndarray, np.ndarray] | None = None  # R K_L^-1 F and S^-1 of bolts that give way at their force
 
     @property
@@ -220,14 +220,14 @@ class _Sought:
     """An equilibrium to be found: under which loads, by which law, from which state on."""
 
     loading: Loading
-    share: float  # of what rises
+    fraction: float  # of what rises
     law: Law
     was: State
 
     @property
     def load(self) -> np.ndarray:
         """What moves the pairs while they all stick, (n_pairs, 3) [m]."""
-        return self.loading.held + self.share * self.loading.rising
+        return self.loading.held + self.fraction * self.loading.rising
 
     def at(self, du: np.ndarray) -> _Trial:
         """Return the pairs at a motion (n_pairs, 3) [m].  Local."""
@@ -253,52 +253,52 @@ class Contact:
 
     def follow(self, loading: Loading, now: State, n_steps: int) -> tuple[State, int]:
         """Return the state under all of a loading, put on in equal steps or shorter ones, and their number.  Collective."""
-        share, step, n_taken = 0.0, 1.0 / n_steps, 0
-        while share < 1.0 - 1e-9:
-            next_share = min(share + step, 1.0)
-            guess = now.du + (next_share - share) * loading.rising
-            found = self._solve(loading, now, next_share, pressed_to(self.pairs.laws, self.pairs.columns, now.du, guess))
-            if found is None and n_taken == 0 and step == 1.0 / n_steps and (self.pairs.N0 < 0.0).any():
-                found = self._fallen(loading, now, next_share)
-            if found is None:
+        fraction, step, n_taken = 0.0, 1.0 / n_steps, 0
+        while fraction < 1.0 - 1e-9:
+            next_fraction = min(fraction + step, 1.0)
+            guess = now.du + (next_fraction - fraction) * loading.rising
+            state = self._solve(loading, now, next_fraction, pressed_to(self.pairs.laws, self.pairs.columns, now.du, guess))
+            if state is None and n_taken == 0 and step == 1.0 / n_steps and (self.pairs.N0 < 0.0).any():
+                state = self._fallen(loading, now, next_fraction)
+            if state is None:
                 step *= 0.5
                 if step < SHORTEST / n_steps:
-                    raise ConvergenceError(self._why_not(loading, now, share, n_steps))
+                    raise ConvergenceError(self._why_not(loading, now, fraction, n_steps))
                 continue
-            now, share, n_taken, step = found, next_share, n_taken + 1, min(2.0 * step, 1.0 / n_steps)
+            now, fraction, n_taken, step = state, next_fraction, n_taken + 1, min(2.0 * step, 1.0 / n_steps)
         return now, n_taken
 
-    def _fallen(self, loading: Loading, was: State, share: float) -> State | None:
+    def _fallen(self, loading: Loading, was: State, fraction: float) -> State | None:
         """Return the state of bodies that have fallen through their gaps, None where none is found.  Collective.
 
         A body that hangs on its gaps alone moves freely until they close, so that no share of the load leads there.  Instead the
         gaps open from none, under that share; then friction begins, from none.
         """
         opened, step, gaps = 0.0, 1.0, np.minimum(self.pairs.N0, 0.0)
-        start = share * loading.rising
-        now = self._solve(loading, was, share, start, replace(self.pairs, N0=self.pairs.N0 - gaps).law)
+        start = fraction * loading.rising
+        now = self._solve(loading, was, fraction, start, replace(self.pairs, N0=self.pairs.N0 - gaps).law)
         while now is not None and opened < 1.0:
             target = min(opened + step, 1.0)
             start = now.du.copy()
             start[:, 2] += (target - opened) * np.divide(gaps, self.pairs.k_n, out=np.zeros_like(gaps), where=gaps < 0.0)
-            found = self._solve(loading, now, share, start, replace(self.pairs, N0=self.pairs.N0 - (1.0 - target) * gaps).law)
-            if found is None and step < SHORTEST:
+            state = self._solve(loading, now, fraction, start, replace(self.pairs, N0=self.pairs.N0 - (1.0 - target) * gaps).law)
+            if state is None and step < SHORTEST:
                 return None
-            now, opened, step = (now, opened, 0.5 * step) if found is None else (found, target, 2.0 * step)
+            now, opened, step = (now, opened, 0.5 * step) if state is None else (state, target, 2.0 * step)
         if now is None:
             return None
-        after, anew = now.after.copy(), are_springs(self.pairs.laws)
-        after[anew, :2] = -(self.law.stiffness[:, :2] * now.du[:, :2])[anew]
-        return self._solve(loading, State(now.du, after), share, now.du)
+        after, restarts = now.after.copy(), are_springs(self.pairs.laws)
+        after[restarts, :2] = -(self.law.stiffness[:, :2] * now.du[:, :2])[restarts]
+        return self._solve(loading, State(now.du, after), fraction, now.du)
 
-    def _solve(self, loading: Loading, was: State, share: float, du: np.ndarray, law: Law | None = None) -> State | None:
+    def _solve(self, loading: Loading, was: State, fraction: float, du: np.ndarray, law: Law | None = None) -> State | None:
         """Return the state at a share of the load, from ``du``; None where Newton does not find one.  Collective.
 
         Many gaps close and open in full steps sooner than in those that must lower the residual, which come after them.
         """
-        has_gaps, sought = bool((self.pairs.N0 < 0.0).any()), _Sought(loading, share, law or self.law, was)
-        found = self._newton_from(sought, du, 0) if has_gaps else None
-        return found or self._newton_from(sought, du, HALVINGS)
+        has_gaps, sought = bool((self.pairs.N0 < 0.0).any()), _Sought(loading, fraction, law or self.law, was)
+        state = self._newton_from(sought, du, 0) if has_gaps else None
+        return state or self._newton_from(sought, du, HALVINGS)
 
     def _newton_from(self, sought: _Sought, du: np.ndarray, halvings: int) -> State | None:
         """Return the state that Newton's method finds from ``du`` with steps halved so often, if it does.  Collective."""
@@ -312,15 +312,15 @@ class Contact:
                 )
             self.G.require(trial.active)
             size = max(largest, float(np.abs(du).max(initial=0.0)))
-            better, error = self._iterate(sought, trial, halvings)
+            improved, error = self._iterate(sought, trial, halvings)
             self.iterations += 1
             if size > FARTHEST * largest:
                 return None
             if error <= TOLERANCE * size:
                 return trial.state
-            if better is None:
+            if improved is None:
                 return None
-            du = better
+            du = improved
         return None
 
     def _iterate(self, sought: _Sought, trial: _Trial, halvings: int) -> tuple[np.ndarray | None, float]:
@@ -372,20 +372,22 @@ class Contact:
         step = -residual - self._flexibility(loading, dp, trial.active)
         return step if np.isfinite(step).all() else None
 
-    def _why_not(self, loading: Loading, now: State, share: float, n_steps: int) -> str:
+    def _why_not(self, loading: Loading, now: State, fraction: float, n_steps: int) -> str:
         """Say what is open where the load ends at which there is equilibrium, what moves beyond it, and what would hold it.
 
         Collective.
         """
-        flies = loading.which_flies() or (
+        free = loading.free_bodies() or (
             "no body flies off as a whole; what bends, rocks or slides on the way lets go: more friction or preload holds it, a "
             f"support, or more [statics] steps than {n_steps}, which follow the path of the loads more closely"
         )
         du, pairs = now.du + SHORTEST * loading.rising, self.pairs
         is_open = pairs.N0 - pairs.k_n * du[:, 2] <= 0.0
-        joints = [f"{np.count_nonzero(is_open[own])} of {len(own)} pairs of {name!r}" for name, own in _by_joint(pairs)]
-        found_to = "the very beginning" if share < 5e-4 else f"{share:.1%}"
-        return f"[statics]: no equilibrium beyond {found_to} of {loading.name}, where {', '.join(joints)} are open: {flies}"
+        joints = [
+            f"{np.count_nonzero(is_open[of_joint])} of {len(of_joint)} pairs of {name!r}" for name, of_joint in _by_joint(pairs)
+        ]
+        reached = "the very beginning" if fraction < 5e-4 else f"{fraction:.1%}"
+        return f"[statics]: no equilibrium beyond {reached} of {loading.name}, where {', '.join(joints)} are open: {free}"
 
 
 def _solved(J: np.ndarray, right: np.ndarray) -> np.ndarray | None:

@@ -38,7 +38,7 @@ class Sought:
     about: Callable[[np.ndarray, float, bool], About]
     forces_owned: np.ndarray  # (n_dof_owned,) N, constant, this rank's rows
     n_steps: int  # of contact, each time
-    which_flies: Callable[[], str]
+    free_bodies: Callable[[], str]
     where: str  # the scene file, for messages
 
 
@@ -53,44 +53,44 @@ def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
     ResourceError : not enough memory for a factor
     """
     u, rest = np.zeros(len(sought.forces_owned)), None
-    share, step, n_taken = 0.0, 1.0, 0
-    while share < 1.0:
-        aim = min(share + step, 1.0)
+    fraction, step, n_taken = 0.0, 1.0, 0
+    while fraction < 1.0:
+        aim = min(fraction + step, 1.0)
         try:
-            found, n_more = _under(sought, u, aim)
+            attempt, n_more = _under(sought, u, aim)
         except (CaseError, ConvergenceError) as problem:
             step *= 0.5
             if step < SHORTEST:
-                found_to = f"{share:.1%} of the load" if share > 0.0 else "the very beginning of the load"
+                found_to = f"{fraction:.1%} of the load" if fraction > 0.0 else "the very beginning of the load"
                 raise ConvergenceError(
                     f"{sought.where}: [statics] large_displacements: no equilibrium beyond {found_to}: {problem}"
                 ) from problem
             continue
-        rest, u, share, n_taken, step = found, found.u_owned, aim, n_taken + n_more, min(2.0 * step, 1.0)
+        rest, u, fraction, n_taken, step = attempt, attempt.u_owned, aim, n_taken + n_more, min(2.0 * step, 1.0)
     assert rest is not None, "at least one share"
     return rest, sought.about(u, 1.0, True), n_taken
 
 
-def _under(sought: Sought, u: np.ndarray, share: float) -> tuple[Rest, int]:
+def _under(sought: Sought, u: np.ndarray, fraction: float) -> tuple[Rest, int]:
     """Return the rest under a share of the load, from a displacement (n_dof_owned,) on, and the steps taken.  Collective."""
     comm = sought.system.comm
     for k in range(1, MOST_STEPS + 1):
-        rest = _step(sought, u, share, k > 1)
-        change, size = (comm.allreduce(np.abs(own).max(initial=0.0), MPI.MAX) for own in (rest.u_owned - u, rest.u_owned))
+        rest = _step(sought, u, fraction, k > 1)
+        change, size = (comm.allreduce(np.abs(local).max(initial=0.0), MPI.MAX) for local in (rest.u_owned - u, rest.u_owned))
         u = rest.u_owned
         if k > 1 and change <= CLOSE * size:
             return rest, k
     raise ConvergenceError(f"{MOST_STEPS} steps of Newton's method, and the last changed u by {change:.1e} m of {size:.1e} m")
 
 
-def _step(sought: Sought, u: np.ndarray, share: float, is_stressed: bool) -> Rest:
+def _step(sought: Sought, u: np.ndarray, fraction: float, is_stressed: bool) -> Rest:
     """Return the rest of the structure linearised about a displacement.  Collective; frees its factor."""
-    about = sought.about(u, share, is_stressed)
+    about = sought.about(u, fraction, is_stressed)
     try:
         linearised = linearise(replace(sought.system, K=about.K), about.pairs)
         try:
-            loads = share * sought.forces_owned + about.forces_owned
-            return equilibrium(Flexibility(linearised), about.pairs, loads, sought.n_steps, which_flies=sought.which_flies)
+            loads = fraction * sought.forces_owned + about.forces_owned
+            return equilibrium(Flexibility(linearised), about.pairs, loads, sought.n_steps, free_bodies=sought.free_bodies)
         finally:
             linearised.destroy()
     finally:

@@ -25,12 +25,12 @@ from ..parallel.agree import on_root
 from ..tables.structure_tables import StructureTables
 from .balance import Balance, balance_of
 from .bolts import BoltsAtRest, Cuts, cuts_of
+from .contact_check import check_contact
 from .equilibrium import Flexibility, Rest, equilibrium, stuck_forces
-from .flight import which_flies
 from .large_displacements import About, Sought, large_equilibrium
 from .loaded import Loaded
-from .pressed import check_pressed
 from .rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
+from .rigid_bodies import free_bodies
 
 SAME = 1e-10  # of the largest displacement: two rests that differ by less are one
 
@@ -69,12 +69,12 @@ class ReferenceState:
         """
         system = replace(system, moved=moved_supports(mesh, settings, system))
         forces, bolts = constant_forces(shares, mesh, settings, system), pretension(shares, mesh, settings, system)
-        found = cls(system, shares, mesh, pairs, settings, forces, bolts, where)
+        reference = cls(system, shares, mesh, pairs, settings, forces, bolts, where)
         if not touches_from_none(pairs).any():
-            return found
-        N = stuck_forces(found.flexibility, pairs, forces, found.cuts)
-        found.close()
-        return replace(found, pairs=referred_to(pairs, N))
+            return reference
+        N = stuck_forces(reference.flexibility, pairs, forces, reference.cuts)
+        reference.close()
+        return replace(reference, pairs=referred_to(pairs, N))
 
     @cached_property
     def flexibility(self) -> Flexibility:
@@ -94,9 +94,9 @@ class ReferenceState:
     def close(self) -> None:
         """Free the factor, if there is one, and what was made with it; it is made again where it is needed.  Collective."""
         vars(self).pop("cuts", None)
-        known = vars(self).pop("flexibility", None)
-        if known is not None:
-            known.linearised.destroy()
+        flexibility = vars(self).pop("flexibility", None)
+        if flexibility is not None:
+            flexibility.linearised.destroy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class AtRest:
     pairs: ContactPairs
     bolts: BoltsAtRest | None = None
     balance: Balance | None = None
-    said: tuple[str, ...] = ()  # of the rest, for the log
+    messages: tuple[str, ...] = ()  # of the rest, for the log
 
 
 def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | None = None) -> AtRest:
@@ -124,53 +124,55 @@ def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | No
     statics = stated_statics(settings)
     assert statics is not None, "a scene with [statics]"
     loaded = Loaded(system, reference.mesh, pairs, forces, settings.body_of, where)
-    flies = partial(which_flies, loaded)
-    said: list[str] = []
+    free = partial(free_bodies, loaded)
+    messages: list[str] = []
     if statics.large_displacements:
-        sought = Sought(system, partial(_about, reference, pairs), forces, statics.steps, flies, where)
+        sought = Sought(system, partial(_about, reference, pairs), forces, statics.steps, free, where)
         rest, about, n_steps = large_equilibrium(sought)
         K, pairs = about.K, about.pairs
         loaded = replace(loaded, pairs=pairs)
-        said = _said_of_large(reference, pairs, rest, n_steps)
+        messages = _messages_of_large(reference, pairs, rest, n_steps)
     else:
-        rest = _rest(reference, pairs, flies)
+        rest = _rest(reference, pairs, free)
         K = _stiffness(reference, rest, known)
-    check_pressed(loaded, rest)
-    acting = acting_at_rest(reference.shares, reference.mesh, settings, system, rest.u_owned, _seen(reference, rest))
+    check_contact(loaded, rest)
+    acting = acting_at_rest(
+        reference.shares, reference.mesh, settings, system, rest.u_owned, _motions_above_cuts(reference, rest)
+    )
     balance = balance_of(loaded, rest, acting)
-    said += in_words(pairs, rest, balance)
-    return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, balance, tuple(said))
+    messages += in_words(pairs, rest, balance)
+    return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, balance, tuple(messages))
 
 
-def _rest(reference: ReferenceState, pairs: ContactPairs, flies: Callable[[], str]) -> Rest:
+def _rest(reference: ReferenceState, pairs: ContactPairs, free: Callable[[], str]) -> Rest:
     """Return the rest with small displacements.  Collective; ConvergenceError names the scene."""
     steps = stated_statics(reference.settings).steps
     try:
-        return equilibrium(reference.flexibility, pairs, reference.forces_owned, steps, reference.cuts, flies)
+        return equilibrium(reference.flexibility, pairs, reference.forces_owned, steps, reference.cuts, free)
     except ConvergenceError as problem:
         raise ConvergenceError(f"{reference.where}: {problem}") from problem
 
 
-def _about(reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, share: float, is_stressed: bool) -> About:
+def _about(reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, fraction: float, is_stressed: bool) -> About:
     """Return the structure about a displacement, this rank's rows, under a share of the load.  Collective."""
-    K, forces = tangent_about(reference.shares, reference.settings, reference.system, u_owned, share, is_stressed)
+    K, forces = tangent_about(reference.shares, reference.settings, reference.system, u_owned, fraction, is_stressed)
     if not pairs.n_pairs:
         return About(K, forces, pairs)
-    ratio, _ = _stretched(reference, pairs, u_owned, share)
+    ratio, _ = _stretched(reference, pairs, u_owned, fraction)
     return About(K, forces, of_larger_area(pairs, ratio))
 
 
 def _stretched(
-    reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, share: float
+    reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, fraction: float
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Return the areas of the pairs over those without load, (n_pairs,), and how far joints turn [rad].  Collective."""
     system = reference.system
     u = system.at_nodes(np.concatenate(system.comm.allgather(u_owned)))
-    u = u if system.moved is None else u + share * system.moved
+    u = u if system.moved is None else u + fraction * system.moved
     return on_root(system.comm, stretched, reference.mesh, reference.settings.joints, pairs, u)
 
 
-def _said_of_large(reference: ReferenceState, pairs: ContactPairs, rest: Rest, n_steps: int) -> list[str]:
+def _messages_of_large(reference: ReferenceState, pairs: ContactPairs, rest: Rest, n_steps: int) -> list[str]:
     """Return lines on a rest with large displacements: steps, and how far the surfaces of joints turn.  Collective."""
     lines = [f"rest with large displacements found in {n_steps} steps of Newton's method"]
     turns = _stretched(reference, pairs, rest.u_owned, 1.0)[1] if pairs.n_pairs else {}
@@ -187,10 +189,10 @@ def _stiffness(reference: ReferenceState, rest: Rest, known: System | None) -> P
         return known.K
     if not stated_statics(settings).stress_stiffening:
         return system.K
-    return stiffness_at_rest(reference.shares, settings, system, rest.u_owned, _seen(reference, rest))
+    return stiffness_at_rest(reference.shares, settings, system, rest.u_owned, _motions_above_cuts(reference, rest))
 
 
-def _seen(reference: ReferenceState, rest: Rest) -> Seen | None:
+def _motions_above_cuts(reference: ReferenceState, rest: Rest) -> Seen | None:
     """Return what elements above the cuts of bolts see beside the displacement of their nodes; None without bolts.  Local."""
     if reference.bolts is None or rest.bolts is None:
         return None

@@ -24,7 +24,7 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
 
     Raises
     ------
-    CaseError : pairs have come apart whose law knows no rest without pressure
+    CaseError : pairs are open at rest whose law needs pressure at rest
     """
     try:
         changed = about_rest(pairs.laws, pairs.columns, rest.du, rest.memory)
@@ -34,11 +34,11 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
             "it would touch again; state more preload, less of what pulls, or what may open: a power of the approach, or law = "
             '"elastic-coulomb"'
         ) from problem
-    N0, apart = (changed.get(name, getattr(pairs, name)) for name in ("N0", "apart"))
-    T0 = np.where(apart[:, None], 0.0, rest.force[:, :2])
+    N0, open_at_rest = (changed.get(name, getattr(pairs, name)) for name in ("N0", "open_at_rest"))
+    T0 = np.where(open_at_rest[:, None], 0.0, rest.force[:, :2])
     k_t, k_n, w0 = (changed.get(name, getattr(pairs, name)) for name in ("k_t", "k_n", "w0"))
-    own = {name: changed.get(name, values) for name, values in pairs.own.items()}
-    return replace(pairs, N0=N0, k_t=k_t, k_n=k_n, w0=w0, T0=T0, apart=apart, own=own)
+    law_columns = {name: changed.get(name, values) for name, values in pairs.law_columns.items()}
+    return replace(pairs, N0=N0, k_t=k_t, k_n=k_n, w0=w0, T0=T0, open_at_rest=open_at_rest, law_columns=law_columns)
 
 
 def of_larger_area(pairs: ContactPairs, ratio: np.ndarray) -> ContactPairs:
@@ -52,7 +52,7 @@ def of_larger_area(pairs: ContactPairs, ratio: np.ndarray) -> ContactPairs:
 
 def touches_from_none(pairs: ContactPairs) -> np.ndarray:
     """Return which pairs follow a power of the approach from no pressure on, (n_pairs,) bool.  Local."""
-    reference = pairs.own.get("reference", np.full(pairs.n_pairs, np.nan))
+    reference = pairs.law_columns.get("reference", np.full(pairs.n_pairs, np.nan))
     return (reference > 0.0) & (pairs.N0 <= 0.0)
 
 
@@ -61,15 +61,19 @@ def referred_to(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
 
     Local.  docs/theory.md, section 12: of pairs that touch from none on, joint by joint, at the largest pressure there.
     """
-    k_t, k_n, reference = pairs.k_t.copy(), pairs.k_n.copy(), pairs.own["reference"].copy()
+    k_t, k_n, reference = pairs.k_t.copy(), pairs.k_n.copy(), pairs.law_columns["reference"].copy()
     joint, touches = np.array(pairs.joint), touches_from_none(pairs)
     for name in dict.fromkeys(joint[touches]):
-        own = touches & (joint == name)
-        level = (N[own] / reference[own]).max()
+        of_joint = touches & (joint == name)
+        level = (N[of_joint] / reference[of_joint]).max()
         if level > 0.0:
-            stiffer = level ** (1.0 - 1.0 / pairs.own["exponent"][own])
-            k_t[own], k_n[own], reference[own] = k_t[own] * stiffer, k_n[own] * stiffer, reference[own] * level
-    return replace(pairs, k_t=k_t, k_n=k_n, own={**pairs.own, "reference": reference})
+            stiffer = level ** (1.0 - 1.0 / pairs.law_columns["exponent"][of_joint])
+            k_t[of_joint], k_n[of_joint], reference[of_joint] = (
+                k_t[of_joint] * stiffer,
+                k_n[of_joint] * stiffer,
+                reference[of_joint] * level,
+            )
+    return replace(pairs, k_t=k_t, k_n=k_n, law_columns={**pairs.law_columns, "reference": reference})
 
 
 def in_words(pairs: ContactPairs, rest: Rest, balance: Balance) -> list[str]:
@@ -82,15 +86,15 @@ def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
     names, limit = np.array(pairs.joint), friction_limit(pairs.laws, pairs.columns, rest.N)
     lines = [f"rest found in {rest.steps} load steps, {rest.iterations} Newton iterations"]
     for name in dict.fromkeys(pairs.joint):
-        own = names == name
-        N, T = rest.N[own], np.hypot(*rest.force[own, :2].T)
-        closed = (N > 0.0) | np.isnan(pairs.N0[own])
-        slid = closed & (T >= (1.0 - 1e-9) * limit[own])
-        pressure = N / pairs.area[own]
-        from_gap = are_springs(pairs.laws[own]) | (pairs.N0[own] <= 0.0)
-        gap = np.where(from_gap, np.maximum(rest.du[own, 2] - pairs.N0[own] / pairs.k_n[own], 0.0), 0.0)
+        of_joint = names == name
+        N, T = rest.N[of_joint], np.hypot(*rest.force[of_joint, :2].T)
+        closed = (N > 0.0) | np.isnan(pairs.N0[of_joint])
+        slid = closed & (T >= (1.0 - 1e-9) * limit[of_joint])
+        pressure = N / pairs.area[of_joint]
+        from_gap = are_springs(pairs.laws[of_joint]) | (pairs.N0[of_joint] <= 0.0)
+        gap = np.where(from_gap, np.maximum(rest.du[of_joint, 2] - pairs.N0[of_joint] / pairs.k_n[of_joint], 0.0), 0.0)
         lines.append(
-            f"  {name}: {closed.sum()} of {own.sum()} pairs closed, {slid.sum()} slid to their limit; "
+            f"  {name}: {closed.sum()} of {of_joint.sum()} pairs closed, {slid.sum()} slid to their limit; "
             f"normal force {N.sum():.6g} N, friction {T.sum():.4g} N, pressure up to {pressure.max():.4g} Pa, "
             f"gap up to {gap.max():.3g} m"
         )

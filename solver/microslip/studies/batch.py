@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..scene.schema import Scene
 
 
-def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, asked: RunOptions) -> int:
+def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, options: RunOptions) -> int:
     """Run scenes side by side, or in turn with one group, each into ``out``/its name; return the worst exit status.
 
     Collective on ``comm``.  A group takes the next scene whenever it has done the last one.  A scene that fails is said and
@@ -35,10 +35,10 @@ def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, asked: RunOpt
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise CaseError(f"two scenes are called {twice!r}, and both would write to {out / twice}; rename one of the files")
-    groups, counter, statuses = split(comm, min(asked.n_groups or 1, len(scenes))), Counter(comm), [0]
+    groups, counter, statuses = split(comm, min(options.n_groups or 1, len(scenes))), Counter(comm), [0]
     obey_signals(groups.is_root)
     for number in dealt(groups, counter, len(scenes)):
-        statuses.append(_run(scenes[number], groups, out / names[number], asked))
+        statuses.append(_run(scenes[number], groups, out / names[number], options))
         if statuses[-1] == Interrupted.exit_status:
             break
     with unwatched():
@@ -46,7 +46,7 @@ def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, asked: RunOpt
     return max(statuses)
 
 
-def _run(scene: Scene, groups: Groups, folder: Path, asked: RunOptions) -> int:
+def _run(scene: Scene, groups: Groups, folder: Path, options: RunOptions) -> int:
     """Run one scene on this rank's group and return its exit status.  Collective on ``groups.comm``.
 
     With several groups the screen has a line when a scene begins and one when it ends; run.log has the rest.
@@ -54,7 +54,7 @@ def _run(scene: Scene, groups: Groups, folder: Path, asked: RunOptions) -> int:
     is_alone, began = groups.n == 1, time.perf_counter()
     if groups.is_root and not is_alone:
         print(f"{scene.name}: begun on {groups.where}", flush=True)
-    options = replace(asked, n_groups=None if is_alone else 1, screen=is_alone)
+    options = replace(options, n_groups=None if is_alone else 1, screen=is_alone)
     status = conclude_part(groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options))
     if groups.is_root and not is_alone:
         how = "done" if status == 0 else f"ended with status {status}"

@@ -6,7 +6,7 @@ import csv
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..system.files import written_whole
+from ..system.files import atomic_write
 
 UNKNOWN = "\u2013"  # on the screen
 
@@ -20,7 +20,7 @@ def write_csv(
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    with written_whole(path) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(columns), lineterminator="\n")
         writer.writeheader()
         writer.writerows({key: cell(value, digits, unknown) for key, value in record.items()} for record in records)

@@ -33,7 +33,7 @@ NO_FILE = "that is a pipe or a device; a file is expected"
 
 
 @contextmanager
-def said_of(path: str) -> Iterator[None]:
+def file_errors(path: str) -> Iterator[None]:
     """Turn what the system reports while ``path`` is written into an error with an exit status.  Local.
 
     Raises
@@ -59,30 +59,30 @@ def _errno(problem: BaseException) -> int | None:
     """Return the system's error number; HDF5 hides it in its text."""
     if isinstance(problem, OSError) and problem.errno:
         return problem.errno
-    found = re.search(r"errno = (\d+)", str(problem))
-    return int(found[1]) if found else None
+    match = re.search(r"errno = (\d+)", str(problem))
+    return int(match[1]) if match else None
 
 
 @contextmanager
-def written_whole(path: str) -> Iterator[str]:
+def atomic_write(path: str) -> Iterator[str]:
     """Yield the name of a file beside ``path`` that takes its place when the block ends without an error.  Local.
 
     Whoever is killed meanwhile leaves the old file untouched; a signal to stop waits until the new one is there.
 
     Raises
     ------
-    CaseError, ResourceError : as :func:`said_of`
+    CaseError, ResourceError : as :func:`file_errors`
     """
-    beside = path + BESIDE
-    with unbroken(), said_of(path):
+    temporary = path + BESIDE
+    with unbroken(), file_errors(path):
         try:
-            yield beside
-            _to_disk(beside)
-            os.replace(beside, path)
+            yield temporary
+            _to_disk(temporary)
+            os.replace(temporary, path)
             _to_disk(os.path.dirname(path) or ".")
         except BaseException:
             with suppress(OSError):
-                os.remove(beside)
+                os.remove(temporary)
             raise
 
 
@@ -130,9 +130,9 @@ def make_folder(folder: str) -> None:
 
     Raises
     ------
-    CaseError, ResourceError : as :func:`said_of`
+    CaseError, ResourceError : as :func:`file_errors`
     """
     if os.path.exists(folder) and not os.path.isdir(folder):
         raise CaseError(f"{folder}: cannot be written: that is a file and no folder; choose another folder with --out")
-    with said_of(folder):
+    with file_errors(folder):
         os.makedirs(folder, exist_ok=True)

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 UNLIMITED = 2.0**60  # bytes: control groups of the first version write 2^63 where there is no limit
 _MIB = 1024.0**2
-_FILES_KEPT = {1: ("total_inactive_file", "total_active_file"), 2: ("inactive_file", "active_file")}  # given up for others
+_CACHED_FILES = {1: ("total_inactive_file", "total_active_file"), 2: ("inactive_file", "active_file")}  # given up for others
 _LIMITS = {1: ("memory.limit_in_bytes",), 2: ("memory.max", "memory.high")}
 _USED = {1: "memory.usage_in_bytes", 2: "memory.current"}
 
@@ -23,7 +23,7 @@ class Limit:
 
     name: str  # what messages call it
     shared_by: str  # the same for all processes that share it
-    left: float  # bytes
+    available: float  # bytes
 
 
 def gigabytes(size: float) -> str:
@@ -62,7 +62,7 @@ def peak_memory() -> float:
 
 def memory_left_here() -> float:
     """Return what this process may still take if no other one takes more [bytes]; infinite where nothing tells.  Local."""
-    return min((limit.left for limit in limits_here("machine", "process", resident_memory())), default=float("inf"))
+    return min((limit.available for limit in limits_here("machine", "process", resident_memory())), default=float("inf"))
 
 
 # -- limits, read ------------------------------------------------------------------------------------------------------
@@ -77,10 +77,10 @@ def limits_here(machine: str, process: str, resident: float, root: Path = Path("
     resident : bytes that the ranks of this machine have together
     root : where /proc and /sys are found
     """
-    found = [Limit("the machine", machine, left) for left in _machine(root)]
-    found += [Limit(name, f"{machine} {name}", left) for name, left in _control_groups(root)]
-    found += [Limit(name, f"{machine} {name}", total - resident) for name, total in _slurm()]
-    return found + [Limit(name, process + name, left) for name, left in _of_process(root)]
+    limits = [Limit("the machine", machine, available) for available in _machine(root)]
+    limits += [Limit(name, f"{machine} {name}", available) for name, available in _control_groups(root)]
+    limits += [Limit(name, f"{machine} {name}", total - resident) for name, total in _slurm()]
+    return limits + [Limit(name, process + name, available) for name, available in _of_process(root)]
 
 
 def _machine(root: Path) -> Iterator[float]:
@@ -124,15 +124,15 @@ def _mounted(root: Path) -> Iterator[tuple[int, PurePosixPath, PurePosixPath]]:
 def _used(folder: Path, version: int) -> float:
     """Return what a group uses [bytes], without files kept in memory that it gives up for others."""
     entries = dict(line.split()[:2] for line in _lines(folder / "memory.stat"))
-    kept = sum(float(entries.get(name, 0.0)) for name in _FILES_KEPT[version])
+    cached = sum(float(entries.get(name, 0.0)) for name in _CACHED_FILES[version])
     used = _number(folder / _USED[version])
-    return 0.0 if used >= UNLIMITED else max(used - kept, 0.0)
+    return 0.0 if used >= UNLIMITED else max(used - cached, 0.0)
 
 
 def _slurm() -> Iterator[tuple[str, float]]:
     """Yield what Slurm grants the job on this machine [bytes], if it tells: not every site has control groups."""
     try:
-        node, cpu = (float(os.environ.get(f"SLURM_MEM_PER_{one}", 0.0)) for one in ("NODE", "CPU"))
+        node, cpu = (float(os.environ.get(f"SLURM_MEM_PER_{unit}", 0.0)) for unit in ("NODE", "CPU"))
         total = node or cpu * float(os.environ.get("SLURM_CPUS_ON_NODE", 0.0))
     except ValueError:
         return

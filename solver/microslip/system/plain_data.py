@@ -30,10 +30,10 @@ def write(file: IO[bytes], value: Any) -> None:
     """
     arrays: list[np.ndarray] = []
     tree = _encode(value, arrays)
-    text = json.dumps([tree, [[one.dtype.str, one.shape] for one in arrays]]).encode("ascii")
+    text = json.dumps([tree, [[array.dtype.str, array.shape] for array in arrays]]).encode("ascii")
     file.write(b"%d\n" % len(text) + text)
-    for one in arrays:
-        file.write(one.data if one.flags.c_contiguous and one.size else one.tobytes())
+    for array in arrays:
+        file.write(array.data if array.flags.c_contiguous and array.size else array.tobytes())
     file.flush()
 
 
@@ -53,7 +53,7 @@ def read(file: IO[bytes], types: Iterable[type] = (), most: float = float("inf")
         for kind, shape in headers:
             arrays.append(_array(file, np.dtype(kind), tuple(shape), most))
             most -= arrays[-1].nbytes
-        return _decode(tree, arrays, {one.__name__: one for one in types})
+        return _decode(tree, arrays, {kind.__name__: kind for kind in types})
     except (ValueError, TypeError, KeyError, IndexError, RecursionError, OverflowError) as problem:
         raise Unreadable(f"{type(problem).__name__}: {problem}") from None
 
@@ -69,11 +69,11 @@ def _encode(value: Any, arrays: list[np.ndarray]) -> Any:
         arrays.append(np.ascontiguousarray(array).reshape(array.shape))
         return ["array" if isinstance(value, np.ndarray) else "scalar", len(arrays) - 1]
     if isinstance(value, (list, tuple)):
-        return ["list" if isinstance(value, list) else "tuple", [_encode(one, arrays) for one in value]]
+        return ["list" if isinstance(value, list) else "tuple", [_encode(each, arrays) for each in value]]
     if isinstance(value, Mapping):
-        return ["dict", [[_encode(key, arrays), _encode(one, arrays)] for key, one in value.items()]]
+        return ["dict", [[_encode(key, arrays), _encode(each, arrays)] for key, each in value.items()]]
     if is_dataclass(value) and not isinstance(value, type):
-        parts = {one.name: _encode(getattr(value, one.name), arrays) for one in fields(value)}
+        parts = {each.name: _encode(getattr(value, each.name), arrays) for each in fields(value)}
         return ["object", type(value).__name__, parts]
     if "scipy.sparse" in sys.modules and sys.modules["scipy.sparse"].issparse(value):
         matrix = value if value.format in _COMPRESSED else value.tocsr()
@@ -91,13 +91,13 @@ def _decode(tree: Any, arrays: list[np.ndarray], types: Mapping[str, type]) -> A
     if kind in ("array", "scalar"):
         return arrays[parts[0]] if kind == "array" else arrays[parts[0]][()]
     if kind in ("list", "tuple"):
-        values = [_decode(one, arrays, types) for one in parts[0]]
+        values = [_decode(each, arrays, types) for each in parts[0]]
         return values if kind == "list" else tuple(values)
     if kind == "dict":
-        return {_decode(key, arrays, types): _decode(one, arrays, types) for key, one in parts[0]}
+        return {_decode(key, arrays, types): _decode(each, arrays, types) for key, each in parts[0]}
     if kind == "object":
         name, values = parts
-        return types[name](**{key: _decode(one, arrays, types) for key, one in values.items()})
+        return types[name](**{key: _decode(each, arrays, types) for key, each in values.items()})
     if kind in _COMPRESSED:
         return _matrix(kind, *_decode(parts[0], arrays, types))
     raise Unreadable(f"a value of the kind {str(kind)[:40]!r}")
@@ -125,7 +125,7 @@ def _array(file: IO[bytes], dtype: np.dtype, shape: tuple[int, ...], most: float
 
 
 def _bytes(file: IO[bytes], n: int) -> bytes:
-    found = file.read(n)
-    if len(found) < n:
-        raise Unreadable(f"it ends after {len(found)} of {n} bytes")
-    return found
+    data = file.read(n)
+    if len(data) < n:
+        raise Unreadable(f"it ends after {len(data)} of {n} bytes")
+    return data

@@ -21,7 +21,7 @@ TO_FIRST = 2.5  # s that other ranks go on, in case the first has heard of the s
 UNWINDING = 60.0  # s that the way out may take: a library that waits there for other ranks would never end
 
 
-class _Asked:
+class _Requests:
     """What signals have asked for so far."""
 
     to_save = False
@@ -45,8 +45,8 @@ def obey_signals(is_first: bool = True) -> None:
     To be called again after PETSc has started, which takes SIGPIPE.  The rank that saves ``is_first`` to stop:
     if another one did, the first would wait for it in the midst of a library, where no signal is answered.
     """
-    _Asked.to_save, _Asked.to_stop, _Asked.waits_for_first = False, None, not is_first
-    _Asked.is_over = False
+    _Requests.to_save, _Requests.to_stop, _Requests.waits_for_first = False, None, not is_first
+    _Requests.is_over = False
     Answer.begun.clear()
     for number, answer in (*((number, _stop) for number in STOPPING), (signal.SIGUSR1, _save)):
         ignored = signal.getsignal(number) == signal.SIG_IGN
@@ -72,20 +72,20 @@ def handlers_unchanged() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def asked_to_save() -> bool:
+def save_requested() -> bool:
     """Return whether SIGUSR1 has come since the last call.  Local."""
-    asked, _Asked.to_save = _Asked.to_save, False
-    return asked
+    is_requested, _Requests.to_save = _Requests.to_save, False
+    return is_requested
 
 
 def conclude_signals() -> None:
     """Let no signal change the end of the program any more, which is decided.  Local."""
-    _Asked.is_over = True
+    _Requests.is_over = True
 
 
 def is_concluded() -> bool:
     """Return whether the end of the program is decided.  Local."""
-    return _Asked.is_over
+    return _Requests.is_over
 
 
 def ignore_signals() -> None:
@@ -96,57 +96,57 @@ def ignore_signals() -> None:
 
 def is_stopping() -> bool:
     """Return whether a signal that stops has arrived, and this process is on its way out.  Local."""
-    return _Asked.to_stop is not None
+    return _Requests.to_stop is not None
 
 
 @contextmanager
 def parting_with(words: str) -> Iterator[None]:
     """State what the message on a stop within the block ends with.  Local."""
-    _Asked.parting, before = words, _Asked.parting
+    _Requests.parting, before = words, _Requests.parting
     try:
         yield
     finally:
-        _Asked.parting = before
+        _Requests.parting = before
 
 
 def parting_words() -> str:
     """Return what the message on a stop ends with: where the results are.  Local."""
-    return _Asked.parting
+    return _Requests.parting
 
 
 @contextmanager
 def unbroken() -> Iterator[None]:
     """Do the block to its end also when a signal asks to stop meanwhile: it is obeyed after the block.  Local."""
-    _Asked.n_holding += 1
-    before = _Asked.to_stop
+    _Requests.n_holding += 1
+    before = _Requests.to_stop
     try:
         yield
     finally:
-        _Asked.n_holding -= 1
-    if not _Asked.n_holding and _Asked.to_stop is not None and before is None:
-        raise _Asked.to_stop
+        _Requests.n_holding -= 1
+    if not _Requests.n_holding and _Requests.to_stop is not None and before is None:
+        raise _Requests.to_stop
 
 
 def _save(number: int, frame) -> None:
-    _Asked.to_save = True
+    _Requests.to_save = True
 
 
 def _stop(number: int, frame) -> None:
     """Raise Interrupted wherever the program is; a second signal changes nothing about the way out of the first."""
-    if _Asked.to_stop is not None or _Asked.is_over:
+    if _Requests.to_stop is not None or _Requests.is_over:
         return
-    if _Asked.waits_for_first:
-        _Asked.waits_for_first = False
+    if _Requests.waits_for_first:
+        _Requests.waits_for_first = False
         again = threading.Timer(TO_FIRST, os.kill, (os.getpid(), number))
         again.daemon = True
         again.start()
         return
-    _Asked.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
+    _Requests.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
     Answer.begun.set()
     end_within(UNWINDING)
     _drop_what_nobody_reads()
-    if not _Asked.n_holding:
-        raise _Asked.to_stop
+    if not _Requests.n_holding:
+        raise _Requests.to_stop
 
 
 def _drop_what_nobody_reads() -> None:

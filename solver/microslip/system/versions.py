@@ -22,7 +22,7 @@ def versions() -> dict[str, str]:
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
-    found = {
+    known_versions = {
         "PETSc": dotted(PETSc.Sys.getVersion()),
         "SLEPc": dotted(SLEPc.Sys.getVersion()),
         "MUMPS": mumps_version() or "",
@@ -34,7 +34,7 @@ def versions() -> dict[str, str]:
         "numpy": numpy.__version__,
         "scipy": scipy.__version__,
     }
-    return {name: version for name, version in found.items() if version}
+    return {name: version for name, version in known_versions.items() if version}
 
 
 def dotted(numbers: Iterable[int]) -> str:

@@ -14,7 +14,7 @@ _UNITS = {"d": 86400.0, "h": 3600.0, "m": 60.0, "s": 1.0}
 _LONGEST = 1e9  # s
 _PATIENCE = 10.0  # s for a scheduler to answer
 
-Ask = Callable[[list[str]], str]
+Query = Callable[[list[str]], str]
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class TimeLimit:
 
     def __reduce__(self):
         """Say to another machine what is left: its clock counts from elsewhere."""
-        return TimeLimit, (self.left, self.source)
+        return TimeLimit, (self.remaining, self.source)
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """The seconds left now."""
         return self.seconds - (time.monotonic() - self.since)
 
@@ -42,68 +42,70 @@ def seconds_of(text: str) -> float | None:
         return float(text)
     if re.fullmatch(r"([0-9]{1,9}d)?([0-9]{1,9}h)?([0-9]{1,9}m)?([0-9]{1,9}s)?", text) and text:
         return sum(float(number) * _UNITS[unit] for number, unit in re.findall(r"([0-9]+)([dhms])", text))
-    found = re.fullmatch(r"(?:([0-9]{1,5})-)?([0-9]{1,6}(?::[0-9]{1,2}){0,2})", text)
-    if found is None:
+    match = re.fullmatch(r"(?:([0-9]{1,5})-)?([0-9]{1,6}(?::[0-9]{1,2}){0,2})", text)
+    if match is None:
         return None
-    days, clock = int(found[1] or 0), [int(part) for part in found[2].split(":")]
-    units = (3600.0, 60.0, 1.0) if found[1] or len(clock) == 3 else (60.0, 1.0)
+    days, clock = int(match[1] or 0), [int(part) for part in match[2].split(":")]
+    units = (3600.0, 60.0, 1.0) if match[1] or len(clock) == 3 else (60.0, 1.0)
     return 86400.0 * days + sum(unit * part for unit, part in zip(units, clock))
 
 
-def time_limit(asked: float | None, environment: Mapping[str, str] = os.environ, ask: Ask | None = None) -> TimeLimit | None:
-    """Return the time left: the shorter of what is ``asked`` for [s] and what a scheduler allows; None: nothing limits it."""
-    limits = [TimeLimit(asked, f"--walltime, {asked:g} s")] if asked is not None else []
+def time_limit(
+    requested: float | None, environment: Mapping[str, str] = os.environ, query: Query | None = None
+) -> TimeLimit | None:
+    """Return the time left: the shorter of what is ``requested`` for [s] and what a scheduler allows; None: nothing limits it."""
+    limits = [TimeLimit(requested, f"--walltime, {requested:g} s")] if requested is not None else []
     for scheduler in (_slurm, _pbs):
-        found = scheduler(environment, ask or _ask)
-        if found is not None and 0.0 < found[0] < _LONGEST:  # a time that is over is not that of this job
-            limits.append(TimeLimit(*found))
-    return min(limits, key=lambda limit: limit.seconds, default=None)
+        limit = scheduler(environment, query or _query)
+        if limit is not None and 0.0 < limit[0] < _LONGEST:  # a time that is over is not that of this job
+            limits.append(TimeLimit(*limit))
+    return min(limits, key=lambda each: each.seconds, default=None)
 
 
-def _slurm(environment: Mapping[str, str], ask: Ask) -> tuple[float, str] | None:
+def _slurm(environment: Mapping[str, str], query: Query) -> tuple[float, str] | None:
     """Return the seconds that Slurm leaves the job that this is, and its name."""
     job = environment.get("SLURM_JOB_ID")
     if not job:
         return None
     end = environment.get("SLURM_JOB_END_TIME", "")
-    left = (
+    remaining = (
         float(end) - time.time()
         if re.fullmatch(r"[0-9]{1,12}", end)
-        else seconds_of(ask(["squeue", "-h", "-j", job, "-o", "%L"]))
+        else seconds_of(query(["squeue", "-h", "-j", job, "-o", "%L"]))
     )
-    return None if left is None else (left, f"the time limit of Slurm job {job}")
+    return None if remaining is None else (remaining, f"the time limit of Slurm job {job}")
 
 
-def _pbs(environment: Mapping[str, str], ask: Ask) -> tuple[float, str] | None:
+def _pbs(environment: Mapping[str, str], query: Query) -> tuple[float, str] | None:
     """Return the seconds that PBS leaves the job that this is, and its name."""
     job = environment.get("PBS_JOBID")
     if not job:
         return None
-    left = _pbs_left(ask(["qstat", "-f", "-F", "json", job]))
-    if left is None:  # Torque states the whole
-        left = seconds_of(environment.get("PBS_WALLTIME", ""))
-    return None if left is None else (left, f"the time limit of PBS job {job}")
+    remaining = _pbs_remaining(query(["qstat", "-f", "-F", "json", job]))
+    if remaining is None:  # Torque states the whole
+        remaining = seconds_of(environment.get("PBS_WALLTIME", ""))
+    return None if remaining is None else (remaining, f"the time limit of PBS job {job}")
 
 
-def _pbs_left(answer: str) -> float | None:
+def _pbs_remaining(answer: str) -> float | None:
     """Return what is left by qstat's words on one job."""
     try:
         (job,) = json.loads(answer)["Jobs"].values()
-        whole = seconds_of(job["Resource_List"]["walltime"])
+        total = seconds_of(job["Resource_List"]["walltime"])
         used = seconds_of(job.get("resources_used", {}).get("walltime", "0"))
         if "stime" in job:  # what is used is counted every few minutes only
             used = time.time() - time.mktime(time.strptime(job["stime"]))
     except (ValueError, KeyError, TypeError, AttributeError):
         return None
-    return None if whole is None or used is None else whole - used
+    return None if total is None or used is None else total - used
 
 
-def _ask(command: list[str]) -> str:
+def _query(command: list[str]) -> str:
     """Return what a command says, or nothing if there is none, it fails or takes too long."""
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             command, capture_output=True, text=True, timeout=_PATIENCE, check=False, stdin=subprocess.DEVNULL, errors="replace"
         )
     except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+    return result.stdout.strip() if result.returncode == 0 else ""

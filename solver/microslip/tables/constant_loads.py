@@ -51,7 +51,7 @@ class Temperature(Table):
     file: str | None = Field(None, min_length=1, description="the path of a CSV file with the columns node and temperature")
 
     @model_validator(mode="after")
-    def _one(self):
+    def _check_exactly_one(self):
         self.exactly_one("temperature", "field", "file")
         return self
 
@@ -84,7 +84,7 @@ class Bolt(Table):
         return self.name or f"bolt {self._number}"
 
     @model_validator(mode="after")
-    def _one(self):
+    def _check_exactly_one(self):
         self.exactly_one("force", "shortening")
         return self
 

@@ -66,8 +66,8 @@ class Load(Table):
     @model_validator(mode="after")
     def _place(self):
         if self.base_acceleration is not None:
-            others = (*_PLACES, "direction", "moment", "scale", "pressure", *_PHASES, "forces")
-            _refuse_keys(self, "base_acceleration, which moves all supports", *others)
+            other_keys = (*_PLACES, "direction", "moment", "scale", "pressure", *_PHASES, "forces")
+            _refuse_keys(self, "base_acceleration, which moves all supports", *other_keys)
         elif self.forces is not None:
             _refuse_keys(
                 self, "forces: the file holds places and values", *_PLACES, "direction", "moment", "scale", "pressure", *_PHASES
@@ -196,7 +196,7 @@ class Damping(Table):
     )
 
     @model_validator(mode="after")
-    def _one(self):
+    def _check_exactly_one(self):
         if self.rayleigh is not None:
             for key in ("ratios", "modes"):
                 if getattr(self, key) is not None:

@@ -145,7 +145,7 @@ def steady_state(
         if ramp is None:
             for i in np.flatnonzero(~(merit >= best[left])):
                 best[left[i]] = merit[i]
-                steady[left[i]] = (now.take([i]), _one(cycle, i), period, change[i], distance[i])
+                steady[left[i]] = (now.take([i]), _single(cycle, i), period, change[i], distance[i])
         before_p = now.p
         done = (merit <= tolerance) & (ramp is None)
         said(f"period {period}: {len(left)} points, largest distance {distance.max():.1e}, change of p {moved.max():.1e}")
@@ -182,7 +182,7 @@ def _norm(x: np.ndarray) -> np.ndarray:
     return np.sqrt((x**2).sum(axis=(1, 2)))
 
 
-def _one(cycle: Cycle, i: int) -> Cycle:
+def _single(cycle: Cycle, i: int) -> Cycle:
     column = slice(i, i + 1)
     return Cycle(cycle.eta[:, column].copy(), cycle.v[:, column].copy(), cycle.p[:, column].copy(), cycle.state[column])
 

@@ -81,8 +81,8 @@ def _refuse_what_does_not_fit(model: ReducedModel) -> None:
     """Raise ResourceError where G, and the static columns that it is made of, do not fit into memory.  Collective."""
     n_owned, n_missing = model.owned.stop - model.owned.start, np.count_nonzero(~model.groups[0].receptance.static.G_static.known)
     if 72.0 * model.n_pairs**2 > _ASKED_FROM:
-        own_rows = n_owned if model.comm.size > 1 else 0  # beside what is gathered of them
-        needed = 72.0 * (model.n_pairs**2 + own_rows * model.n_pairs + n_missing * n_owned)
+        n_rows = n_owned if model.comm.size > 1 else 0  # beside what is gathered of them
+        needed = 72.0 * (model.n_pairs**2 + n_rows * model.n_pairs + n_missing * n_owned)
         refuse_beyond(model.comm, needed, f"time integration: the flexibility between all {model.n_pairs} pairs", _FEWER)
 
 

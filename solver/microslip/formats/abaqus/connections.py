@@ -85,8 +85,8 @@ def tie(model: InputModel, scope: Scope, words: list[str], where: str, card: Car
     """Glue the first surface of a line to the second."""
     first, second = (faces_of(model, scope, word, where) for word in words[:2])
     if first is None or second is None:
-        which = words[0] if first is None else words[1]
-        effect = f"{words[0]} tied to {words[1]}: the nodes of {which} are not those of whole faces of solids"
+        role = words[0] if first is None else words[1]
+        effect = f"{words[0]} tied to {words[1]}: the nodes of {role} are not those of whole faces of solids"
         finding = Finding(
             word=f"*{card.keyword}", where=where, effect=effect, changes=True, part="ties", surfaces=(words[0], words[1])
         )

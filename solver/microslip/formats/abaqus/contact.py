@@ -73,7 +73,7 @@ def _interactions(model: InputModel) -> dict[str, _Interaction]:
             lacks = {"tangential_stiffness": "no *FRICTION", "normal_stiffness": "hard contact"}
             interactions[name] = _Interaction({"friction": 0.0}, {key: f"{card.where}: {why}" for key, why in lacks.items()})
         elif card.keyword == "SURFACE BEHAVIOR" and name in interactions:
-            interactions[name] = _pressed(interactions[name], card)
+            interactions[name] = _with_normal_behaviour(interactions[name], card)
         elif card.keyword == "FRICTION" and name in interactions:
             interactions[name] = _rubbing(interactions[name], card)
     for card in _before_vibration(model):
@@ -100,7 +100,7 @@ def _having(interaction: _Interaction, **values: float) -> _Interaction:
     return replace(interaction, has={**interaction.has, **values}, lacks=lacks)
 
 
-def _pressed(interaction: _Interaction, card: Card) -> _Interaction:
+def _with_normal_behaviour(interaction: _Interaction, card: Card) -> _Interaction:
     """Return an interaction with the pressure over the overclosure of a *SURFACE BEHAVIOR."""
     law = card.parameter("PRESSURE-OVERCLOSURE") or "HARD"
     words, where = next(card.lines(), ([""], card.where))

@@ -56,11 +56,11 @@ def _take_mass(model: InputModel, scope: Scope, card: Card, elements: np.ndarray
     for node in nodes[at_points]:
         point = model.points[int(node)]
         model.points[int(node)] = point.with_keys(mass=point.mass + mass)
-    others = nodes[~at_points]
-    if len(others) and mass:
-        model.attached.update(others.tolist())
+    at_nodes = nodes[~at_points]
+    if len(at_nodes) and mass:
+        model.attached.update(at_nodes.tolist())
         name = model.mesh.name_of(scope, card.parameters.get("ELSET", "")) or "*MASS"
-        model.masses.append(Mass.of_file(group=model.grouped.node_group(name, others), mass=mass))
+        model.masses.append(Mass.of_file(group=model.grouped.node_group(name, at_nodes), mass=mass))
 
 
 def _take_inertia(model: InputModel, scope: Scope, card: Card, elements: np.ndarray) -> None:

@@ -319,9 +319,9 @@ def _refuse_twice(parts: list[tuple[np.ndarray, str]], keyword: str, what: str) 
     if len(numbers) < 2 or (np.diff(numbers) > 0).all():
         return
     order = np.argsort(numbers, kind="stable")
-    again = order[1:][np.diff(numbers[order]) == 0]
-    if len(again):
-        row = again.min()
+    repeated = order[1:][np.diff(numbers[order]) == 0]
+    if len(repeated):
+        row = repeated.min()
         part = int(np.searchsorted(np.cumsum([len(part_numbers) for part_numbers, _ in parts]), row, side="right"))
         raise MeshError(f"{parts[part][1]}: *{keyword} gives {what} number {numbers[row]} more than once")
 

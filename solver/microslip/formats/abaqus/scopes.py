@@ -81,7 +81,7 @@ def _played(parts: dict[str, list[Card]], rest: list[Card], model: Scope) -> Ite
             if scope is not model or not name or name.upper() in names:
                 raise MeshError(f"{card.where}: *INSTANCE {name or 'without a name'}: within another, or twice")
             if "INSTANCE" in card.parameters or (part and part not in parts):
-                known = f"it has: {', '.join(one[0].parameters.get('NAME', '') for one in parts.values())}"
+                known = f"it has: {', '.join(cards[0].parameters.get('NAME', '') for cards in parts.values())}"
                 raise MeshError(f"{card.where}: *INSTANCE {name}: there is no part {card.parameters.get('PART', '')!r}; {known}")
             names.add(name.upper())
             scope = _placed_scope(name, card)

@@ -45,11 +45,11 @@ class _Acting:
     temperatures: dict[int, float] = field(default_factory=dict)  # by node
     heated: str = ""  # where they are stated
     spin: tuple[float, ...] | None = None  # square of the speed, a point of the axis, its direction
-    _own: set[tuple[int, Hashable]] = field(default_factory=set)  # what the step has stated
+    _stated: set[tuple[int, Hashable]] = field(default_factory=set)  # what the step has stated
 
     def begin(self, step: Step) -> None:
         """Take out what the step replaces as a whole."""
-        self._own.clear()
+        self._stated.clear()
         for keywords, tables in (
             (("CLOAD",), (self.forces, self.bolts)),
             (("DLOAD", "DSLOAD"), (self.faces, self.surfaces)),
@@ -62,9 +62,9 @@ class _Acting:
                     self.spin = None
 
     def put(self, table: dict, key: Hashable, value: float) -> None:
-        is_own = (id(table), key) in self._own
+        is_own = (id(table), key) in self._stated
         table[key] = table[key] + value if is_own else value
-        self._own.add((id(table), key))
+        self._stated.add((id(table), key))
 
 
 def take_statics(model: InputModel) -> None:

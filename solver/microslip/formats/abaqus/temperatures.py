@@ -51,15 +51,15 @@ def take_temperatures(model: InputModel, at_rest: dict[int, float] | None, where
     for scope, card in model.cards:
         if card.keyword == "INITIAL CONDITIONS" and card.parameter("TYPE") == "TEMPERATURE" and set(card.parameters) == {"TYPE"}:
             given.update(temperatures_of(model, scope, card))
-    cold = np.zeros(len(model.mesh.points))
-    cold[list(given)] = list(given.values())
-    warm = cold.copy()
-    warm[list(at_rest or {})] = list((at_rest or {}).values())
-    ends = {name: (_common(model, body, cold), _common(model, body, warm)) for name, body in model.bodies.items()}
+    initial = np.zeros(len(model.mesh.points))
+    initial[list(given)] = list(given.values())
+    final = initial.copy()
+    final[list(at_rest or {})] = list((at_rest or {}).values())
+    ends = {name: (_common(model, body, initial), _common(model, body, final)) for name, body in model.bodies.items()}
     is_known = at_rest is not None and bool(given or at_rest)
-    _warm_materials(model, ends if is_known else dict.fromkeys(ends, (None, None)))
+    _materials_at_temperature(model, ends if is_known else dict.fromkeys(ends, (None, None)))
     if at_rest:
-        _warm_statics(model, ends, where)
+        _temperature_rises(model, ends, where)
 
 
 def _common(model: InputModel, body: Body, values: np.ndarray) -> float | None:
@@ -69,51 +69,51 @@ def _common(model: InputModel, body: Body, values: np.ndarray) -> float | None:
     return float(at_nodes[0]) if np.ptp(at_nodes) <= _SAME * np.abs(at_nodes).max() else None
 
 
-def _warm_materials(model: InputModel, ends: dict[str, Ends]) -> None:
+def _materials_at_temperature(model: InputModel, ends: dict[str, Ends]) -> None:
     """Replace materials that depend on the temperature by what they are in each body, cold at first and warm in the vibration."""
     for name, tables in model.tables.items():
         bodies = {key: ends[key] for key, body in model.bodies.items() if body.material == name}
-        states = {(cold, warm) for cold, warm in bodies.values() if cold is not None and warm is not None}
+        states = {(initial, final) for initial, final in bodies.values() if initial is not None and final is not None}
         if not bodies or len(states) < len(set(bodies.values())) or not all(table.is_of_temperature for table in tables):
             for table in tables:
                 model.findings.add(f"*{table.keyword}", table.where, f"material {name!r}: {_FIRST_ALONE}", True, "materials")
             continue
         plain = model.materials.pop(name)
-        for key, (cold, warm) in bodies.items():
-            assert cold is not None and warm is not None, "a body of one temperature"
+        for key, (initial, final) in bodies.items():
+            assert initial is not None and final is not None, "a body of one temperature"
             named = name if len(states) == 1 else f"{name} {key}"
-            model.materials[named] = _at(plain, tables, cold, warm)
+            model.materials[named] = _at(plain, tables, initial, final)
             model.bodies[key] = model.bodies[key].with_keys(material=named)
 
 
-def _at(material: Material, tables: list[Table], cold: float, warm: float) -> Material:
+def _at(material: Material, tables: list[Table], initial: float, final: float) -> Material:
     """Return a material at a temperature, between the rows of its tables and constant beyond them.
 
-    An expansion counts from its table's zero, and its value becomes what the way from ``cold`` to ``warm`` expands by, a degree.
+    An expansion counts from the zero of its table; its value becomes the mean expansion per degree from ``initial`` to ``final``.
     """
     changed: dict[str, Any] = {}
     for table in tables:
-        values = table.at(warm)
-        if table.keyword == "EXPANSION" and warm != cold:
-            strain = values * (warm - table.zero) - table.at(cold) * (cold - table.zero)
-            values = strain / (warm - cold)
+        values = table.at(final)
+        if table.keyword == "EXPANSION" and final != initial:
+            strain = values * (final - table.zero) - table.at(initial) * (initial - table.zero)
+            values = strain / (final - initial)
         changed.update(keys_of(table.keyword, table.kind, values.tolist()))
     return material.with_keys(**changed)
 
 
-def _warm_statics(model: InputModel, ends: dict[str, Ends], where: str) -> None:
+def _temperature_rises(model: InputModel, ends: dict[str, Ends], where: str) -> None:
     """Add to the statics by how much bodies that expand are warmer than at first."""
     assert model.statics is not None, "a file with loads"
     temperatures = []
     for name, body in model.bodies.items():
         material = model.materials.get(body.material)
-        cold, warm = ends[name]
-        if material is None or not material.expansion or (cold is not None and cold == warm):
+        initial, final = ends[name]
+        if material is None or not material.expansion or (initial is not None and initial == final):
             continue
-        if cold is None or warm is None:
+        if initial is None or final is None:
             effect = f"temperatures that differ within body {name!r} load the structure before it vibrates"
             model.findings.add("*TEMPERATURE", where, effect, True, "statics")
         else:
-            temperatures.append(Temperature.of_file(group=body.group, temperature=warm - cold))
+            temperatures.append(Temperature.of_file(group=body.group, temperature=final - initial))
     table = model.statics.table.with_keys(temperatures=tuple(temperatures))
     model.statics = replace(model.statics, table=table)

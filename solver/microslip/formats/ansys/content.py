@@ -67,12 +67,12 @@ class Content(Draft):
         return index[~np.isin(wanted, missing)]
 
 
-def take_commands(content: Content, said: Iterable[Command], components: dict[str, np.ndarray]) -> None:
+def take_commands(content: Content, commands_read: Iterable[Command], components: dict[str, np.ndarray]) -> None:
     """Take what the commands of a file say.  Local."""
     content.selected = content.numbers
     content.constraints.findings = content.findings
     last_real = 0
-    for command in said:
+    for command in commands_read:
         word = command.word
         if word == "ET":
             content.types[int(command.number(0))] = int("".join(c for c in command.field(1) if c.isdigit()) or 0)

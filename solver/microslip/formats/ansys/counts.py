@@ -14,7 +14,7 @@ _BLANK = re.compile(rb"\n[ \t\r]*(?=\n)")
 _FIRST_LINE = 8  # nodes of an element on its first line, of 19 fields
 
 
-def check_held(path: str, said: tuple[Command, ...], blocks: Blocks) -> None:
+def check_held(path: str, commands_read: tuple[Command, ...], blocks: Blocks) -> None:
     """Raise unless the blocks are whole: as long as they announce, and read to their ends.  Local.
 
     Raises
@@ -23,9 +23,9 @@ def check_held(path: str, said: tuple[Command, ...], blocks: Blocks) -> None:
     """
     with open(path, "rb") as file:
         content = file.read()
-    heads = [command for command in said if command.word == "EBLOCK"]
+    heads = [command for command in commands_read if command.word == "EBLOCK"]
     n_lines = 0  # of elements, in all blocks
-    for command in said:
+    for command in commands_read:
         if command.word == "CMBLOCK":
             _check_component(command, numbers_behind(content, command))
         elif command.word == "NBLOCK":
@@ -47,8 +47,8 @@ def _is_solid(command: Command) -> bool:
 def _check_component(command: Command, block: bytes) -> None:
     n_held, count = len(block.split()), command.field(2)
     if count.isdigit() and int(count) != n_held:
-        said = f"{command.where}: CMBLOCK {command.field(0)} counts {count} numbers and holds {n_held}"
-        raise MeshError(f"{said}; the file is truncated or damaged")
+        commands_read = f"{command.where}: CMBLOCK {command.field(0)} counts {count} numbers and holds {n_held}"
+        raise MeshError(f"{commands_read}; the file is truncated or damaged")
 
 
 def _check(command: Command, n_held: int, what: str) -> None:

@@ -22,14 +22,14 @@ _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([ED][-+]?\d+)?\Z", re.IGNORECASE)
 _ASSIGNED = re.compile(r"([A-Z_]\w*)\s*=\s*(\S+)\Z")
 
 
-def as_archived(said: Iterable[Command]) -> Iterator[Command]:
+def as_archived(commands_read: Iterable[Command]) -> Iterator[Command]:
     """Yield commands with parameters (*SET, name = value) replaced by their numbers and words in full.  Local.
 
     Elements that are defined one by one come as one command E.
     """
     known: dict[str, str] = {}
     has_elements = False
-    for command in said:
+    for command in commands_read:
         fields = tuple(known.get(field.upper(), field) for field in command.fields)
         assigned = _ASSIGNED.match(command.word)
         if assigned or command.word == "*SET":

@@ -39,12 +39,12 @@ def read_cdb(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, or shapes that are no solids here
     """
-    said = tuple(commands(path))
-    _check_counts(path, said)
+    commands_read = tuple(commands(path))
+    _check_counts(path, commands_read)
     _refuse_exponents(path)
     blocks = _archive(path)
-    check_held(path, said, blocks)
-    return model_of(blocks, said)
+    check_held(path, commands_read, blocks)
+    return model_of(blocks, commands_read)
 
 
 def read_input(path: str) -> FileModel:
@@ -56,15 +56,15 @@ def read_input(path: str) -> FileModel:
     """
     given = tuple(commands(path))
     _refuse_scripts(given)
-    said = tuple(as_archived(given))
+    commands_read = tuple(as_archived(given))
     with open(path, encoding="utf-8", errors="replace") as file:
         blocks = blocks_of_text(file.read().splitlines())
-    return model_of(blocks, said)
+    return model_of(blocks, commands_read)
 
 
-def _refuse_scripts(said: tuple[Command, ...]) -> None:
+def _refuse_scripts(commands_read: tuple[Command, ...]) -> None:
     """Raise MeshError where no mesh is in the file, and name the commands that make one."""
-    words = list(dict.fromkeys(command.word for command in said))
+    words = list(dict.fromkeys(command.word for command in commands_read))
     if {"NBLOCK", "EBLOCK"} & set(words):
         return
     made_by = ", ".join([word for word in words if word[:4] in _MAKE_MESHES][:4])
@@ -78,11 +78,11 @@ def is_input(path: str) -> bool:
         return any(line.strip().upper().startswith(_STARTS) for line in islice(file, _HEAD))
 
 
-def model_of(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
+def model_of(blocks: Blocks, commands_read: tuple[Command, ...]) -> FileModel:
     """Return the model of blocks and commands.  Local."""
     _refuse_doubles(blocks.numbers)
     content = Content(blocks.numbers, blocks.points, angles=blocks.angles)
-    take_commands(content, said, {name.upper(): nodes for name, nodes in blocks.node_components.items()})
+    take_commands(content, commands_read, {name.upper(): nodes for name, nodes in blocks.node_components.items()})
     for number, keys in blocks.keys.items():
         content.keys.setdefault(number, {}).update(keys)
     cells, bodies, orientations = cells_and_bodies(blocks, content)
@@ -124,10 +124,10 @@ def _archive(path: str) -> Blocks:
         ) from None
 
 
-def _check_counts(path: str, said: tuple[Command, ...]) -> None:
+def _check_counts(path: str, commands_read: tuple[Command, ...]) -> None:
     """Raise MeshError where a block lacks, or counts more than the file can hold, before anything is allocated by it."""
     size, lacking = os.path.getsize(path), {"NBLOCK", "EBLOCK"}
-    for command in said:
+    for command in commands_read:
         lacking.discard(command.word)
         if command.word == "NBLOCK" and command.field(1).upper() != "SOLID":
             _refuse_short_lines(path, command)

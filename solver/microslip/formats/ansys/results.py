@@ -33,12 +33,12 @@ def read_rst(path: str) -> FileModel:
     MeshError without the file's name: the library is missing, the file is damaged, or has shapes that are no solids here
     """
     try:
-        blocks, said = read_file(path, _parts, path, gain=_GAIN, returns=(Blocks,))
+        blocks, commands_read = read_file(path, _parts, path, gain=_GAIN, returns=(Blocks,))
     except SandboxError as problem:
         raise MeshError(f"it is truncated or damaged: {problem}") from None
     except LibraryError as problem:  # whatever the library makes of a damaged file
         raise MeshError(f"it is truncated, damaged, or holds no results of Ansys ({problem})") from None
-    model = model_of(blocks, tuple(Command(fields[0], fields[1:], 0) for fields in said))
+    model = model_of(blocks, tuple(Command(fields[0], fields[1:], 0) for fields in commands_read))
     return replace(model, facts=(*model.facts, _NOT_TOLD))
 
 
@@ -59,7 +59,7 @@ def _parts(path: str) -> Told:
         int(number): {i: int(value) for i, value in enumerate(values, 1) if value}
         for number, values in result._element_table["keyopts"].items()  # the library's mesh leaves them out
     }
-    return replace(blocks, keys=keys), [*_materials(result.materials), *_held(result)]
+    return replace(blocks, keys=keys), [*_materials(result.materials), *_contents(result)]
 
 
 def _materials(materials: Mapping[int, Mapping[str, Any]]) -> list[tuple[str, ...]]:
@@ -71,7 +71,7 @@ def _materials(materials: Mapping[int, Mapping[str, Any]]) -> list[tuple[str, ..
     ]
 
 
-def _held(result: Any) -> list[tuple[str, ...]]:
+def _contents(result: Any) -> list[tuple[str, ...]]:
     """Return the supports of the first result as D commands; none where it has none, or the file no result."""
     try:
         nodes, dofs, values = result.nodal_boundary_conditions(0)

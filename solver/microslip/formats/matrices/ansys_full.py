@@ -40,9 +40,9 @@ def read_full(wanted: Wanted) -> FileMatrix:
     rows, columns, values = _block(records, starts[name], n, wanted)
     matrix = from_coordinates(rows, columns, values, (n, n), wanted)
     free = np.flatnonzero(is_free)
-    held = f"{wanted.path.name}: {n - len(free)} of {n} equations are constrained and left out"
+    note = f"{wanted.path.name}: {n - len(free)} of {n} equations are constrained and left out"
     return FileMatrix(
-        matrix[free][:, free], dofs[free] if dofs is not None else None, is_triangle=True, notes=(held,) * (len(free) < n)
+        matrix[free][:, free], dofs[free] if dofs is not None else None, is_triangle=True, notes=(note,) * (len(free) < n)
     )
 
 
@@ -52,10 +52,10 @@ def _dofs(records: Records, start: int, n: int, wanted: Wanted) -> tuple[DofMap 
     labels = records.integers(labels_at)
     nodes = records.integers(records.follow(labels_at))
     counts = records.integers(start)
-    held = records.integers(records.follow(start))
-    if len(counts) != len(nodes) or counts.sum() != n or len(held) != n:
+    note = records.integers(records.follow(start))
+    if len(counts) != len(nodes) or counts.sum() != n or len(note) != n:
         raise wanted.error("its table of degrees of freedom does not fit its equations")
-    is_free = held >= 0
+    is_free = note >= 0
     if ((counts != 0) & (counts != len(labels))).any() or labels.max(initial=0) > 6:
         return None, is_free
     has = counts != 0

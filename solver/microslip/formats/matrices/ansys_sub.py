@@ -35,23 +35,23 @@ def read_sub(wanted: Wanted) -> FileMatrix:
     head = records.integers(records.follow(0))
     if len(head) <= _N_MODES or head[0] != _FULL:
         raise wanted.error(f"it is not of a superelement with full matrices; {_EXPORT}")
-    held = [key for key, at in _HAS.items() if head[at] == 1]
-    if head[_UNSYMMETRIC] or len(held) != head[_N_MATRICES]:
+    available = [key for key, at in _HAS.items() if head[at] == 1]
+    if head[_UNSYMMETRIC] or len(available) != head[_N_MATRICES]:
         raise wanted.error(f"it is of a form that is not read; {_EXPORT}")
-    if name not in held or name not in ("K", "M", "C"):
+    if name not in available or name not in ("K", "M", "C"):
         raise CaseError(f"{wanted.where}: the file holds no {name}")
     n = int(head[_N_ROWS])
     wanted.check_entries(n * n, 4.0)
-    A, is_triangle = _matrix(records, int(head[_MATRICES]), n, held.index(name), len(held))
+    A, is_triangle = _matrix(records, int(head[_MATRICES]), n, available.index(name), len(available))
     return FileMatrix(A, _dofs(records, head, n, wanted), is_triangle=is_triangle)
 
 
-def _matrix(records: Records, at: int, n: int, which: int, n_matrices: int) -> tuple[np.ndarray, bool]:
+def _matrix(records: Records, at: int, n: int, kind: int, n_matrices: int) -> tuple[np.ndarray, bool]:
     """Return one of the matrices (n, n), and whether the file holds its lower triangle alone."""
     A, lengths = np.zeros((n, n)), []
     for i in range(n):
         for k in range(n_matrices):
-            if k == which:
+            if k == kind:
                 row = records.numbers(at)
                 if len(row) not in (n, i + 1):
                     raise records.wanted.error(f"row {i + 1} holds {len(row)} numbers where {n} are due; {_EXPORT}")

@@ -43,8 +43,8 @@ def read_dmig(wanted: Wanted) -> FileMatrix:
         keys, at = np.unique(np.concatenate([row_keys, column_keys]), return_inverse=True)
         rows, columns, n_columns = at[: len(values)], at[len(values) :], len(keys)
     else:
-        (keys, rows), (others, columns) = (np.unique(places, return_inverse=True) for places in (row_keys, column_keys))
-        n_columns = len(others)
+        (keys, rows), (column_places, columns) = (np.unique(places, return_inverse=True) for places in (row_keys, column_keys))
+        n_columns = len(column_places)
     entries_ = from_coordinates(rows, columns, values, (len(keys), n_columns), wanted)
     return FileMatrix(entries_, DofMap(keys // 8, keys % 8), is_triangle=matrix.matrix_form == 6)
 

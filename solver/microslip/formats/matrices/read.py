@@ -99,15 +99,15 @@ def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_s
     refuse_devices(path)
     wanted = Wanted(path, symbol, where, name)
     try:
-        held = reader(wanted)
-        _check_sort(held.matrix, where, is_square)
+        read = reader(wanted)
+        _check_sort(read.matrix, where, is_square)
     except (CaseError, ResourceError):
         raise
     except MemoryError:
         raise ResourceError(f"{where}: not enough memory to read it") from None
     except Exception as problem:  # whatever a reader makes of a damaged file
         raise wanted.error(" ".join(str(problem).split())[:200]) from None
-    return held
+    return read
 
 
 def _check_sort(value, where: str, is_square: bool) -> None:
@@ -123,16 +123,16 @@ def _check_sort(value, where: str, is_square: bool) -> None:
         raise CaseError(f"{where} has the shape {tuple(shape)}; {must}")
 
 
-def _at(held: FileMatrix, row: int) -> str:
+def _at(read: FileMatrix, row: int) -> str:
     """Return the name of a row, to follow its number in a message."""
-    return "" if held.dofs is None else f", {held.dofs.name(row)}"
+    return "" if read.dofs is None else f", {read.dofs.name(row)}"
 
 
-def _check_numbers(matrix: sp.csr_matrix, where: str, held: FileMatrix) -> None:
+def _check_numbers(matrix: sp.csr_matrix, where: str, read: FileMatrix) -> None:
     """Raise CaseError unless all entries are finite."""
     if not np.isfinite(matrix.data).all():
         row = np.searchsorted(matrix.indptr, np.flatnonzero(~np.isfinite(matrix.data))[0], side="right") - 1
-        raise CaseError(f"{where} has an entry in row {row} that is not a finite number (rows count from 0){_at(held, row)}")
+        raise CaseError(f"{where} has an entry in row {row} that is not a finite number (rows count from 0){_at(read, row)}")
 
 
 def _mirrored(matrix: sp.csr_matrix, where: str) -> sp.csr_matrix:
@@ -153,14 +153,14 @@ def _mirrored(matrix: sp.csr_matrix, where: str) -> sp.csr_matrix:
     return below + below.T + above + above.T + diagonal
 
 
-def _check_symmetry(matrix: sp.csr_matrix, where: str, held: FileMatrix) -> float:
+def _check_symmetry(matrix: sp.csr_matrix, where: str, read: FileMatrix) -> float:
     """Return the largest difference from symmetry over the largest entry; CaseError where it is not rounding."""
     skew, largest = abs(matrix - matrix.T).tocoo(), abs(matrix).max()
     if skew.nnz and skew.data.max() > _SYMMETRY * largest:
         at = np.argmax(skew.data)
         i, j = skew.row[at], skew.col[at]
         raise CaseError(
-            f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0{_at(held, i)}, are {matrix[i, j]:g} "
+            f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0{_at(read, i)}, are {matrix[i, j]:g} "
             f"and {matrix[j, i]:g}; both triangles are needed, or a Matrix Market file "
             "that says 'symmetric' in its first line"
         )

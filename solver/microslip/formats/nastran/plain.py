@@ -75,7 +75,7 @@ def take_plain(text: bytes) -> Plain:
     rows = {key: np.concatenate(blocks) for key, blocks in parts.items()}
     grid = rows.pop((b"GRID", 4), np.zeros((0, 4)))
     plain = Plain(
-        rest=_decoded(_others(text, start, end, is_taken)),
+        rest=_decoded(_other_cards(text, start, end, is_taken)),
         numbers=grid[:, 0].astype(np.int64),
         points=grid[:, 1:],
         solids=tuple(
@@ -164,8 +164,8 @@ def _nodes(fields: np.ndarray, counts: tuple[int, int]) -> tuple[np.ndarray, np.
     ValueError : what looks like a number is none
     """
     for n in counts:
-        stated, others = fields[:, : 2 + n], fields[:, 2 + n :]
-        is_plain = _are_whole(stated) & _are_blank(others)
+        stated, unstated = fields[:, : 2 + n], fields[:, 2 + n :]
+        is_plain = _are_whole(stated) & _are_blank(unstated)
         if stated.shape[1] == 2 + n and is_plain.any():
             return is_plain, _text(stated[is_plain]).astype(np.int64)
     return np.zeros(len(fields), dtype=bool), np.zeros((0, 2), dtype=np.int64)
@@ -217,7 +217,7 @@ def _text(fields: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(fields).view(f"S{fields.shape[-1]}")[..., 0]
 
 
-def _others(text: bytes, start: np.ndarray, end: np.ndarray, is_taken: np.ndarray) -> bytes:
+def _other_cards(text: bytes, start: np.ndarray, end: np.ndarray, is_taken: np.ndarray) -> bytes:
     """Return the lines that are not taken."""
     bounds = np.concatenate([start, end[-1:] + 1])
     change = np.flatnonzero(np.diff(np.concatenate([[True], is_taken, [True]]).astype(np.int8)))

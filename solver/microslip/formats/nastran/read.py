@@ -72,9 +72,9 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
     MeshError : grid points that are not there, elements that lack some of theirs
     """
     numbers = np.concatenate([plain.numbers, np.array(list(cards.nodes), dtype=np.int64)])
-    others = np.array([node.get_position() for node in cards.nodes.values()], dtype=float).reshape(-1, 3)
+    other_positions = np.array([node.get_position() for node in cards.nodes.values()], dtype=float).reshape(-1, 3)
     order = np.argsort(numbers)
-    content = Content(numbers[order], np.concatenate([plain.points, others])[order], cards=cards)
+    content = Content(numbers[order], np.concatenate([plain.points, other_positions])[order], cards=cards)
     orientations: dict[str, Orientation] = {}
     cells, bodies = _cells_and_bodies(content, plain.solids, orientations)
     content.mark_solids(cells)
@@ -234,8 +234,8 @@ def _cells_and_bodies(
             is_of_property = block.properties == pid
             kind = f"{_SOLIDS[block.card]}{block.nodes.shape[1]}"
             rows.setdefault((kind, int(pid)), []).append((block.numbers[is_of_property], block.nodes[is_of_property]))
-    for key, others in _of_others(content).items():
-        numbers, nodes = zip(*others, strict=True)
+    for key, listed in _of_others(content).items():
+        numbers, nodes = zip(*listed, strict=True)
         rows.setdefault(key, []).append((np.array(numbers, dtype=np.int64), np.array(nodes, dtype=np.int64)))
     names, cells, bodies = names_of_tags({(KINDS[kind][0], pid) for kind, pid in rows}), [], {}
     for (kind, pid), parts in sorted(rows.items()):

@@ -94,8 +94,8 @@ def _marks(level: LevelResult, k: int, factor: float, unit: str, colour: str) ->
     says = f"peak: %{{y:.6g}} {unit} at %{{x:.9g}} Hz<br>damping ratio %{{customdata:.3g}} %<extra>{_name(level)}</extra>"
     x, y = [hertz(peak.omega) for peak in peaks], [factor * abs(peak.amplitude) for peak in peaks]
     marker = {"symbol": "circle-open", "size": 9, "color": colour}
-    looks = {"mode": "markers", "marker": marker, "showlegend": False, "legendgroup": _name(level), "hovertemplate": says}
-    return [_trace(x, y, "peak", {}, **looks, customdata=_plain([100.0 * peak.damping for peak in peaks]))] if peaks else []
+    style = {"mode": "markers", "marker": marker, "showlegend": False, "legendgroup": _name(level), "hovertemplate": says}
+    return [_trace(x, y, "peak", {}, **style, customdata=_plain([100.0 * peak.damping for peak in peaks]))] if peaks else []
 
 
 def _peaks(results: ResultFile, k: int) -> dict[str, Figure]:
@@ -122,15 +122,15 @@ def _peaks(results: ResultFile, k: int) -> dict[str, Figure]:
 
 def _curve(level: LevelResult, colour: str, values, unit: str, angle, bar) -> Figure:
     """Return the curve of a level whose points tell amplitude, phase, bar and states."""
-    said = [f"{unit} at %{{x:.7g}} Hz", "phase %{customdata[0]:.1f}°"]
+    lines = [f"{unit} at %{{x:.7g}} Hz", "phase %{customdata[0]:.1f}°"]
     columns = [angle]
     if bar is not None:
-        said.append(f"± %{{customdata[{len(columns)}]:.2g}} {unit}")
+        lines.append(f"± %{{customdata[{len(columns)}]:.2g}} {unit}")
         columns.append(bar)
     _, slip, is_open = counts(level.state).T
-    said.append(f"%{{customdata[{len(columns)}]}} slip, %{{customdata[{len(columns) + 1}]}} open")
+    lines.append(f"%{{customdata[{len(columns)}]}} slip, %{{customdata[{len(columns) + 1}]}} open")
     columns += [slip, is_open]
-    trace = _line(level, values, colour, "%{y:.5g} " + "<br>".join(said))
+    trace = _line(level, values, colour, "%{y:.5g} " + "<br>".join(lines))
     trace["customdata"] = _cut(level, np.column_stack(columns))
     return trace
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ...messages.errors import CaseError
-from ...system.files import make_folder, written_whole
+from ...system.files import atomic_write, make_folder
 from ..fields import Fields, RunRecord, read_fields, read_run
 from ..read import read_results
 from ..record import ResultFile
@@ -39,7 +39,7 @@ def write_report(path: str, folder: str | Path) -> str:
     make_folder(str(folder))
     out = str(Path(folder, NAME))
     page = page_of(results, fields, run, library)
-    with written_whole(out) as beside, open(beside, "w", encoding="utf-8", errors="replace") as file:
+    with atomic_write(out) as temporary, open(temporary, "w", encoding="utf-8", errors="replace") as file:
         file.write(page)
     return out
 

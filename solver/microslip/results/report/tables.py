@@ -30,7 +30,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], of_numbers: bool =
     return f'<div class="wide"><table{kind}><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def said(value: float, unit: str, digits: int = 4) -> str:
+def quantity_text(value: float, unit: str, digits: int = 4) -> str:
     """Return a number with the prefix of its unit that suits it."""
     factor, name = with_prefix([value], unit)
     return f"{_rounded(factor * value, digits)} {escape(name)}"
@@ -62,13 +62,23 @@ def _peak_row(results: ResultFile, level: LevelResult) -> list[str]:
     if at is None:
         return [name, "", "no point converged", *[""] * 6]
     size = _size(results, level, at)
-    bar = "" if level.error is None else "± " + said(float(total(level.error[at, 0])), results.unit_of(0), 2)
+    bar = "" if level.error is None else "± " + quantity_text(float(total(level.error[at, 0])), results.unit_of(0), 2)
     _, slip, is_open = counts(level.state[at])
     friction, all_losses = float(level.friction[at]), float(level.friction[at] + level.damping[at])
-    per = said(size / abs(level.level), results.unit_of(0)) if level.level else ""
+    per = quantity_text(size / abs(level.level), results.unit_of(0)) if level.level else ""
     share = _percent(friction / all_losses, 3) if all_losses > 0.0 else ""
     frequency = results.shown.where(level.frequency[at])
-    return [name, frequency, said(size, results.unit_of(0)), bar, per, str(slip), str(is_open), said(friction, "J"), share]
+    return [
+        name,
+        frequency,
+        quantity_text(size, results.unit_of(0)),
+        bar,
+        per,
+        str(slip),
+        str(is_open),
+        quantity_text(friction, "J"),
+        share,
+    ]
 
 
 def solved_peaks_table(results: ResultFile) -> str:
@@ -78,7 +88,7 @@ def solved_peaks_table(results: ResultFile) -> str:
             escape(level_name(level)),
             escape(results.outputs[peak.output]),
             f"{hertz(peak.omega):.9g} Hz",
-            said(abs(peak.amplitude), results.unit_of(peak.output), 6),
+            quantity_text(abs(peak.amplitude), results.unit_of(peak.output), 6),
             "" if np.isnan(peak.width) else f"{hertz(peak.width):.4g} Hz",
             "" if np.isnan(peak.width) else _percent(peak.damping, 4),
             str(peak.slipping),
@@ -106,7 +116,7 @@ def cards(results: ResultFile) -> str:
     entries = [
         (
             results.shown.heading,
-            said(_size(results, level, at), results.unit_of(0)),
+            quantity_text(_size(results, level, at), results.unit_of(0)),
             escape(f"{results.outputs[0]}, at {level_name(level)}"),
         )
     ]
@@ -117,13 +127,21 @@ def cards(results: ResultFile) -> str:
     losses = float(level.friction[at] + level.damping[at])
     if losses > 0.0:
         entries.append(
-            ("lost by friction", _percent(level.friction[at] / losses), said(float(level.friction[at]), "J") + " a cycle")
+            (
+                "lost by friction",
+                _percent(level.friction[at] / losses),
+                quantity_text(float(level.friction[at]), "J") + " a cycle",
+            )
         )
     if level.error is not None:
         bar, size = float(total(level.error[at, 0])), _size(results, level, at)
         largest = PARTS[int(np.argmax(level.error[at, 0]))]
         entries.append(
-            ("error bar", "± " + (_percent(bar / size) if size else said(bar, results.unit_of(0), 2)), f"most of it: {largest}")
+            (
+                "error bar",
+                "± " + (_percent(bar / size) if size else quantity_text(bar, results.unit_of(0), 2)),
+                f"most of it: {largest}",
+            )
         )
     boxes = (f"<div><b>{head}</b><span>{value}</span><small>{note}</small></div>" for head, value, note in entries)
     return f'<div class="cards">{"".join(boxes)}</div>'
@@ -169,7 +187,7 @@ def understood(results: ResultFile, fields: Fields | None) -> str:
 
 def _bolts(bolts: StaticTable) -> str:
     rows = [
-        (escape(name), said(tightened, "N"), said(force, "N"), f"{1e6 * area:.4g} mm²")
+        (escape(name), quantity_text(tightened, "N"), quantity_text(force, "N"), f"{1e6 * area:.4g} mm²")
         for name, tightened, force, area in zip(
             bolts.names, *(bolts.columns[column] for column in ("tightened", "force", "area"))
         )
@@ -192,7 +210,7 @@ def _joints(results: ResultFile) -> str:
                 escape(laws),
                 str(int(of_joint.sum())),
                 f"{1e6 * area:.5g} mm²" if np.isfinite(area) else "",
-                said(float(N.sum()), "N") if np.isfinite(N).all() else "",
+                quantity_text(float(N.sum()), "N") if np.isfinite(N).all() else "",
                 friction,
                 f"{n_gap} with a gap" if n_gap else "",
             )
@@ -272,13 +290,13 @@ def warnings_list(notes: Sequence[str]) -> str:
 
 def times_table(results: ResultFile, run: RunRecord) -> str:
     """Return what the stages took, and the points of each level."""
-    whole = sum(stage.seconds for stage in run.stages)
+    total = sum(stage.seconds for stage in run.stages)
     rows = [
-        (escape(stage.name), f"{stage.seconds:.3g} s", _percent(stage.seconds / max(whole, 1e-9)), f"{stage.memory:.0f} MiB")
+        (escape(stage.name), f"{stage.seconds:.3g} s", _percent(stage.seconds / max(total, 1e-9)), f"{stage.memory:.0f} MiB")
         for stage in run.stages
     ]
     if rows:
-        rows.append(("until the results were written", f"{whole:.4g} s", "", ""))
+        rows.append(("until the results were written", f"{total:.4g} s", "", ""))
     stages = table(("stage", "time", "share", "peak memory until its end"), rows) if rows else ""
     points = [
         (

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from ...mesh.data import Mesh
 from ...mesh.skin import Skin, groups_of_bodies, skin_of_mesh
 from ...results.style import FAINT, INK, RC, Page, plain, view_from
-from ...system.files import make_folder, said_of
+from ...system.files import file_errors, make_folder
 
 BODY_COLOURS = ("#9db8d2", "#d9c7a3", "#b5ceb0", "#cbb4cf", "#e3b7a8", "#a8d1cf", "#d3d3a4", "#b9b9c9")
 SET_COLOURS = ("#d1495b", "#e08e00", "#00798c", "#7b4fa3", "#4f8f2f", "#b5651d", "#0057b8", "#c2185b")
@@ -52,7 +52,7 @@ def draw(folder: Path, mesh: Mesh, marks: Sequence[Mark], title: str) -> list[st
     """
     path = str(folder / PICTURE)
     make_folder(str(folder))
-    with said_of(path):
+    with file_errors(path):
         _page(mesh, marks, title).save(path)
     return [f"picture    {path}"]
 

@@ -95,18 +95,18 @@ class Comparison:
         self.structure, self.log = structure, log
         self.omegas: dict[float, list[float]] = {}
 
-    def reference(self, asked: bool) -> tuple[str, Prepared]:
+    def reference(self, is_requested: bool) -> tuple[str, Prepared]:
         """Return the reference, reduced: `full` where it fits.  Collective.
 
         Raises
         ------
         CaseError : `full` was asked for and does not fit; on every rank
         """
-        if asked or self.structure.n_dof <= LARGEST_REFERENCE:
+        if is_requested or self.structure.n_dof <= LARGEST_REFERENCE:
             try:
                 return "full", self.reduced("full")
             except CaseError as reason:
-                if asked:
+                if is_requested:
                     raise
                 self.log.note(f"the reference is receptance: {reason}")
         return "receptance", self.reduced("receptance")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...system.files import make_folder, written_whole
+from ...system.files import atomic_write, make_folder
 from .picture import draw
 from .report import json_of, text_of
 from .story import diff
@@ -26,6 +26,6 @@ def compare_files(a: str, b: str, tolerance: float | None, bars: bool, out: Path
     if out is not None:
         make_folder(str(out))
         draw(comparison, str(out / "diff.png"))
-        with written_whole(str(out / "diff.json")) as beside:
+        with atomic_write(str(out / "diff.json")) as beside:
             Path(beside).write_text(json_of(comparison) + "\n", encoding="utf-8")
     return (json_of(comparison) if as_json else text_of(comparison)), 0 if comparison.is_same else DIFFERENT

@@ -103,8 +103,8 @@ def compared(a: ResultFile, b: ResultFile, tolerance: float | None = None, bars:
     pairs, only_levels = _levels(a, b)
     levels = tuple(compare_level(results, other, outputs, structure.same_pairs, a.shown) for results, other in pairs)
     only = [(*levels_of, *outputs_of) for levels_of, outputs_of in zip(only_levels, only_outputs)]
-    asked = keys_changed(a, b), facts_changed(a, b), inputs_changed(a, b)
-    return Difference(a, b, tolerance, bars, *asked, structure, levels, (only[0], only[1]))
+    requested = keys_changed(a, b), facts_changed(a, b), inputs_changed(a, b)
+    return Difference(a, b, tolerance, bars, *requested, structure, levels, (only[0], only[1]))
 
 
 def _outputs(a: ResultFile, b: ResultFile) -> tuple[list[tuple[str, str, int, int]], tuple[list[str], list[str]]]:

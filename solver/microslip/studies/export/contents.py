@@ -57,8 +57,8 @@ def _matrices(model: InterfaceModel, K_J: np.ndarray) -> dict[str, Entry]:
 
 
 def _pairs(pairs: ContactPairs) -> dict[str, Entry]:
-    k_ty = pairs.own.get("k_ty", np.full(pairs.n_pairs, np.nan))
-    mu_y = pairs.own.get("mu_y", np.full(pairs.n_pairs, np.nan))
+    k_ty = pairs.law_columns.get("k_ty", np.full(pairs.n_pairs, np.nan))
+    mu_y = pairs.law_columns.get("mu_y", np.full(pairs.n_pairs, np.nan))
     each = "(n_pairs,)"
     entries = {
         "mu": Entry(pairs.mu, each, "-", "friction coefficient"),
@@ -77,7 +77,7 @@ def _pairs(pairs: ContactPairs) -> dict[str, Entry]:
         "joint": Entry(np.array(pairs.joint, dtype=str), each, "", "name of the joint"),
         "law": Entry(np.array(pairs.laws, dtype=str), each, "", f'contact law; the scripts know "{ELASTIC_COULOMB}"'),
     }
-    others = {name: values for name, values in pairs.own.items() if name not in ("k_ty", "mu_y")}
+    others = {name: values for name, values in pairs.law_columns.items() if name not in ("k_ty", "mu_y")}
     entries |= {
         f"law_{name}": Entry(values, each, "SI", "of a law other than that; nan: not of this pair")
         for name, values in others.items()

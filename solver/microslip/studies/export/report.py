@@ -13,7 +13,7 @@ import scipy.io
 from ...contact.laws import ELASTIC_COULOMB, LAWS
 from ...messages.errors import CaseError
 from ...messages.words import listed
-from ...system.files import make_folder, written_whole
+from ...system.files import atomic_write, make_folder
 from .contents import Entry
 
 if TYPE_CHECKING:
@@ -38,10 +38,10 @@ def write_export(
     if fields is not None:
         _write_arrays(f"{folder}/recovery", fields, has_mat=_largest(fields) <= LARGEST_MAT)
     limits = what_differs(arrays, scene)
-    with written_whole(f"{folder}/README.txt") as path:
+    with atomic_write(f"{folder}/README.txt") as path:
         Path(path).write_text(readme(arrays, fields, note, limits, str(scene.path)), encoding="utf-8")
     for name in SCRIPTS:
-        with written_whole(f"{folder}/{name}") as path:
+        with atomic_write(f"{folder}/{name}") as path:
             shutil.copyfile(Path(__file__).parent / "scripts" / name, path)
     return "\n".join([_size(arrays, method), *(f"  {line}" for line in limits)])
 
@@ -117,10 +117,10 @@ def _largest(arrays: Mapping[str, Entry]) -> int:
 
 def _write_arrays(path: str, arrays: Mapping[str, Entry], has_mat: bool = True) -> None:
     """Write the arrays as .npz and, unless they are too large, as .mat of version 5; text is text in both, never an object."""
-    with written_whole(f"{path}.npz") as beside, open(beside, "wb") as file:
+    with atomic_write(f"{path}.npz") as beside, open(beside, "wb") as file:
         np.savez_compressed(file, **{name: entry.values for name, entry in arrays.items()})
     if has_mat:
-        with written_whole(f"{path}.mat") as beside, open(beside, "wb") as file:
+        with atomic_write(f"{path}.mat") as beside, open(beside, "wb") as file:
             scipy.io.savemat(file, {name: _as_mat(entry.values) for name, entry in arrays.items()}, oned_as="column")
 
 

@@ -33,14 +33,14 @@ INSTEAD = "joint-interface-modes"  # with all of them: the same modes, and the s
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What the command line asks for beside the scene."""
 
     method: str | None = None  # None: the scene's, where its matrices are finite
     recovery: bool = False
 
 
-def export(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+def export(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
     """Write the reduced model of a scene for other programs: model.npz, model.mat, README.txt and scripts that run as they are.
 
     Collective on ``comm``.  Nothing is solved beyond what the reduction takes.
@@ -49,18 +49,18 @@ def export(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
     ------
     CaseError : a method without finite matrices was asked for, or no script could be right; on every rank
     """
-    known_method(asked.method)
+    known_method(request.method)
     facts = {"scene": str(scene.path), "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "export.log"), facts=facts) as log:
         structure = build(scene, comm, log)
-        settings, note = settings_of(scene, structure, asked.method)
+        settings, note = settings_of(scene, structure, request.method)
         with log.stage(f"reduction: {settings.method}"):
             reduction = reduced(structure, settings)
         with log.stage("matrices"):
             K_J = joint_stiffness(structure.pairs)
             model = on_root(comm, lambda: interface_model(reduction.structure.receptance_of(1).modes, K_J))
             arrays = contents(scene, structure, reduction, model, K_J)
-            fields = recovered(structure, reduction, model.T) if asked.recovery else None
+            fields = recovered(structure, reduction, model.T) if request.recovery else None
         log.note(note)
         log.note(on_root(comm, write_export, arrays, fields, settings.method, note, scene, str(folder)))
         log.note(f"results in {folder}")

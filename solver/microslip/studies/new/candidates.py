@@ -48,8 +48,10 @@ class Candidate:
     def text(self) -> str:
         """What there is to say of it, on one line."""
         nodes = "node to node" if self.matches else "their meshes differ"
-        apart = f"{self.gap:.2g} m apart" if abs(self.gap) > 1e-6 * self.size else "touching"
-        return f"{' on '.join(self.surfaces)}: {self.n_faces[0]} faces on {self.n_faces[1]}, {self.area:.4g} m2, {apart}, {nodes}"
+        distance = f"{self.gap:.2g} m apart" if abs(self.gap) > 1e-6 * self.size else "touching"
+        return (
+            f"{' on '.join(self.surfaces)}: {self.n_faces[0]} faces on {self.n_faces[1]}, {self.area:.4g} m2, {distance}, {nodes}"
+        )
 
 
 def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Candidate]:
@@ -65,17 +67,17 @@ def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> l
     }
     faces = {name: of_group for name, of_group in faces.items() if len(of_group)}
     tied = [(faces[a], faces[b]) for a, b in (ty.surfaces for ty in file.ties) if a in faces and b in faces]
-    asked = [finding.surfaces for finding in file.findings if len(finding.surfaces) == 2]
-    named, rest = _named(mesh, skin, _without(touching, skin, tied), faces, asked)
+    stated = [finding.surfaces for finding in file.findings if len(finding.surfaces) == 2]
+    named, rest = _named(mesh, skin, _without(touching, skin, tied), faces, stated)
     names = [settings.body_of[group] for group in groups_of_bodies(mesh)]
     together = [*tied, *((faces[a], faces[b]) for a, b in (candidate.surfaces for candidate in named))]
     joined = {frozenset(names[i] for i in pair) for candidate in together for pair in _bodies_of(skin, *candidate)}
     rough = np.abs(rest.gap) > _APART * np.maximum(skin.size[rest.face], skin.size[rest.other])
-    taken = set(mesh.node_groups)
+    names_in_use = set(mesh.node_groups)
     unnamed = [
         replace(candidate, is_likely=frozenset(candidate.made[0].bodies) not in joined)
         for is_apart in (False, True)
-        for candidate in _unnamed(mesh, skin, _some(rest, rough == is_apart), names, taken, not is_apart)
+        for candidate in _unnamed(mesh, skin, _some(rest, rough == is_apart), names, names_in_use, not is_apart)
     ]
     order = sorted(
         [*named, *unnamed],
@@ -93,18 +95,18 @@ def _bodies_of(skin: Skin, first: np.ndarray, second: np.ndarray) -> list[list[i
     return [list(pair) for pair in pairs]
 
 
-def _some(touching: Touching, kept: np.ndarray) -> Touching:
+def _some(touching: Touching, chosen: np.ndarray) -> Touching:
     """Return some of the pairs of faces."""
-    return replace(touching, face=touching.face[kept], other=touching.other[kept], gap=touching.gap[kept])
+    return replace(touching, face=touching.face[chosen], other=touching.other[chosen], gap=touching.gap[chosen])
 
 
 def _without(touching: Touching, skin: Skin, pairs: Iterable) -> Touching:
     """Return the pairs of faces but for those between two sets of them."""
-    kept = np.ones(len(touching.face), dtype=bool)
+    chosen = np.ones(len(touching.face), dtype=bool)
     for first, second in pairs:
         if first is not None and second is not None:
-            kept &= ~_between(touching, skin, first, second)
-    return _some(touching, kept)
+            chosen &= ~_between(touching, skin, first, second)
+    return _some(touching, chosen)
 
 
 def _between(touching: Touching, skin: Skin, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -116,7 +118,7 @@ def _between(touching: Touching, skin: Skin, first: np.ndarray, second: np.ndarr
 
 
 def _named(
-    mesh: Mesh, skin: Skin, touching: Touching, faces: dict[str, np.ndarray], asked: Sequence[tuple[str, ...]]
+    mesh: Mesh, skin: Skin, touching: Touching, faces: dict[str, np.ndarray], stated: Sequence[tuple[str, ...]]
 ) -> tuple[list[Candidate], Touching]:
     """Return the candidates that have names in the file, and the pairs of faces that are in none of them.
 
@@ -133,7 +135,7 @@ def _named(
     share = sp.diags(1.0 / np.maximum(np.asarray(area.sum(axis=1)).ravel(), 1e-300)) @ (area @ meets)
     overlap = sp.coo_matrix(share)
     mutual = {(i, j): (value, share[j, i]) for i, j, value in zip(overlap.row, overlap.col, overlap.data) if i < j}
-    wanted = {frozenset(pair) for pair in asked}
+    wanted = {frozenset(pair) for pair in stated}
 
     def rank(pair: tuple[int, int]) -> tuple:
         is_wanted = frozenset((names[pair[0]], names[pair[1]])) in wanted
@@ -181,18 +183,20 @@ def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, seco
 
 def _match(skin: Skin, first: np.ndarray, second: np.ndarray) -> bool:
     """Return whether the nodes of two sets of faces lie on each other, one to one."""
-    nodes, others = skin.nodes_of(first), skin.nodes_of(second)
-    if len(nodes) != len(others):
+    nodes, other_nodes = skin.nodes_of(first), skin.nodes_of(second)
+    if len(nodes) != len(other_nodes):
         return False
-    apart, partner = cKDTree(skin.points[others]).query(skin.points[nodes])
+    distance, partner = cKDTree(skin.points[other_nodes]).query(skin.points[nodes])
     diagonal = np.linalg.norm(np.ptp(skin.points, axis=0))
-    return bool((apart <= TOLERANCE * diagonal).all() and len(np.unique(partner)) == len(nodes))
+    return bool((distance <= TOLERANCE * diagonal).all() and len(np.unique(partner)) == len(nodes))
 
 
-def _unnamed(mesh: Mesh, skin: Skin, touching: Touching, names: list[str], taken: set[str], splits: bool) -> list[Candidate]:
+def _unnamed(
+    mesh: Mesh, skin: Skin, touching: Touching, names: list[str], names_in_use: set[str], splits: bool
+) -> list[Candidate]:
     """Return a candidate for each two bodies that touch where no group is, or several where they touch round an edge.
 
-    ``names`` are those of the bodies, ``taken`` those that surfaces have already.
+    ``names`` are those of the bodies, ``names_in_use`` those that surfaces have already.
     """
     candidates = []
     pairs = np.unique(np.sort(np.stack([skin.body[touching.face], skin.body[touching.other]], axis=1), axis=1), axis=0)
@@ -203,7 +207,7 @@ def _unnamed(mesh: Mesh, skin: Skin, touching: Touching, names: list[str], taken
             (a, first), (b, second) = (b, second), (a, first)  # the finer side comes first
         for normal, side, other in _sides(mesh, skin, first, second, a == b, splits):
             stems = (f"{names[a]}_on_{names[b]}", f"{names[b]}_on_{names[a]}")
-            surfaces = _new_names(stems if a != b else (f"{names[a]}_one_side", f"{names[a]}_other_side"), taken)
+            surfaces = _new_names(stems if a != b else (f"{names[a]}_one_side", f"{names[a]}_other_side"), names_in_use)
             back = None if normal is None else (-normal[0] + 0.0, -normal[1] + 0.0, -normal[2] + 0.0)
             made = (
                 Surface.of_file(name=surfaces[0], bodies=(names[a], names[b]), normal=normal),
@@ -248,14 +252,14 @@ def _plain(name: str) -> str:
     return re.sub(r'[\s,"/\\\x00-\x1f]+', "_", name).strip("_") or "joint"
 
 
-def _new_names(stems: tuple[str, str], taken: set[str]) -> tuple[str, str]:
+def _new_names(stems: tuple[str, str], names_in_use: set[str]) -> tuple[str, str]:
     """Return two names that nothing has yet, and take them."""
     number = 1
     first, second = names = (_plain(stems[0]), _plain(stems[1]))
-    while first in taken or second in taken or first == second:
+    while first in names_in_use or second in names_in_use or first == second:
         number += 1
         first, second = (f"{name}_{number}" for name in names)
-    taken.update((first, second))
+    names_in_use.update((first, second))
     return first, second
 
 

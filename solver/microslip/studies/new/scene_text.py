@@ -240,7 +240,7 @@ def _joint(candidate: Candidate, first: First) -> str:
     return "\n".join(lines)
 
 
-_ASKED = {
+_QUESTIONS = {
     "friction": "#> friction = 0.3               # dry steel on steel: 0.1 to 0.6",
     "tangential_stiffness": "#> tangential_stiffness = 1e13  # N/m3: 1e12 to 1e14 of metals; a layer of steel as thick as 80e9 / "
     "this, in m",
@@ -256,8 +256,8 @@ def _contact(candidate: Candidate, first: First) -> list[str]:
     )
     stated = of_file.in_si(UNITS[first.units or "m-kg-s"])
     lines = []
-    for key, asked in _ASKED.items():
-        lines.append(_line(key, repr(stated[key]), "as in the file") if stated.get(key) else asked)
+    for key, question in _QUESTIONS.items():
+        lines.append(_line(key, repr(stated[key]), "as in the file") if stated.get(key) else question)
     return lines
 
 

@@ -13,7 +13,7 @@ from ...messages.errors import CaseError
 from ...messages.words import hint, listed
 from ...parallel.agree import on_root
 from ...scene.checks import absent
-from ...system.files import written_whole
+from ...system.files import atomic_write
 from ...tables.units import UNITS
 from ..check.model_content import table
 from ..check.model_mesh import likely_units, whole_mesh
@@ -49,7 +49,7 @@ def _write(model: str, out: Path, force: bool) -> list[str]:
     """Write the scene and return what there is to say.  Local, rank 0."""
     _refuse(model, out, force)
     first = _first(model, out, read_model(model))
-    with written_whole(str(out)) as beside:
+    with atomic_write(str(out)) as beside:
         Path(beside).write_text(text_of(first), encoding="utf-8")
     return _lines(model, out, first)
 

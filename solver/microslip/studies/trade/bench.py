@@ -194,8 +194,8 @@ class Bench:
         for level, points in omegas.items():
             problem = response.at_level(level)
             accuracy = self.accuracy_of(setting, problem)
-            better = prepared.response.better
-            estimator = TimedEstimator(better) if better and (bars or accuracy) else None
+            enriched = prepared.response.enriched
+            estimator = TimedEstimator(enriched) if enriched and (bars or accuracy) else None
             task = task_at(problem, response.selection, list(points), setting.tolerance, estimator, accuracy)
             branches.append(solved_at(task, list(points)))
             if estimator is not None and accuracy is None:
@@ -227,8 +227,8 @@ class Stopwatch:
 class TimedEstimator(ErrorEstimator):
     """Error bars, and the time they took."""
 
-    def __init__(self, better: EnrichedModel):
-        super().__init__(better)
+    def __init__(self, enriched: EnrichedModel):
+        super().__init__(enriched)
         self.spent = np.zeros(2)
 
     def at(self, *point: Any, **known: Any) -> Estimate | None:

@@ -134,7 +134,7 @@ class Ladder:
                 at_point = solver.solve_at(guess, solver.norm(guess.U), problem.equation.every_pair)
                 if at_point[0].failure:
                     return None, []
-                branch.points.append(point_record(problem, selection, at_point, asked=True)[0])
+                branch.points.append(point_record(problem, selection, at_point, requested=True)[0])
                 iterates.append(at_point[0].iterate)
         finally:
             workspace.destroy()

@@ -340,21 +340,21 @@ def front_lines(study: Study) -> list[str]:
 
 def choice_lines(study: Study, target: float) -> list[str]:
     """Say what to take for an accuracy: a table for the scene, or what is best instead."""
-    run, asked = study.choice(target), percent(target)
+    run, request = study.choice(target), percent(target)
     if run is not None:
         error = _known(study.score(run).error, study)
-        said = f"for {asked}: error {error} measured, {run.cost:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
+        said = f"for {request}: error {error} measured, {run.cost:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
         table = run.setting.table().splitlines()
         kept = [line for line in table if not (study.is_linear and line.startswith(("harmonics", "samples", "tolerance")))]
         return [said, *(f"    {line}" for line in kept), ""]
     if study.reference.floor > target:
         known = percent(study.reference.floor)
-        return [f"for {asked}: not decided, the reference itself is known to {known} only; raise --seconds", ""]
+        return [f"for {request}: not decided, the reference itself is known to {known} only; raise --seconds", ""]
     best = min(study.complete, key=lambda run: study.score(run).error, default=None)
     if best is None:
-        return [f"for {asked}: not reached: no run reached every frequency", ""]
+        return [f"for {request}: not reached: no run reached every frequency", ""]
     error = _known(study.score(best).error, study)
-    return [f"for {asked}: not reached; the best is {error} by {best.setting}, {best.cost:.2g} s", ""]
+    return [f"for {request}: not reached; the best is {error} by {best.setting}, {best.cost:.2g} s", ""]
 
 
 def mesh_lines(study: Study) -> list[str]:

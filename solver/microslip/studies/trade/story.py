@@ -50,7 +50,7 @@ OF_LINEAR = ("modes", "method", "mesh")  # knobs of a response without slip
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What the command line asks of a trade."""
 
     knobs: tuple[str, ...] = KNOBS
@@ -59,7 +59,7 @@ class Asked:
     seconds: float = SECONDS
 
 
-def trade(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked | None = None, options: tuple[str, ...] = ()) -> Study:
+def trade(scene: Scene, comm: MPI.Comm, folder: Path, request: Request | None = None, options: tuple[str, ...] = ()) -> Study:
     """Measure what each knob of a scene costs and buys; print and write a table, a picture and choices.
 
     Collective on ``comm``.  A run that fails says so in its row.
@@ -69,38 +69,38 @@ def trade(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked | None = None
     CaseError : an unknown knob, or a scene with nothing to trade; on every rank, some of them as soon as the curves tell
     ConvergenceError : no reference; on every rank
     """
-    asked = asked or Asked()
-    check_asked(scene, asked)
+    request = request or Request()
+    check_request(scene, request)
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "trade.log"), facts=facts) as log:
-        study = measured(scene, comm, asked, log)
+        study = measured(scene, comm, request, log)
         log.note(on_root(comm, write_trade, study, scene, str(folder)))
         log.note(f"results in {folder}")
     return study
 
 
-def check_asked(scene: Scene, asked: Asked) -> None:
+def check_request(scene: Scene, request: Request) -> None:
     """Refuse what cannot be traded.  Local.
 
     Raises
     ------
     CaseError
     """
-    for name in asked.knobs:
+    for name in request.knobs:
         if name not in KNOBS:
             raise CaseError(f"--knobs: unknown knob {name!r}{hint(name, KNOBS, str)}; known: {', '.join(KNOBS)}")
-    for level in asked.levels:
+    for level in request.levels:
         if not 0.0 < level < float("inf"):
             raise CaseError(f"--levels: {level:g} N is not a force above 0")
-    if not 0.0 < asked.seconds < float("inf"):
-        raise CaseError(f"--seconds: {asked.seconds:g} is not a time above 0")
+    if not 0.0 < request.seconds < float("inf"):
+        raise CaseError(f"--seconds: {request.seconds:g} is not a time above 0")
     if not scene.joints:
         raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
     refuse_statics(scene, "trade")
     check_loads(scene)
-    if asked.meshes and scene.model.mesh is None:
+    if request.meshes and scene.model.mesh is None:
         raise CaseError(f"--meshes: {scene.path} is given as matrices; there is no other mesh of it")
-    for mesh in asked.meshes:
+    for mesh in request.meshes:
         if not Path(mesh).is_file():
             raise CaseError(f"--meshes: there is no file {mesh}")
 
@@ -127,9 +127,9 @@ def check_loads(scene: Scene) -> None:
         )
 
 
-def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
+def measured(scene: Scene, comm: MPI.Comm, request: Request, log: RunLog) -> Study:
     """Return the study of a scene.  Collective."""
-    clock = Clock(comm, asked.seconds)
+    clock = Clock(comm, request.seconds)
     structure = build(by_method(scene, "receptance"), comm, log)
     shared = {stage.name: stage.seconds for stage in log.stages if stage.depth == 0 and stage.name != "modes"}
     bench = Bench(scene, structure)
@@ -138,8 +138,8 @@ def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
         with log.stage("modes of the reference"):
             measure_modes(bench, base.modes)
         with log.stage("frequencies"):
-            omegas, most, slips = frequencies(bench, cheap(bench, base), asked.levels or None)
-        knobs, base = (asked.knobs, base) if slips else linear_trade(bench, asked.knobs, base, list(omegas))
+            omegas, most, slips = frequencies(bench, cheap(bench, base), request.levels or None)
+        knobs, base = (request.knobs, base) if slips else linear_trade(bench, request.knobs, base, list(omegas))
         with log.stage("reference"):
             ladder = Ladder(bench, omegas, clock)
             reference = find_reference(ladder, base, UNTIL_REFERENCE, log.note, slips)
@@ -158,9 +158,9 @@ def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
         shared["static columns"] = comm.bcast(structure.statics.G_static.seconds)
     finally:
         structure.close()
-    if asked.meshes and "mesh" in asked.knobs:
+    if request.meshes and "mesh" in request.knobs:
         with log.stage("meshes"):
-            study.meshes.extend(mesh_runs(scene, comm, asked, base, log))
+            study.meshes.extend(mesh_runs(scene, comm, request, base, log))
     study.notes.append(f"{clock.spent:.0f} s in all, {reference.seconds:.0f} s of them for the reference")
     return study
 
@@ -290,20 +290,20 @@ def log_run(log: RunLog, study: Study, run: Run) -> None:
     log.note(f"{name:<34} {run.seconds:8.3f} s  error {score.error:8.1e}  bar {score.bar:8.1e}  {run.failure or ''}".rstrip())
 
 
-def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: RunLog) -> list[Run]:
+def mesh_runs(scene: Scene, comm: MPI.Comm, request: Request, base: Setting, log: RunLog) -> list[Run]:
     """Return a run of the base a mesh, coarse to fine, all at the frequencies that any of them needs.  Collective."""
     assert scene.model.mesh is not None, "other meshes belong to a scene with one"
     runs: list[tuple[int, Run]] = []
     benches = []
     omegas: dict[float, list[float]] = {}
-    for mesh in dict.fromkeys([str(scene.folder / scene.model.mesh), *(str(Path(mesh).absolute()) for mesh in asked.meshes)]):
+    for mesh in dict.fromkeys([str(scene.folder / scene.model.mesh), *(str(Path(mesh).absolute()) for mesh in request.meshes)]):
         clock = Clock(comm, 1.0)
         try:
             of_mesh = changed(scene, {"model": {"mesh": mesh}, "solver": {"method": "receptance", "modes": base.modes}})
             structure = build(of_mesh, comm, log)
             setup = clock.spent
             bench = Bench(of_mesh, structure)
-            of_mesh_omegas, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
+            of_mesh_omegas, _, _ = frequencies(bench, cheap(bench, base), request.levels or None)
             benches.append((mesh, bench, setup))
         except MicroslipError as problem:
             runs.append((0, not_run("mesh", Path(mesh).name, replace(base, mesh=mesh), str(problem))))

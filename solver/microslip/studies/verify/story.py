@@ -43,7 +43,7 @@ STEPS = 256  # a period; marched with half as many before
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What the command line asks for beside the scene; None or 0: what the scene says."""
 
     at: tuple[float, ...] = ()  # Hz
@@ -54,7 +54,7 @@ class Asked:
     from_rest: bool = False
 
 
-def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+def verify(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
     """Integrate the reduced model in time at points of its response curves; print, write and draw how the two agree.
 
     Collective on ``comm``: the curves as in a run; then each rank marches its share of the points by itself.
@@ -64,26 +64,26 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
     CaseError : what is asked for contradicts the scene; on every rank
     ConvergenceError : a curve ended early, or a point came to no steady state, after everything was written; on every rank
     """
-    source, scene = scene.source, by_what_is_asked(scene, asked)
+    source, scene = scene.source, with_requested_range(scene, request)
     settings = f"{scene.solver.method}, {resolution(scene)}"
     facts = {
         "scene": source,
         "harmonic balance": settings,
-        "time integration": f"generalised-alpha, {asked.steps} steps a period",
+        "time integration": f"generalised-alpha, {request.steps} steps a period",
         "PETSc options": " ".join(options) or "none",
         **versions(),
     }
     with RunLog(comm, str(folder / "verify.log"), facts=facts) as log:
         structure = build(scene, comm, log)
         with log.stage("reduction"):
-            response = ready(structure, asked.at)
+            response = ready(structure, request.at)
         with log.stage("curves by harmonic balance"):
             branches = follow_levels(response)
         with log.stage("static columns of every pair"):
             transient = transient_model(response.model, response.law)
         with log.stage("time integration"):
-            chosen = on_root(comm, chosen_points, branches, asked.at)
-            checks = integrate(transient, response.model, chosen, asked, comm)
+            chosen = on_root(comm, chosen_points, branches, request.at)
+            checks = integrate(transient, response.model, chosen, request, comm)
         log.note(on_root(comm, write_verification, checks, branches, scene, str(folder), settings, units_of(scene).outputs[0]))
         log.note(f"results in {folder}")
         structure.close()
@@ -93,7 +93,7 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
         raise ConvergenceError("\n".join(failed) + f"\nwhat was computed is in {folder}")
 
 
-def by_what_is_asked(scene: Scene, asked: Asked) -> Scene:
+def with_requested_range(scene: Scene, request: Request) -> Scene:
     """Return the scene with the levels, harmonics, samples and frequencies asked for.  Local.
 
     Raises
@@ -105,8 +105,8 @@ def by_what_is_asked(scene: Scene, asked: Asked) -> Scene:
             f"{scene.path}: [damping] structural: a loss factor is defined for steady vibration alone, and has no equivalent in "
             "time; verify the scene with ratio in its place, of about half the loss factor"
         )
-    solver = {key: value for key in ("harmonics", "samples") if (value := getattr(asked, key)) is not None}
-    response = {key: value for key in ("levels", "at") if (value := getattr(asked, key))}
+    solver = {key: value for key in ("harmonics", "samples") if (value := getattr(request, key)) is not None}
+    response = {key: value for key in ("levels", "at") if (value := getattr(request, key))}
     try:
         scene = changed(scene, {"solver": solver, "response": response})
     except CaseError as problem:
@@ -152,7 +152,7 @@ def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]
         top = int(np.argmax(sizes))
         of_top = np.flatnonzero([point.segment == branch.points[top].segment for point in branch.points])
         indices = (
-            [i for i, point in enumerate(branch.points) if point.asked]
+            [i for i, point in enumerate(branch.points) if point.requested]
             if at
             else [int(of_top[i]) for i in around_peak(sizes[of_top])]
         )
@@ -180,32 +180,34 @@ def around_peak(sizes: np.ndarray) -> list[int]:
     return sorted(indices)
 
 
-def integrate(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], asked: Asked, comm: MPI.Comm) -> list[Check]:
+def integrate(
+    transient: TransientModel, model: ReducedModel, chosen: list[Chosen], request: Request, comm: MPI.Comm
+) -> list[Check]:
     """Return the checks of the chosen points, in their order, on every rank.  Collective: a rank marches every size-th."""
-    shares = comm.allgather(on_each(comm, checks_of, transient, model, chosen[comm.rank :: comm.size], asked))
+    shares = comm.allgather(on_each(comm, checks_of, transient, model, chosen[comm.rank :: comm.size], request))
     return [shares[i % comm.size][i // comm.size] for i in range(len(chosen))]
 
 
-def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], asked: Asked) -> list[Check]:
+def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], request: Request) -> list[Check]:
     """March some points with half the steps, then, from where that came to, with all of them, and compare.  Local."""
     if not chosen:
         return []
     clock = time.perf_counter()
     omega, level = (np.array([getattr(point, name) for point in chosen]) for name in ("omega", "level"))
     start, most = from_rest(transient, len(chosen)), MOST_FROM_REST
-    if not asked.from_rest:
-        start, most = start_of(transient, model, chosen, asked.steps), MOST_PERIODS
+    if not request.from_rest:
+        start, most = start_of(transient, model, chosen, request.steps), MOST_PERIODS
     founds: list[Found] = []
     responses: list[np.ndarray] = []
     try:
-        for n_steps in (asked.steps // 2, asked.steps):
-            founds.append(steady_state(March(transient, omega, level, n_steps), start, TOLERANCE, most, not asked.from_rest))
+        for n_steps in (request.steps // 2, request.steps):
+            founds.append(steady_state(March(transient, omega, level, n_steps), start, TOLERANCE, most, not request.from_rest))
             start = founds[-1].start
             responses.append(responses_of(transient, model, omega, level, founds[-1].cycle)[:, 0])
     except ConvergenceError as problem:
         if len(chosen) == 1:
             return [failed_check(chosen[0], str(problem))]
-        return [check for point in chosen for check in checks_of(transient, model, [point], asked)]  # the others come through
+        return [check for point in chosen for check in checks_of(transient, model, [point], request)]  # the others come through
     seconds = (time.perf_counter() - clock) / len(chosen)
     work, damping, friction = energies(transient, omega, level, founds[-1].cycle)
     closure = (work - damping - friction) / np.where(work != 0.0, work, 1.0)

@@ -31,7 +31,7 @@ class _Rigid:
     part: np.ndarray  # (n_nodes,); what is tied is one
 
 
-def which_flies(loaded: Loaded) -> str:
+def free_bodies(loaded: Loaded) -> str:
     """Return in words which bodies contact and friction cannot hold, how they move, and what would hold them.
 
     "" where rigid bodies would be held.
@@ -66,8 +66,8 @@ def _rigid_motions(loaded: Loaded) -> _Rigid:
         tied = system.constraints.clusters
         part, names = tied[part], tuple(" with ".join(names[i] for i in np.flatnonzero(tied == j)) for j in np.unique(tied))
     nodes = [np.flatnonzero(part == i) for i in range(len(names))]
-    middle = np.array([mesh.points[own].mean(axis=0) for own in nodes])
-    reach = np.array([np.abs(mesh.points[own] - own_middle).max() for own, own_middle in zip(nodes, middle)])
+    middle = np.array([mesh.points[of_part].mean(axis=0) for of_part in nodes])
+    reach = np.array([np.abs(mesh.points[of_part] - part_middle).max() for of_part, part_middle in zip(nodes, middle)])
     arm = (mesh.points - middle[part]) / reach[part, None]
     turns = np.cross(np.eye(3)[None], arm[:, None])  # (n_nodes, 3 turns, 3)
     motions = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), turns.swapaxes(1, 2)], axis=2)
@@ -88,12 +88,12 @@ def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndar
     cones, q, size = _edges(pairs, B, Z), g, np.inf
     for _ in range(_ROUNDS):
         try:
-            share, left = nnls(-cones.T, g)
+            multipliers, left = nnls(-cones.T, g)
         except RuntimeError:  # it gave up: what is open is said all the same
             return np.zeros((len(rigid.names), 6))
         if not left > _BALANCED * float(np.linalg.norm(load)):
             return np.zeros((len(rigid.names), 6))
-        q = g + share @ cones
+        q = g + multipliers @ cones
         if left > (1.0 - 1e-6) * size:
             break
         cones, size = np.concatenate([cones, _against(pairs, B, Z, q)]), left
@@ -137,7 +137,7 @@ def _by_row(system: System, rigid: _Rigid) -> np.ndarray:
 
 def _points(system: System, rigid: _Rigid) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
     """Return of each point its rows (6,), which of them are held (6,), its part, and its rigid motions there (6, 6)."""
-    constraints, found = system.constraints, []
+    constraints, points = system.constraints, []
     if constraints is None:
         return []
     n_nodes = len(rigid.part)
@@ -148,8 +148,8 @@ def _points(system: System, rigid: _Rigid) -> list[tuple[np.ndarray, np.ndarray,
         motions[:3] = np.hstack([np.eye(3), np.cross(np.eye(3), arm).T])
         motions[3:, 3:] = np.eye(3) / rigid.reach[part]
         is_held = (constraints.dof[places].ravel() < 0) | (np.array(point.springs) > 0.0)
-        found.append((constraints.free[places].ravel(), is_held, int(part), motions))
-    return found
+        points.append((constraints.free[places].ravel(), is_held, int(part), motions))
+    return points
 
 
 def _allowed(system: System, rigid: _Rigid) -> np.ndarray:
@@ -162,8 +162,8 @@ def _allowed(system: System, rigid: _Rigid) -> np.ndarray:
     for _, is_held, part, motions in _points(system, rigid):
         normal[part] += motions[is_held].T @ motions[is_held]
     Z = []
-    for i, own in enumerate(normal):
-        values, vectors = np.linalg.eigh(own)
+    for i, matrix in enumerate(normal):
+        values, vectors = np.linalg.eigh(matrix)
         for vector in vectors.T[values <= 1e-9 * max(values.max(), 1e-300)]:
             Z.append(np.zeros((len(normal), 6)))
             Z[-1][i] = vector
@@ -174,7 +174,7 @@ def _edges(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray) -> np.ndarray:
     """Return edges of the cones of the contact forces as forces on the parts, (8 n_pairs, n)."""
     angle = np.pi / 4.0 * np.arange(8)
     across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return np.concatenate([_cone(pairs, B, Z, np.broadcast_to(one, (pairs.n_pairs, 2))) for one in across])
+    return np.concatenate([_cone(pairs, B, Z, np.broadcast_to(direction, (pairs.n_pairs, 2))) for direction in across])
 
 
 def _against(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -209,10 +209,10 @@ def _in_words(name: str, q: np.ndarray, middle: np.ndarray) -> str:
     """Say how a part moves: along a direction, or turning about an axis through its middle."""
     shift, turn = q[:3], q[3:]
     along, about = np.linalg.norm(shift), np.linalg.norm(turn)
-    said = f"along {_direction(shift)}" if along >= 0.5 * about else ""
+    motion = f"along {_direction(shift)}" if along >= 0.5 * about else ""
     if about > 0.5 * along:
-        said += (" and turns" if said else "turns") + f" about {_direction(turn)} through {_point(middle)} m"
-    return f"{name} moves {said}" if said.startswith("along") else f"{name} {said}"
+        motion += (" and turns" if motion else "turns") + f" about {_direction(turn)} through {_point(middle)} m"
+    return f"{name} moves {motion}" if motion.startswith("along") else f"{name} {motion}"
 
 
 def _direction(vector: np.ndarray) -> str:

@@ -3,7 +3,7 @@
 import pytest
 
 from microslip.messages.errors import CaseError
-from microslip.restart.place import place_of, settle
+from microslip.restart.results_folder import move_results, output_folder
 
 
 def test_half_a_file_is_removed_and_the_rest_stays(tmp_path):
@@ -18,16 +18,16 @@ def test_half_a_file_is_removed_and_the_rest_stays(tmp_path):
         "unfinished/rest.png",
     ):
         (folder / name).write_text(name)
-    place = place_of(folder)
-    assert place == folder / "unfinished" and [path.name for path in place.iterdir()] == ["frf.csv"]
+    output = output_folder(folder)
+    assert output == folder / "unfinished" and [path.name for path in output.iterdir()] == ["frf.csv"]
     assert sorted(path.name for path in folder.iterdir()) == ["frf.csv", "results.h5", "unfinished"]
-    settle(folder, place)
-    assert (folder / "frf.csv").read_text() == "unfinished/frf.csv" and not place.exists()
+    move_results(folder, output)
+    assert (folder / "frf.csv").read_text() == "unfinished/frf.csv" and not output.exists()
 
 
 def test_a_folder_of_no_results_is_the_place_itself(tmp_path):
     (tmp_path / "results.h5.part").mkdir()  # taken: writing will tell
-    assert place_of(tmp_path) == tmp_path and place_of(tmp_path / "none") == tmp_path / "none"
+    assert output_folder(tmp_path) == tmp_path and output_folder(tmp_path / "none") == tmp_path / "none"
 
 
 def test_files_of_others_stay_where_they_are(tmp_path):
@@ -35,38 +35,38 @@ def test_files_of_others_stay_where_they_are(tmp_path):
     (tmp_path / "unfinished").mkdir()
     for name in (*ours, *others, "results.h5.part", "unfinished/results.h5"):
         (tmp_path / name).write_text(name)
-    settle(tmp_path, place_of(tmp_path), keeps_earlier=True)
+    move_results(tmp_path, output_folder(tmp_path), keeps_earlier=True)
     assert sorted(path.name for path in (tmp_path / "earlier-1").iterdir()) == sorted(ours)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(("earlier-1", "results.h5", *others))
 
 
 def test_what_a_user_has_in_unfinished_stays_and_stops_no_run(tmp_path):
-    place = tmp_path / "unfinished"
-    (place / "notes").mkdir(parents=True)
-    (place / "energy.png").mkdir()
-    for path in (tmp_path / "results.h5", place / "my_curve.csv", place / "notes" / "mine.txt", place / "states.png"):
+    output = tmp_path / "unfinished"
+    (output / "notes").mkdir(parents=True)
+    (output / "energy.png").mkdir()
+    for path in (tmp_path / "results.h5", output / "my_curve.csv", output / "notes" / "mine.txt", output / "states.png"):
         path.write_text(path.name)
-    assert place_of(tmp_path) == place
-    (place / "results.h5").write_text("new")
-    settle(tmp_path, place)
+    assert output_folder(tmp_path) == output
+    (output / "results.h5").write_text("new")
+    move_results(tmp_path, output)
     assert (tmp_path / "results.h5").read_text() == "new"
-    assert sorted(path.name for path in place.iterdir()) == ["energy.png", "my_curve.csv", "notes"]
-    assert (place / "notes" / "mine.txt").is_file() and sorted(path.name for path in tmp_path.iterdir()) == [
+    assert sorted(path.name for path in output.iterdir()) == ["energy.png", "my_curve.csv", "notes"]
+    assert (output / "notes" / "mine.txt").is_file() and sorted(path.name for path in tmp_path.iterdir()) == [
         "results.h5",
         "unfinished",
     ]
-    settle(tmp_path, place_of(tmp_path))  # and so does every later run
-    (place / "frf.csv").mkdir()
+    move_results(tmp_path, output_folder(tmp_path))  # and so does every later run
+    (output / "frf.csv").mkdir()
     with pytest.raises(CaseError, match=r"unfinished/frf\.csv: cannot be written: Is a directory"):
-        place_of(tmp_path)
+        output_folder(tmp_path)
 
 
 def test_a_table_without_results_is_an_earlier_one_too(tmp_path):
     (tmp_path / "frf.csv").write_text("kept, where results.h5 was taken away")
-    assert place_of(tmp_path) == tmp_path / "unfinished"
+    assert output_folder(tmp_path) == tmp_path / "unfinished"
 
 
 def test_a_folder_with_the_name_of_a_file_is_refused_before_anything_is_computed(tmp_path):
     (tmp_path / "results.h5").mkdir()
     with pytest.raises(CaseError, match=r"results\.h5: cannot be written: Is a directory"):
-        place_of(tmp_path)
+        output_folder(tmp_path)

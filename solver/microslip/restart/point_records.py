@@ -1,4 +1,4 @@
-"""A converged point as arrays and texts, to the last bit.  Local."""
+"""A converged point as arrays and texts, bitwise.  Local."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def of_point(point: Point) -> tuple[Arrays, dict[str, Any]]:
 
 
 def to_point(arrays: Arrays, texts: dict[str, Any]) -> Point:
-    """Return the point of arrays and texts."""
+    """Return the point that arrays and texts describe."""
     numbers = {name: kind(value) for (name, kind), value in zip(_NUMBERS.items(), arrays["numbers"], strict=True)}
     values: dict[str, Any] = {name: value for name, value in arrays.items() if name != "numbers"}
     return Point(**numbers, **values, notes=tuple(texts.get("notes", ())))

@@ -20,7 +20,7 @@ from .rest import loose_parts
 RESOLVED = 1e-10  # normal force over the sum of all loads: below it a hundred times what equilibrium is solved to
 
 
-def check_pressed(loaded: Loaded, rest: Rest) -> None:
+def check_contact(loaded: Loaded, rest: Rest) -> None:
     """Raise CaseError on every rank for a body that contact alone holds and nothing presses on.
 
     Collective on ``loaded.system.comm``.  Loads that balance each other on a body leave its joints to rounding: a pair or two
@@ -39,9 +39,9 @@ def check_pressed(loaded: Loaded, rest: Rest) -> None:
         free = _not_pressed(first, second, np.where(np.isnan(pairs.N0), np.inf, rest.N), is_held, RESOLVED * size)
         if len(free):
             bodies = [names[i] for i in np.flatnonzero(np.isin(group_of, free))]
-            own = np.isin(first, free) | np.isin(second, free)
-            joints = dict.fromkeys(np.array(pairs.joint)[own])
-            raise CaseError(_in_words(bodies, joints, rest.N[own].max(), size, loaded.where))
+            of_joint = np.isin(first, free) | np.isin(second, free)
+            joints = dict.fromkeys(np.array(pairs.joint)[of_joint])
+            raise CaseError(_in_words(bodies, joints, rest.N[of_joint].max(), size, loaded.where))
 
     on_root(system.comm, check)
 
@@ -55,17 +55,17 @@ def _size(forces: np.ndarray, pairs: ContactPairs, rest: Rest) -> float:
 def _groups(part: np.ndarray, n_parts: int, loose: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Return the group of each part, (n_parts,), and which groups are held: all held parts are the first, what is tied is one."""
     group_of = np.zeros(n_parts, dtype=int)
-    for i, own in enumerate(loose, 1):
-        group_of[own] = i
+    for i, parts in enumerate(loose, 1):
+        group_of[parts] = i
     return group_of, np.arange(len(loose) + 1) == 0
 
 
 def _on_groups(counts: sp.csr_matrix, group_of: np.ndarray) -> np.ndarray:
     """Return the group that moves a side of each contact point, (n_pairs,); ground is with what is held."""
     has_part = np.diff(counts.indptr) > 0
-    found = np.zeros(counts.shape[0], dtype=int)
-    found[has_part] = group_of[counts.indices[counts.indptr[:-1][has_part]]]
-    return found
+    groups = np.zeros(counts.shape[0], dtype=int)
+    groups[has_part] = group_of[counts.indices[counts.indptr[:-1][has_part]]]
+    return groups
 
 
 def _not_pressed(first: np.ndarray, second: np.ndarray, N: np.ndarray, is_held: np.ndarray, least: float) -> np.ndarray:
