@@ -11,7 +11,7 @@ from synthetic_results import branch, two_flanks, write
 
 from microslip.messages.errors import CaseError
 from microslip.points.peak import Peak
-from microslip.restart.place import is_ours
+from microslip.restart.results_folder import is_results_file
 from microslip.results import style
 from microslip.results.curve_plots import draw_response
 from microslip.results.mat import write_mat
@@ -90,7 +90,7 @@ def test_curves_show_their_peaks_with_frequency_amplitude_and_damping(results):
 
 def test_peaks_over_the_level(results):
     pages = drawn(draw_peaks, results)
-    assert all(map(is_ours, pages)), "a run moves its pictures by their names"
+    assert all(map(is_results_file, pages)), "a run moves its pictures by their names"
     figure = pages["peaks.png"].figure
     amplitude, frequency, damping = figure.axes[:3]
     assert [ax.get_ylabel() for ax in (amplitude, frequency, damping)] == [

@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from synthetic_results import branch, curve, no_pairs, pairs_of, two_flanks, write
 
 from microslip.messages.errors import CaseError
-from microslip.restart.place import is_ours
+from microslip.restart.results_folder import is_results_file
 from microslip.results import curve_plots, joint_plots, style
 from microslip.results.plots import draw_all
 from microslip.results.read import read_results
@@ -34,7 +34,7 @@ def coarse(monkeypatch):
 
 def drawn(tmp_path, branches, pairs, **options):
     files = draw_all(write(tmp_path, branches, pairs, **options), str(tmp_path / "out"))
-    assert all(is_ours(os.path.basename(file)) for file in files), "a run moves its pictures by their names"
+    assert all(is_results_file(os.path.basename(file)) for file in files), "a run moves its pictures by their names"
     assert all(os.path.dirname(file) == str(tmp_path / "out") for file in files)
     for file in files:
         picture = imread(file)[:, :, :3]
@@ -164,7 +164,7 @@ def with_errors(found, parts):
 
 
 def at_rest(level, pairs, displacement):
-    """Return one point of statics: every output displaced, nothing moves to and fro."""
+    """Return one point of statics: every output displaced, nothing oscillates."""
     found = branch(level, pairs, n_points=1)
     response = np.zeros_like(found.points[0].response)
     response[:, 0] = displacement
