@@ -53,7 +53,7 @@ def stuck_of(d, pairs):
     omega_n, phi = wave.modes()
     receptance, sparse = wave.receptance(COMM), sp.csr_matrix
     system = SimpleNamespace(R=sparse(wave.R), loads=sparse(LOAD[:, None]), outputs=sparse(OUTPUT[None]), C=None, comm=COMM)
-    factored = Factored(SimpleNamespace(system=system, K_L=wave.K_L), Modes(omega_n, phi))
+    factored = Factored(SimpleNamespace(system=system, maps=system, K_L=wave.K_L), Modes(omega_n, phi))
     modes, statics = receptance.modes, replace(receptance.static, row_sums=np.zeros(6))
     projected = ProjectedModes(omega_n, modes.R_phi, modes.b, modes.o)
     parts = {"comm": COMM, "n_dof": 6, "pairs": pairs, "statics": statics, "projected": projected, "n_modes": 6, "n_proved": 6}

@@ -22,11 +22,12 @@ from .check import check_elements
 from .constrained import constrained
 from .constraints import check_supports, constrain
 from .fixed_pairs import fixed_by_nodes, notes_on_fixed
-from .maps import base_map, load_map, orders_of, output_map, pair_map
+from .maps import base_map, load_map, next_pair_map, orders_of, output_map, pair_map
 from .nodal_forces import NodalForces, nodal_forces
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .numbering import number_dofs
 from .output_rows import OutputRow, output_row
+from .sectors import Sectors
 from .system import System
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ ASSEMBLED = 40.0  # bytes an entry of K held at once: sums of element matrices, 
 
 
 def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tables: StructureTables) -> System:
-    """Return K, M, R, loads and outputs on the free DOFs.
+    """Return K, M, R, loads and outputs on the free DOFs; of a disc those of nodal diameter 0, and its ``sectors``.
 
     Collective on ``dmesh.comm``.
 
@@ -83,7 +84,15 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
         output_orders=orders_of(tables.outputs),
         output_base=base_map(tables.outputs, tables.loads) if any(output.absolute for output in tables.outputs) else None,
     )
-    return system if constraints is None else constrained(system, constraints, whole.part)
+    if constraints is None:
+        return system
+    if links.cyclic is None:
+        return constrained(system, constraints, whole.part)
+    assert tables.cyclic is not None, "a disc"
+    cyclic = tables.cyclic
+    R_next = next_pair_map(pairs, links.cyclic.turn, dof_of_mesh, n_dof)
+    sectors = Sectors(cyclic.sectors, cyclic.wave_number, system, R_next, constraints, whole.part, links.cyclic.high)
+    return sectors.system(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +120,8 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
     is_fixed = fixed_places(mesh, tables, links)
     check_supports(mesh, links, is_fixed)
     part, part_names = connected_parts(mesh, tables.body_of)
-    check_held(part, part_names, mesh, tables.supports, pairs, links)
+    if links.cyclic is None:  # else the motions of most nodal diameters strain a disc that nothing holds
+        check_held(part, part_names, mesh, tables.supports, pairs, links)
     return WholeMesh(
         is_fixed=is_fixed,
         part=part,

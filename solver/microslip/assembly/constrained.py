@@ -12,11 +12,11 @@ from .constraints import Constraints, damping_of, mass_blocks, reduced, stiffnes
 from .system import System
 
 
-def constrained(system: System, constraints: Constraints, part: np.ndarray) -> System:
-    """Return the system of what is free: K' = T^T K T, M' = T^T M T, R' = R T and so on, eq. (2.5).
+def constrained(system: System, constraints: Constraints, part: np.ndarray, keeps: bool = False) -> System:
+    """Return the system of what is free: K' = T^H K T, M' = T^H M T, R' = R T and so on, eq. (2.5).
 
-    Collective; destroys K and M of ``system``, whose maps have a column for each row of T.  ``part`` (n_nodes,) is that of each
-    node.
+    Collective; destroys K and M of ``system`` unless it ``keeps`` them.  The maps of ``system`` have a column for each row of T.
+    ``part`` (n_nodes,) is that of each node.
 
     Raises
     ------
@@ -25,15 +25,15 @@ def constrained(system: System, constraints: Constraints, part: np.ndarray) -> S
     T, points = constraints.T, constraints.points
     if constraints.n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
-    loads = (T.T @ system.loads).tocsc()
+    loads = (T.conj().T @ system.loads).tocsc()
     for i in np.flatnonzero((np.diff(loads.indptr) == 0) & (np.diff(system.loads.indptr) > 0)):  # a shape may be none at all
         raise CaseError(f"[[loads]] {i + 1} acts only on degrees of freedom that a support fixes; it moves nothing")
     attached = constraints.attached
-    M = reduced(system.M, constraints, mass_blocks(points), None if attached is None else attached.M)
+    M = reduced(system.M, constraints, mass_blocks(points), None if attached is None else attached.M, keeps)
     M.setOption(PETSc.Mat.Option.SPD, True)
     return replace(
         system,
-        K=reduced(system.K, constraints, stiffness_blocks(points), None if attached is None else attached.K),
+        K=reduced(system.K, constraints, stiffness_blocks(points), None if attached is None else attached.K, keeps),
         M=M,
         C=None if attached is None or attached.C is None else damping_of(attached.C, constraints, system.comm),
         R=tidy(system.R @ T),

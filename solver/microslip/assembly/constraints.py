@@ -16,6 +16,7 @@ from ..messages.errors import MeshError
 from ..messages.words import place
 from ..tables.structure import Point
 from .numbering import number_dofs
+from .real_form import real_matrix, real_rows
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -68,7 +69,7 @@ class Constraints:
 
     def transposed(self, comm: MPI.Comm, forces_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of T^T f for forces on its nodes' rows, (n_nodal_owned,) [N].  Collective."""
-        T = _distributed(self, comm)
+        T = _distributed(self, self.T, comm)
         f, reduced = T.createVecs(side="l"), T.createVecs(side="r")
         f.setArray(forces_owned)
         T.multTranspose(f, reduced)
@@ -174,33 +175,36 @@ def tidy(matrix: sp.spmatrix) -> sp.csr_matrix:
 
 def damping_of(on_places: sp.csr_matrix, constraints: Constraints, comm: MPI.Comm) -> PETSc.Mat:
     """Return C of what is free from that of the dampers (3 n_places, 3 n_places) [N s/m].  Collective on ``comm``."""
-    return _of_rows(constraints, tidy(constraints.at_places.T @ on_places @ constraints.at_places), comm)
+    return _of_rows(constraints, tidy(constraints.at_places.conj().T @ on_places @ constraints.at_places), comm)
 
 
 def _of_rows(constraints: Constraints, values: sp.csr_matrix, comm: MPI.Comm) -> PETSc.Mat:
-    """Return a small matrix (n_dof, n_dof), the same on every rank, as a distributed one.  Collective on ``comm``."""
+    """Return a small matrix (n_dof, n_dof), the same on every rank, as a distributed one, a complex one in real form.
+
+    Collective on ``comm``.
+    """
     first, last = constraints.row_ranges[comm.rank : comm.rank + 2]
-    owned = values[first:last]
+    owned, copies = values[first:last], 1
+    if np.iscomplexobj(owned):
+        owned, copies = real_matrix(owned), 2
     csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
-    sizes = (int(last - first), constraints.n_dof)
+    sizes = (copies * int(last - first), copies * constraints.n_dof)
     return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=comm)
 
 
-def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_places: sp.csr_matrix | None = None) -> PETSc.Mat:
-    """Return T^T A T plus what points, masses and springs add; symmetric.  Collective; destroys ``matrix``.
+def reduced(
+    matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_places: sp.csr_matrix | None = None, keeps: bool = False
+) -> PETSc.Mat:
+    """Return T^H A T plus what points, masses and springs add; symmetric, in real form where T is complex.
 
-    ``blocks`` (n_points, 6, 6) are those of the points, ``on_places`` (3 n_places, 3 n_places) those of the others.
+    Collective; destroys ``matrix`` unless it ``keeps`` it.  ``blocks`` (n_points, 6, 6) are those of the points, ``on_places``
+    (3 n_places, 3 n_places) those of the others.
     """
     comm = matrix.comm.tompi4py()
-    T = _distributed(constraints, comm)
-    right = matrix.matMult(T)  # two products take a quarter of the time of PETSc's one, MatPtAP
-    matrix.destroy()
-    projected = T.transposeMatMult(right)
-    for operand in (T, right):
-        operand.destroy()
+    projected = (_projected_in_real_form if np.iscomplexobj(constraints.T) else _projected)(matrix, constraints, comm, keeps)
     added = added_by_points(constraints, blocks)
     if on_places is not None:
-        added = tidy(added + constraints.at_places.T @ on_places @ constraints.at_places)
+        added = tidy(added + constraints.at_places.conj().T @ on_places @ constraints.at_places)
     if added.nnz:
         more = _of_rows(constraints, added, comm)
         projected.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
@@ -210,10 +214,45 @@ def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_
     return projected
 
 
+def _projected(matrix: PETSc.Mat, constraints: Constraints, comm: MPI.Comm, keeps: bool) -> PETSc.Mat:
+    """Return T^T A T, A of the nodes.  Collective."""
+    T = _distributed(constraints, constraints.T, comm)
+    right = matrix.matMult(T)  # two products take a quarter of the time of PETSc's one, MatPtAP
+    if not keeps:
+        matrix.destroy()
+    projected = T.transposeMatMult(right)
+    for operand in (T, right):
+        operand.destroy()
+    return projected
+
+
+def _projected_in_real_form(matrix: PETSc.Mat, constraints: Constraints, comm: MPI.Comm, keeps: bool) -> PETSc.Mat:
+    """Return T^H A T in real form, T = P + i Q: P^T A P + Q^T A Q + i (P^T A Q - Q^T A P).  Collective."""
+    P, Q = (_distributed(constraints, part, comm) for part in (constraints.T.real, constraints.T.imag))
+    AP, AQ = matrix.matMult(P), matrix.matMult(Q)
+    if not keeps:
+        matrix.destroy()
+    real, more, imaginary = P.transposeMatMult(AP), Q.transposeMatMult(AQ), P.transposeMatMult(AQ)
+    real.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    other = imaginary.transpose(PETSc.Mat())
+    imaginary.axpy(-1.0, other, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    owned = real_rows(*(tidy(_owned_rows(part)) for part in (real, imaginary)))
+    for operand in (P, Q, AP, AQ, real, more, imaginary, other):
+        operand.destroy()
+    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
+    return PETSc.Mat().createAIJ(((owned.shape[0], None), (owned.shape[0], None)), csr=csr, comm=comm)
+
+
+def _owned_rows(matrix: PETSc.Mat) -> sp.csr_matrix:
+    """Return this rank's rows of a matrix, (n_owned, n).  Local."""
+    starts, columns, values = matrix.getValuesCSR()
+    return sp.csr_matrix((values, columns, starts), (len(starts) - 1, matrix.getSize()[1]))
+
+
 def added_by_points(constraints: Constraints, blocks: np.ndarray) -> sp.csr_matrix:
     """Return T^T B T of blocks (n_points, 6, 6) on the points, (n_dof, n_dof).  Local; the same on every rank."""
     P = constraints.T[constraints.n_nodal :]
-    added = (P.T @ sp.block_diag([*blocks, sp.csr_matrix((0, 0))], format="csr") @ P).tocsr()
+    added = (P.conj().T @ sp.block_diag([*blocks, sp.csr_matrix((0, 0))], format="csr") @ P).tocsr()
     added.sort_indices()
     return added
 
@@ -233,10 +272,9 @@ def mass_blocks(points: tuple[Point, ...]) -> np.ndarray:
     return blocks
 
 
-def _distributed(constraints: Constraints, comm: MPI.Comm) -> PETSc.Mat:
-    """Return the nodes' rows of T as a PETSc matrix, split as K is before and after.  Collective."""
+def _distributed(constraints: Constraints, T: sp.csr_matrix, comm: MPI.Comm) -> PETSc.Mat:
+    """Return the nodes' rows of T, or of a part of it, as a PETSc matrix, split as K is before and after.  Collective."""
     (first, last), (begin, end) = constraints.nodal_ranges[comm.rank :][:2], constraints.row_ranges[comm.rank :][:2]
-    owned = constraints.T[first:last]
-    owned.sort_indices()
+    owned = tidy(T[first:last])
     csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
     return PETSc.Mat().createAIJ(((last - first, None), (end - begin, None)), csr=csr, comm=comm)

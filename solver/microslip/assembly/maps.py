@@ -17,17 +17,37 @@ from .output_rows import OutputRow
 def pair_map(pairs: ContactPairs, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
     """Return R, (3 n_pairs, n_dof): du = frame (u1 - u2) of every pair, u1 and u2 averages of nodes; fixed DOFs drop out.  Local.
 
-    ``dof`` is (n_nodes, 3), the row of each node of ``Mesh.points``.  docs/theory.md, eq. (1.1).
+    ``dof`` is (n_nodes, 3), the row of each node of ``Mesh.points``.  docs/theory.md, eq. (1.1).  Second sides in the next sector
+    of a disc are not among it: :func:`next_pair_map`.
     """
-    n = pairs.n_pairs
-    R = sp.csr_matrix((3 * n, n_dof))
-    for weights, sign in zip(pairs.sides(len(dof)), (1.0, -1.0)):
-        pair, node = np.repeat(np.arange(n), np.diff(weights.indptr)), weights.indices
-        row = np.broadcast_to(3 * pair[:, None, None] + np.arange(3)[:, None], (len(pair), 3, 3))
-        column = np.broadcast_to(dof[node][:, None, :], row.shape)
-        value = sign * weights.data[:, None, None] * pairs.frame[pair]
-        free = column >= 0
-        R = R + sp.csr_matrix((value[free], (row[free], column[free])), (3 * n, n_dof))
+    first, second = pairs.sides(len(dof))
+    here = sp.diags((~pairs.next_sector).astype(float)) @ second
+    return _tidy(_side_map(first, pairs.frame, dof, n_dof) - _side_map(here.tocsr(), pairs.frame, dof, n_dof))
+
+
+def next_pair_map(pairs: ContactPairs, turn: np.ndarray, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+    """Return Q R_2, (3 n_pairs, n_dof): frame Q u2 of the pairs whose second side lies in the next sector, turned by Q.  Local.
+
+    docs/theory.md, eq. (14.3).
+    """
+    _, second = pairs.sides(len(dof))
+    there = (sp.diags(pairs.next_sector.astype(float)) @ second).tocsr()
+    return _tidy(_side_map(there, pairs.frame @ turn, dof, n_dof))
+
+
+def _side_map(weights: sp.csr_matrix, axes: np.ndarray, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+    """Return the motion of one side along the axes (n_pairs, 3, 3) of each pair, (3 n_pairs, n_dof)."""
+    n = len(axes)
+    pair, node = np.repeat(np.arange(n), np.diff(weights.indptr)), weights.indices
+    row = np.broadcast_to(3 * pair[:, None, None] + np.arange(3)[:, None], (len(pair), 3, 3))
+    column = np.broadcast_to(dof[node][:, None, :], row.shape)
+    value = weights.data[:, None, None] * axes[pair]
+    free = column >= 0
+    return sp.csr_matrix((value[free], (row[free], column[free])), (3 * n, n_dof))
+
+
+def _tidy(R: sp.csr_matrix) -> sp.csr_matrix:
+    """Return a map without stored zeros, columns rising."""
     R.eliminate_zeros()
     R.sort_indices()
     return R

@@ -2,17 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
 from .constraints import Constraints
+from .real_form import real_matrix
 
 if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
+
+
+class Disc(Protocol):
+    """What makes the systems of all nodal diameters of a disc: :class:`.sectors.Sectors`."""
+
+    @property
+    def n_sectors(self) -> int:
+        """The number of sectors."""
+
+    def system(self, d: int) -> System:
+        """Return the system of nodal diameter d.  Collective."""
+
+    def at_nodes(self, w: np.ndarray) -> np.ndarray:
+        """Return the motion of the sector's nodes, (n_nodes, 3, N_H), from coefficients of all rows, (n_dof, N_H).  Local."""
+
+    def destroy(self) -> None:
+        """Free the matrices of the sector.  Collective."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +38,8 @@ class System:
     """``M u'' + C u' + K u + R^T f_nl = f_ex`` on the free DOFs, rows split over the ranks of ``comm``.
 
     docs/theory.md, eq. (1.2).  The sparse maps are small and the same on every rank; their DOF axis counts the global PETSc rows.
+    Of a disc at a nodal diameter d the maps are complex, loads R^H f and so on, and K, M and C are in real form (real_form.py):
+    row j of the maps are rows 2 j and 2 j + 1 of these.
     """
 
     comm: MPI.Comm
@@ -40,11 +60,40 @@ class System:
     rest_owned: np.ndarray | None = None  # (n_dof_owned,) m, this rank's rows of the displacement at rest; None without statics
     notes: tuple[str, ...] = ()  # on pairs that supports fix on both sides, for the log
     moved: np.ndarray | None = None  # (n_nodes, 3) m, how far supports are moved at rest, in the order of dof; None: they rest
+    sectors: Disc | None = None  # where it is one nodal diameter of a disc
 
     @property
     def n_dof(self) -> int:
-        """The number of degrees of freedom."""
+        """The number of degrees of freedom, complex ones where the maps are."""
         return self.R.shape[1]
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether the maps are complex, and K, M and C in real form."""
+        return np.iscomplexobj(self.R)
+
+    @property
+    def in_real_form(self) -> System:
+        """The same with real maps, which fit K and M: of a real system itself."""
+        return RealForm.of_complex(self) if self.is_complex else self
+
+    @property
+    def maps(self) -> System:
+        """The system with its own maps: of a real form the complex ones."""
+        return self
+
+    @property
+    def rows(self) -> slice:
+        """The rows of the degrees of freedom of this rank."""
+        first, last = self.M.getOwnershipRange()
+        return slice(first // 2, last // 2) if self.is_complex else slice(first, last)
+
+    def with_conjugate_maps(self) -> System:
+        """Return the system of the conjugate matrices, but for these themselves: K, M and C are shared.  Local."""
+        constraints = self.constraints
+        if constraints is not None:
+            constraints = replace(constraints, T=constraints.T.conj())
+        return replace(self, R=self.R.conj(), loads=self.loads.conj(), outputs=self.outputs.conj(), constraints=constraints)
 
     def destroy(self, other: System | None = None) -> None:
         """Free K, M and C, but for those that an ``other`` system shares; once more does nothing.  Collective."""
@@ -62,3 +111,26 @@ class System:
         if self.constraints is not None:
             return self.constraints.at_nodes(u)
         return np.concatenate([u, np.zeros((1, *u.shape[1:]))])[self.dof]  # row -1: what is fixed
+
+
+@dataclass(frozen=True)
+class RealForm(System):
+    """A complex system with real maps of twice the size: what factor and eigensolver take."""
+
+    complex_maps: System | None = None
+
+    @classmethod
+    def of_complex(cls, system: System) -> RealForm:
+        """Return the real form of a complex system, which shares its matrices.  Local."""
+        given = {item.name: getattr(system, item.name) for item in fields(System)}
+        maps = {name: real_matrix(given[name]) for name in ("R", "loads", "outputs")}
+        given |= {"R": maps["R"], "loads": maps["loads"].tocsc(), "outputs": maps["outputs"], "dof": None, "constraints": None}
+        if system.parts is not None:
+            given["parts"] = np.repeat(system.parts, 2)
+        return cls(**given, complex_maps=system)
+
+    @property
+    def maps(self) -> System:
+        """The complex system."""
+        assert self.complex_maps is not None, "made of it"
+        return self.complex_maps

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..assembly.assemble import assemble
 from ..assembly.matrices import distribute_structure, read_structure
+from ..assembly.real_form import real_columns
 from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
 from ..linear.factor import FactorCache
@@ -26,6 +27,7 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.petsc import everyone
 from ..points.band import frequency_band
+from ..receptance.per_group import PerGroup
 from ..reduction.choose_modes import choose_modes
 from ..reduction.memory_of_modes import memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
@@ -63,15 +65,18 @@ class Structure(StuckStructure):
 
     def close(self) -> None:
         """Free the factors and the matrices, where they are there.  Collective."""
-        if self.factored.value is None:
+        groups = [stuck.factored.value.linearised for stuck in self.computed_groups.values() if stuck.factored.value is not None]
+        if not groups:
             return
         free_other_rest(self)
-        system = self.linearised.system
         if self.reference is not None:
             self.reference.close()
-            self.reference.system.destroy(system)
-        self.linearised.destroy()
-        system.destroy()
+            self.reference.system.destroy(self.linearised.system)
+        for linearised in groups:
+            linearised.destroy()
+            linearised.system.destroy()
+        if groups[0].system.sectors is not None:
+            groups[0].system.sectors.destroy()
 
     def refuse_closed(self) -> None:
         """Raise CaseError once the factors are freed: PETSc would end the process.  Local; the same on every rank."""
@@ -183,10 +188,38 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
 def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
     """Return the structure as it vibrates about its rest: factored, with its static response and its modes.  Collective.
 
+    Of a disc it is that of harmonic 1; the other nodal diameters are made when they are first needed.
+
     Raises
     ------
     CaseError, ResourceError : on every rank
     """
+    cyclic = parts.scene.cyclic
+    if cyclic is None:
+        return _stuck(parts, log)
+    groups: PerGroup[Structure] = PerGroup(lambda d: of_diameter(parts, int(d), groups, log), cyclic.diameter, cyclic.diameters)
+    return groups.of(1)
+
+
+def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunLog) -> Structure:
+    """Return the structure of a disc at the sector index d, 0 to sectors - 1.  Collective where it is new.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank
+    """
+    system = parts.rest.system
+    assert system.sectors is not None, "a disc"
+    n = system.sectors.n_sectors
+    if 2 * d > n:
+        return groups.of_group(n - d).of_conjugate(d)
+    log.note(f"nodal diameter {d}")
+    system = system if d == 0 else system.sectors.system(d)
+    return _stuck(replace(parts, rest=replace(parts.rest, system=system)), log, groups=groups, group=d)
+
+
+def _stuck(parts: Assembled, log: RunLog, **of_group: Any) -> Structure:
+    """Return the structure of one group of harmonics.  Collective."""
     settings, rest, linearised = reduction_settings(parts.scene), parts.rest, factor_of(parts, log)
     refuse_modes(linearised, settings)
     with log.stage("modes"):
@@ -196,11 +229,12 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
             static_response(linearised),
             mesh=parts.mesh,
             scene=parts.scene,
-            has_mesh=linearised.system.dof is not None,
+            has_mesh=linearised.maps.dof is not None,
             numbers=None if parts.mesh is None else parts.mesh.numbers,
             bolts=rest.bolts,
             balance=rest.balance,
             reference=parts.reference,
+            **of_group,
         )
         structure, why = choose_modes(structure, settings)
         if correct_soft_modes(linearised, structure.modes, parts.scene):
@@ -214,8 +248,10 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
 def correct_soft_modes(linearised: Linearised, modes: Modes, scene: Scene) -> bool:
     """Make static solutions exact in the modes far below the response's range; return whether there are any.  Collective."""
     lowest = frequency_band(reduction_settings(scene).band, modes.omega_n)[0] if len(modes.omega_n) else 0.0
-    of_system = linearised.system.comm, linearised.M
-    linearised.factor.soft_modes = SoftModes.of(*of_system, modes.omega_n, modes.phi_owned, 2.0 * np.pi * lowest)
+    of_system, omega_n, phi_owned = (linearised.system.comm, linearised.M), modes.omega_n, modes.phi_owned
+    if linearised.maps.is_complex:
+        omega_n, phi_owned = np.tile(omega_n, 2), np.hstack([real_columns(phi_owned), real_columns(1j * phi_owned)])
+    linearised.factor.soft_modes = SoftModes.of(*of_system, omega_n, phi_owned, 2.0 * np.pi * lowest)
     return linearised.factor.soft_modes is not None
 
 
@@ -288,7 +324,7 @@ def from_mesh(
     """
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, scene, file, share=False)
-        pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+        pairs = on_root(comm, pair_contacts, mesh, scene.joints, scene.cyclic)
     for note in (*on_root(comm, lambda: mesh.notes), *pairs.notes):
         log.note(note)
     with log.stage("partition"):

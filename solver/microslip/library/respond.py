@@ -15,6 +15,7 @@ from ..messages.errors import CaseError
 from ..messages.words import hint
 from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
+from ..receptance.per_group import PerGroup
 from ..reduction.choose_modes import choose_modes
 from ..reduction.settings import ReductionSettings
 from ..reduction.stuck import OnDemand
@@ -235,8 +236,17 @@ def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: Con
     if settings.modes is None:
         limits = pairs.mu.tobytes(), pairs.N0.tobytes()
         key = (*key, settings.method, settings.excitation, settings.damping, settings.level, *limits)
-    chosen, why = structure.once(key, lambda: choose_modes(with_pairs, settings))
+    chosen, why = structure.once(key, lambda: _in_all_groups(*choose_modes(with_pairs, settings), settings))
     return chosen if is_same else replace(chosen, pairs=pairs), why
+
+
+def _in_all_groups(structure: Structure, why: str, settings: ReductionSettings) -> tuple[Structure, str]:
+    """Return a structure whose other groups of harmonics have modes chosen by the same settings, when they are needed.  Local."""
+    others = structure.groups
+    if others is None:
+        return structure, why
+    groups = PerGroup(lambda group: choose_modes(others.of_group(group), settings)[0], others.group_of, others.groups)
+    return replace(structure, groups=groups), why
 
 
 def _of_modes(settings: ReductionSettings) -> tuple:

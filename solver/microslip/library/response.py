@@ -18,7 +18,7 @@ from ..points.error_parts import total
 from ..points.peak import Peak
 from ..points.quantities import LABELS, TEXT, Quantity
 from ..receptance.motions import ActingForces
-from ..reduction.expand import node_fields
+from ..reduction.expand import motions_at_nodes
 from ..results.measures import AMPLITUDE, Shown
 from ..results.record import COMPLETE, STOPPED, LevelResult, ResultFile, level_result
 from .prepare import Prepared
@@ -232,7 +232,7 @@ class Response:
         (u_owned,) = self.prepared.reduction.displacements(self.prepared.model, [at])
         if system.dof is None:
             return float(branch.frequency[i]), np.concatenate(system.comm.allgather(u_owned))
-        return float(branch.frequency[i]), system.comm.bcast(node_fields(system, u_owned))
+        return float(branch.frequency[i]), system.comm.bcast(motions_at_nodes(system, u_owned))
 
     # -- files ---------------------------------------------------------------------------------------------------------
 

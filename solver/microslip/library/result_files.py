@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..mesh.data import Mesh
 from ..mesh.locate import find_node
 from ..observe.not_computed import Extent
 from ..points.branch import Branch
@@ -17,6 +18,7 @@ from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin
 from ..results.record import STATIC_TABLES, LinearCurve, ResultFile, StaticTable, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
+from ..results.whole_disc import whole_mesh, whole_motion, whole_shapes
 from ..results.writer import ResultWriter
 from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..statics.bolts import BoltsAtRest
@@ -93,7 +95,7 @@ def writer_of(prepared: Prepared, folder: Path, options: Sequence[str] = (), ori
 class Shapes:
     """Fields on the mesh, in the order of its nodes."""
 
-    modes: np.ndarray  # (n_nodes, 3, n_modes) [1/sqrt(kg)]
+    modes: np.ndarray  # (n_nodes, 3, n_modes) [1/sqrt(kg)]; of a disc those of sector 0, maybe complex
     rest: np.ndarray | None  # (n_nodes, 3, 1) m; None without statics
     peaks: Mapping[int, Motion]  # by the number of the level
 
@@ -127,17 +129,33 @@ def write_shapes(
     """
     fields = None
     if shapes is not None:
-        structure, modes = prepared.structure, np.moveaxis(shapes.modes, -1, 0)
-        assert structure.mesh is not None, "called on rank 0"
-        write_modes(str(folder / "modes.vtkhdf"), structure.mesh, structure.modes.omega_n, modes)
+        structure = prepared.structure
+        mesh, modes, peaks = _on_whole_disc(prepared, shapes) if prepared.scene.cyclic else _on_mesh(prepared, shapes)
+        write_modes(str(folder / "modes.vtkhdf"), mesh, structure.omega_n, modes)
         motions: dict[str, np.ndarray] = {}
-        for number, motion in shapes.peaks.items():
+        for number, motion in peaks.items():
             branch = branches[number]
             motions.update(peak_fields(branch.level, hertz(branch.points[motion.point].omega), motion.u))
-        write_fields(str(folder / "peak_response.vtkhdf"), structure.mesh, motions)
+        write_fields(str(folder / "peak_response.vtkhdf"), mesh, motions)
         rest = None if shapes.rest is None else shapes.rest[:, :, 0]
-        fields = Fields(structure.mesh, modes, rest, shapes.peaks, *_places(prepared))
+        fields = Fields(mesh, modes, rest, peaks, *_places(prepared))
     keep_fields(str(folder / "results.h5"), fields, run)
+
+
+def _on_mesh(prepared: Prepared, shapes: Shapes) -> tuple[Mesh, np.ndarray, Mapping[int, Motion]]:
+    """Return mesh, modes (n_modes, n_nodes, 3) and motions as files have them.  Rank 0."""
+    assert prepared.structure.mesh is not None, "called on rank 0"
+    return prepared.structure.mesh, np.moveaxis(shapes.modes, -1, 0), shapes.peaks
+
+
+def _on_whole_disc(prepared: Prepared, shapes: Shapes) -> tuple[Mesh, np.ndarray, Mapping[int, Motion]]:
+    """Return the same of all sectors of a disc; modes at the instant 0.  Rank 0."""
+    cyclic, group = prepared.scene.cyclic, prepared.structure.group
+    mesh, modes, peaks = _on_mesh(prepared, shapes)
+    assert cyclic is not None and isinstance(group, int), "a disc"
+    modes = np.moveaxis(whole_shapes(np.moveaxis(modes, 0, -1), cyclic, group), -1, 0)
+    peaks = {number: Motion(motion.point, whole_motion(motion.u, cyclic)) for number, motion in peaks.items()}
+    return whole_mesh(mesh, cyclic), modes, peaks
 
 
 def _places(prepared: Prepared) -> tuple[tuple[int, ...], np.ndarray]:

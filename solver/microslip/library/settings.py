@@ -75,6 +75,12 @@ def refuse_statics(scene: Scene, command: str) -> None:
         )
 
 
+def refuse_discs(scene: Scene, command: str, why: str) -> None:
+    """Raise CaseError for a disc computed from one sector.  Local."""
+    if scene.cyclic is not None:
+        raise CaseError(f"{scene.path}: [cyclic]: {command} {why}")
+
+
 def asks_for_bars(scene: Scene) -> bool:
     """Return whether a scene asks for error bars, possible or not.  Local."""
     return scene.solver.error_bars

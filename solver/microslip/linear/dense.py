@@ -6,6 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..assembly.real_form import complex_columns, real_columns
 from ..parallel.ownership import summed
 
 
@@ -23,7 +24,12 @@ def wrap(block_owned: np.ndarray, comm: MPI.Comm) -> PETSc.Mat:
 
 
 def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
-    """Return this rank's rows of A X, (n_owned, m).  Collective on A's communicator: one matrix product."""
+    """Return this rank's rows of A X, (n_owned, m); of complex X, A is Hermitian in real form.
+
+    Collective on A's communicator: one matrix product.
+    """
+    if np.iscomplexobj(X_owned):
+        return complex_columns(multiply(A, real_columns(X_owned)))
     if X_owned.shape[1] == 0:
         return np.zeros((A.getLocalSize()[0], 0), order="F")
     X = wrap(np.asfortranarray(X_owned), A.comm)
@@ -35,8 +41,8 @@ def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
 
 
 def gram(comm: MPI.Comm, X_owned: np.ndarray, Y_owned: np.ndarray) -> np.ndarray:
-    """Return X^T Y, (m_x, m_y), on every rank.  Collective on ``comm``: one sum."""
-    return summed(comm, X_owned.T @ Y_owned)
+    """Return X^H Y, (m_x, m_y), on every rank.  Collective on ``comm``: one sum."""
+    return summed(comm, X_owned.conj().T @ Y_owned)
 
 
 def column_norms(comm: MPI.Comm, X_owned: np.ndarray) -> np.ndarray:

@@ -28,13 +28,21 @@ ANALYSED = (14.0, 28.0)  # the half of it that MUMPS is handed, and its graph, o
 
 @dataclass(frozen=True)
 class Linearised:
-    """The stuck structure, ``M u'' + C u' + K_L u + R^T p = f_ex``, rows split as in ``system``: docs/theory.md, eq. (1.4)."""
+    """The stuck structure, ``M u'' + C u' + K_L u + R^T p = f_ex``, rows split as in ``system``: docs/theory.md, eq. (1.4).
+
+    Of complex matrices all of it is in real form, but for ``maps``.
+    """
 
     system: System
     K_L: PETSc.Mat  # (n_dof, n_dof) N/m, symmetric positive definite
     M: PETSc.Mat  # (n_dof, n_dof) kg
     factor: Factor  # of K_L
     springs: sp.csr_matrix | None = None  # R^T K_J R [N/m], the same on every rank; None: K_L is no sum with them
+
+    @property
+    def maps(self) -> System:
+        """The system whose maps are those of the structure, complex where its matrices are in real form."""
+        return self.system.maps
 
     def let_K_go(self) -> None:
         """Free ``system.K``, for which few ask once K_L is there: two fifths of what the matrices take.  Collective."""
@@ -75,11 +83,13 @@ def linearise(
     K_J = joint_stiffness(pairs)
     if len(K_J) != system.R.shape[0]:
         raise CaseError(f"R has {system.R.shape[0]} rows for {pairs.n_pairs} pairs; it needs three a pair")
+    if system.is_complex:
+        system, K_J = system.in_real_form, np.repeat(K_J, 2)
     size = {name: matrix.norm(PETSc.NormType.FROBENIUS) for name, matrix in (("stiffness", system.K), ("mass", system.M))}
     for name, norm in size.items():
         if not np.isfinite(norm):
             raise CaseError(f"the {name} matrix has entries that are not finite numbers; check the material data and the mesh")
-    _refuse_too_stiff(K_J, pairs, size["stiffness"], where)
+    _refuse_too_stiff(pairs.law.stiffness.ravel(), pairs, size["stiffness"], where)
     refuse_beyond(system.comm, memory_before_factor(system.K), "K_L, the stiffness with all pairs stuck", ADVICE)
     springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
     K_L = add_springs(system.K, springs)

@@ -127,6 +127,7 @@ class ContactPairs:
     w0: np.ndarray = field(
         default_factory=lambda: np.zeros((0, 0, 2))
     )  # (n_pairs, n_elements, 2) m, of laws of many elements at rest
+    next_sector: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_pairs,) bool: side 2 is the next one's
     law_columns: Mapping[str, np.ndarray] = field(
         default_factory=dict
     )  # (n_pairs,) each: what laws have beside these; NaN: not this one
@@ -134,7 +135,7 @@ class ContactPairs:
     def __post_init__(self):
         if len(self.laws) != self.n_pairs:
             object.__setattr__(self, "laws", np.full(self.n_pairs, ELASTIC_COULOMB))
-        for name in ("T0", "open_at_rest", "w0"):  # of pairs that have no statics
+        for name in ("T0", "open_at_rest", "w0", "next_sector"):  # of pairs that have no statics
             values = getattr(self, name)
             if len(values) != self.n_pairs:
                 object.__setattr__(self, name, np.zeros((self.n_pairs, *values.shape[1:]), dtype=values.dtype))

@@ -14,6 +14,7 @@ from ..messages.words import place
 from ..tables.structure import Point
 from ..tables.structure_tables import StructureTables
 from .attached import Attached, attach
+from .cyclic import CyclicFaces, cyclic_faces, followers
 from .data import Mesh
 from .equations import solve_equations, translations
 from .locate import find_node
@@ -36,6 +37,7 @@ class Links:
     attached: Attached | None = None  # masses, springs and dampers
     more_joined: tuple[np.ndarray, ...] = ()  # (2, n) nodes that hang together by equations and springs
     more_grounded: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # nodes that these hold
+    cyclic: CyclicFaces | None = None  # where sectors meet; nodes of the high face are among those that follow
 
     @property
     def n_places(self) -> int:
@@ -60,17 +62,42 @@ class Links:
     @property
     def is_empty(self) -> bool:
         """Whether nothing follows anything and nothing is attached."""
-        return not self.joined and self.attached is None
+        return not self.joined and self.attached is None and self.cyclic is None
 
 
 def find_links(mesh: Mesh, tables: StructureTables) -> Links:
-    """Return what the ties, points and equations of a scene make follow, and its masses, springs and dampers.  Local, rank 0.
+    """Return what the ties, points, equations and cyclic faces of a scene make follow, and its masses, springs and dampers.
+
+    Local, rank 0.
 
     Raises
     ------
     MeshError : nodes too far from the facets, what follows two things or itself, groups that cannot turn, joints on tied faces,
-        nodes outside the elements that nothing leads
+        nodes outside the elements that nothing leads, cyclic faces that do not match
     """
+    links = _within(mesh, tables)
+    return links if tables.cyclic is None else _with_sectors(mesh, tables, links)
+
+
+def _with_sectors(mesh: Mesh, tables: StructureTables, links: Links) -> Links:
+    """Return the same links with the nodes of the high face following those of the low one."""
+    assert tables.cyclic is not None, "a disc"
+    faces, is_fixed = cyclic_faces(mesh, tables.cyclic), fixed_places(mesh, tables, links)
+    dependent, weights = followers(mesh, faces, is_fixed, links.dependent, links.weights)
+    dependent, weights = np.concatenate([links.dependent, dependent]), sp.vstack([links.weights, weights]).tocsr()
+    order = np.argsort(dependent)
+    return replace(
+        links,
+        dependent=dependent[order],
+        weights=weights[order],
+        notes=(*links.notes, faces.note),
+        more_joined=(*links.more_joined, np.stack([faces.low, faces.high])),
+        cyclic=faces,
+    )
+
+
+def _within(mesh: Mesh, tables: StructureTables) -> Links:
+    """Return what follows within the structure that the mesh is."""
     links = _ties_and_points(mesh, tables)
     if mesh.equations is None and not tables.masses and not tables.springs:
         return links

@@ -12,8 +12,10 @@ from ..contact.laws import columns_on_area
 from ..contact.laws import joined as joined_columns
 from ..messages.errors import Faults, MeshError
 from ..messages.words import place
+from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
 from .contact_points import ContactPoints, heaviest
+from .cyclic import in_next_sector
 from .data import ContactPairs, Mesh
 from .ground import grounded
 from .listed import listed_nodes
@@ -28,8 +30,10 @@ PAIRINGS = {"nodes": matching_nodes, "projected": projected_nodes, "points": ove
 _ALONG = 0.99  # |cosine| above which a normal has no useful projection of an axis
 
 
-def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
+def pair_contacts(mesh: Mesh, joints: Sequence[Joint], cyclic: Cyclic | None = None) -> ContactPairs:
     """Return the contact pairs of all joints, by joint and then by node number, or face, of the first surface.  Local, rank 0.
+
+    The second surface of a joint to the next sector of a disc is taken where it lies there; its nodes are those of the mesh.
 
     Raises
     ------
@@ -44,9 +48,10 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
         _check_faces(mesh, joints)
     for joint in joints:
         with faults.collected():
-            points = contact_points(mesh, joint)
-            penetration = check_penetration(mesh, joint, points)
-            parts.append(_columns(mesh, joint, points))
+            placed = in_next_sector(mesh, joint.groups[1], cyclic) if joint.next_sector and cyclic is not None else mesh
+            points = contact_points(placed, joint)
+            penetration = check_penetration(placed, joint, points)
+            parts.append(_columns(placed, joint, points))
             faces += [face + n_pairs for face in points.faces]
             notes += [note for note in (points.note, penetration) if note]
             n_pairs += points.n_points
@@ -152,6 +157,7 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
         "separate": np.full(points.n_points, joint.is_separate),
         "cells": points.cells,
         "laws": np.full(points.n_points, joint.law),
+        "next_sector": np.full(points.n_points, joint.next_sector),
     }
     by_law = columns_on_area(joint.law, {**joint.values_of_law, **vars(values)}, points.area)
     return columns | {"law_columns": by_law} | {name: by_law.pop(name) for name in columns.keys() & by_law.keys()}

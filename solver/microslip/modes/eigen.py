@@ -100,10 +100,11 @@ def first_of(modes: Modes, n_modes: int) -> Modes:
     return Modes(modes.omega_n[:n_modes], modes.phi_owned[:, :n_modes], modes.info)
 
 
-def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
+def is_complete(linearised: Linearised, modes: Modes, n_modes: int, copies: int = 1) -> bool:
     """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: one factorisation, if any.
 
-    All that were found but the last are proved at once if they can be: another run may need some of them.
+    All that were found but the last are proved at once if they can be: another run may need some of them.  Of a complex matrix
+    in real form each mode counts in ``copies``, two.
     """
     if modes.info.get("complete", True):
         return True  # all of the spectrum
@@ -111,7 +112,7 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
     least = find_gap(squares, n_modes)
     most = max(least, find_gap(squares, len(squares) - 1)) if n_modes < len(squares) else least
     for n_below, sigma in dict.fromkeys((most, least)):
-        if count_below(linearised.K_L, linearised.M, sigma, linearised.factor.solver.order) == n_below:
+        if count_below(linearised.K_L, linearised.M, sigma, linearised.factor.solver.order) == copies * n_below:
             modes.info.update(_proof(n_below, sigma))
             return True
     return False

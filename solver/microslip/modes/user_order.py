@@ -7,18 +7,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
+    from ..assembly.system import System
     from ..linear.joint_springs import Linearised
 
 
 def user_order(linearised: Linearised) -> np.ndarray:
     """Return (n_owned,) the place of each owned row in an order that does not depend on the partition.  Local."""
+    maps = getattr(linearised.system, "maps", linearised.system)
     row_start, row_end = linearised.M.getOwnershipRange()
-    dof = linearised.system.dof
-    if dof is None:
+    if maps is not linearised.system:  # real and imaginary parts side by side
+        number = _places(maps, maps.rows.start, maps.rows.stop)
+        return (2 * number[:, None] + np.arange(2)).ravel()
+    return _places(maps, row_start, row_end)
+
+
+def _places(system: System, row_start: int, row_end: int) -> np.ndarray:
+    """Return the place of each row of a system from ``row_start`` to ``row_end`` - 1."""
+    if system.dof is None:
         return np.arange(row_start, row_end)
-    constraints = getattr(linearised.system, "constraints", None)
+    constraints = getattr(system, "constraints", None)
     number = np.empty(row_end - row_start, dtype=np.int64)
-    rows = dof.ravel() if constraints is None else constraints.free.ravel()
+    rows = system.dof.ravel() if constraints is None else constraints.free.ravel()
     is_owned = (rows >= row_start) & (rows < row_end)
     number[rows[is_owned] - row_start] = np.flatnonzero(is_owned)
     return number

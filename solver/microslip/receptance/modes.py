@@ -25,6 +25,11 @@ class ProjectedModes:
         C = None if self.C is None else self.C[:n, :n]
         return ProjectedModes(self.omega_n[:n], self.R_phi[:, :n], self.b[:n], self.o[:, :n], C)
 
+    def conjugated(self) -> ProjectedModes:
+        """Return the modes of the complex conjugate matrices, as their conjugates.  Local."""
+        C = None if self.C is None else self.C.conj()
+        return ProjectedModes(self.omega_n, self.R_phi.conj(), self.b.conj(), self.o.conj(), C)
+
 
 @dataclass(frozen=True, eq=False)
 class DampedModes:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.sparse as sp
 
-from ..linear.dense import diagonal_owned, gram, multiply
+from ..linear.dense import gram
 from ..linear.random_signs import random_signs
 from ..parallel.ownership import summed
 from ..receptance.modes import ProjectedModes
@@ -69,24 +69,24 @@ def samples_beyond(stuck: StuckStructure) -> Samples:
 
     def make() -> Samples:
         everything = stuck.using(stuck.n_computed)
-        system, comm, (first, last) = stuck.system, stuck.comm, stuck.K_L.getOwnershipRange()
-        n_out, mass, phi_owned = system.outputs.shape[0], np.maximum(diagonal_owned(stuck.M), 0.0), everything.modes.phi_owned
-        random = np.sqrt(mass)[:, None] * random_signs(first, last - first, SAMPLES, KEY)
-        forces = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
+        system, comm, rows = stuck.system, stuck.comm, stuck.rows
+        n_out, mass, phi_owned = system.outputs.shape[0], np.maximum(stuck.masses, 0.0), everything.modes.phi_owned
+        random = np.sqrt(mass)[:, None] * random_signs(rows.start, len(mass), SAMPLES, KEY)
+        forces = sp.hstack([system.loads, system.outputs.conj().T], format="csr")[rows].toarray()
         Z_random, Z_forces = np.split(beyond_modes(everything, np.hstack([random, forces])), [SAMPLES], axis=1)
-        W = gram(comm, Z_forces, multiply(stuck.M, Z_forces))
+        W = gram(comm, Z_forces, stuck.product(stuck.M, Z_forces))
         samples = Samples(
             rows=owned_product(projection_rows(system), Z_random, system),
             direct=W[-n_out:, :-n_out].copy(),
-            drive_point=np.diag(W)[:-n_out].copy(),
+            drive_point=np.diag(W)[:-n_out].real.copy(),
             energies=summed(comm, mass @ np.abs(phi_owned) ** 2),
             amplitudes=everything.participation(random),
-            mass=float(summed(comm, np.vdot(Z_random, multiply(stuck.M, Z_random)))),
+            mass=float(summed(comm, np.vdot(Z_random, stuck.product(stuck.M, Z_random))).real),
         )
         if system.C is None:
             return samples
-        CZ_owned = multiply(system.C, Z_random)
-        lost = float(summed(comm, np.vdot(Z_random, CZ_owned)))
+        CZ_owned = stuck.product(system.C, Z_random)
+        lost = float(summed(comm, np.vdot(Z_random, CZ_owned)).real)
         return replace(samples, damping=lost, coupled=everything.participation(CZ_owned))
 
     return stuck.once((SAMPLED, stuck.projected), make)

@@ -50,6 +50,17 @@ def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
     return system.at_nodes(np.concatenate(gathered))
 
 
+def motions_at_nodes(system: System, owned: np.ndarray) -> np.ndarray | None:
+    """Return the harmonics of a motion per node, (n_nodes, 3, N_H), on rank 0 (None elsewhere); of a disc those of sector 0.
+
+    Collective: one gather.  ``owned`` (n_owned, N_H) are the coefficients of this rank's rows, all harmonics from 0 on.
+    """
+    if system.sectors is None:
+        return node_fields(system, owned)
+    gathered = system.comm.gather(owned, root=0)
+    return None if gathered is None else system.sectors.at_nodes(np.concatenate(gathered))
+
+
 def peak_displacements(
     system: System, reduction: Reduction, model: ReducedModel, branches: Sequence[Branch]
 ) -> list[tuple[int, np.ndarray]]:
@@ -60,7 +71,7 @@ def peak_displacements(
     peaks = [branch.peak for branch in branches]
     at = [(branch, branch.points[peak]) for branch, peak in zip(branches, peaks)]
     points = [ActingForces(branch.level, point.omega, _flat(model.comm.bcast(point.p))) for branch, point in at]
-    fields = (node_fields(system, u_owned) for u_owned in reduction.displacements(model, points))
+    fields = (motions_at_nodes(system, u_owned) for u_owned in reduction.displacements(model, points))
     return [(peak, np.empty((0, 3, 0)) if u is None else u) for peak, u in zip(peaks, fields)]
 
 

@@ -9,15 +9,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
+from ..assembly.real_form import complex_columns, real_columns, real_matrix
 from ..assembly.system import System
 from ..fourier.amplitudes import to_complex, to_real
 from ..guards.memory import refuse_beyond
-from ..linear.dense import gram, multiply
+from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.factor import Factor
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs, Mesh
 from ..modes.constraint import RowSums, static_columns
-from ..modes.eigen import Modes, first_of, is_complete, lowest_modes
+from ..modes.eigen import Modes, first_of, is_complete
+from ..modes.hermitian import conjugated, lowest_modes_of
 from ..modes.rayleigh import sharpened
 from ..modes.shift_invert import ModeSearch
 from ..modes.user_order import in_user_order
@@ -83,6 +85,9 @@ class StuckStructure:
 
     What pairs, loads and outputs see of it is held as small arrays, the same on every rank but for the static columns.  Matrices,
     factor and modes over all DOFs come from ``factored``: a structure restored from a file makes them when they are first needed.
+
+    Of a disc at one nodal diameter all of it may be complex; matrices and factor then are in real form (assembly/real_form.py),
+    and vectors over the DOFs complex.  The group of the other direction has the conjugates of all of it.
     """
 
     comm: MPI.Comm
@@ -96,6 +101,7 @@ class StuckStructure:
     factored: OnDemand
     groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: it is that of every harmonic itself
     group: Hashable = only_group(0)  # its own
+    is_conjugate: bool = False  # whether the matrices and the factor are those of the conjugate group
     results: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what was made of it
 
     @classmethod
@@ -109,9 +115,10 @@ class StuckStructure:
         **more: Any,
     ) -> Self:
         """Return the stuck structure of a factor and its modes, if there are any.  Collective: one sum or two."""
-        system = linearised.system
+        system = linearised.maps
         if modes is None:
-            modes = Modes(np.empty(0), np.empty((linearised.K_L.getLocalSize()[0], 0)))
+            n_owned = system.rows.stop - system.rows.start
+            modes = Modes(np.empty(0), np.empty((n_owned, 0), dtype=complex if system.is_complex else float))
         return cls(
             comm=system.comm,
             n_dof=system.n_dof,
@@ -128,12 +135,16 @@ class StuckStructure:
     @property
     def per_group(self) -> PerGroup[StuckStructure]:
         """The stuck structure of each group of harmonics.  Local."""
-        return PerGroup.single(self) if self.groups is None else self.groups
+        groups = self.groups
+        if groups is None:
+            return PerGroup.single(self)
+        return PerGroup(lambda group: self if group == self.group else groups.of_group(group), groups.group_of, groups.groups)
 
     @property
     def computed_groups(self) -> dict[Hashable, StuckStructure]:
         """The structures of the groups made so far, this one among them, by group.  Local."""
-        return {self.group: self} | {stuck.group: stuck for stuck in self.per_group.computed}
+        others = () if self.groups is None else self.groups.computed
+        return {stuck.group: stuck for stuck in others} | {self.group: self}
 
     def has(self, n: int) -> bool:
         """Return whether harmonic n is one of its group.  Local."""
@@ -152,7 +163,13 @@ class StuckStructure:
     @property
     def system(self) -> System:
         """The structure's matrices and maps; collective where they must be made first."""
-        return self.linearised.system
+        maps = self.linearised.maps
+        return maps.with_conjugate_maps() if self.is_conjugate else maps
+
+    @property
+    def is_complex(self) -> bool:
+        """Whether vectors over the DOFs, and their projections, are complex."""
+        return self.statics.G_static.is_complex
 
     @property
     def modes(self) -> Modes:
@@ -180,8 +197,24 @@ class StuckStructure:
 
     @property
     def rows(self) -> slice:
-        """Rows of K_L that this rank owns."""
-        return slice(*self.K_L.getOwnershipRange())
+        """Degrees of freedom that this rank owns."""
+        return self.linearised.maps.rows
+
+    def product(self, A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of A X, (n_owned, q), of one of the structure's matrices."""
+        if not self.is_complex:
+            return multiply(A, X_owned)
+        return self._conjugated(multiply(A, self._conjugated(X_owned.astype(complex, copy=False))))
+
+    def _conjugated(self, X: np.ndarray) -> np.ndarray:
+        """Return X, or its conjugate where the matrices are those of the conjugate group.  Local."""
+        return X.conj() if self.is_conjugate else X
+
+    @property
+    def masses(self) -> np.ndarray:
+        """Diagonal of M, this rank's rows, (n_owned,) [kg]."""
+        diagonal = diagonal_owned(self.M)
+        return diagonal[0::2] if self.is_complex else diagonal
 
     @property
     def factor(self) -> Factor:
@@ -190,7 +223,10 @@ class StuckStructure:
 
     def in_user_order(self, owned: np.ndarray) -> np.ndarray | None:
         """Return fields (n_owned, m) in the order of the user's nodes, on rank 0: see modes/user_order.py."""
-        return in_user_order(self.linearised, owned)
+        if not self.is_complex:
+            return in_user_order(self.linearised, owned)
+        whole = in_user_order(self.linearised, real_columns(owned))
+        return None if whole is None else complex_columns(whole)
 
     def load_forces(self, f: np.ndarray) -> np.ndarray:
         """Return this rank's rows of the forces of loads, (n_owned, q), for their coefficients f (n_loads, q)."""
@@ -202,22 +238,31 @@ class StuckStructure:
 
     def damping_forces(self, z: np.ndarray, n_omega: float, eta: float) -> np.ndarray:
         """Return this rank's rows of (n omega C + eta K) phi z, complex (n_owned, q), for modal motions z (n_modes, q)."""
-        q, system = z.shape[1], self.system
-        parts = np.concatenate([z.real, z.imag], axis=1)
-        u_owned = self.modes.phi_owned @ parts
-        Cu_owned = n_omega * multiply(system.C, u_owned) if system.C is not None else np.zeros_like(u_owned)
+        system, u_owned = self.system, self.modes.phi_owned @ z
+        forces = np.zeros_like(u_owned, dtype=complex)
+        if system.C is not None:
+            forces += n_omega * self._times_complex(system.C, u_owned)
         if eta > 0.0:  # of K, without the springs of the joints
-            springs = self.pairs.law.stiffness.reshape(-1, 1) * (self.projected.R_phi[:, : self.n_modes] @ parts)
-            Cu_owned = Cu_owned + eta * (multiply(self.K_L, u_owned) - self.pair_forces(springs))
-        return Cu_owned[:, :q] + 1j * Cu_owned[:, q:]
+            springs = self.pairs.law.stiffness.reshape(-1, 1) * (self.projected.R_phi[:, : self.n_modes] @ z)
+            forces += eta * (self._times_complex(self.K_L, u_owned) - self.pair_forces(springs))
+        return forces
+
+    def _times_complex(self, A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of A X for complex X, (n_owned, q), whether the structure is complex or not."""
+        if self.is_complex:
+            return self.product(A, X_owned)
+        real, imaginary = np.hsplit(multiply(A, np.hstack([X_owned.real, X_owned.imag])), 2)
+        return real + 1j * imaginary
 
     def participation(self, forces_owned: np.ndarray) -> np.ndarray:
         """Return phi^H times columns (n_owned, q) on every rank, (n_modes, q): one sum."""
-        phi_owned = self.modes.phi_owned
-        return gram(self.comm, phi_owned.conj() if np.iscomplexobj(phi_owned) else phi_owned, forces_owned)
+        return gram(self.comm, self.modes.phi_owned, forces_owned)
 
     def solve(self, forces_owned: np.ndarray) -> np.ndarray:
         """Return K_L^-1 times columns, real or complex, (n_owned, q) both, this rank's rows."""
+        if self.is_complex:
+            forces = self._conjugated(forces_owned.astype(complex, copy=False))
+            return self._conjugated(complex_columns(self.factor.solve(real_columns(forces))))
         if not np.iscomplexobj(forces_owned):
             return self.factor.solve(forces_owned)
         q = forces_owned.shape[1]
@@ -229,7 +274,7 @@ class StuckStructure:
 
         Of a group with complex matrices there are two right-hand sides a harmonic and component of its forces.
         """
-        is_complex = np.iscomplexobj(self.projected.R_phi)
+        is_complex = self.is_complex
         amplitudes = [(to_complex(f), to_complex(p)) if is_complex else (f, p) for f, p in at]
         forces = [self.load_forces(f) - self.pair_forces(p) for f, p in amplitudes]
         if not forces:
@@ -249,7 +294,8 @@ class StuckStructure:
         self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
     ) -> Modes:
         """Return the lowest modes, see :func:`~microslip.modes.eigen.lowest_modes`; it raises what that does."""
-        return lowest_modes(self.linearised, n_modes, verify, fewer_will_do, search)
+        modes = lowest_modes_of(self.linearised, n_modes, verify, fewer_will_do, search)
+        return conjugated(modes) if self.is_conjugate else modes
 
     def with_lowest(
         self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
@@ -272,7 +318,7 @@ class StuckStructure:
         if n_modes <= self.n_proved:
             return self.using(n_modes)
         factored = self.factored()
-        if not is_complete(factored.linearised, factored.modes, n_modes):
+        if not is_complete(factored.linearised, factored.modes, n_modes, 2 if self.is_complex else 1):
             return None
         return replace(self, n_modes=n_modes, n_proved=factored.modes.n_proved)
 
@@ -286,9 +332,27 @@ class StuckStructure:
 
     def with_modes(self, modes: Modes) -> Self:
         """Return the same structure with other modes.  Collective: one sum, with a damping matrix another."""
-        projected, factored = project_modes(self.system, modes.omega_n, modes.phi_owned), replace(self.factored(), modes=modes)
+        projected = project_modes(self.linearised.maps, modes.omega_n, self._conjugated(modes.phi_owned))
+        projected, factored = projected.conjugated() if self.is_conjugate else projected, replace(self.factored(), modes=modes)
         n_modes = len(modes.omega_n)
         return replace(self, projected=projected, n_modes=n_modes, n_proved=modes.n_proved, factored=OnDemand.of(factored))
+
+    def of_conjugate(self, group: Hashable) -> Self:
+        """Return the structure of the group whose matrices are the conjugates of these; no memory of their size.  Local."""
+
+        def factored() -> Factored:
+            here = self.factored()
+            return replace(here, modes=conjugated(here.modes))
+
+        return replace(
+            self,
+            projected=self.projected.conjugated(),
+            statics=self.statics.conjugated(),
+            factored=OnDemand(factored, is_stored=False),
+            group=group,
+            is_conjugate=not self.is_conjugate,
+            results={},
+        )
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return what ``make`` makes, made once for the same key.  Collective where ``make`` is."""
@@ -302,20 +366,42 @@ def static_response(linearised: Linearised) -> StaticResponse:
 
     Collective on the system's communicator.  The further solve is of random forces on all pairs: by it their columns are checked.
     """
-    system = linearised.system
+    system = linearised.maps
     n_rows, n_out, n_load = system.R.shape[0], system.outputs.shape[0], system.loads.shape[1]
-    forces = sp.hstack([system.loads, system.outputs.T, sp.csc_matrix(system.R.T @ random_weights(n_rows)).T], format="csc")
-    static, of_weights = np.split(static_columns(linearised, projection_rows(system), forces), [n_load + n_out], axis=1)
+    weighted = sp.csc_matrix(system.R.conj().T @ random_weights(n_rows)).T
+    forces = sp.hstack([system.loads, system.outputs.conj().T, weighted], format="csc")
+    product = flexibility_between(linearised, projection_rows(system), forces)
+    static, of_weights = np.split(product, [n_load + n_out], axis=1)
     sums, is_on_disk = of_weights[:n_rows, 0].copy(), linearised.factor.info.get("out_of_core")
+    batch = FROM_DISK if is_on_disk else BATCH
     return StaticResponse(
-        G_static=pair_columns(lambda: linearised, system.comm, sums, FROM_DISK if is_on_disk else BATCH),
+        G_static=pair_columns(lambda: linearised, system.comm, sums, batch, system.is_complex),
         du_static=static[:n_rows, :n_load].copy(),
         out_static=static[n_rows : n_rows + n_out, :n_load].copy(),
-        out_R=static[:n_rows, n_load:].T.copy(),
+        out_R=static[:n_rows, n_load:].conj().T.copy(),
         load_static=static[n_rows + n_out :, :n_load].copy(),
-        outputs_static=np.diag(static[n_rows : n_rows + n_out, n_load:]).copy(),
+        outputs_static=np.diag(static[n_rows : n_rows + n_out, n_load:]).real.copy(),
         row_sums=sums,
     )
+
+
+def flexibility_between(
+    linearised: Linearised,
+    left: sp.csr_matrix,
+    right: sp.csc_matrix,
+    row_ranges: np.ndarray | None = None,
+    known: RowSums | None = None,
+) -> np.ndarray:
+    """Return left @ K_L^-1 @ right, :func:`~microslip.modes.constraint.static_columns`, also of complex matrices.
+
+    Collective: a solve a column in real form, too.
+    """
+    if not linearised.maps.is_complex:
+        return static_columns(linearised, left, right, row_ranges, known)
+    ranges = None if row_ranges is None else 2 * row_ranges
+    if known is not None:
+        known = RowSums(np.repeat(known.weights, 2), known.sums.real + known.sums.imag)
+    return complex_columns(static_columns(linearised, real_matrix(left), real_matrix(right).tocsc()[:, 0::2], ranges, known))
 
 
 def random_weights(n_rows: int) -> np.ndarray:
@@ -325,24 +411,23 @@ def random_weights(n_rows: int) -> np.ndarray:
 
 def projection_rows(system: System) -> sp.csr_matrix:
     """Return the rows that are seen of a motion: of pairs, outputs and loads."""
-    return sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
+    return sp.vstack([system.R, system.outputs, system.loads.conj().T], format="csr")
 
 
 def project_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray) -> ProjectedModes:
     """Return what pairs, loads and outputs see of modes.  Collective: one sum, with a damping matrix another."""
     participation = owned_product(projection_rows(system), phi_owned, system)
-    R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
+    R_phi, o, b_H = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
     C = None
     if system.C is not None and len(omega_n) > 0:
         C = gram(system.comm, phi_owned, multiply(system.C, phi_owned))
-        C = 0.5 * (C + C.T)
-    return ProjectedModes(omega_n, R_phi, b_T.T.copy(), o, C)
+        C = 0.5 * (C + C.conj().T)
+    return ProjectedModes(omega_n, R_phi, b_H.conj().T.copy(), o, C)
 
 
 def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) -> np.ndarray:
     """Return rows @ phi on every rank, (n_rows, n_phi).  Collective: one sum."""
-    first, last = system.M.getOwnershipRange()
-    return system.comm.allreduce(rows[:, first:last] @ phi_owned)
+    return system.comm.allreduce(rows[:, system.rows] @ phi_owned)
 
 
 def observed(system: System) -> Observed | None:
@@ -358,19 +443,19 @@ def observed(system: System) -> Observed | None:
 def pair_columns(
     linearised: Callable[[], Linearised], comm: MPI.Comm, row_sums: np.ndarray, batch: int = BATCH, is_complex: bool = False
 ) -> StaticColumns:
-    """Return the columns of R K_L^-1 R^T, to be solved for with the factor when they are needed.  Local.
+    """Return the columns of R K_L^-1 R^H, to be solved for with the factor when they are needed.  Local.
 
-    ``row_sums`` (3 n_pairs,) are the random sums of the rows of all of them, by which they are checked.  Where there is no memory
+    ``row_sums`` (3 n_pairs,) are G_static times the random weights, by which the columns are checked.  Where there is no memory
     for columns, solving for them raises ResourceError on every rank.
     """
     n_rows = len(row_sums)
-    pair_ranges, sums = split_evenly(n_rows // 3, comm.size), RowSums(random_weights(n_rows), row_sums)
+    pair_ranges, sums = split_evenly(n_rows // 3, comm.size), RowSums(random_weights(n_rows), row_sums.conj())
     n_owned = int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
 
     def solve(pairs: np.ndarray) -> np.ndarray:
-        chosen, R = rows_of(pairs), linearised().system.R
+        chosen, R = rows_of(pairs), linearised().maps.R
         if 8.0 * len(chosen) * n_rows > _ASKED_FROM:
             refuse_beyond(comm, 16.0 * len(chosen) * 3 * n_owned, f"static columns of {len(pairs)} more pairs", _FEWER)
-        return static_columns(linearised(), R, R.T.tocsc()[:, chosen], 3 * pair_ranges, sums.of(chosen))
+        return flexibility_between(linearised(), R, R.conj().T.tocsc()[:, chosen], 3 * pair_ranges, sums.of(chosen))
 
     return StaticColumns(n_rows // 3, n_owned, solve, batch, is_complex)

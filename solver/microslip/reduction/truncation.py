@@ -12,7 +12,7 @@ that of the stuck motion at a resonance, at the highest level: what exceeds half
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,7 +23,6 @@ from ..parallel.ownership import rows_of, split_evenly, summed
 from ..points.band import frequency_band
 from ..receptance.modes import DampedModes
 from ..receptance.motions import linear_motion, output_motion
-from ..receptance.per_group import PerGroup
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
 from .modal_structure import reduce_structure
@@ -102,11 +101,8 @@ def model_for(stuck: StuckStructure, settings: ReductionSettings) -> ReducedMode
 
     Collective where the group of a load is new.
     """
-    per_group = stuck.per_group
-    structures = PerGroup(lambda g: stuck if g == stuck.group else per_group.of_group(g), per_group.group_of, per_group.groups)
-    structure = reduce_structure(replace(stuck, groups=structures), settings.damping)
-    model = ReducedModel.of(structure, settings.excitation)
-    if len(per_group.groups) == 1:
+    model = ReducedModel.of(reduce_structure(stuck, settings.damping), settings.excitation)
+    if len(stuck.per_group.groups) == 1:
         return model
     chosen = [n for n in model.harmonics.chosen if stuck.has(n) or model.f[:, model.harmonics.columns(n)].any()]
     return model.with_harmonics(Harmonics(tuple(chosen)))

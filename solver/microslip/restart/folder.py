@@ -102,6 +102,10 @@ class Restart:
 
     def prepared(self, log: RunLog, build: Callable[[], Structure]) -> Prepared:
         """Return the prepared structure, from this folder, from the cache or by ``build``; in the latter cases it is stored."""
+        if self.scene.cyclic is not None:  # made again: its structures are several
+            structure = build()
+            with log.stage("reduction"):
+                return prepare(structure)
         self._used.add(self._stored.path.name)
         before, modes = len(log.notes), None
         structure = self._restored(log)
@@ -155,7 +159,9 @@ class Restart:
     def share_factor(self, prepared: Prepared, log: RunLog) -> None:
         """Store the factor in the cache, if this run has one that the cache lacks."""
         factored = prepared.structure.factored.value
-        if self.cache is None or factored is None or not self.cache.factor.is_wanted(factored.linearised.factor):
+        if self.cache is None or factored is None or self.scene.cyclic is not None:
+            return
+        if not self.cache.factor.is_wanted(factored.linearised.factor):
             return
         with log.stage("factor for other runs"):
             problem = self.cache.share_factor(factored.linearised.factor)

@@ -7,10 +7,13 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from ..messages.words import hint
+from ..messages.words import hint, listed
 from ..system.files import NO_FILE
+from ..tables.table import any_of
 from .inputs import may_know_nodes, named_files
 from .schema import Scene, Statics
+
+_OF_DISCS = ("receptance", "adaptive", "adaptive-energy")  # methods whose basis is that of the stuck structure
 
 
 def contradictions(scene: Scene) -> list[str]:
@@ -31,6 +34,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_bars(scene),
         *_peaks(scene),
         *_mode(scene),
+        *_disc(scene),
         *sort(scene),
         *_damping(scene),
     ]
@@ -64,6 +68,7 @@ def _of_matrices(scene: Scene) -> list[str]:
         ("[[points]]", scene.points),
         ("[[masses]]", scene.masses),
         ("[[springs]]", scene.springs),
+        ("[cyclic]", scene.cyclic),
     )
     mistakes = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
     mistakes += ["[statics]: needs a mesh; pairs of matrices state their preload"] if scene.statics is not None else []
@@ -372,6 +377,44 @@ def _mode(scene: Scene) -> list[str]:
     """Return mistakes: a range around a mode that is not computed."""
     mode, modes = scene.response.mode, scene.solver.modes
     return [f"[response] mode = {mode}: only [solver] modes = {modes} are computed"] if mode and modes and mode > modes else []
+
+
+def _disc(scene: Scene) -> list[str]:
+    """Return mistakes: what a disc computed from one sector cannot have."""
+    cyclic, mistakes = scene.cyclic, []
+    if cyclic is None:
+        return [
+            f"{where} next_sector: there is no table [cyclic], which says where the next sector is"
+            for where, joint in _numbered(scene, "joints")
+            if joint.next_sector
+        ]
+    if scene.is_static:
+        mistakes.append("[cyclic]: [solver] harmonics = 0 is a static balance, in which no wave turns; state at least 1")
+    if scene.statics is not None:
+        mistakes.append(
+            "[cyclic] with [statics]: the state of rest of a disc is not computed; leave [statics] out, and state preload in Pa"
+        )
+    if scene.solver.method not in _OF_DISCS:
+        mistakes.append(
+            f'[solver] method = "{scene.solver.method}": with [cyclic] each nodal diameter has a complex structure of its own, '
+            f"which this method does not reduce; take {any_of(_OF_DISCS)}"
+        )
+    for where, load in _numbered(scene, "loads"):
+        if load.base_acceleration is not None:
+            mistakes.append(
+                f"{where} base_acceleration: a base that moves is no wave of the sectors of [cyclic]; state forces or a pressure"
+            )
+    if cyclic.faces is None and not any(joint.next_sector for joint in scene.joints):
+        mistakes.append(
+            f"[cyclic] faces is missing: expected {type(cyclic).model_fields['faces'].description}, and no joint has next_sector"
+        )
+    loaded = {min(d := cyclic.diameter(load.harmonic), cyclic.sectors - d) for load in scene.loads}
+    if len(loaded) > 1 and scene.solver.modes is None:
+        mistakes.append(
+            f"[solver] modes is missing: the loads excite the nodal diameters {listed(map(str, sorted(loaded)))} of [cyclic], "
+            "whose modes accuracy picks one by one under loads in one of them; state a number"
+        )
+    return mistakes
 
 
 def missing_files(scene: Scene) -> list[str]:

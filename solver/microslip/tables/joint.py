@@ -23,6 +23,7 @@ OF_SURFACES = (
     "gap",
     "tolerance",
     "against",
+    "next_sector",
     "plane_point",
     "plane_normal",
     "pairing",
@@ -48,6 +49,7 @@ class Joint(Table):
     against: Literal["ground", "plane"] | None = Field(
         None, description='"ground", rigid and of the shape of the surface, or "plane", rigid and flat'
     )
+    next_sector: bool = Field(False, description="true or false: with [cyclic], the second surface is that of the next sector")
     plane_point: Vector | None = Field(None, description="a point of the plane, three coordinates [x, y, z] in m")
     plane_normal: Direction | None = Field(
         None, description="the direction [x, y, z] from the plane into the body, three numbers, not all 0"
@@ -170,7 +172,7 @@ class Joint(Table):
 
     def _of_nodes(self) -> None:
         """Raise ValueError for keys that find pairs, or that need a mesh: a file lists them."""
-        for key in ("against", "plane_point", "plane_normal", "pairing", "tolerance", "fields"):
+        for key in ("against", "next_sector", "plane_point", "plane_normal", "pairing", "tolerance", "fields"):
             if key in self.model_fields_set:
                 raise ValueError(f"{key} belongs to a joint of surfaces; node_pairs lists the pairs")
         if self.gap == "geometry" or self.preload == "static":
@@ -183,6 +185,8 @@ class Joint(Table):
             raise ValueError('surfaces names one group; name two, or state against = "ground" or "plane"')
         if self.against is not None and self.pairing == "mortar":
             raise ValueError(f'pairing = "mortar" takes two surfaces; with against = "{self.against}" take "nodes" or "points"')
+        if self.against is not None and self.next_sector:
+            raise ValueError(f'next_sector = true: the next sector is another body, and against = "{self.against}" is none')
         if len(self.surfaces) == 2 and self.against is not None:
             raise ValueError(f'against = "{self.against}" takes the place of the second surface; name one')
         for key in ("plane_point", "plane_normal"):

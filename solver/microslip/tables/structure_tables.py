@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, PrivateAttr
 
 from .constant_loads import Statics
+from .cyclic import Cyclic
 from .joint import Joint
 from .structure import Body, Mass, Material, Model, Orientation, Point, Spring, Support, Surface, Tie
 from .table import Table
@@ -36,6 +37,7 @@ class StructureTables(Table):
         (), description="tables, each headed [[springs]], with groups, direction, and stiffness or damping"
     )
     orientations: dict[str, Orientation] = Field({}, description="tables [orientations.NAME] with directions, or axis")
+    cyclic: Cyclic | None = Field(None, description="a table [cyclic] with sectors, axis, faces and engine_order")
     statics: Statics | None = Field(None, description="a table [statics]")
     loads: tuple[Load, ...] = Field((), description="tables, each headed [[loads]], with position and direction")
     outputs: tuple[Output, ...] = Field((), description="tables, each headed [[outputs]], with name, position and direction")
@@ -75,12 +77,14 @@ class StructureTables(Table):
 
     @property
     def groups_on_bodies(self) -> list[tuple[str, str]]:
-        """The groups of supports, joints, ties, points and loads, each after the key that names it."""
+        """The groups of supports, joints, ties, points, loads and cyclic faces, each after the key that names it."""
         named = _groups("supports", self.supports)
         named += [(f"[[joints]] {joint.name!r} surfaces", group) for joint in self.joints for group in joint.groups]
         named += [(f"[[ties]] {tie.label!r} surfaces", group) for tie in self.ties for group in tie.surfaces]
         named += [(f"[[points]] {point.name!r} group", point.group) for point in self.points]
         named += _groups("loads", self.loads)
+        if self.cyclic is not None and self.cyclic.faces is not None:
+            named += [("[cyclic] faces", group) for group in self.cyclic.faces]
         if self.statics is not None:
             for table in ("forces", "pressures", "bolts", "displacements"):
                 named += _groups(f"statics.{table}", getattr(self.statics, table))

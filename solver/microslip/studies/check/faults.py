@@ -71,7 +71,7 @@ def _completed(scene: Scene, faults: Faults) -> tuple[Scene | None, FileModel | 
 
 def _of_mesh(scene: Scene, mesh: Mesh, faults: Faults) -> None:
     """Collect the faults of a scene on its mesh."""
-    pairs = _value(faults, lambda: pair_contacts(mesh, scene.joints))
+    pairs = _value(faults, lambda: pair_contacts(mesh, scene.joints, scene.cyclic))
     links = _value(faults, lambda: find_links(mesh, scene))
     with faults.collected():
         check_elements(distribute(mesh, scene, MPI.COMM_SELF), scene)
@@ -97,6 +97,6 @@ def _of_links(scene: Scene, mesh: Mesh, pairs: ContactPairs | None, links: Links
         check_supports(mesh, links, is_fixed)
         if pairs is not None:
             notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(scene.path))
-    if pairs is not None:
+    if pairs is not None and links.cyclic is None:
         with faults.collected():
             check_held(*connected_parts(mesh, scene.body_of), mesh, scene.supports, pairs, links)

@@ -27,7 +27,7 @@ _MIB = 1024.0**2
 def memory_of_mesh(scene: Scene, dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, so_far: float) -> list[str]:
     """Return lines on the memory of a run of a scene with a mesh, which took ``so_far`` bytes on this rank.  Collective."""
     constraints = None
-    if scene.ties or scene.points or scene.has_equations or scene.attached:
+    if scene.ties or scene.points or scene.has_equations or scene.attached or scene.cyclic:
         whole = on_root(dmesh.comm, read_off, mesh, pairs, scene)
         is_fixed, links = whole.is_fixed, whole.links
         constraints = None if links.is_empty else constrain(dmesh, links, is_fixed, *whole.loose)

@@ -54,7 +54,7 @@ def _lines(scene: Scene, comm: MPI.Comm, out: Path | None) -> list[str]:
         stated = scene
         file, scene, notes = read_completed(scene, comm)
         mesh = on_root(comm, read_mesh, scene, file, share=False)
-        pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+        pairs = on_root(comm, pair_contacts, mesh, scene.joints, scene.cyclic)
         dmesh, so_far = distribute(mesh, scene, comm), peak_memory()
         check_elements(dmesh, scene)
         lines = on_root(comm, description, scene, file, mesh, pairs, notes, stated)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ...library.build import Structure, build
 from ...library.prepare import reduced
-from ...library.settings import reduction_settings
+from ...library.settings import reduction_settings, refuse_discs
 from ...linear.joint_springs import joint_stiffness
 from ...messages.errors import CaseError
 from ...messages.words import hint
@@ -50,6 +50,7 @@ def export(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Reques
     CaseError : a method without finite matrices was asked for, or no script could be right; on every rank
     """
     known_method(request.method)
+    refuse_discs(scene, "export", "writes real matrices, and those of a nodal diameter are complex; leave [cyclic] out")
     facts = {"scene": str(scene.path), "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "export.log"), facts=facts) as log:
         structure = build(scene, comm, log)

@@ -22,6 +22,7 @@ from ...reduction.stuck import project_modes
 from ...scene.read import changed
 from ...system.versions import versions
 from .campbell import ORDERS, Campbell, follow_families, write_campbell
+from .disc import show_disc
 from .report import ModeTable, write_modes_of
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ class Asked:
 def modes(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
     """Compute the lowest modes of a scene with all pairs stuck, about its state of rest; write table, picture and shapes.
 
-    Collective on ``comm``.  At several speeds of rotation it is the Campbell diagram, and the shapes are those at the highest.
+    Collective on ``comm``.  At several speeds of rotation it is the Campbell diagram, and the shapes are those at the highest;
+    of a disc of sectors the interference diagram, whose frequencies are those at rest.
 
     Raises
     ------
@@ -56,6 +58,11 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), op
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "modes.log"), facts=facts) as log:
         scene = changed(scene, {"solver": {"method": "receptance"} | ({} if asked.count is None else {"modes": asked.count})})
+        if scene.cyclic is not None:
+            parts = assembled(scene, comm, log)
+            show_disc(parts, scene.solver.modes or COUNT, sorted(asked.speeds), folder, log)
+            log.note(f"results in {folder}")
+            return
         families = Families()
         speeds: list[float | None] = [*sorted(asked.speeds)] or [None]
         for speed in speeds:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...library.build import build
-from ...library.settings import by_method, reduction_settings, refuse_statics
+from ...library.settings import by_method, reduction_settings, refuse_discs, refuse_statics
 from ...messages.errors import CaseError, MicroslipError
 from ...messages.words import hint
 from ...modes.limits import most_modes
@@ -97,6 +97,7 @@ def check_request(scene: Scene, request: Request) -> None:
     if not scene.joints:
         raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
     refuse_statics(scene, "trade")
+    refuse_discs(scene, "trade", "reduces the structure by methods that take one real structure; leave [cyclic] out")
     check_loads(scene)
     if request.meshes and scene.model.mesh is None:
         raise CaseError(f"--meshes: {scene.path} is given as matrices; there is no other mesh of it")

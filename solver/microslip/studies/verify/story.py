@@ -15,7 +15,7 @@ from ...fourier.coefficients import amplitude, cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...library.build import Structure, build
 from ...library.prepare import prepare
-from ...library.settings import refuse_statics, units_of
+from ...library.settings import refuse_discs, refuse_statics, units_of
 from ...messages.errors import CaseError, ConvergenceError
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
@@ -112,6 +112,9 @@ def with_requested_range(scene: Scene, request: Request) -> Scene:
     except CaseError as problem:
         raise CaseError(f"{' '.join(f'--{key}' for key in (*solver, *response))}: {problem}") from None
     refuse_statics(scene, "verify")
+    refuse_discs(
+        scene, "verify", "integrates in time what is computed, and one sector is no structure by itself; mesh all sectors"
+    )
     return scene
 
 

@@ -1,0 +1,123 @@
+"""A bladed disc, small: one sector, and the whole ring merged of its turned copies, for the tests of [cyclic].
+
+The sector has no mirror symmetry.  Its blade stands on the rim by a joint, and the bore is held.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from blocks import Body, block, join
+from msh import write_msh
+from scene_text import joint, steel, support, table
+
+BORE, RIM, TIP, TOP, WIDTH = 0.05, 0.08, 0.12, 0.13, 0.01  # m
+BETWEEN = (0.0, 0.3, 0.75, 1.0)  # parts of the sector: beside the blade, under it, beside it
+
+
+def sector(kind: str, N: int, s: int = 0, divisions=(1, 1, 1), span: int = 2, shroud: bool = False) -> dict[str, Body]:
+    """Return disc and blade of sector s about the z axis; divisions along radius, part of the angle and width.
+
+    A ``shroud`` on the tip reaches the neighbours: its sides are "shroud_low" and "shroud_high".
+    """
+    parts = []
+    for k, (a, b) in enumerate(zip(BETWEEN, BETWEEN[1:])):
+        names = {"x0": "bore"} | ({"x1": "slot"} if k == 1 else {})
+        names |= ({"y0": f"low{s}"} if k == 0 else {}) | ({"y1": f"high{s}"} if k == 2 else {})
+        parts.append(block(kind, _mapping(N, s, (BORE, RIM), (a, b)), divisions, names))
+    names = {"x0": "root", "x1": "tip", "y0": f"left{s}", "y1": f"right{s}"}
+    blade = block(kind, _mapping(N, s, (RIM, TIP), BETWEEN[1:3]), (span, *divisions[1:]), names)
+    if shroud:
+        tops = [blade]
+        for k, (a, b) in enumerate(zip(BETWEEN, BETWEEN[1:])):
+            names = ({"y0": "shroud_low"} if k == 0 else {}) | ({"y1": "shroud_high"} if k == 2 else {})
+            tops.append(block(kind, _mapping(N, s, (TIP, TOP), (a, b)), divisions, names))
+        blade = join(tops)
+    return {"disc": join(parts), "blade": blade}
+
+
+def ring(kind: str, N: int, **how) -> dict[str, Body]:
+    """Return the whole ring: the discs merged where they meet, and each blade a body."""
+    sectors = [sector(kind, N, s, **how) for s in range(N)]
+    return {"disc": join([each["disc"] for each in sectors])} | {f"blade{s}": sectors[s]["blade"] for s in range(N)}
+
+
+def _mapping(N: int, s: int, radii, part):
+    """Return the mapping of a part of sector s: lines of constant angle lean with radius and width."""
+
+    def mapping(u, v, w):
+        r = radii[0] + (radii[1] - radii[0]) * u
+        lean = 0.15 * (r - BORE) / (TIP - BORE) + 0.05 * w * (r / BORE)
+        angle = 2.0 * np.pi / N * (s + part[0] + (part[1] - part[0]) * v + lean)
+        return np.stack([r * np.cos(angle), r * np.sin(angle), WIDTH * (1.0 + 0.3 * (r - BORE) / RIM) * w], axis=-1)
+
+    return mapping
+
+
+def at(N: int, s: int = 0, r: float = TIP, v: float = 0.0, w: float = 1.0) -> list[float]:
+    """Return a position of the blade of sector s [m]."""
+    a, b = BETWEEN[1:3]
+    radii = (RIM, TIP)
+    u = (r - RIM) / (TIP - RIM)
+    return [float(x) for x in _mapping(N, s, radii, (a, b))(np.array([u]), np.array([v]), np.array([w]))[0]]
+
+
+def turned(N: int, s: int, direction) -> list[float]:
+    """Return a direction turned with sector s."""
+    a = 2.0 * np.pi * s / N
+    turn = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    return [float(x) for x in turn @ np.asarray(direction, dtype=float)]
+
+
+LOAD, OUTPUT = [0.6, 1.0, 0.3], [0.2, 1.0, 0.5]
+
+
+def load(N: int, s: int = 0, phase: float = 0.0) -> str:
+    return table("[loads]", position=at(N, s), direction=turned(N, s, LOAD), phase=phase)
+
+
+def output(N: int) -> str:
+    return table("[outputs]", name="tip", position=at(N, 0, w=0.0), direction=OUTPUT)
+
+
+def cyclic(N: int, **keys) -> str:
+    return table("cyclic", **{"sectors": N, "axis": [0.0, 0.0, 1.0], "faces": ["low0", "high0"]} | keys)
+
+
+def body_text(mesh: str, bodies, friction=0.3, preload=2.0e6, held: str = "bore", k_t: float = 5.0e11, shrouds: str = "") -> str:
+    """Return the scene of a mesh but for loads, outputs and what is solved for; ``shrouds`` are more keys of their joint."""
+    text = table("model", mesh=mesh) + steel(*bodies) + (support(held) if held else "")
+    text += joint("root", "slot", name="root", friction=friction, k_t=k_t, preload=preload)
+    if not shrouds:
+        return text
+    between = joint("shroud_high", "shroud_low", name="shrouds", friction=friction, k_t=k_t, preload=preload)
+    return text + between + shrouds + "\n"
+
+
+def write_sector(folder: Path, N: int, end: str, kind: str = "hex8", name: str = "sector", wave=None, how=None, **body) -> Path:
+    """Write mesh and scene of one sector; ``end`` are its tables of damping, response and solver.
+
+    ``body`` are keys of [cyclic], and of :func:`body_text`.
+    """
+    keys = {key: body.pop(key) for key in ("sectors", "faces") if key in body}
+    bodies = sector(kind, N, **(how or {}))
+    write_msh(str(folder / f"{name}.msh"), bodies)
+    path = folder / f"{name}.toml"
+    if (how or {}).get("shroud"):
+        body["shrouds"] = "next_sector = true"
+    text = body_text(f"{name}.msh", bodies, **body) + cyclic(N, **({"engine_order": 1} if wave is None else wave), **keys)
+    path.write_text(text + load(N) + output(N) + end)
+    return path
+
+
+def write_ring(folder: Path, N: int, end: str, kind: str = "hex8", name: str = "ring", h: int = 1, how=None, **body) -> Path:
+    """Write mesh and scene of the whole ring under a wave of loads: sector s leads sector 0 by h s alpha."""
+    bodies = ring(kind, N, **(how or {}))
+    write_msh(str(folder / f"{name}.msh"), bodies)
+    path = folder / f"{name}.toml"
+    if (how or {}).get("shroud"):
+        body["shrouds"] = "# all of them"
+    loads = "".join(load(N, s, 2.0 * np.pi * h * s / N) for s in range(N))
+    path.write_text(body_text(f"{name}.msh", bodies, **body) + loads + output(N) + end)
+    return path

@@ -1,0 +1,270 @@
+"""A disc from one sector, [cyclic], beside the ring in full that today's program builds of all sectors; on any number of ranks."""
+
+import csv
+
+import numpy as np
+import pytest
+from blocks import block, join
+from discs import write_ring, write_sector
+from mpi4py import MPI
+from msh import write_msh
+from scene_text import joint, steel, table
+from scipy.spatial import cKDTree
+
+from microslip.library.build import build
+from microslip.library.respond import respond
+from microslip.messages.errors import MicroslipError
+from microslip.parallel.agree import on_root
+from microslip.results.fields import read_fields
+from microslip.scene.read import read_scene
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+N_DOF = 54  # of a sector of hex8
+
+
+def end(modes, levels=(10.0,), frequencies=(1400.0, 1500.0), points=(), **solver):
+    """Return the tables of what is solved for."""
+    more = "".join(f"{key} = {str(value).lower()}\n" for key, value in ({"harmonics": 3, "error_bars": False} | solver).items())
+    stated = f"at = {list(points)}\n" if points else ""
+    return (
+        f"[damping]\nratio = 0.01\n[response]\nlevels = {list(levels)}\nfrequencies = {list(frequencies)}\n{stated}points = 8\n"
+        f"[solver]\nmodes = {modes}\n{more}"
+    )
+
+
+def built(write, folder, *args, **how):
+    """Return the structure of a scene that rank 0 writes.  Collective."""
+    return build(read_scene(on_root(COMM, lambda: write(folder, *args, **how))), COMM)
+
+
+@pytest.mark.parametrize(("N", "kind"), [(5, "hex8"), (6, "hex8"), (5, "hex20")])
+def test_modes_of_all_nodal_diameters_are_those_of_the_ring(shared_path, N, kind):
+    sector, ring = built(write_sector, shared_path, N, end(12), kind), built(write_ring, shared_path, N, end(8 * N), kind)
+    groups = sector.per_group
+    assert groups.groups == tuple(range(N)) and sector.group == 1
+    of_diameters = [groups.of_group(d) for d in range(N)]
+    assert [each.is_complex for each in of_diameters] == [0 < 2 * d % N != 0 for d in range(N)]
+    omega_n = np.sort(np.concatenate([each.omega_n for each in of_diameters]))
+    n = 5 * N
+    np.testing.assert_allclose(omega_n[:n], ring.omega_n[:n], rtol=1e-11)
+    for d in range(1, (N + 1) // 2):
+        one, other = of_diameters[d], of_diameters[N - d]
+        np.testing.assert_array_equal(one.projected.R_phi.conj(), other.projected.R_phi)
+        assert one.linearised is other.linearised  # one factor for both directions
+    sector.close()
+    ring.close()
+
+
+def test_complex_modes_are_orthonormal_and_proved_complete(shared_path):
+    how = {"divisions": (2, 2, 2), "span": 3}
+    sector = built(write_sector, shared_path, 7, end(10), "hex20", how=how)
+    assert sector.is_complex and sector.n_dof > 700 and sector.n_proved >= 10
+    modes = sector.modes
+    assert "SLEPc" in modes.info["method"] and "modes below" in modes.info["proof"]
+    phi = modes.phi_owned
+    overlap = COMM.allreduce(phi.conj().T @ sector.product(sector.M, phi))
+    np.testing.assert_allclose(overlap, np.eye(10), atol=1e-9)
+    energy = COMM.allreduce(phi.conj().T @ sector.product(sector.K_L, phi))
+    np.testing.assert_allclose(energy, np.diag(sector.omega_n**2), atol=1e-7 * sector.omega_n[-1] ** 2)
+    sector.close()
+
+
+WAVES = [(5, 1, 1436.0), (5, 2, 1420.0), (6, 3, 1415.0), (6, 7, 1436.0), (6, 5, 1436.0)]
+
+
+@pytest.mark.parametrize(("N", "h", "frequency"), WAVES)
+@pytest.mark.parametrize("level", [0.01, 30000.0])
+def test_the_response_is_that_of_the_ring(shared_path, N, h, frequency, level):
+    """Stuck, and where every sliding pair slides in each cycle: elsewhere sliders keep the phase in which they started."""
+    asked = {"levels": (level,), "frequencies": (0.98 * frequency, 1.02 * frequency), "points": (frequency,), "tolerance": 1e-10}
+    found = []
+    for write, modes, wave in ((write_sector, N_DOF, {"wave": {"engine_order": h}}), (write_ring, N * N_DOF, {"h": h})):
+        structure = built(write, shared_path, N, end(modes, samples=120, **asked), **wave)
+        branch = respond(structure).level(level)
+        assert not branch.failure
+        found.append(branch.response[np.argmin(np.abs(branch.frequency - frequency)), 0])
+        structure.close()
+    np.testing.assert_allclose(found[0], found[1], atol=1e-6 * np.abs(found[1]).max())
+
+
+def refused(shared_path, **how) -> str:
+    """Return the message of a sector that is refused.  Collective."""
+    wave, keys = how.pop("wave", {"engine_order": 1}), how.pop("solver", {})
+    extra = how.pop("extra", "")
+    with pytest.raises(MicroslipError) as caught:
+        built(write_sector, shared_path, how.pop("N", 5), extra + end(8, **keys), wave=wave, **how)
+    return str(caught.value)
+
+
+def test_what_fits_no_disc_is_refused_in_one_message(shared_path):
+    """Faces, numbers of sectors, waves, supports, and what a disc cannot have."""
+    swapped = refused(shared_path, faces=["high0", "low0"])
+    assert "have no partner within" in swapped and "swap the two faces" in swapped
+    assert "72 degrees apart, which is that of 5 sectors" in refused(shared_path, sectors=6)
+    assert "of 5 sectors, with the two faces swapped" in refused(shared_path, sectors=6, faces=["high0", "low0"])
+    assert "the worst is node" in refused(shared_path, faces=["low0", "left0"])
+    shared = refused(shared_path, faces=["low0", "bore"])
+    assert "share" in shared and "belongs to all sectors at once" in shared
+    assert "no such group in the mesh; nearest is 'high0'" in refused(shared_path, faces=["low0", "high"])
+    assert "break the symmetry" in refused(shared_path, held="low0")
+    assert "exactly one of engine_order, nodal_diameter" in refused(shared_path, wave={})
+    alias = refused(shared_path, wave={"nodal_diameter": 3})
+    assert "above half of 5 sectors" in alias and "that of 2, the wave in the other direction" in alias
+    assert "wave is missing" in refused(shared_path, wave={"nodal_diameter": 2})
+    assert "wave belongs to nodal_diameter" in refused(shared_path, wave={"engine_order": 1, "wave": "forward"})
+    assert 'take "receptance"' in refused(shared_path, solver={"method": '"rubin"'})
+    assert "harmonics = 0 is a static balance" in refused(shared_path, solver={"harmonics": 0})
+    assert "state preload in Pa" in refused(shared_path, extra='[[statics.forces]]\ngroup = "tip"\nforce = [1.0, 0.0, 0.0]\n')
+
+
+def test_a_wave_and_the_one_in_the_other_direction_share_all_of_it():
+    """h and N - h: the words of the guide for one wave number."""
+    from microslip.tables.cyclic import Cyclic
+
+    def wave(**keys):
+        return Cyclic(sectors=6, axis=(0.0, 0.0, 1.0), faces=("a", "b"), **keys)
+
+    assert wave(engine_order=7).wave_number == 7 and wave(engine_order=7).diameter(1) == 1
+    assert wave(nodal_diameter=2, wave="backward").wave_number == 2
+    assert wave(nodal_diameter=2, wave="forward").diameter(1) == 4
+    assert wave(nodal_diameter=3).diameters == (0, 3) and wave(engine_order=2).diameters == (0, 2, 4)
+    assert [wave(engine_order=5).diameter(n) for n in range(4)] == [0, 5, 4, 3]
+
+
+CHAIN = [  # N = 12 of VALIDATION: wave, force, largest amplitude, its frequency; m = k = k_t = mu N = 1, k_c = 0.25, c = 0.02
+    (1, 0.1, 2.096420252, 1.150980620),
+    (1, 1.0, 19.534426293, 1.039333555),
+    (11, 0.1, 2.096420252, 1.150980620),
+    (6, 0.1, 0.515138855, 2.442395898),
+    (6, 1.0, 0.805313533, 2.145642069),
+]
+RADII = (1.0, 1.1, 1.2)
+
+
+def write_chain(folder, h, force, omega):
+    """Write a rigid block that moves along the axis alone, joined to the next by a spring (k_c, no slip) and by friction."""
+    alpha, bodies, areas = 2.0 * np.pi / 12, [], []
+    for name, r0, r1 in zip(("spring", "friction"), RADII, RADII[1:]):
+
+        def corners(u, v, w, r0=r0, r1=r1):
+            r, a = r0 + (r1 - r0) * u, alpha * v
+            return np.stack([r * np.cos(a), r * np.sin(a), 0.1 * w], axis=-1)
+
+        bodies.append(block("hex8", corners, (1, 1, 1), {"y0": f"{name}_low", "y1": f"{name}_high"}))
+        areas.append(0.1 * (r1 - r0))
+    volume = 0.05 * (RADII[-1] ** 2 - RADII[0] ** 2) * np.sin(alpha)
+    write_msh(str(folder / "chain.msh"), {"block": join(bodies)})
+    hub = table("[points]", name="hub", position=[1.1, 0.0, 0.05], group="block", stiffness=[0.0, 0.0, 1.0])
+    path = folder / f"chain_{h}_{force}.toml"
+    path.write_text(
+        table("model", mesh="chain.msh")
+        + steel("block", young=1.0, density=1.0 / volume)  # soft, or rounding of its stiffness shows beside k
+        + hub
+        + '[[supports]]\npoint = "hub"\nfix = ["x", "y", "rx", "ry", "rz"]\n'
+        + joint("spring_high", "spring_low", name="spring", friction=1e6, k_t=0.25 / areas[0], preload=1.0)
+        + "next_sector = true\n"
+        + joint("friction_high", "friction_low", name="friction", friction=0.5, k_t=1.0 / areas[1], preload=2.0 / areas[1])
+        + "next_sector = true\n"
+        + table("cyclic", sectors=12, axis=[0.0, 0.0, 1.0], engine_order=h)
+        + '[[loads]]\npoint = "hub"\ndirection = [0.0, 0.0, 1.0]\n'
+        + '[[outputs]]\nname = "hub"\npoint = "hub"\ndirection = [0.0, 0.0, 1.0]\n'
+        + table("damping", rayleigh=[0.02, 0.0])
+        + table("response", levels=[force], frequencies=[0.15, 0.4], at=[omega / (2.0 * np.pi)], points=12)
+        + table("solver", harmonics=1, samples=4096, error_bars=False, tolerance=1e-10)
+    )
+    return path
+
+
+@pytest.mark.parametrize(("h", "force", "amplitude", "omega"), CHAIN)
+def test_a_chain_with_friction_between_neighbours_has_its_closed_form(shared_path, h, force, amplitude, omega):
+    structure = built(write_chain, shared_path, h, force, omega)
+    branch = respond(structure).level(force)
+    assert structure.n_dof == 1 and structure.is_complex == (h != 6)
+    at = np.argmin(np.abs(branch.frequency - omega / (2.0 * np.pi)))
+    assert branch.frequency[at] == pytest.approx(omega / (2.0 * np.pi), rel=1e-12)
+    assert np.hypot(*branch.response[at, 0, 1:3]) == pytest.approx(amplitude, rel=1e-6)
+    structure.close()
+
+
+@pytest.mark.parametrize("h", [1, 2])
+def test_shrouds_in_contact_with_the_next_sector_are_those_of_the_ring(shared_path, h):
+    """Modes, and the response where every pair slides in each cycle."""
+    how, N = {"shroud": True}, 5
+    sector = built(write_sector, shared_path, N, end(10), how=how, wave={"engine_order": h})
+    ring = built(write_ring, shared_path, N, end(50), how=how, h=h)
+    assert sector.pairs.n_pairs * N == ring.pairs.n_pairs and sector.pairs.next_sector.sum() == 4
+    omega_n = np.sort(np.concatenate([sector.per_group.of_group(d).omega_n for d in range(N)]))
+    np.testing.assert_allclose(omega_n[:30], ring.omega_n[:30], rtol=1e-11)
+    sector.close()
+    ring.close()
+
+
+THICK_RING = (205.1270, 209.997517, 1104.245, 1116.079)  # VALIDATION: n = 2 out of plane, in plane; n = 4 by the alias of N = 6
+
+
+def write_thick_ring(folder):
+    """Write Code_Aster's SDLS109, free: a sixth of it, of hex20."""
+    alpha, r, t, w = 2.0 * np.pi / 6, 0.369, 0.048, 0.05
+
+    def mapping(u, v, z):
+        radius = r + t * (u - 0.5)
+        return np.stack([radius * np.cos(alpha * v), radius * np.sin(alpha * v), w * z], axis=-1)
+
+    write_msh(str(folder / "thick.msh"), {"ring": block("hex20", mapping, (3, 16, 3), {"y0": "low", "y1": "high"})})
+    path = folder / "thick.toml"
+    path.write_text(
+        table("model", mesh="thick.msh")
+        + steel("ring", young=1.85e11, poisson=0.3, density=7800.0)
+        + table("cyclic", sectors=6, axis=[0.0, 0.0, 1.0], faces=["low", "high"], nodal_diameter=2, wave="backward")
+        + table("[loads]", position=[r, 0.0, 0.0], direction=[1.0, 0.0, 0.0])
+        + table("[outputs]", name="ring", position=[r, 0.0, 0.0], direction=[1.0, 0.0, 0.0])
+        + end(4)
+    )
+    return path
+
+
+def test_a_free_ring_has_the_frequencies_of_elasticity(shared_path):
+    structure = built(write_thick_ring, shared_path)
+    np.testing.assert_allclose(structure.omega_n / (2.0 * np.pi), THICK_RING, rtol=6e-4)
+    structure.close()
+
+
+def test_the_program_shows_the_modes_of_every_nodal_diameter(shared_path, program):
+    """Table, diagram and shapes on all sectors; frequencies are those of the structures of the diameters."""
+    path = on_root(COMM, lambda: write_sector(shared_path, 5, end(4)))
+    status, _, said = program("modes", str(path), "--out", str(shared_path / "out"), "--speeds", "100,300")
+    assert status == 0, said
+    COMM.barrier()
+    with open(shared_path / "out" / "modes.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["nodal_diameter"]) for row in rows] == [0] * 4 + [1] * 4 + [2] * 4
+    sector = build(read_scene(path), COMM)
+    for d in range(3):
+        told = [float(row["frequency_Hz"]) for row in rows if row["nodal_diameter"] == str(d)]
+        np.testing.assert_allclose(told, sector.per_group.of_group(d).omega_n[:4] / (2.0 * np.pi), rtol=1e-8)
+    assert {"interference.png", "modes_diameter_00.vtkhdf", "modes_diameter_02.vtkhdf"} <= {
+        file.name for file in (shared_path / "out").iterdir()
+    }
+    sector.close()
+
+
+def test_a_run_writes_fields_of_all_sectors(shared_path, program):
+    """The motion of sector s is that of sector 0, turned, with the phase of its harmonic."""
+    N, h = 5, 2
+    scene = end(8, levels=(0.01,), frequencies=(1410.0, 1430.0))
+    path = on_root(COMM, lambda: write_sector(shared_path, N, scene, wave={"engine_order": h}))
+    status, _, said = program("run", str(path), "--out", str(shared_path / "out"))
+    assert status == 0, said
+    COMM.barrier()
+    fields = read_fields(str(shared_path / "out" / "results.h5"))
+    (motion,) = fields.peaks.values()
+    n = len(fields.mesh.points) // N
+    u = motion.u[:, :, 1] - 1j * motion.u[:, :, 2]
+    alpha = 2.0 * np.pi / N
+    turn = np.array([[np.cos(alpha), -np.sin(alpha), 0.0], [np.sin(alpha), np.cos(alpha), 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(u[n : 2 * n], np.exp(1j * h * alpha) * u[:n] @ turn.T, atol=1e-6 * np.abs(u).max())
+    disc = np.unique(np.concatenate([each.nodes.ravel() for each in fields.mesh.elements if each.group == "disc"]))
+    close = cKDTree(fields.mesh.points[disc]).query_pairs(1e-9, output_type="ndarray")
+    assert len(close) == 4 * N  # where sectors meet
+    np.testing.assert_allclose(u[disc[close[:, 0]]], u[disc[close[:, 1]]], atol=1e-6 * np.abs(u).max())
