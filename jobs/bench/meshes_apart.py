@@ -1,4 +1,4 @@
-"""What meshes that do not match cost in accuracy: the demo's blade on its disc, meshed alike, and on discs that are meshed anew.
+"""What meshes that do not match cost in accuracy: the demo's blade on its disc, meshed alike, and on discs that are meshed again.
 
     python jobs/bench/meshes_apart.py [--size small medium] [--across 1 2 3] [--levels 1 5 10 15]
 

@@ -1,8 +1,8 @@
-"""A sphere and a roller pressed on an elastic base and pushed to and fro against Cattaneo, Mindlin and Deresiewicz.
+"""A sphere and a roller pressed on an elastic base and pushed back and forth against Cattaneo, Mindlin and Deresiewicz.
 
     python jobs/bench/pushed_sideways.py [--by march response] [--case roller ...] [--rings 12 24] [--shares 0.5 0.8]
 
-Each case is a scene: statics press the body on the base, then a force at the grip pushes it to and fro at shares of the friction limit;
+Each case is a scene: statics press the body on the base, then a force at the grip pushes it back and forth at shares of the friction limit;
 by its response far below the first mode, or by the equations of the statics in small steps, a slow cycle without harmonics.
 Everything comes from the contact points: the radius of contact from the second moment of the normal forces, the tractions from friction
 over area when the load is largest, the loss a cycle point by point; the radius of the stick zone by the area of the points that stick,

@@ -1,4 +1,4 @@
-"""A joint under a load that goes slowly to and fro: the condensed equations of the statics, marched in small steps over a cycle."""
+"""A joint under a load that goes slowly back and forth: the condensed equations of the statics, marched in small steps over a cycle."""
 
 from __future__ import annotations
 

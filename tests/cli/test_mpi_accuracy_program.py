@@ -1,4 +1,4 @@
-"""What `microslip run` says where the accuracy asked for is not met, and where it is; on any number of ranks."""
+"""What `microslip run` says where the requested accuracy is not met, and where it is; on any number of ranks."""
 
 import h5py
 import numpy as np

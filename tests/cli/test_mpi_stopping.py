@@ -73,7 +73,7 @@ def test_the_time_limit_stops_all_ranks_before_its_end(program, scene, comm, sha
     status, _, err = program("run", scene, "--walltime", "1:00:00", "--out", shared_path / "out")
     assert status == 5 and err.count("microslip: error: ") == 1 and "(rank" not in err
     assert "s before the end of --walltime, 3600 s; what was found until then is in" in err
-    assert "the same command goes on from there" in err
+    assert "the same command continues from there" in err
     if comm.rank == 0:
         table, saved, state = points(shared_path / "out")
         assert state == "running" and 3 <= len(saved) <= 5 and np.allclose(saved, table)

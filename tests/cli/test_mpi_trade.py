@@ -168,10 +168,7 @@ def with_mass(*changes):
             ],
             "[solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1",
         ),
-        (
-            [("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 0")],
-            "[[loads]] harmonic = 0: loads that are all constant move nothing to and fro",
-        ),
+        ([("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 0")], "[[loads]] harmonic = 0: all loads are constant"),
         (
             [("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 2")],
             "[[loads]] harmonic = 2: nothing moves in harmonic 1, of which trade measures errors; state harmonic = 1, and 2 times",

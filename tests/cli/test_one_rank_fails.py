@@ -73,7 +73,7 @@ def test_a_signal_to_mpirun_reaches_the_ranks_which_save(tmp_path):
     finally:
         job.kill()
     assert job.returncode != 0 and time.monotonic() - began < AFTER
-    assert said.count("microslip: error: stopped by SIGTERM; what was found until then is in out") == 1
+    assert said.count("microslip: error: stopped by SIGTERM; what was computed until then is in out") == 1
     with h5py.File(tmp_path / "out" / "results.h5") as file:
         saved = file["levels/0000/frequency_Hz"][:]
         assert file["levels/0000"].attrs["status"] == "running"

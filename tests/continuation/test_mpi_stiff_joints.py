@@ -51,7 +51,7 @@ def test_without_the_weights_they_are_refused(monkeypatch):
     monkeypatch.setattr(point_solver, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
     system = structures.spatial(k_t=1e-3, k_n=1e5)
     found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
-    assert "contact forces of" in found.failure and "are lost beside a motion" in found.failure
+    assert "contact forces of" in found.failure and "are rounding errors of a motion" in found.failure
     assert worst(system, found, "force") < 1e-5
     monkeypatch.setattr(acceptance, "UNBALANCED", np.inf)
     unjudged = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)

@@ -1,4 +1,4 @@
-"""The part of the modes left out against what they do change, under every kind of damping: a chain whose one pair sticks."""
+"""The part of the truncated modes against what they do change, under every kind of damping: a chain whose one pair sticks."""
 
 import numpy as np
 import pytest

@@ -219,9 +219,7 @@ def test_a_solve_that_runs_out_of_memory_has_its_status(A, monkeypatch):
             return 99
 
     monkeypatch.setattr(factor.solver, "mumps", Full())
-    with pytest.raises(
-        ResourceError, match=r"a solve with the kept factor: not enough memory.*INFOG\(1\) = -13, INFOG\(2\) = 99"
-    ):
+    with pytest.raises(ResourceError, match=r"a solve with the factor: not enough memory.*INFOG\(1\) = -13, INFOG\(2\) = 99"):
         factor.solve(np.ones((A.getLocalSize()[0], 1)))
     monkeypatch.undo()
     factor.destroy()

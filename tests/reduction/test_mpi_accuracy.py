@@ -1,4 +1,4 @@
-"""`accuracy`: the bound of what the modes left out change, and the modes picked by it."""
+"""`accuracy`: the bound of what the truncated modes change, and the modes picked by it."""
 
 import numpy as np
 import pytest

@@ -137,7 +137,7 @@ def test_methods_agree_where_pairs_slip_and_the_energy_balances(comm, shared_pat
 
 @pytest.mark.parametrize("n_modes", [4, 10])
 def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
-    """The static part of the modes left out has no structural damping, and the springs of the joint couple them to the others."""
+    """The static part of the truncated modes has no structural damping, and the springs of the joint couple them to the others."""
     scene = scene_with(comm, shared_path, damping="structural = 0.05", **COARSE)
     with microslip.build(scene, comm) as structure:
         bound = truncation_bound(structure, reduction_settings(scene)).total[n_modes - 1]

@@ -1,4 +1,4 @@
-"""The factor in the cache: used by a second run, and made anew, with the right answers, where anything about it is in doubt."""
+"""The factor in the cache: used by a second run, and computed again, with the right answers, where anything about it is in doubt."""
 
 import os
 import shutil

@@ -216,8 +216,8 @@ def test_a_wider_range_is_added_to_the_one_that_is_there(direction, shared_path,
         for span in ("[0.95, 1.03]", "[0.9, 1.1]")
     )
     first, second = followed(narrow, shared_path), followed(wide, shared_path)
-    anew = followed(wide, shared_path / "anew")
-    for one, two, three in zip(first, second, anew, strict=True):
+    wide_from_start = followed(wide, shared_path / "from_start")
+    for one, two, three in zip(first, second, wide_from_start, strict=True):
         assert set(seconds_of(one)) <= set(seconds_of(two))
         omega = np.array([point.omega for point in two.points])
         assert [omega[0], omega[-1]] == [three.points[0].omega, three.points[-1].omega]

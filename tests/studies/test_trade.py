@@ -112,7 +112,7 @@ def test_sentences_have_the_numbers_of_the_runs():
 
 def test_methods_are_not_compared_with_a_base_that_was_not_run():
     left_out = study(run("method", "full", 4.0, 8e-3, method="full"))
-    left_out.runs = [replace(one, failure="left out for want of time") if one.knob == BASE else one for one in left_out.runs]
+    left_out.runs = [replace(one, failure="left out for lack of time") if one.knob == BASE else one for one in left_out.runs]
     assert sentences(left_out) == []
 
 

@@ -94,7 +94,7 @@ def test_the_period_found_repeats_itself():
 
 @pytest.mark.parametrize("n_modes", [2, None])
 def test_harmonic_balance_comes_to_it_with_more_harmonics(n_modes):
-    """The same reduced model, with modes left out or not, and the law at as many instants: the harmonics left out are what differs."""
+    """The same reduced model, with truncated modes or not, and the law at as many instants: the harmonics left out are what differs."""
     system, omega, level, found = {**system_of("chain"), "sampled": True}, 560.0, 20.0, []
     for H in (1, 3, 9):
         points = branch(

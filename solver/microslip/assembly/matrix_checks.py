@@ -37,10 +37,10 @@ def definiteness(K: sp.csr_matrix) -> str:
     if (diagonal < 0.0).any():
         return f"stiffness: not positive semi-definite, row {int(np.argmin(diagonal))} has {diagonal.min():.3g} on the diagonal"
     if K.shape[0] > _MOST_FACTORED:
-        return f"stiffness: definiteness is told by its factor, in the run (more than {_MOST_FACTORED} rows)"
+        return f"stiffness: definiteness is determined by its factor, in the run (more than {_MOST_FACTORED} rows)"
     n = negative_pivots(K + sp.diags(_SHIFT * np.where(diagonal > 0.0, diagonal, diagonal.max(initial=1.0))))
     if n is None:
-        return "stiffness: definiteness is told by its factor, in the run"
+        return "stiffness: definiteness is determined by its factor, in the run"
     return "stiffness: no negative eigenvalue" if n == 0 else f"stiffness: {n} negative eigenvalues, not positive semi-definite"
 
 

@@ -181,7 +181,7 @@ def _recovery(tables: StructureTables, n_dof: int) -> tuple[sp.csr_matrix | None
     of_file = None if recovery.is_triangle else recovery.dofs
     dofs = dofs_of_rows(tables.model.file_of("recovery_dofs"), of_file, matrix.shape[0], "recovery_dofs")
     if dofs is None:
-        raise CaseError(f"{where}: which node and direction its rows are is not told; state [model] recovery_dofs")
+        raise CaseError(f"{where}: the node and direction of its rows are not stated; state [model] recovery_dofs")
     return matrix, dofs
 
 

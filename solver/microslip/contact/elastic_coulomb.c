@@ -487,7 +487,7 @@ INLINED index_t farthest(const aft_group *group, index_t N_t, int l, const doubl
     return found;
 }
 
-/* Where a slider that is pushed to and fro comes to rest: at the corner of the region in which no sample moves it, g = 0 at two of
+/* Where a slider that is pushed back and forth comes to rest: at the corner of the region in which no sample moves it, g = 0 at two of
  * them, eq. (3.7).  From w by Newton's method; returns 0 where there is no such corner, as there is no such region. */
 INLINED int find_corner(const aft_group *group, index_t N_t, int l, double tolerance, double *w, index_t *corner)
 {

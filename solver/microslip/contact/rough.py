@@ -288,7 +288,7 @@ class Rough(OfElements):
         """Return the law about the state that a march came to: ``du`` (n, 3), and the memory there (n, n_memory).  Local.
 
         docs/theory.md, eq. (12.10): pressure and stiffness are those of (3.11) there, and again of the same power.  The
-        asperities are divided anew; each is stretched as those were that touch at the same approach, within its limit.
+        asperities are divided again; each is stretched as those were that touch at the same approach, within its limit.
         Pairs of a power that carry next to nothing are apart there, with a gap.
 
         Raises

@@ -49,7 +49,7 @@ def accept(
 
     Raises
     ------
-    Unbalanced : the solution is none, for want of digits; on every rank
+    Unbalanced : the solution is none, for lack of digits; on every rank
     """
     solver, memory, accuracy = state.solver, state.memory, task.accuracy
     estimator = None if on_the_way else task.estimator
@@ -121,7 +121,7 @@ def solve_sharper(
 
 
 def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point: Point) -> tuple[dict[str, float], Memory]:
-    """Return what is wrong with a point for want of harmonics, samples and tolerance, over what is allowed.  Collective."""
+    """Return what is wrong with a point for lack of harmonics, samples and tolerance, over what is allowed.  Collective."""
     if accuracy is None or point.error is None:
         return {}, memory
     amplitudes, error = np.hypot(point.response[:, 1::2], point.response[:, 2::2]).max(axis=1), point.error
@@ -137,9 +137,9 @@ def check_forces(solver: PointSolver, solution: Correction, point: Point) -> Non
     forces, unbalanced = loads + force_at(solver, solution, point), solver.workspace.stiffest * solution.gap
     if unbalanced > max(UNBALANCED, 500.0 * solution.bound) * forces:
         raise Unbalanced(
-            f"hb: at {solver.problem.where(there.parameter)} contact forces of {unbalanced:.1e} N are lost beside a motion of "
-            f"{solver.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint holds, "
-            "or a joint far too stiff? Hold the body, or lower the stiffness"
+            f"hb: at {solver.problem.where(there.parameter)} contact forces of {unbalanced:.1e} N are rounding errors of "
+            f"a motion of {solver.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint "
+            "holds, or a joint far too stiff? Hold the body, or lower the stiffness"
         )
 
 

@@ -1,4 +1,4 @@
-"""Harmonics, samples, Newton's tolerance and steps from the accuracy asked for (docs/theory.md, section 11).
+"""Harmonics, samples, Newton's tolerance and steps from the requested accuracy (docs/theory.md, section 11).
 
 At every point the error bar says what more harmonics, more samples and a smaller residual would change.  Where that exceeds its
 share of the accuracy the point is solved again with more, from where it is; where it stays far below for some points, the next
@@ -76,11 +76,11 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """How the resolution of a branch follows from the accuracy asked for.  Local; what it learns goes in and out as `Memory`.
+    """How the resolution of a branch follows from the requested accuracy.  Local; what it learns goes in and out as `Memory`.
 
     Parameters
     ----------
-    target : the accuracy asked for, relative to the peak of each output
+    target : the requested accuracy, relative to the peak of each output
     coarsest : with which a branch starts, and below which it never goes
     keeps : parts whose resolution the scene states
     chooses_steps : whether the step length follows from the accuracy, or from the number of points that the scene states
@@ -165,7 +165,7 @@ class Accuracy:
 
 
 def accuracy_of(settings: ResponseSettings, equation: HarmonicBalance, linear: bool = False) -> Accuracy | None:
-    """Return how the accuracy asked for is met on one branch; None where none is, or all that follows from it is stated.
+    """Return how the requested accuracy is met on one branch; None where none is, or all that follows from it is stated.
 
     Collective.  A level known to be ``linear`` moves in the harmonics of its loads, whatever the symmetry,
     which takes static columns to find out.

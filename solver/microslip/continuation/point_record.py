@@ -23,7 +23,7 @@ CREEPS = "a slider creeps on without end"  # and of one where a march does not c
 
 
 class Unbalanced(ConvergenceError):
-    """A solution that is none, for want of digits: its motion has outgrown the forces."""
+    """A solution that is none, for lack of digits: its motion has outgrown the forces."""
 
 
 def point_record(

@@ -18,7 +18,7 @@ PASSED = "a resonance may lie between the point before and this one, too sharp f
 
 
 class Stepped(NamedTuple):
-    """A step on: its solution and the solver of the next one, its length, and what there is to say of it.
+    """A step on: its solution and the solver of the next one, its length, and notes on it.
 
     Without a solution the step is to be tried again, with this solver.
     """

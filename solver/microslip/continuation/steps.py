@@ -93,7 +93,7 @@ def arc_lengths(comm: MPI.Comm, motions: list[np.ndarray], omegas: np.ndarray, o
     if len(infinite):
         raise CaseError(
             f"[response] {omegas[infinite[0]] / 2 / np.pi:.9g} Hz lies on a resonance of the stuck structure, which "
-            "has no damping there: its linear response is infinite; state [damping], or begin beside the resonance"
+            "has no damping there: its linear response is infinite; state [damping], or begin away from the resonance"
         )
     relative = np.divide(difference, size, out=np.zeros_like(size), where=size > 0.0)
     pieces = np.sqrt(relative + (np.diff(omegas) / omega_scale) ** 2)

@@ -65,7 +65,7 @@ class Includes:
         path = relative if os.path.exists(relative) else os.path.realpath(os.path.join(self.folder, name))
         cause = ""
         if os.path.commonpath([path, self.folder]) != self.folder:
-            cause = f"which lies outside of {self.folder}; copy it beside the input file"
+            cause = f"which lies outside of {self.folder}; copy it into the folder of the input file"
         elif not os.path.isfile(path):
             cause = "and there is no such file"
         elif path in within:

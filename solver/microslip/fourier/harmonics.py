@@ -62,7 +62,7 @@ class Harmonics:
 
     @property
     def is_constant(self) -> bool:
-        """Whether there is none above the mean: nothing moves to and fro."""
+        """Whether there is none above the mean: nothing moves back and forth."""
         return self.highest == 0
 
     @property

@@ -30,7 +30,7 @@ class RunOptions:
     petsc: tuple[str, ...] = ()  # options of PETSc
     n_groups: int | None = None  # of ranks, for the levels; None: as many as pay
     screen: bool = True  # or files alone
-    fresh: bool = False  # anew, with the results that are there kept in a folder of their own
+    fresh: bool = False  # again, with the results that are there kept in a folder of their own
     limit: TimeLimit | None = None  # at which it stops, with what it has
 
 

@@ -91,28 +91,28 @@ def respond(
 ) -> Response:
     """Return the response of a structure: of its own scene, but for what is given.
 
-    Collective on ``structure.comm``; the same on every rank.  The factor, the static columns and the modes are used again.
-    Modes are chosen anew, with the kept factor, where ``modes``, ``accuracy`` or the range are given; else they are those chosen
-    for the scene's own levels, friction, preload and damping.
+    Collective on ``structure.comm``; the same on every rank.  The factor, the static columns and the modes are reused.  If
+    ``modes``, ``accuracy`` or the range are given, the modes are chosen again with the same factor; otherwise they are those
+    chosen for the levels, friction, preload and damping of the scene.
 
-    With [statics] another friction or preload, before the loads act, is another state of rest.  It is found anew from the mesh,
-    the matrices and the forces there are, with a factor of the reference structure, which the first such call makes and the
-    structure keeps.  Where the stiffness at rest changes, as it does with the stress in the structure and with the pairs that
-    are closed, its factor, static columns and modes are made anew; else they serve on.  The rest of the last such call is kept:
-    fields of an earlier one find theirs again.
+    With [statics], another friction or preload (before the loads act) leads to another state of rest.  It is computed from the
+    mesh, the matrices and the forces of the structure, with a factor of the reference structure that the first such call makes
+    and the structure stores.  Where the stiffness at rest changes, with the stress in the structure or the closed pairs, the
+    factor, static columns and modes are computed again; otherwise they are reused.  The structure stores the last such rest:
+    fields of an earlier one compute theirs again.
 
     Parameters
     ----------
     friction : coefficient [-] of all joints, or of some by name; a number, or one for each pair of the joint
     preload : contact pressure at rest [Pa] of the same, with [statics] before its loads act; of pairs from a CSV file their
         forces [N]
-    observers : hear of levels and points as they come, on rank 0
-    n_groups : of ranks that follow levels side by side
+    observers : are notified of levels and points on rank 0, as they are computed
+    n_groups : groups of ranks that follow levels in parallel
     keys : of [response], [solver], [continuation] and [damping], as in a scene: those of :class:`Keys`
 
     Raises
     ------
-    CaseError : something that no scene may hold, or a structure that was closed; on every rank
+    CaseError : a value that no scene may have, or a closed structure; on every rank
     ConvergenceError : no rest with this friction and preload; on every rank
     ResourceError : not enough memory; on every rank
     """
@@ -130,9 +130,9 @@ def respond(
 
 
 def at_rest_with(structure: Structure, scene: Scene, of_joints: Mapping[str, OfJoints | None]) -> tuple[Structure, list[str]]:
-    """Return a structure at the rest that other friction and preload lead to, with the modes for ``scene``, and what is said.
+    """Return the structure at rest with other friction and preload, with the modes for ``scene``, and notes.
 
-    Collective.  Its large parts are those of the last other rest: where another one has taken their place, they are made again.
+    Collective.  Its large parts are those of the last other rest; if another one replaced them, they are computed again.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
 
     Raises
     ------
-    CaseError : a joint that is not there, a wrong number of values, or negative ones
+    CaseError : an unknown joint, a wrong number of values, or negative values
     """
     names, joint = tuple(dict.fromkeys(pairs.joint)), np.array(pairs.joint)
     columns = {"friction": pairs.mu.copy(), "preload": pairs.N0.copy()}
@@ -205,12 +205,12 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
 
 
 def _check_law(key: str, pairs: ContactPairs, of_joint: np.ndarray, where: str) -> None:
-    """Raise CaseError where a joint's law has no such number, or more than one, or a stiffness that follows from it."""
+    """Raise CaseError if a joint's law does not have this value, has several, or a stiffness that depends on it."""
     law = pairs.laws[of_joint[0]]
     if key not in LAWS[law].limits:
-        raise CaseError(f'{where}: its law, "{law}", has none, or its stiffness follows from it; change the scene and build anew')
+        raise CaseError(f'{where}: its law, "{law}", has none, or its stiffness follows from it; change the scene and rebuild')
     if key == "friction" and not np.isnan(pairs.law_columns.get("mu_y", np.full(pairs.n_pairs, np.nan))[of_joint]).all():
-        raise CaseError(f"{where}: it has a coefficient for each direction; change them in the scene and build anew")
+        raise CaseError(f"{where}: it has a coefficient for each direction; change them in the scene and build again")
 
 
 def _by_joint(values: OfJoints | None, names: Iterable[str]) -> Mapping[str, ArrayLike]:

@@ -81,7 +81,7 @@ class Response:
     """The response of a structure at some levels, the same on every rank.
 
     ``results`` is what :func:`microslip.read_results` returns of the files that :meth:`save` writes.  ``notes`` say what a run's
-    log would: why so many modes were chosen anew, and whether the range may hold resonances beyond them.  Made collectively.
+    log would: why so many modes were chosen again, and whether the range may hold resonances beyond them.  Made collectively.
     """
 
     def __init__(self, prepared: Prepared, branches: Sequence[Branch], notes: Sequence[str] = ()):

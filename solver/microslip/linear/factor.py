@@ -53,7 +53,7 @@ class Factor:
     Attributes
     ----------
     A : PETSc.Mat (n_dof, n_dof), kept by the caller
-    info : ordering, entries, memory [MB], seconds of the factorisation, lines on what was done for want of memory; solves,
+    info : ordering, entries, memory [MB], seconds of the factorisation, lines on what was done for lack of memory; solves,
         seconds and worst residual since
     soft_modes : by which solutions are corrected, where the structure is held softly; None: by none
     """

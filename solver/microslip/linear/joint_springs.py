@@ -135,7 +135,7 @@ def _refuse_too_stiff(K_J: np.ndarray, pairs: ContactPairs, size: float, where: 
         key = "normal_stiffness" if worst % 3 == 2 else "tangential_stiffness"
         raise CaseError(
             f"{where}: joint {pairs.joint[worst // 3]!r}: {key}: pair {worst // 3} has a spring of {K_J[worst]:.1e} N/m, the "
-            f"structure's stiffness matrix a norm of {size:.1e} N/m: beside the spring it is lost in rounding; state at most "
+            f"structure's stiffness matrix a norm of {size:.1e} N/m: next to the spring it is lost in rounding; state at most "
             f"{STIFFEST * size / K_J[worst]:.0e} of that stiffness"
         )
 

@@ -153,7 +153,7 @@ class MumpsFactor:
             code = self.mumps.run(SOLVE)
         self.mumps.drop_sides()
         if code < 0:
-            raise failure(code, self.mumps.infog(2), "a solve with the kept factor", self.prefix, int(self.ranges[-1]))
+            raise failure(code, self.mumps.infog(2), "a solve with the factor", self.prefix, int(self.ranges[-1]))
 
 
 def factorise(
@@ -182,7 +182,7 @@ def factorise(
     Returns
     -------
     factor : to be destroyed by the caller
-    info : "code" is 0, or one of ``SINGULAR`` if A has no factor; "messages": lines on what was done for want of memory
+    info : "code" is 0, or one of ``SINGULAR`` if A has no factor; "messages": lines on what was done for lack of memory
 
     Raises
     ------
@@ -434,7 +434,7 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     write_to_disk(comm, factor.mumps, folder)
     with_what = " with what comes later" if comm.allreduce(later_memory) > 0.0 else ""
     reason = f" does not fit into memory{with_what} ({lacks})" if lacks else ""
-    message = f"{what}: its factor of {gigabytes(8.0 * memory.entries)}{reason} is kept on disk, in {folder}"
+    message = f"{what}: its factor of {gigabytes(8.0 * memory.entries)}{reason} is on disk, in {folder}"
     return {"memory": memory, "out_of_core": True, "messages": [message]}
 
 

@@ -221,7 +221,7 @@ def _chosen(A: PETSc.Mat, prefix: str) -> PETSc.KSP:
     if ksp.getType() != PETSc.KSP.Type.PREONLY or pc.getType() not in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU):
         chosen = f"-{prefix}ksp_type {ksp.getType()} -{prefix}pc_type {pc.getType()}"
         ksp.destroy()
-        raise CaseError(f"{chosen}: the factor is kept and used for everything, so it must be preonly with cholesky or lu")
+        raise CaseError(f"{chosen}: the factor is used for all solves, so it must be preonly with cholesky or lu")
     return ksp
 
 

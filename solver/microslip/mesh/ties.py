@@ -78,7 +78,7 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int, taken: np.ndarray) -> Follower:
     ):
         note += f"; {n} {why}" if n else ""
     if _facet_size(mesh, first) > COARSER * size:
-        note += "; the coarser surface follows the finer one: swapped, the stresses beside them are better"
+        note += "; the coarser surface follows the finer one: swapped, the stresses next to the tie are more accurate"
     glued = (
         (first, second)
         if not n_beyond

@@ -1,4 +1,4 @@
-"""What a run did not compute, for the end of the response in the log: for want of a reason, or at what cost by the error bars."""
+"""What a run did not compute, for the end of the response in the log: for lack of a reason, or at what cost by the error bars."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Extent:
     leaves_out: str  # what the method does: Reduction.leaves_out
     omega_n: np.ndarray  # (n_modes,) rad/s
     n_dof: int
-    moves: bool  # to and fro
+    moves: bool  # back and forth
     n_damped: int | None  # the highest mode whose damping is stated; None: there is a damping matrix
     has_bars: bool  # asks for error bars
     has_mesh: bool
@@ -75,7 +75,7 @@ def _statics(solved: list[Branch]) -> list[str]:
     return (
         [
             "further points of [response]: harmonics = 0, constant loads have the same response at every frequency",
-            "harmonics above 0: no load moves anything to and fro",
+            "harmonics above 0: no load oscillates",
         ]
         if solved
         else []

@@ -86,7 +86,7 @@ class Stops:
 @contextmanager
 def goes_on(folder: Path) -> Iterator[None]:
     """Say of an interruption where the results are, and how they are completed.  Local."""
-    words = f"; what was found until then is in {folder}, and the same command goes on from there"
+    words = f"; what was computed until then is in {folder}, and the same command continues from there"
     with parting_with(words):
         try:
             yield

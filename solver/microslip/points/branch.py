@@ -30,7 +30,7 @@ _STATES = tuple(
     Column(name, "numbers of pairs", pairs_in(kind)) for name, kind in (("sticking", STICK), ("slipping", SLIP), ("open", OPEN))
 )
 _BAR = Column("error_m", "error bar of the amplitude, of which amplitude and phase follow; empty without `error_bars`", total, 4)
-_CORRECTED = "the same with what the better problem of the error bar says of it, where that makes the bar shorter"
+_CORRECTED = "the same, corrected by the enriched model of the error bar where that makes the bar shorter"
 _OF_CORRECTED = (
     Column("amplitude_corrected_m", _CORRECTED, lambda first: np.hypot(*first)),
     Column("phase_corrected_rad", _CORRECTED, lambda first: np.arctan2(-first[1], first[0])),
@@ -77,7 +77,7 @@ class Point:
     requested: Annotated[bool, Quantity("asked", "", "1", "1 where the frequency is one of [response] `at`", "u1")] = False
     error: Annotated[np.ndarray | None, Quantity("error_m", "outputs parts", "m", _PARTS, columns=_BARS)] = None
     segment: Annotated[int, number("segment", _ENDS, _SEGMENT, "u1")] = 0
-    notes: Annotated[tuple[str, ...], Quantity("notes", "", "1", "what there is to say of it", TEXT, stored="; ".join)] = ()
+    notes: Annotated[tuple[str, ...], Quantity("notes", "", "1", "notes on the point", TEXT, stored="; ".join)] = ()
     corrected: Annotated[
         np.ndarray | None, Quantity("corrected", "outputs quadratures", "m", _COS_SIN, columns=_OF_CORRECTED)
     ] = None

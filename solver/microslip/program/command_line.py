@@ -21,7 +21,7 @@ In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at o
 PETSc options follow --, each with the prefix of its solver: {", ".join("-" + prefix for prefix in PREFIXES)}
 Exit status: 0 done; 1 diff found a difference; 2 the scene, the mesh or an option is at fault; 3 the computation could not
 be finished, what converged is kept; 4 memory or disk; 5 stopped by a signal or before the time limit: what was found until
-then is kept, and the same command goes on from there; 70 a defect of the program.
+then is kept, and the same command continues from there; 70 a defect of the program.
 SIGUSR1 saves and goes on; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 shows where each rank is."""
 
 
@@ -239,7 +239,7 @@ _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, what it
     "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
     "modes": ("natural frequencies and shapes with all joints stuck: table and pictures", "SCENE.toml", "results/NAME_modes"),
     "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
-    "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
+    "verify": ("time integration at points of the curves, compared with harmonic balance", "SCENE.toml", "results/NAME_verify"),
     "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
     "export": ("the reduced model as .npz and .mat, with scripts for other programs", "SCENE.toml", "results/NAME_export"),
     "check": ("validate a scene, or list what a model file holds; solves nothing", "SCENE.toml", None),
@@ -248,7 +248,7 @@ _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, what it
     "report": ("everything of a run on one page that a browser opens, to be mailed", "RESULTS.h5", _FOLDER),
     "convert": ("results for other programs: ParaView, universal files, MATLAB", "RESULTS.h5", _FOLDER),
     "diff": (
-        "two results compared: what was asked for, the structure, every curve; and a verdict",
+        "compare two results: inputs, structure, every curve; with a verdict",
         "A.h5",
         "neither diff.png nor diff.json is written",
     ),
@@ -333,7 +333,7 @@ _OPTIONS = (
         "trade",
         "--seconds",
         "S",
-        "time to spend, as far as it can be known beforehand; more makes a better reference (default: 105)",
+        "approximate time to spend; more time gives a better reference (default: 105)",
         type=_above_zero,
     ),
     _option(

@@ -1,7 +1,7 @@
 """Damping of modes, modal or full, and what is made of it: dynamic flexibilities and the matrices of a time step.
 
 Two other places ask which of the two a damping is: columns.py, whose compiled product knows the diagonal alone, and
-reduction/truncation.py, where a full matrix drags at the modes left out.  Modal damping keeps everything diagonal: m numbers
+reduction/truncation.py, where a full matrix drags at the truncated modes.  Modal damping keeps everything diagonal: m numbers
 take the place of an (m, m) matrix, for each harmonic or each point of a time integration.  NumPy only; everything is local.
 """
 

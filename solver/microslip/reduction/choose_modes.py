@@ -1,4 +1,4 @@
-"""How many modes: as many as are stated, or the fewest whose bound meets the accuracy asked for."""
+"""How many modes: as many as are stated, or the fewest whose bound meets the requested accuracy."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]
 
     Raises
     ------
-    CaseError : the accuracy asked for needs more modes than are computed
+    CaseError : the requested accuracy needs more modes than are computed
     ConvergenceError : the modes did not converge
     """
     n_dof = stuck.n_dof
@@ -100,7 +100,7 @@ def picked(
 
     Raises
     ------
-    CaseError : the accuracy asked for needs more modes than are computed
+    CaseError : the requested accuracy needs more modes than are computed
     """
     n_modes = _first_within(bound.total, omega_n, settings)
     if n_modes is None and is_all:

@@ -49,7 +49,7 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
 
     Raises
     ------
-    CaseError : fewer modes asked for than rigid-body modes; on every rank
+    CaseError : fewer modes requested than rigid-body modes; on every rank
     """
     system, modes, n_modes = stuck.system, stuck.modes, len(stuck.modes.omega_n)
     alpha = SHIFT * modes.omega_n[0] ** 2
@@ -98,7 +98,7 @@ def residual_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.nda
 
         (K + alpha M) Z_new = P F + alpha M Z,
 
-    which converges by alpha / (omega_k^2 + alpha) of the first mode left out.
+    which converges by alpha / (omega_k^2 + alpha) of the first truncated mode.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""What the modes left out would change in the response: the bound that decides how many are needed.
+"""What the truncated modes would change in the response: the bound that decides how many are needed.
 
-docs/theory.md, section 4.  In harmonic n the modes left out act with their static flexibility; what they would do beyond it is
+docs/theory.md, section 4.  In harmonic n the truncated modes act with their static flexibility; what they would do beyond it is
 sum over k > m of phi_k c_kn phi_k^T.  With the residual norm |x|_m^2 = sum over k > m of (phi_k^T x)^2 / omega_k^2, which the
 static solution knows without the modes, x^T K_L^-1 x - sum over k <= m, any motion y under any force x is wrong by at most
 
@@ -53,7 +53,7 @@ class Resonance:
 
     omega: float
     p: np.ndarray  # of R^T p
-    damping_force: np.ndarray  # of n omega C u + eta K u: a full damping matrix couples the modes left out to the motion
+    damping_force: np.ndarray  # of n omega C u + eta K u: a full damping matrix couples the truncated modes to the motion
     pairs: np.ndarray  # (n, n_outputs) of the motion of the pairs that an output feels
     damping_force_adjoint: np.ndarray  # (n, n_outputs)
 
@@ -92,7 +92,7 @@ def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> Trun
             numbers = [n for n in settings.excitation.harmonics.above_mean if stuck.has(n)]
             error = _through_the_joint(modes, numbers, at, h, of_load.get(h), of_output, settings.level) / peaks_u[h]
             joint = np.maximum(joint, error.max(axis=1))
-    direct[-1] = np.inf  # the first mode left out is not known
+    direct[-1] = np.inf  # the first truncated mode is not known
     return TruncationBound(direct, joint)
 
 
@@ -141,9 +141,9 @@ def _content(n: int, h: int) -> float:
 
 
 def gains(modes: DampedModes, n_omega: float) -> np.ndarray:
-    """Return rho of eq. (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
+    """Return rho of eq. (4.4) for keeping 1 to n modes, (n,): the largest of the truncated modes, at n omega.  Local.
 
-    omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first mode left out its
+    omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first truncated mode its
     parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
     Structural damping adds the loss factor to 2 zeta s.
     """
@@ -157,7 +157,7 @@ def gains(modes: DampedModes, n_omega: float) -> np.ndarray:
 
 
 def _of_truncated(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
-    """Return the extreme value of the modes left out where 1 to n are kept, (n,); beyond the n, that of the last one."""
+    """Return the extreme value of the truncated modes where 1 to n are kept, (n,); beyond the n, that of the last one."""
     return extreme.accumulate(np.append(values[1:], values[-1])[::-1])[::-1]
 
 

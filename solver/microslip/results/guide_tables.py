@@ -54,7 +54,7 @@ TABLES = {
 
 
 def with_tables(text: str) -> str:
-    """Return the guide with each table between its two marks written anew."""
+    """Return the guide with each table between its two marks written again."""
     for name, table in TABLES.items():
         begin, end = f"<!-- {name}: from the declarations -->\n", f"<!-- {name}: end -->"
         before, rest = text.split(begin)

@@ -77,7 +77,7 @@ class Scene(StructureTables):
             self._settings = context["settings"]
 
     def chooses(self, key: str) -> bool:
-        """Tell whether the program chooses harmonics, samples or tolerance at each point, by the accuracy asked for."""
+        """Tell whether the program chooses harmonics, samples or tolerance at each point, by the requested accuracy."""
         return self.accuracy is not None and key not in self.solver.model_fields_set
 
     @property

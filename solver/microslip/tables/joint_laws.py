@@ -44,7 +44,7 @@ def _check_rough(joint: Mapping[str, Any]) -> None:
     if joint["preload"] == "static" and joint["exponent"] is None:
         raise ValueError(
             f'preload = "static": the exponential of law = {_quoted(ROUGH)} has no approach at which nothing presses; state '
-            "in Pa the pressure at which the surfaces lie as the mesh has them, and [statics] goes on from there; or a power, "
+            "in Pa the pressure at which the surfaces lie as the mesh has them, from which [statics] starts; or a power, "
             "exponent and roughness_pressure, which begins without any"
         )
     if joint["preload"] == 0.0:

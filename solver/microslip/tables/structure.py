@@ -32,7 +32,7 @@ class Model(Table):
         TAKEN, description=f"what is taken over from the model file, a list of {any_of(TAKEN, 'and')}, each once"
     )
     ignore: Annotated[tuple[str, ...], AfterValidator(no_duplicates)] = Field(
-        (), description='what the model file holds and is to be left out, a list of its words as "*CONTACT PAIR", each once'
+        (), description='keywords of the model file to leave out, a list as "*CONTACT PAIR", each once'
     )
     step: int | None = Field(
         None, ge=1, description="the step of the model file whose conditions are taken over, a number from 1"
@@ -108,7 +108,7 @@ class Material(Table):
         if self.elasticity is not None:
             for key in ("young", "poisson", "shear"):
                 if getattr(self, key) is not None:
-                    raise ValueError(f"{key} beside elasticity, which says all of it; keep one of them")
+                    raise ValueError(f"{key} in addition to elasticity, which states everything; keep one of them")
         else:
             for key in ("young", "poisson"):
                 if getattr(self, key) is None:
@@ -342,7 +342,7 @@ class Spring(Table):
         (), description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"
     )
     points: Annotated[tuple[str, ...], AfterValidator(no_duplicates), Field(max_length=2)] = Field(
-        (), description="the names of one or two of the [[points]] that it holds, in a list, in place of groups or beside one"
+        (), description="the names of one or two of the [[points]] that it holds, in a list, in place of groups or with one"
     )
     direction: Direction | None = Field(
         None,

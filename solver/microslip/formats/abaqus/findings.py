@@ -41,7 +41,7 @@ _HARMLESS = {
     TENSILE FAILURE""",
 }
 _CHANGES = {
-    "a cyclic symmetric sector: the sectors beside it are missing": "CYCLIC SYMMETRY MODEL, SELECT CYCLIC SYMMETRY MODES",
+    "a cyclic symmetric sector without the adjacent sectors": "CYCLIC SYMMETRY MODEL, SELECT CYCLIC SYMMETRY MODES",
     "matrices of another program are part of the structure": """MATRIX INPUT, MATRIX ASSEMBLE, SUBSTRUCTURE PROPERTY,
     SUBSTRUCTURE LOAD CASE, SUBSTRUCTURE GENERATE, RETAINED NODAL DOFS, SUBSTRUCTURE PATH,
     SUPER ELEMENT, USER ELEMENT, UEL PROPERTY, MATRIX""",

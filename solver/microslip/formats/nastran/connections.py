@@ -57,7 +57,7 @@ def _take_distributing(content: Content, number: int, element: Any) -> None:
 def _take_mass(content: Content, number: int, mass: Any) -> None:
     """Take a CONM2 on a node of elements, or on a connected point with its inertia I11, I21, I22, I31, I32, I33."""
     if np.any(mass.X) or mass.cid > 0:
-        content.left_out("CONM2", number, "a mass beside its grid point, or in axes of its own", "masses")
+        content.left_out("CONM2", number, "a mass away from its grid point, or in a local coordinate system", "masses")
         return
     where, factor = f"CONM2 {number}", content.mass_factor
     xx, xy, yy, zx, yz, zz = (np.asarray(mass.I, dtype=float) * factor).tolist()

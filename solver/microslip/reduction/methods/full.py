@@ -118,6 +118,6 @@ def _refuse_too_large(where: str, n_dof: int, n_columns: int, comm: MPI.Comm) ->
     if needed > available:
         raise CaseError(
             f'{where}: [solver] method = "full" needs about {needed / 1e9:.3g} GB for {n_columns} '
-            f'columns of {n_dof} DOF, beside the factor; {available / 1e9:.3g} GB are free. Choose "receptance", a '
+            f'columns of {n_dof} DOF, in addition to the factor; {available / 1e9:.3g} GB are free. Choose "receptance", a '
             "coarser mesh, or more memory"
         )

@@ -33,7 +33,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 
     Raises
     ------
-    CaseError : fewer modes asked for than rigid-body modes; on every rank
+    CaseError : fewer modes requested than rigid-body modes; on every rank
     """
     system = stuck.system
     free = free_bodies(stuck, settings)

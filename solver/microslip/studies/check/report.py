@@ -243,5 +243,5 @@ def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:
         return f"shared by {len(nodes)} nodes of {entry.group}"
     text = f"node {mesh.numbers[nodes[0]]} at {place(mesh.points[nodes[0]])} m"
     if entry.position is not None:
-        text += f", {np.linalg.norm(mesh.points[nodes[0]] - np.array(entry.position)):.3g} m from the position asked for"
+        text += f", {np.linalg.norm(mesh.points[nodes[0]] - np.array(entry.position)):.3g} m from the requested position"
     return text

@@ -45,7 +45,7 @@ def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
 
 
 def _lines(scene: Scene, comm: MPI.Comm, out: Path | None) -> list[str]:
-    """Return what there is to say, on rank 0.  Collective on ``comm``."""
+    """Return the report, on rank 0.  Collective on ``comm``."""
     if scene.model.mesh is None:
         given = on_root(comm, read_structure, scene, share=False)
         lines = on_root(comm, description_of_matrices, scene, given)

@@ -130,7 +130,7 @@ def table(records: Sequence[dict], reference: Row) -> str:
     names = [name for name in COLUMNS if name not in left_out]
     rows = [(entry["level_N"], [_cell(name, entry, reference.method) for name in names]) for entry in records]
     return screen_table(
-        f"differences from {reference.method}, in % of its peak; set-up beside factor and modes, which all share",
+        f"differences from {reference.method}, in % of its peak; set-up without factor and modes, which all share",
         [headings[name] for name in names],
         rows,
         left=("method", "failure"),

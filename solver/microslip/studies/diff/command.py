@@ -13,7 +13,7 @@ DIFFERENT = 1  # exit status, as diff(1) has it
 
 
 def compare_files(a: str, b: str, tolerance: float | None, bars: bool, out: Path | None, as_json: bool) -> tuple[str, int]:
-    """Return what there is to say of two result files, and the exit status: 0 the same, 1 different.  Local.
+    """Return the comparison of two result files, and the exit status: 0 the same, 1 different.  Local.
 
     Writes diff.png and diff.json into a folder ``out``.
 

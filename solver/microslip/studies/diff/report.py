@@ -89,7 +89,7 @@ def _head(results: ResultFile) -> str:
 
 def _asked(comparison: Difference) -> str:
     """Return the keys, facts and files that differ."""
-    lines = _changes("asked for", comparison.keys) or ["asked for: the same keys and values"]
+    lines = _changes("inputs", comparison.keys) or ["inputs: the same keys and values"]
     lines += _changes("computed with", comparison.facts)
     if comparison.inputs is None:
         old = [side for side, results in (("A", comparison.a), ("B", comparison.b)) if results.origin is None]

@@ -197,7 +197,7 @@ a(t) = a_0 + sum_n a_cn cos(n omega t) + a_sn sin(n omega t)."""
 SCRIPT_TEXT = """\
 Scripts
 -------
-Each reads the model beside it, solves at the frequencies of the model one after the other, and writes response_PROGRAM.csv:
+Each reads the model in its folder, solves at the frequencies of the model one after the other, and writes response_PROGRAM.csv:
 level_N, frequency_Hz, seconds, then mean, cos 1, sin 1, ... of each output.  None of the programs comes with this folder.
 
     octave-cli run_nlvib.m SRC           NLvib 1.3 (github.com/maltekrack/NLvib), SRC being its folder SRC; Octave or MATLAB

@@ -164,7 +164,7 @@ def _in_order(skin: Skin, first: tuple[int, float], other: tuple[int, float], fa
 
 
 def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, second: np.ndarray, made=()) -> Candidate:
-    """Return two surfaces of a skin with what there is to say of them."""
+    """Return two surfaces of a skin with notes on them."""
     inside = _between(touching, skin, first, second) & np.isin(touching.face, first)
     touched, on = np.unique(touching.face[inside]), np.unique(touching.other[inside])
     weight = skin.area[touching.face[inside]]

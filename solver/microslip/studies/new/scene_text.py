@@ -356,7 +356,7 @@ def _rest() -> str:
     return "\n".join(
         [
             "[damping]",
-            _line("ratio", "1e-3", "of critical damping, in all modes, beside the friction"),
+            _line("ratio", "1e-3", "of critical damping, in all modes, in addition to the friction"),
             "",
             "[response]",
             _line("levels", "[0.1, 1.0]", "N: run.log says from which level on pairs slip; begin there,"),

@@ -46,7 +46,7 @@ def new(model: str, comm: MPI.Comm, out: Path | None = None, force: bool = False
 
 
 def _write(model: str, out: Path, force: bool) -> list[str]:
-    """Write the scene and return what there is to say.  Local, rank 0."""
+    """Write the scene and return the report.  Local, rank 0."""
     _refuse(model, out, force)
     first = _first(model, out, read_model(model))
     with atomic_write(str(out)) as beside:

@@ -180,7 +180,7 @@ def _cell(name: str, record: dict, floor: float) -> str:
 def table(study: Study) -> str:
     """Return the runs as a table for the screen."""
     names, lines = [COLUMNS[name][0] for name in SHOWN], rows(study)
-    says = "errors in % of the reference's peak; set-up: modes and reduction, beside what all runs share"
+    says = "errors in % of the reference's peak; set-up: modes and reduction, without what all runs share"
     return screen_table(says, names, [(line[0], line) for line in lines], left=("knob", "value"), close=True)
 
 
@@ -221,7 +221,7 @@ def reference_lines(study: Study) -> list[str]:
     verdict = "known to" if reference.floor <= min(TARGETS) else "known only to"
     return [
         *lines,
-        f"  {verdict} {percent(reference.floor)} of the peak; errors below that are not told apart",
+        f"  {verdict} {percent(reference.floor)} of the peak; smaller errors are not distinguished",
         f"  {reference.why}",
     ]
 

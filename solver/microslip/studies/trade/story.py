@@ -116,8 +116,7 @@ def check_loads(scene: Scene) -> None:
     numbers = sorted({load.harmonic for load in scene.loads} - {0})
     if not numbers:
         raise CaseError(
-            f"{scene.path}: [[loads]] harmonic = 0: loads that are all constant move nothing to and fro; trade needs "
-            "a vibration: add a load with harmonic = 1"
+            f"{scene.path}: [[loads]] harmonic = 0: all loads are constant; trade needs a vibration: add a load with harmonic = 1"
         )
     common = gcd(*numbers)
     if common > 1:
@@ -257,7 +256,7 @@ def run_in_time(ladder: Ladder, study: Study, what: tuple[str, str, Setting], sh
     """Add a run at the points of the reference to the study, unless ``share`` of the time is up.  Collective."""
     (knob, value, setting), bench = what, ladder.bench
     if knob != BASE and ladder.clock.left(share) <= expected(study, knob, setting):
-        run = not_run(knob, value, setting, "left out for want of time, raise --seconds")
+        run = not_run(knob, value, setting, "left out for lack of time, raise --seconds")
     else:
         run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), ladder.omegas)
     log_run(log, study, run)
