@@ -138,8 +138,8 @@ def check_forces(solver: PointSolver, solution: Correction, point: Point) -> Non
     if unbalanced > max(UNBALANCED, 500.0 * solution.bound) * forces:
         raise Unbalanced(
             f"hb: at {solver.problem.where(there.parameter)} contact forces of {unbalanced:.1e} N are rounding errors of "
-            f"a motion of {solver.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint "
-            "holds, or a joint far too stiff? Hold the body, or lower the stiffness"
+            f"a motion of {solver.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body held only by its "
+            "joint, or a joint far too stiff? Hold the body, or lower the stiffness"
         )
 
 

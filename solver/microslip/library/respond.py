@@ -89,7 +89,7 @@ def respond(
     n_groups: int = 1,
     **keys: Unpack[Keys],
 ) -> Response:
-    """Return the response of a structure: of its own scene, but for what is given.
+    """Return the response of a structure: with the settings of its scene, except those given.
 
     Collective on ``structure.comm``; the same on every rank.  The factor, the static columns and the modes are reused.  If
     ``modes``, ``accuracy`` or the range are given, the modes are chosen again with the same factor; otherwise they are those
