@@ -1,5 +1,6 @@
 """What all tests share: PETSc and MPI started first, one rank that reports, and no rank left waiting for a failed one."""
 
+import gc
 import os
 import signal
 import sys
@@ -97,6 +98,11 @@ def _runs_on(item, n_ranks):
 def _marks_of_ranks(item):
     own = [mark for mark in item.own_markers if mark.name == "ranks"]
     return own or list(item.iter_markers("ranks"))[:1]
+
+
+def pytest_collection_finish(session):
+    """Take tests and modules out of what Python looks through for circles: a new structure may ask for that."""
+    gc.freeze()
 
 
 @pytest.hookimpl(trylast=True)

@@ -8,11 +8,11 @@ from oracles import shooting
 from verification import random_systems
 from verification.random_structures import draw, kinds
 
-SYSTEMS = (0, 3, 7, 9)
+SYSTEMS = (3, 7, 9)
 
 
 def judged():
-    """Return points of four structures with 3 harmonics and 128 samples, in which a pair slips or opens."""
+    """Return points of three structures with 3 harmonics and 128 samples, in which a pair slips or opens."""
     found = [random_systems.solve(1, number, 3, {"points": 20}) for number in SYSTEMS]
     assert not [failure for one in found for failure in one.failures]
     return [one for one in random_systems.judge(found, steps=1024) if any(one.state)]

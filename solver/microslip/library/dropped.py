@@ -50,7 +50,8 @@ def free_dropped(comm: MPI.Comm) -> None:
     of_comm = [structure for structure in _open if structure.comm == comm]
     if not of_comm:
         return
-    gc.collect()
+    if any(structure.solver is not None and not structure.is_dropped for structure in of_comm):
+        gc.collect()  # it may hang in a circle of references
     everywhere = zip(*comm.allgather([structure.is_dropped for structure in of_comm]))
     for structure, is_dropped in zip(of_comm, everywhere):
         if all(is_dropped):
