@@ -1,6 +1,7 @@
 """Pictures: drawn for every kind of result, whole, with what they claim in them."""
 
 import dataclasses
+import itertools
 import os
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import h5py
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.image import imread
 from synthetic_results import branch, curve, no_pairs, pairs_of, two_flanks, write
 
@@ -296,3 +298,14 @@ def test_units_suit_the_values():
     assert style.with_prefix(np.array([2e-7]), "m/N") == (pytest.approx(1e9), "nm/N")
     assert style.with_prefix(np.zeros(3), "m") == (1.0, "m") and style.with_prefix(np.zeros(0), "m") == (1.0, "m")
     assert style.with_prefix(np.array([1e-3]), "m")[1] == "mm"
+
+
+def test_axes_of_a_page_do_not_overlap(tmp_path, pairs, pages):
+    branches = [branch(level, pairs) for level in (1.0, 2.0, 4.0, 8.0)]
+    draw_all(write(tmp_path, branches, pairs), str(tmp_path))
+    for name, page in pages.items():
+        canvas = FigureCanvasAgg(page.figure)
+        canvas.draw()
+        boxes = [ax.get_tightbbox(canvas.get_renderer()) for ax in page.figure.axes]
+        for box, other in itertools.combinations(boxes, 2):
+            assert box.x1 <= other.x0 + 1 or other.x1 <= box.x0 + 1 or box.y1 <= other.y0 + 1 or other.y1 <= box.y0 + 1, name

@@ -13,7 +13,7 @@ from kept_results import MESH, TITLE, fields, kept
 from synthetic_results import branch, no_pairs, pairs_of, two_flanks, write
 
 from microslip.messages.errors import CaseError
-from microslip.points.error_parts import total
+from microslip.points.error_parts import PARTS, total
 from microslip.results.fields import RunRecord, read_fields, read_run
 from microslip.results.read import read_results
 from microslip.results.report import page, tables
@@ -141,7 +141,7 @@ def test_checks_say_what_failed_what_does_not_balance_and_what_is_not_known_well
     short.failure = "hb: no convergence <here>"
     bad.points[7] = replace(bad.points[7], input=2.0 * bad.points[7].input)
     for one, size in ((good, 1e-9), (bad, 1e-3)):
-        one.points[:] = [replace(point, error=np.full((1, 5), size)) for point in one.points]
+        one.points[:] = [replace(point, error=np.full((1, len(PARTS)), size)) for point in one.points]
     found = tables.checks(read_results(write(tmp_path, [good, bad, short], pairs)))
     assert found[0] == (tables.BAD, "5 N, stopped at 102 Hz: hb: no convergence &lt;here&gt;")
     balance = [how for how, text in found if "energy balance" in text]

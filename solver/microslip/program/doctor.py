@@ -37,6 +37,7 @@ class Part:
     name: str
     version: Callable[[], str]
     remedy: str
+    is_plain: bool = False  # Python alone, and seldom all of it needed: that it is there is enough for a run
 
 
 def examine() -> tuple[list[str], bool]:
@@ -60,11 +61,16 @@ def faults(*names: str) -> str | None:
     NumPy comes first: on another one than they are built for, the other parts fail with pages of text.
     """
     numpy, *others = PARTS
-    wanted = [part for part in others if part.name in names or not names]
+    wanted = [part for part in others if part.name in names or not names and not (part.is_plain and _is_there(part))]
     if (fault := _fault(numpy)) is not None:
         return f"numpy: {fault}"
     lines = [f"{part.name}: {fault}" for part in wanted if (fault := _fault(part))]
     return "; ".join(lines) + "; see: microslip doctor" if lines else None
+
+
+def _is_there(part: Part) -> bool:
+    """Return whether the module of a part is installed, without its import.  Local."""
+    return importlib.util.find_spec(part.name) is not None
 
 
 def _fault(part: Part) -> str | None:
@@ -228,8 +234,8 @@ PARTS = (
     Part("scipy", _module("scipy"), _debian("python3-scipy")),
     Part("matplotlib", _module("matplotlib"), _debian("python3-matplotlib")),
     Part("pydantic", _pydantic, _pip("'pydantic>=2'")),
-    Part("rich", lambda: _distribution("rich"), _pip("rich")),
-    Part("meshio", _module("meshio"), _pip("meshio")),
+    Part("rich", lambda: _distribution("rich"), _pip("rich"), is_plain=True),
+    Part("meshio", _module("meshio"), _pip("meshio"), is_plain=True),
     Part("pymetis", lambda: _distribution("pymetis"), _pip("pymetis")),
     Part("shapely", lambda: _distribution("shapely"), _pip("shapely")),
     Part("h5py", _h5py, _debian("python3-h5py-mpi python3-h5py")),

@@ -11,6 +11,7 @@ from ..fourier.coefficients import amplitude
 from ..points.branch import CLOSES_TO
 from ..points.error_parts import PARTS, total
 from .audit import balance
+from .layout import log_scale
 from .measures import counts, peak, segments
 from .peak_plots import label_peaks, mark_peaks, peak_sizes
 from .record import STOPPED, LevelResult, ResultFile
@@ -227,7 +228,7 @@ def error_shares(level: LevelResult) -> tuple[np.ndarray, np.ndarray]:
 
 def _decades(ax) -> None:
     """Make the ordinate logarithmic, with ticks at decades alone: those between take half of the time of a panel."""
-    ax.set_yscale("log")
+    log_scale(ax, "y")
     ax.yaxis.set_minor_locator(NullLocator())
 
 
@@ -295,7 +296,7 @@ def _choose_scale(ax, curves, *, compare: bool) -> None:
     span = max(a.max() / a.min() for a in real)
     real_peaks = [top for top in peaks if top > _DECADES * largest]
     if span > _WIDE or (compare and max(real_peaks) / min(real_peaks) > _APART):
-        ax.set_yscale("log")
+        log_scale(ax, "y")
         ax.set_ylim(0.7 * min(a.min() for a in real), 1.5 * largest)
     else:
         ax.set_ylim(0.0, 1.06 * largest)

@@ -34,6 +34,12 @@ def write_and_draw(write: Callable[[], None] | None, folder: Path, share: slice)
 
 def draw_share(folder: Path, share: slice) -> None:
     """Draw a share of the pictures of the results in a folder.  Local."""
-    from .plots import draw_all  # not before: matplotlib takes a fifth of a second
+    import matplotlib.artist
 
+    kwdoc = matplotlib.artist.kwdoc
+    matplotlib.artist.kwdoc = lambda artist: ""  # the tables of properties in docstrings: half of the time of the import
+    try:
+        from .plots import draw_all  # not before: matplotlib takes a fifth of a second
+    finally:
+        matplotlib.artist.kwdoc = kwdoc
     draw_all(str(folder / "results.h5"), str(folder), share)

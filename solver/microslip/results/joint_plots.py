@@ -12,9 +12,11 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch as Swatch
+from matplotlib.ticker import NullFormatter
 
 from ..contact.law import STICK
 from ..contact.laws import friction_limit
+from .layout import PowersOfTen
 from .measures import counts
 from .record import LevelResult, ResultFile
 from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, Pages, level_name, plain, some, with_prefix
@@ -307,5 +309,8 @@ def _colour_bar(page: Page, palette, scale, label: str) -> None:
         orientation="horizontal",
         extend="min" if isinstance(scale, LogNorm) else "neither",
     )
+    if isinstance(scale, LogNorm):
+        bar.ax.xaxis.set_major_formatter(PowersOfTen())
+        bar.ax.xaxis.set_minor_formatter(NullFormatter())
     bar.set_label(label, labelpad=1.0)
     bar.outline.set_linewidth(0.4)

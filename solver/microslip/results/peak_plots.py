@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.lines import Line2D
-from scipy.optimize import linear_sum_assignment
 
 from ..fourier.coefficients import amplitude
 from ..points.peak import Peak
 from ..points.quantities import hertz
+from .layout import log_scale
 from .measures import peak as highest
 from .record import LevelResult, ResultFile
 from .style import INK, WIDTH, Page, Pages, outputs_by_page, plain, with_prefix
@@ -24,6 +24,8 @@ Resonance = list[tuple[LevelResult, Peak]]  # a peak and its level, by rising le
 
 def resonances(levels: Sequence[LevelResult], output: int) -> list[Resonance]:
     """Return the peaks of an output, each followed from level to level by its frequency.  Local."""
+    from scipy.optimize import linear_sum_assignment  # long to import, and seldom needed
+
     lines: list[Resonance] = []
     for level in sorted((level for level in levels if level.peaks and level.level), key=lambda level: abs(level.level)):
         peaks = [peak for peak in level.peaks or () if peak.output == output]
@@ -75,7 +77,7 @@ def _draw_row(row, lines: list[Resonance], unit: str, name: str) -> None:
     for ax, label in zip(row, (f"{name}amplitude [{unit}]", "frequency [Hz]", "damping ratio [%]")):
         ax.set_ylabel(label)
     if sizes and max(sizes) > _WIDE * min(sizes):
-        row[0].set(xscale="log", yscale="log")
+        log_scale(row[0], "x", "y")
     else:
         row[0].set(xlim=(0.0, None), ylim=(0.0, None))
     row[2].set_ylim(0.0, None)

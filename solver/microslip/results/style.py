@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ..system.files import atomic_write
+from .layout import PageLayout
 from .record import STOPPED, LevelResult, ResultFile
 
 WIDTH = 7.1  # in: the two columns of a page
@@ -29,6 +30,7 @@ RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key not
     "font.family": "DejaVu Sans",
     "font.size": 8.0,
     "axes.titlesize": 8.0,
+    "axes.titley": 1.0,  # else every title is measured against the ticks
     "axes.labelsize": 8.0,
     "xtick.labelsize": 7.0,
     "ytick.labelsize": 7.0,
@@ -165,7 +167,6 @@ class Page:
                 columnspacing=1.4,
                 handletextpad=0.6,
             )
-        self.field = (0.0, 0.0, 1.0, 1.0 - self.top / self.height)
 
     def text(self, x: float, y: float, text: str, **options) -> None:
         """Write below and right of a point, in inches from the upper left corner."""
@@ -178,7 +179,7 @@ class Page:
 
     def grid(self, n_rows: int, n_columns: int, **options):
         """Return the cells of a grid in the field, laid out so that nothing is cut off."""
-        self.figure.set_layout_engine("constrained", rect=self.field, w_pad=0.05, h_pad=0.05)
+        self.figure.set_layout_engine(PageLayout(self.top))
         return self.figure.add_gridspec(n_rows, n_columns, **options)
 
     def save(self, path: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,25 +12,21 @@ import scipy.sparse as sp
 
 from ...messages.errors import CaseError, ResourceError
 from ...system.files import refuse_devices
-from .abaqus import is_abaqus, read_abaqus
-from .ansys_full import read_full
-from .ansys_sub import read_sub
-from .coordinates import read_calculix
-from .dmig import read_dmig
 from .file_matrix import FileMatrix, Wanted
-from .harwell_boeing import read_harwell_boeing
-from .matlab import read_mat
-from .matrix_market import read_matrix_market
-from .numpy_archive import read_npz
-from .op2 import read_op2
-from .op4 import read_op4
-from .petsc_binary import read_petsc
 
 _SYMMETRY = 1e-8  # of the largest entry: what a text file may lose
 
 
+def _lazy(module: str, function: str) -> Callable[[Wanted], FileMatrix]:
+    """Return a reader of this folder, which is imported when a file asks for it."""
+    return lambda wanted: getattr(import_module(f".{module}", __package__), function)(wanted)
+
+
 def _read_mtx(wanted: Wanted) -> FileMatrix:
     """Return the matrix of a file .mtx: Matrix Market's, or one of Abaqus."""
+    from .abaqus import is_abaqus, read_abaqus
+    from .matrix_market import read_matrix_market
+
     with open(wanted.path, "rb") as file:
         head = file.read(4096)
     return (read_abaqus if is_abaqus(wanted, head) else read_matrix_market)(wanted)
@@ -37,23 +34,23 @@ def _read_mtx(wanted: Wanted) -> FileMatrix:
 
 READERS: dict[str, Callable[[Wanted], FileMatrix]] = {
     ".mtx": _read_mtx,
-    ".npz": read_npz,
-    ".mat": read_mat,
-    ".sti": read_calculix,
-    ".mas": read_calculix,
-    ".op4": read_op4,
-    ".op2": read_op2,
-    ".pch": read_dmig,
-    ".dmig": read_dmig,
-    ".bdf": read_dmig,
-    ".full": read_full,
-    ".sub": read_sub,
-    ".rb": read_harwell_boeing,
-    ".rsa": read_harwell_boeing,
-    ".rua": read_harwell_boeing,
-    ".hb": read_harwell_boeing,
-    ".petsc": read_petsc,
-    ".bin": read_petsc,
+    ".npz": _lazy("numpy_archive", "read_npz"),
+    ".mat": _lazy("matlab", "read_mat"),
+    ".sti": _lazy("coordinates", "read_calculix"),
+    ".mas": _lazy("coordinates", "read_calculix"),
+    ".op4": _lazy("op4", "read_op4"),
+    ".op2": _lazy("op2", "read_op2"),
+    ".pch": _lazy("dmig", "read_dmig"),
+    ".dmig": _lazy("dmig", "read_dmig"),
+    ".bdf": _lazy("dmig", "read_dmig"),
+    ".full": _lazy("ansys_full", "read_full"),
+    ".sub": _lazy("ansys_sub", "read_sub"),
+    ".rb": _lazy("harwell_boeing", "read_harwell_boeing"),
+    ".rsa": _lazy("harwell_boeing", "read_harwell_boeing"),
+    ".rua": _lazy("harwell_boeing", "read_harwell_boeing"),
+    ".hb": _lazy("harwell_boeing", "read_harwell_boeing"),
+    ".petsc": _lazy("petsc_binary", "read_petsc"),
+    ".bin": _lazy("petsc_binary", "read_petsc"),
 }
 ENDINGS = tuple(READERS)
 

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from ...observe.screen_table import screen_table
 from ...points.branch import Point
+from ...results.layout import log_scale
 from ...results.measures import AMPLITUDE, Shown
 from ...results.style import LINEAR, RC, WIDTH, Page, Titled, some, with_prefix
 from ...system.files import make_folder
@@ -167,7 +168,8 @@ def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Ti
                 curve.plot(row.frequency, factor * row.values, color=colours[row.method], lw=0.8)
                 gap = np.maximum(differences(row, exact), _FLOOR)
                 error.plot(exact.frequency[: len(gap)], gap, color=colours[row.method], lw=0.8)
-        error.set(yscale="log", xlabel="frequency [Hz]")
+        log_scale(error, "y")
+        error.set(xlabel="frequency [Hz]")
     axes[0, 0].set_ylabel(f"{shown.name} [{unit}]")
     axes[1, 0].set_ylabel("difference / peak")
     page.save(path)

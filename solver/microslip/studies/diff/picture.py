@@ -6,6 +6,7 @@ import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
+from ...results.layout import log_scale
 from ...results.measures import segments
 from ...results.style import INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
 from .compared_levels import LevelDifference, apart_of
@@ -62,4 +63,4 @@ def _draw_output(comparison: Difference, level: LevelDifference, k: int, factor:
     for side in apart_of(a, b, i, j, comparison.shown):
         for part in segments(side.segment):
             error.plot(side.frequency[part], np.maximum(side.difference[part], _FLOOR), color=INK, lw=0.8, marker=".", ms=2.0)
-    error.set_yscale("log")
+    log_scale(error, "y")
