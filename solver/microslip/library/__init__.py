@@ -1,1 +1,1 @@
-"""The stages as a library: settings from a scene, the structure built once, its responses; every story is told with these."""
+"""The library interface: settings from a scene, a structure built once, its responses.  All commands use it."""

@@ -64,7 +64,7 @@ class Structure(StuckStructure):
         return self.factored().mesh
 
     def close(self) -> None:
-        """Free the factors and the matrices, where they are there.  Collective."""
+        """Free the factors and the matrices, if there are any.  Collective."""
         groups = [stuck.factored.value.linearised for stuck in self.computed_groups.values() if stuck.factored.value is not None]
         if not groups:
             return
@@ -119,9 +119,9 @@ def assembled(scene: Scene, comm: MPI.Comm, log: RunLog) -> Assembled:
 def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None, keeps_reference: bool = True) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.
 
-    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  With [statics], what finds another rest
-    stays, unless ``keeps_reference`` is False: K before the loads act, and the mesh.  The memory of structures that were dropped
-    without being closed is freed first.
+    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is logged.  With [statics], the structure before the
+    loads act (its K and mesh) is stored for other states of rest, unless ``keeps_reference`` is False.  The memory of dropped
+    structures that were not closed is freed first.
 
     Raises
     ------
@@ -136,9 +136,9 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None,
 def rebuilt(
     scene: Scene, comm: MPI.Comm, log: RunLog, cached: FactorCache | None, modes_of: Callable[[Linearised], Modes]
 ) -> Factored:
-    """Return the large parts of a structure of which all else is known: assembled again, with a cached factor and cached modes.
+    """Return the large parts of a restored structure: assembled again, with a cached factor and cached modes.
 
-    Collective; ``modes_of`` is, too.
+    Collective, and so is ``modes_of``.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def rebuilt(
 
 
 def without_reference(parts: Assembled, keeps_reference: bool) -> Assembled:
-    """Return what was assembled, without what finds another rest unless that is kept.  Collective."""
+    """Return the assembled parts, without the structure before the loads unless it is stored.  Collective."""
     if parts.reference is None or keeps_reference:
         return parts
     parts.reference.system.destroy(parts.rest.system)  # its memory before the factor's
@@ -164,7 +164,7 @@ def without_reference(parts: Assembled, keeps_reference: bool) -> Assembled:
 def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, has_later: bool = True) -> Linearised:
     """Return the stuck structure, factored, or with a cached factor.  Collective.
 
-    Memory is left for the modes where they come later.
+    Reserves memory for modes that are computed later.
 
     Raises
     ------
@@ -186,9 +186,9 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
 
 
 def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
-    """Return the structure as it vibrates about its rest: factored, with its static response and its modes.  Collective.
+    """Return the factored structure at rest with its static response and its modes.  Collective.
 
-    Of a disc it is that of harmonic 1; the other nodal diameters are made when they are first needed.
+    For a disc this is the structure of harmonic 1; other nodal diameters are computed when they are first needed.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _stuck(parts: Assembled, log: RunLog, **of_group: Any) -> Structure:
 
 
 def correct_soft_modes(linearised: Linearised, modes: Modes, scene: Scene) -> bool:
-    """Make static solutions exact in the modes far below the response's range; return whether there are any.  Collective."""
+    """Make static solutions exact in the modes far below the range of the response; return whether there are any.  Collective."""
     lowest = frequency_band(reduction_settings(scene).band, modes.omega_n)[0] if len(modes.omega_n) else 0.0
     of_system, omega_n, phi_owned = (linearised.system.comm, linearised.M), modes.omega_n, modes.phi_owned
     if linearised.maps.is_complex:
@@ -256,7 +256,7 @@ def correct_soft_modes(linearised: Linearised, modes: Modes, scene: Scene) -> bo
 
 
 def factor_in_words(info: dict[str, Any]) -> str:
-    """Return what a factor took beside what was foreseen, in words.  Local."""
+    """Return a line on the factor: its memory and time, compared with the forecast.  Local."""
     memory = info.get("memory")
     if memory is None:
         return f"factor by {info['package']}, which PETSc calls"
@@ -272,11 +272,11 @@ def factor_in_words(info: dict[str, Any]) -> str:
 
 
 def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> tuple[Structure, tuple[str, ...]]:
-    """Return a structure at the rest that it comes to with other ``pairs``, as ``scene`` states them, and what a log says of it.
+    """Return a structure at rest with other ``pairs``, as ``scene`` states them, and the notes of its log.
 
-    Collective.  The last one stays: the factor of the one before is freed.  Mesh, matrices and constant forces are those there
-    are; factor and static columns of the reference structure are made for the first other rest, and stay.  Where the rest leaves
-    stiffness and springs what they are for ``structure``, its factor, modes and all that was made of them serve on.
+    Collective.  The last such structure is stored, and the factor of the one before is freed.  Mesh, matrices and constant forces
+    are reused; factor and static columns of the reference structure are computed for the first other rest and stored.  If the
+    stiffness and the springs are those of ``structure``, its factor, modes and the results of these are reused.
 
     Raises
     ------
@@ -304,7 +304,7 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
 
 
 def free_other_rest(structure: Structure) -> None:
-    """Free the factor and the stiffness of the structure at another rest, if it has its own.  Collective."""
+    """Free the factor and the stiffness of the structure at another rest, unless shared with ``structure``.  Collective."""
     other = structure.results.pop(_OTHER_REST, None)
     if other is None or other[1].linearised.factor is structure.linearised.factor:
         return
@@ -320,7 +320,7 @@ def from_mesh(
 ) -> tuple[Mesh | None, AtRest, ReferenceState | None]:
     """Return mesh (on rank 0) and structure of a scene with a mesh, whose file rank 0 has read.  Collective.
 
-    With [statics] it is that at rest, and what was there before comes with it.
+    With [statics] this is the structure at rest, together with the reference state.
     """
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, scene, file, share=False)

@@ -41,7 +41,7 @@ def read_completed(scene: Scene, comm: MPI.Comm) -> tuple[FileModel | None, Scen
 
 
 def held_by(scene: Scene, model: FileModel) -> FileModel:
-    """Return the model without its supports in turned axes, which are equations, where those of the scene take their place.
+    """Return the model without its supports in rotated axes (which are equations), if the scene states supports itself.
 
     Local, rank 0.
     """
@@ -51,15 +51,15 @@ def held_by(scene: Scene, model: FileModel) -> FileModel:
 
 
 def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
-    """Return the scene with what the model file adds to it, checked again, and notes for the log.  Local, rank 0.
+    """Return the scene completed by the model file and validated again, and notes for the log.  Local, rank 0.
 
-    What the scene states stands: its bodies take the place of the file's, and so do its supports, and a material of the same
-    name; everything else is added to it. ``[model] take`` says what of the file is taken over; what is stated there is added
-    to the scene's own in any case.
+    The scene takes precedence: its bodies and supports replace those of the file, and its material replaces one of the same
+    name; everything else is added. ``[model] take`` states which parts of the file are used; parts stated there are added
+    to those of the scene in any case.
 
     Raises
     ------
-    CaseError : the file holds what would change the answer and is not taken over; or what is taken over makes no scene
+    CaseError : the file has keywords that would change the results and are not used, or the completed scene is invalid
     """
     if scene.is_complete:
         return scene, ()
@@ -87,11 +87,11 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
 
 
 def _equations(model: FileModel, scene: Scene, takes_supports: bool) -> list[str]:
-    """Return notes on the equations of the file, those of supports in turned axes among them.
+    """Return notes on the equations of the file, including those of supports in rotated axes.
 
     Raises
     ------
-    CaseError : supports of the file are taken over, and those of them that are equations are not
+    CaseError : supports of the file are used, but not those that are equations
     """
     n = 0 if model.equations is None else len(model.equations.where)
     n_held = 0 if model.equations is None else model.equations.n_supports
@@ -110,7 +110,7 @@ def _equations(model: FileModel, scene: Scene, takes_supports: bool) -> list[str
 
 
 def _joined(of_file: Any, of_scene: Any) -> Any:
-    """Return the entries of both, those of the scene where a name is in both; lists one after the other."""
+    """Return the entries of both; the scene takes precedence for a name in both, and lists are concatenated."""
     if not isinstance(of_file, dict):
         return (*of_file, *(of_scene or ()))
     lists = {key: (*of_file[key], *values) for key, values in (of_scene or {}).items() if isinstance(of_file.get(key), tuple)}
@@ -118,7 +118,7 @@ def _joined(of_file: Any, of_scene: Any) -> Any:
 
 
 def _named(entries: Any) -> str:
-    """Return the names of some entries, or what they act on."""
+    """Return the names of some entries, or of the groups on which they act."""
     names = list(entries) if isinstance(entries, dict) else [_name(entry) for entry in entries]
     return ", ".join(names[:10]) + (f", ... ({len(names)} in all)" if len(names) > 10 else "")
 
@@ -141,16 +141,16 @@ def taken_parts(scene: Scene, model: FileModel) -> set[str]:
 
 
 def _ignores_statics(scene: Scene, model: FileModel) -> bool:
-    """Return whether the scene leaves out on purpose what acts in the file before it vibrates."""
+    """Return whether the scene ignores the static loads of the file explicitly."""
     return model.statics is not None and _bare(model.statics.word) in map(_bare, scene.model.ignore)
 
 
 def _refuse_findings(scene: Scene, model: FileModel, file_parts: set[str]) -> list[str]:
-    """Return notes on what is left out.
+    """Return notes on the keywords that are left out.
 
     Raises
     ------
-    CaseError : some of it changes the answer and the scene does not say that it may be left out; words that waive nothing
+    CaseError : a keyword changes the results and the scene does not list it in ``ignore``; an entry of ``ignore`` without effect
     """
     findings, ignored = model.findings, {_bare(word): word for word in scene.model.ignore}
     held = {_bare(finding.word) for finding in findings}
@@ -195,7 +195,7 @@ def _bare(word: str) -> str:
 
 
 def _refuse_unknown_units(scene: Scene, part: str) -> None:
-    """Raise CaseError where quantities of a file with a length unit of its own are taken over."""
+    """Raise CaseError if quantities with units are used from a file for which only the length unit is stated."""
     if part not in ("ties", "supports", "bodies", "equations") and scene.model.units is None and scene.model.scale != 1.0:
         raise CaseError(
             f"{scene.path}: [model] scale tells the length of {scene.model.mesh} alone, and its {part} have units, too; state "
@@ -205,7 +205,7 @@ def _refuse_unknown_units(scene: Scene, part: str) -> None:
 
 
 def _refuse_incomplete(scene: Scene, materials: Mapping[str, Material]) -> None:
-    """Raise CaseError for materials that the file states in part, and the scene does not."""
+    """Raise CaseError for incomplete materials of the file that the scene does not state."""
     faults = Faults()
     for name, material in materials.items():
         if material.lacking and name not in scene.materials:
@@ -215,24 +215,24 @@ def _refuse_incomplete(scene: Scene, materials: Mapping[str, Material]) -> None:
 
 
 def _joined_surfaces(scene: Scene) -> list[frozenset[str]]:
-    """Return the surfaces that the scene itself joins or ties."""
+    """Return the surfaces that the scene joins or ties."""
     surfaces = [joint.surfaces for joint in scene.joints] + [tie.surfaces for tie in scene.ties]
     return [frozenset(names) for names in surfaces if names is not None]
 
 
 def _units(scene: Scene) -> Units:
-    """Return the units of the model file, of which [model] scale tells the length alone."""
+    """Return the units of the model file; [model] scale states the length unit only."""
     return Units(scene.model.scale, 1.0) if scene.model.units is None else UNITS[scene.model.units]
 
 
 def _ties(scene: Scene, model: FileModel) -> list[Tie]:
-    """Return the ties of the file between surfaces that the scene does not join itself."""
+    """Return the ties of the file between surfaces that the scene does not join."""
     between = _joined_surfaces(scene)
     return [tie for tie in model.ties if frozenset(tie.surfaces) not in between]
 
 
 def _joints(scene: Scene, model: FileModel) -> list[Joint]:
-    """Return the joints of the file that are taken over: those of which it says all, where loads at rest press them."""
+    """Return the joints of the file that are used: the completely defined ones, if there are loads at rest."""
     file_parts, between = taken_parts(scene, model), _joined_surfaces(scene)
     has_loads = scene.statics is not None or ("statics" in file_parts and model.statics is not None and model.statics.acts)
     if "joints" not in file_parts or not has_loads:
@@ -243,7 +243,7 @@ def _joints(scene: Scene, model: FileModel) -> list[Joint]:
 
 
 def _statics(scene: Scene, model: FileModel) -> Tables:
-    """Return what acts before the vibration, which is about the shape under it."""
+    """Return the constant loads that act before and during the vibration."""
     statics = model.statics
     if statics is None or not statics.acts:
         return {}
@@ -253,7 +253,7 @@ def _statics(scene: Scene, model: FileModel) -> Tables:
 
 
 def _axis(model: FileModel, units: Units) -> Tables:
-    """Return the axis about which the file turns, as keys of [model]."""
+    """Return the axis of rotation of the file, as keys of [model]."""
     statics = model.statics
     if statics is None or not statics.table.rotation_speed:
         return {}
@@ -261,14 +261,14 @@ def _axis(model: FileModel, units: Units) -> Tables:
 
 
 def _summary_of_statics(model: FileModel) -> str:
-    """Return what has become [statics], in words."""
+    """Return a summary of the loads that became [statics]."""
     statics = model.statics
     assert statics is not None, "a file with loads"
     return f"[statics] with {listed(statics.kinds, 'and')} of step {statics.step}"
 
 
 def _tables_of(scene: Scene, model: FileModel, part: str) -> Any:
-    """Return a part of the model file as the table of its name in the scene."""
+    """Return a part of the model file as the scene's table of that name."""
     if part == "statics":
         return _statics(scene, model)
     units = _units(scene)

@@ -1,6 +1,6 @@
-"""Memory of structures that a script dropped without closing them: freed where all ranks pass together next.
+"""Memory of structures that a script dropped without closing them: freed at the next collective call.
 
-PETSc and MUMPS free by collective calls, so that no rank may free an object in the moment in which its Python name goes.
+PETSc and MUMPS free memory collectively, so that no rank may free an object when its Python name is deleted.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class _Open:
-    """A factor, with the ranks that have it; its attributes outlive it, and hold its solver until it is freed."""
+    """A factor and its ranks; its attributes outlive it and hold its solver until it is freed."""
 
     comm: MPI.Comm
     factor: ref[Factor]
@@ -41,7 +41,7 @@ _open: list[_Open] = []
 
 
 def free_if_dropped(comm: MPI.Comm, factor: Factor) -> None:
-    """Let the next :func:`free_dropped` free a factor if nothing refers to it by then.  Local; on every rank of ``comm``."""
+    """Register a factor that the next :func:`free_dropped` frees if nothing refers to it.  Local; on every rank of ``comm``."""
     _open.append(_Open(comm, ref(factor), vars(factor)))
 
 

@@ -1,4 +1,4 @@
-"""Follow the levels of a prepared structure, in turn or side by side on groups of ranks."""
+"""Follow the levels of a prepared structure, one after the other or in parallel on groups of ranks."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ def follow(
 ) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0, if it is to be kept.
 
-    Collective on the model's communicator.  ``observers`` hear of levels and points as they come; ``checkpointers`` keep
-    them, so that what was followed before is not followed again.
+    Collective on the model's communicator.  ``observers`` are notified of levels and points; ``checkpointers`` save them,
+    so that a later run does not compute them again.
 
     Raises
     ------
-    MicroslipError : on every rank; a level that ends early raises nothing, its branch says why
+    MicroslipError : on every rank; a level that ends early raises nothing, its branch has the reason
     """
     comm, n_pairs = response.model.comm, response.model.n_pairs
     all_observers, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
@@ -46,7 +46,7 @@ def follow(
 
 
 def _in_words(first: float, half: float, highest: float) -> str:
-    """Return from which levels [N] on pairs slip, for the log; from 0 or less those that are open or slide at rest."""
+    """Return for the log the levels [N] from which pairs slip; pairs that are open or slide at rest have 0 or less."""
     if not np.isfinite(first):
         return "by the linear peak, no pair slips at any level"
     if half <= _AT_ONCE * highest:

@@ -1,4 +1,4 @@
-"""The files that a run reads, and what tells whether they have changed since."""
+"""The files that a run reads, and their fingerprints."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ..scene.schema import Scene
 
 
 def input_files(scene: Scene) -> tuple[tuple[str, Path], ...]:
-    """Return where each file that a scene reads is named, and its absolute path.  Local, rank 0.
+    """Return the key that names each file of a scene, and its absolute path.  Local, rank 0.
 
-    The scene's own file is not among them: what counts of it is the text (``Scene.text``).
+    The scene file is not included: its text counts (``Scene.text``).
 
     Raises
     ------
@@ -30,7 +30,7 @@ def input_files(scene: Scene) -> tuple[tuple[str, Path], ...]:
             files += [(f"included by {path.name}", inner) for inner in included_files(path)]
         except OSError as problem:
             raise CaseError(f"{path}: {problem.strerror}") from None
-        rows = path.with_suffix(".dof")  # CalculiX tells the nodes of its matrices there
+        rows = path.with_suffix(".dof")  # CalculiX writes the nodes of its matrices there
         if path.suffix.lower() in (".sti", ".mas") and rows.is_file():
             files.append((f"beside {path.name}", rows))
     return tuple(files)

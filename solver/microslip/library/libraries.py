@@ -1,4 +1,4 @@
-"""Which library did what in a run: read from the reports of its solvers, its points and its result file."""
+"""The libraries used in a run, from the reports of its solvers, its points and its result file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NOT_ASSEMBLED = {name: f"{_CACHED}, in its reduced model" for name in ("matrice
 
 
 def libraries_used(prepared: Prepared, branches: Sequence[Branch], results: Path) -> str:
-    """Return lines on which library made each part.  Collective; before the factor is freed."""
+    """Return lines on the library used for each part.  Collective; before the factor is freed."""
     version, structure = versions(), prepared.structure
     is_written = on_root(prepared.model.comm, h5py.is_hdf5, str(results))
     parts = {
@@ -30,7 +30,7 @@ def libraries_used(prepared: Prepared, branches: Sequence[Branch], results: Path
 
 
 def _of_structure(structure: Structure, version: dict[str, str]) -> dict[str, str]:
-    """Return what made the parts of a structure.  Local; the same on every rank."""
+    """Return the libraries used for the structure.  Local; the same on every rank."""
     linearised, n_ranks = structure.linearised, structure.comm.size
     K_L, info = linearised.K_L, linearised.factor.info
     known = f", {_CACHED}" if "restored_from" in info else ""
@@ -45,7 +45,7 @@ def _of_structure(structure: Structure, version: dict[str, str]) -> dict[str, st
 
 
 def _of_points(branches: Sequence[Branch]) -> str:
-    """Return what solved how many points.  Local; the same on every rank."""
+    """Return the solvers and how many points each of them solved.  Local; the same on every rank."""
     points = [point for branch in branches for point in branch.points]
     solved = [point for point in points if point.newton > 0]
     if not solved:

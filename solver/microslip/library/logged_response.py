@@ -1,4 +1,4 @@
-"""The levels of a run, followed with its log, its files and its limits."""
+"""The levels of a run: continuation with log, files and limits."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ from .side_by_side import groups_that_pay
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How a scene is run, beside what it says."""
+    """Options of a run that the scene does not state."""
 
     petsc: tuple[str, ...] = ()  # options of PETSc
-    n_groups: int | None = None  # of ranks, for the levels; None: as many as pay
+    n_groups: int | None = None  # of ranks, for the levels; None: chosen by the program
     screen: bool = True  # or files alone
-    fresh: bool = False  # again, with the results that are there kept in a folder of their own
-    limit: TimeLimit | None = None  # at which it stops, with what it has
+    fresh: bool = False  # recompute; earlier results move to ``earlier-N/``
+    limit: TimeLimit | None = None  # at which the run stops with the results so far
 
 
 def record_of(log: RunLog) -> RunRecord:
-    """Return what a log has noted so far.  Local."""
+    """Return the entries of a log so far.  Local."""
     return RunRecord(tuple(StageRecord(stage.name, stage.seconds, stage.memory) for stage in log.stages), tuple(log.notes))
 
 
 def follow_logged(
     prepared: Prepared, folder: Path, options: RunOptions, origin: Origin, log: RunLog, checkpointers: Checkpointers
 ) -> list[Branch]:
-    """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
+    """Return the branches of all levels, written and logged while they are computed; log what was not computed.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
     n_groups = options.n_groups or groups_that_pay(response, prepared.structure.n_dof)

@@ -1,4 +1,4 @@
-"""Where the results of a scene come from: command, machine, and every file that is read."""
+"""Provenance of results: command, machine, and every input file."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ _VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLI
 
 
 def origin_of(scene: Scene, comm: MPI.Comm) -> Origin:
-    """Return where results of a scene come from that is run now.  Collective on ``comm``; its files are hashed on rank 0.
+    """Return the provenance of the results of a run.  Collective on ``comm``; files are hashed on rank 0.
 
-    A file that cannot be read any more has no hash: it does not keep results from being written.
+    A file that cannot be read any more has no hash; results are written nevertheless.
     """
     hosts = comm.allgather(socket.gethostname())
     started = comm.bcast(time.strftime("%Y-%m-%d %H:%M:%S %z"))
@@ -40,7 +40,7 @@ def origin_of(scene: Scene, comm: MPI.Comm) -> Origin:
 
 
 def _inputs(scene: Scene) -> tuple[InputFile, ...]:
-    """Return the files that a scene reads, with their hashes as far as they can be read."""
+    """Return the files that a scene reads, with the hashes of those that can be read."""
     try:
         files = input_files(scene)
     except CaseError:

@@ -1,4 +1,4 @@
-"""From the structure to what is solved at each level: the reduction by a method, the law, the range, the linear curve."""
+"""From the structure to the problem of each level: reduction, contact law, range, linear curve."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _REDUCED = "reduction"  # of what a structure keeps: the last one, with what it 
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A structure made ready for the responses of one scene."""
+    """A structure prepared for the responses of one scene."""
 
     scene: Scene
     structure: Structure
@@ -46,14 +46,14 @@ class Prepared:
         return self.response.model
 
     def close(self) -> None:
-        """Free the factor, if it is there.  Collective."""
+        """Free the factor, if there is one.  Collective."""
         self.structure.close()
 
 
 def prepare(structure: Structure, scene: Scene | None = None, has_bars: bool | None = None) -> Prepared:
-    """Return a structure ready for its responses, by default those of its own scene, with error bars where that has them.
+    """Return a structure prepared for the responses of ``scene``, by default its own; with error bars if that has them.
 
-    Collective on ``structure.comm``.  What an earlier call made is used again as far as it is the same.
+    Collective on ``structure.comm``.  Results of an earlier call are reused if they still apply.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def prepare(structure: Structure, scene: Scene | None = None, has_bars: bool | N
 
 
 def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:
-    """Return the reduction by a method; the last basis stays, for other harmonics too.  Collective.
+    """Return the reduction by a method; the last one is stored, for other harmonics too.  Collective.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:
 
 
 def put_basis(structure: Structure, basis: Basis) -> None:
-    """Let a structure have its reduction on a basis that was made before.  Local; full fields make it again."""
+    """Give a structure a reduction on a stored basis.  Local; full fields compute the basis again."""
     settings = reduction_settings(structure.scene)
 
     def displacements(model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
@@ -98,7 +98,7 @@ def put_basis(structure: Structure, basis: Basis) -> None:
 
 
 def _key(structure: Structure, settings: ReductionSettings) -> tuple:
-    """Return all that a basis depends on; of some methods that is the range and its harmonics, too."""
+    """Return the inputs of a basis; for some methods these include the range and its harmonics."""
     if not METHODS[settings.method].FACTS.knows_range:
         settings = replace(settings, excitation=Excitation(), band=Band())
     of_basis = replace(settings, modes=None, accuracy=1.0, insists=False, level=1.0, where="")

@@ -1,4 +1,4 @@
-"""Responses of a structure built once: other levels, friction, preload, harmonics or method, and no more work than that."""
+"""Responses of a structure built once, with other levels, friction, preload, harmonics or method."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ OfJoints = ArrayLike | Mapping[str, ArrayLike]
 
 
 class Keys(TypedDict, total=False):
-    """Keys of [response], [solver], [continuation] and [damping] that a response may have in place of its scene's."""
+    """Keys of [response], [solver], [continuation] and [damping] that replace those of the scene."""
 
     levels: float | Sequence[float]
     frequencies: tuple[float, float] | None
@@ -155,7 +155,7 @@ def at_rest_with(structure: Structure, scene: Scene, of_joints: Mapping[str, OfJ
 
 
 def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, OfJoints | None]) -> Scene:
-    """Return a scene with other keys and, where surfaces have one number, other joints.  Local.
+    """Return a scene with other keys and, for joints of surfaces with a single value, other friction and preload.  Local.
 
     Raises
     ------
@@ -214,18 +214,18 @@ def _check_law(key: str, pairs: ContactPairs, of_joint: np.ndarray, where: str) 
 
 
 def _by_joint(values: OfJoints | None, names: Iterable[str]) -> Mapping[str, ArrayLike]:
-    """Return values by the name of the joint: one for all counts for each."""
+    """Return values by joint; a single value applies to every joint."""
     if values is None:
         return {}
     return values if isinstance(values, Mapping) else {name: values for name in names}
 
 
 def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: ContactPairs) -> tuple[Structure, str]:
-    """Return the structure with other pairs and the modes for them, and why these; "" where number, accuracy and range stay.
+    """Return the structure with other pairs and their modes, and the reason for the number of modes, "" if nothing changed.
 
     Collective.
 
-    What is chosen by an accuracy depends on levels, damping and the limits of the pairs, too; it is known again for those alone.
+    A choice by accuracy also depends on levels, damping and the limits of the pairs.
     """
     is_same = np.array_equal(pairs.mu, structure.pairs.mu) and np.array_equal(pairs.N0, structure.pairs.N0)
     with_pairs = structure if is_same else replace(structure, pairs=pairs)
@@ -241,7 +241,7 @@ def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: Con
 
 
 def _in_all_groups(structure: Structure, why: str, settings: ReductionSettings) -> tuple[Structure, str]:
-    """Return a structure whose other groups of harmonics have modes chosen by the same settings, when they are needed.  Local."""
+    """Return a structure whose other harmonic groups choose their modes by the same settings, on demand.  Local."""
     others = structure.groups
     if others is None:
         return structure, why

@@ -33,16 +33,16 @@ _QUANTITY = {quantity.name: quantity for quantity in QUANTITIES if quantity.kind
 
 @dataclass(frozen=True, eq=False)
 class Curves:
-    """The curves of one output: a row a level, its points along the curve; nan beyond the last point of a shorter one."""
+    """The curves of one output: one row per level, points in the order of the branch, padded with nan."""
 
     name: str
     level: np.ndarray  # (n_levels,) N
     frequency: np.ndarray  # (n_levels, n) Hz
     coefficients: np.ndarray  # (n_levels, n, N_H) m: mean, cos 1, sin 1, ..., cos H, sin H
     error: np.ndarray | None  # (n_levels, n) m, the error bar of the amplitude; None where it was not estimated
-    shown: Shown = AMPLITUDE  # what is told where there is room for one number: in statics the mean
+    shown: Shown = AMPLITUDE  # the quantity shown where there is room for one number: in statics the mean
     unit: str = "m"  # of the output, in place of m where it is another; the levels' is that of the loads
-    corrected: np.ndarray | None = None  # (n_levels, n) complex, m: harmonic 1 with what the error bar knows of it
+    corrected: np.ndarray | None = None  # (n_levels, n) complex, m: harmonic 1, corrected by the error estimate
     error_corrected: np.ndarray | None = None  # (n_levels, n) m, the error bar of that
     results: ResultFile | None = None  # of this output alone
 
@@ -66,7 +66,7 @@ class Curves:
         return self.mean + 0j if n == 0 else self.coefficients[..., 2 * n - 1] - 1j * self.coefficients[..., 2 * n]
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the curves into a file, or without a path nowhere; return the figure, which a notebook shows.  Local."""
+        """Draw the curves and return the figure, which a notebook shows; with a path also write it.  Local."""
         assert self.results is not None, "curves of a response"
         return _draw(self.results, "response", path)
 
@@ -80,8 +80,8 @@ class Curves:
 class Response:
     """The response of a structure at some levels, the same on every rank.
 
-    ``results`` is what :func:`microslip.read_results` returns of the files that :meth:`save` writes.  ``notes`` say what a run's
-    log would: why so many modes were chosen again, and whether the range may hold resonances beyond them.  Made collectively.
+    ``results`` is what :func:`microslip.read_results` returns for the files that :meth:`save` writes.  ``notes`` are those of a
+    run's log: the reason for the number of modes, and whether the range may have resonances of further modes.  Made collectively.
     """
 
     def __init__(self, prepared: Prepared, branches: Sequence[Branch], notes: Sequence[str] = ()):
@@ -125,7 +125,7 @@ class Response:
 
         Raises
         ------
-        CaseError : the level was not asked for
+        CaseError : the response does not have this level
         """
         for branch in self.results.levels:
             if branch.level == level:
@@ -170,7 +170,7 @@ class Response:
     def array(self, name: str) -> np.ndarray | None:
         """Return a quantity of all levels, with the axes of :meth:`axes`; None where it was not computed.  Local.
 
-        Of levels with fewer points the rest is nan, or 0 in whole numbers.
+        Levels with fewer points are padded with nan, integers with 0.
         """
         _quantity(name)
         parts = [part for level in self.results.levels if (part := level.arrays[name]) is not None]
@@ -239,7 +239,7 @@ class Response:
     def plot(self, path: str | Path | None = None, picture: str = "response") -> Figure | None:
         """Draw one of the pictures of a run: response, states, slip_map, rom_size, energy, energy_map, error.
 
-        Collective; rank 0 draws, into a file, and further pages into files beside it.  Without a path nothing is written.  The
+        Collective; rank 0 draws into a file, further pages into files next to it.  Without a path nothing is written.  The
         structure may be closed.
 
         Returns
@@ -277,7 +277,7 @@ class Response:
 
 
 def _draw(results: ResultFile, picture: str, path: str | Path | None) -> Figure:
-    """Return the first page of a picture; with a path all are written there, and beside it."""
+    """Return the first page of a picture; with a path all pages are written into its folder."""
     from ..results.plots import draw_one
 
     pages = draw_one(results, picture)

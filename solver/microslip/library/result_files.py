@@ -30,7 +30,7 @@ from .settings import asks_for_bars, asks_for_fields, reduction_settings, units_
 
 
 def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
-    """Return what a result file says before its levels.  Local; with the user's node numbers on rank 0 only."""
+    """Return the head of a result file, before its levels.  Local; with the user's node numbers on rank 0 only."""
     scene, structure, curve = prepared.scene, prepared.structure, prepared.response.curve
     units = units_of(scene)
     return ResultFile(
@@ -55,7 +55,7 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
 
 
 def _tables(balance: Balance | None, bolts: BoltsAtRest | None) -> dict[str, StaticTable]:
-    """Return what files say of the equilibrium at rest; nothing without [statics].  Local."""
+    """Return the tables of the equilibrium at rest; none without [statics].  Local."""
     parts: dict[str, JointsAtRest | BodiesAtRest | BoltsAtRest | None] = {"bolts": bolts}
     if balance is not None:
         parts |= {"joints": balance.joints, "bodies": balance.bodies}
@@ -67,7 +67,7 @@ def _tables(balance: Balance | None, bolts: BoltsAtRest | None) -> dict[str, Sta
 
 
 def extent_of(prepared: Prepared) -> Extent:
-    """Return how far a response reaches, for what is said of it at its end.  Local."""
+    """Return the extent of a response, for the notes at its end.  Local."""
     scene, structure = prepared.scene, prepared.structure
     settings, n_damped = reduction_settings(scene), None
     if settings.damping is not None and structure.projected.C is None:
@@ -85,7 +85,7 @@ def extent_of(prepared: Prepared) -> Extent:
 
 
 def writer_of(prepared: Prepared, folder: Path, options: Sequence[str] = (), origin: Origin | None = None) -> ResultWriter:
-    """Return the observer that writes frf.csv and results.h5; without an ``origin`` it is told now.  Collective."""
+    """Return the observer that writes frf.csv and results.h5; ``origin`` is determined if not given.  Collective."""
     comm = prepared.model.comm
     head = head_of(prepared, options, origin or origin_of(prepared.scene, comm))
     return ResultWriter(comm, str(folder), head, prepared.model.recorded.n_coefficients)
@@ -121,7 +121,7 @@ def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
 def write_shapes(
     prepared: Prepared, branches: Sequence[Branch], shapes: Shapes | None, folder: Path, run: RunRecord | None = None
 ) -> None:
-    """Write fields to files for ParaView and into results.h5, which is there; with what the run said.  Local, on rank 0.
+    """Write fields to files for ParaView and into the existing results.h5, with the notes of the run.  Local, on rank 0.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def write_shapes(
 
 
 def _on_mesh(prepared: Prepared, shapes: Shapes) -> tuple[Mesh, np.ndarray, Mapping[int, Motion]]:
-    """Return mesh, modes (n_modes, n_nodes, 3) and motions as files have them.  Rank 0."""
+    """Return mesh, modes (n_modes, n_nodes, 3) and motions in the layout of files.  Rank 0."""
     assert prepared.structure.mesh is not None, "called on rank 0"
     return prepared.structure.mesh, np.moveaxis(shapes.modes, -1, 0), shapes.peaks
 

@@ -1,4 +1,4 @@
-"""The door: the settings of every stage from a scene.  Beyond it no stage knows of scenes, nor of what was stated in them."""
+"""The settings of every stage from a scene.  No other stage reads scenes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def excitation(scene: Scene) -> Excitation:
 
 
 def response_settings(scene: Scene) -> ResponseSettings:
-    """Return what a scene asks of its response, with what was stated and what the program chooses.  Local."""
+    """Return the settings of a scene's response, with defaults chosen by the program.  Local."""
     solver, response, steps = scene.solver, scene.response, scene.continuation
     return ResponseSettings(
         levels=response.levels,
@@ -82,18 +82,18 @@ def refuse_discs(scene: Scene, command: str, why: str) -> None:
 
 
 def asks_for_bars(scene: Scene) -> bool:
-    """Return whether a scene asks for error bars, possible or not.  Local."""
+    """Return whether a scene requests error bars, possible or not.  Local."""
     return scene.solver.error_bars
 
 
 def asks_for_fields(scene: Scene) -> bool:
-    """Return whether modes and peaks are to be written on the mesh, if there is one.  Local."""
+    """Return whether a scene requests modes and peaks on the mesh, if there is one.  Local."""
     return scene.response.fields
 
 
 @dataclass(frozen=True)
 class Units:
-    """What the numbers of a scene's results count."""
+    """The units of a scene's results."""
 
     outputs: tuple[str, ...]
     level: str  # "1" where loads of several kinds share it
@@ -131,6 +131,6 @@ def by_method(scene: Scene, method: str) -> Scene:
 
     Raises
     ------
-    CaseError : the method cannot answer it
+    CaseError : the method cannot compute it
     """
     return changed(scene, {"solver": {"method": method}})

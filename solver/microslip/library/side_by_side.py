@@ -1,4 +1,4 @@
-"""The story of levels side by side: one model, parted among groups of ranks, each with levels of its own."""
+"""Levels in parallel: one model, distributed to groups of ranks that each follow different levels."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-MOST_PAIRS = 1000  # whose columns every group may keep: 72 MB, docs/parallel.md
+MOST_PAIRS = 1000  # whose columns every group may store: 72 MB, docs/parallel.md
 MOST_COLUMNS = 1e8  # pairs times DOFs, up to which the columns of all pairs take a few seconds
 
 
 def groups_that_pay(of: ResponseProblem, n_dof: int) -> int:
-    """Return into how many groups the ranks part for the levels: one for each at which pairs slip, where these are few.
+    """Return the number of groups of ranks for the levels: one for each level at which pairs slip, if there are few pairs.
 
-    Collective: one broadcast.  Otherwise one: the columns of all pairs, which groups want, cost too much, or nothing vibrates.
+    Collective: one broadcast.  Otherwise one group: the columns of all pairs, which several groups need, cost too much.
     """
     if of.model.n_pairs > min(MOST_PAIRS, MOST_COLUMNS / n_dof) or (slip := levels_of_slip(of)) is None:
         return 1
@@ -40,17 +40,17 @@ def follow_side_by_side(
 ) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0.
 
-    Collective.  A group takes the highest level that is left whenever it has done the last one: high levels
-    take longest.  A level that ends early keeps its points, and the others go on.
+    Collective.  A group that has finished takes the highest remaining level, because high levels
+    take longest.  A level that ends early keeps its points, and the other levels continue.
 
     Parameters
     ----------
     n_groups : at least 2; there are no more groups than levels
-    observers : hear of levels and points on rank 0, as they come
+    observers : are notified of levels and points on rank 0
 
     Raises
     ------
-    MicroslipError : what ended a group, on the ranks of all groups
+    MicroslipError : the error that ended a group, on the ranks of all groups
     """
     levels = of.settings.levels
     groups = split(of.model.comm, min(n_groups, len(levels)))
@@ -84,7 +84,7 @@ def _sizes(limits: np.ndarray) -> str:
 
 
 def _shared(comm: MPI.Comm, branches: list[Branch]) -> list[Branch]:
-    """Return the branches of rank 0 on every rank, on others than rank 0 without the motion.  Collective: one broadcast."""
+    """Return the branches of rank 0 on every rank, without the motion on other ranks.  Collective: one broadcast."""
     light = [replace(branch, points=[replace(point, U=NOTHING, p=NOTHING) for point in branch.points]) for branch in branches]
     shared = comm.bcast(light)
     return branches if comm.rank == 0 else shared
