@@ -185,10 +185,15 @@ def try_mutations(asked: argparse.Namespace) -> bool:
             if status not in ALLOWED or "Traceback" in said or (status != 0 and said.count("microslip: error: ") != 1):
                 n_findings += 1
                 print(f"\n{number}: {arguments[0]}, {status}: {said[-1500:]}\n{text}", flush=True)
+            if (number + 1) % 100 == 0:
+                print(f"{number + 1} scenes: {_in_words(counts)}", flush=True)
     print(f"\nSeed {asked.seed}, {asked.times} scenes, {n_findings} findings")
-    for (command, status), n in sorted(counts.items(), key=str):
-        print(f"{command}: status {status}: {n}")
     return n_findings > 0
+
+
+def _in_words(counts: collections.Counter) -> str:
+    """Return how often commands ended with a status."""
+    return ", ".join(f"{command} {status}: {n}" for (command, status), n in sorted(counts.items(), key=str))
 
 
 if __name__ == "__main__":
