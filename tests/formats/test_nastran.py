@@ -11,7 +11,7 @@ from microslip import elements
 from microslip.formats.nastran.read import streams_kept
 from microslip.formats.read import read_model
 from microslip.library.complete import complete, held_by
-from microslip.messages.errors import CaseError
+from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import scene_of
 
 pytest.importorskip("pyNastran")
@@ -65,6 +65,27 @@ MAT9 = (
 )
 MAT11 = ("MAT11,1,1.4+11,1.+10,2.+10,.28,.31,.4,5.+9", ",6.+9,3.5+9,1600.,1.-6,2.-5,3.-5")
 SYSTEMS = ("CORD2R,7,0,0.,0.,0.,0.,0.,1.", ",1.,1.,0.", "CORD2C,8,0,.5,0.,.25,.5,2.,.25", ",1.,2.,.25")
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        "PARAM,EQCHECK,1,1,1,,,,-1.E20",
+        "PARAM   PRTSTIFD,1,1,1,1",
+        "EIGRL,1,,,4,,,-1.,MAX,3,DPB",
+        "EIGR,1,INV,,,,3,,,POINT,3,3,-1.",
+    ],
+)
+def test_how_a_program_solves_is_passed_over(tmp_path, card):
+    plainly = read_model(written(tmp_path, plain()))
+    model = read_model(written(tmp_path, plain(), card))
+    assert len(model.points) == len(plainly.points) and model.findings == plainly.findings
+
+
+def test_a_file_of_bars_alone_names_them(tmp_path):
+    (tmp_path / "bar.bdf").write_text("BEGIN BULK\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nCBAR,1,1,1,2,0.,1.,0.\nENDDATA\n")
+    with pytest.raises(MeshError, match=r"that this program reads \(1 CBAR\)"):
+        read_model(tmp_path / "bar.bdf")
 
 
 @pytest.mark.parametrize("system", [0, 7, 8, -1])

@@ -39,6 +39,8 @@ _ORDER = {  # Nastran writes the mid-sides of vertical edges before those of the
     "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
     "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
 }
+_EIGENVALUES = ("EIGB", "EIGC", "EIGP", "EIGR", "EIGRL")  # how Nastran seeks modes
+_PARAMETERS = re.compile(r"^PARAM(?![\s,]*WTMASS)\b[^\n]*\n", re.MULTILINE | re.IGNORECASE)  # others change no structure
 
 
 def read_bdf(path: str) -> FileModel:
@@ -54,7 +56,8 @@ def read_bdf(path: str) -> FileModel:
     text = _text(includes, includes.path)
     plain, cards = _plain_and_others(text)
     if not (cards.nodes or len(plain.numbers)) or not (cards.elements or plain.solids):
-        raise MeshError("the file holds no grid points and elements that this program reads")
+        others = ", ".join(f"{n} {card}" for card, n in cards.card_count.items() if card in EFFECTS and card.startswith("C"))
+        raise MeshError(f"the file holds no grid points and elements that this program reads{others and f' ({others})'}")
     model = model_of(plain, cards)
     if b"ENDDATA" not in text and _END.search(text) is None:
         effect = "it is not there: what follows in a file that was cut is missing"
@@ -126,9 +129,10 @@ def cards_of(text: str) -> Any:
     if not text.strip():
         raise MeshError("the file is empty")
     _refuse_endless_ranges(text)
-    source, is_whole = _source(text)
+    source, is_whole = _source(_PARAMETERS.sub("", text))
     cards = BDF(debug=None)
-    cards.disable_cards(("DEFUSET", *(EFFECTS.keys() - {"DMIG"})))  # counted, not parsed: their fields differ between programs
+    # counted, not parsed: their fields differ between programs
+    cards.disable_cards(("DEFUSET", *_EIGENVALUES, *(EFFECTS.keys() - {"DMIG"})))
     with read_by_pynastran("Nastran bulk data"):
         cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
         follow_references(cards)
