@@ -1,4 +1,4 @@
-"""Equilibrium at rest: what each joint carries from side to side, and what acts on each body (docs/theory.md, (12.15))."""
+"""Equilibrium at rest: forces across each joint and on each body (docs/theory.md, (12.15))."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ _ROUNDING = 1e-9  # of the forces: less is not shown
 
 @dataclass(frozen=True, eq=False)
 class JointsAtRest:
-    """What joints carry at rest, the same on every rank; each row a force [N] and its moment [N m]."""
+    """Resultant forces of joints at rest, the same on every rank; each row a force [N] and its moment [N m]."""
 
     names: tuple[str, ...]
     about: np.ndarray  # (n_joints, 3) m, the middle of each joint's area, about which moments are
     on_first: np.ndarray  # (n_joints, 6) on the body of the first surface, at its nodes
-    on_second: np.ndarray  # (n_joints, 6) on that of the second; what the first one leaves, on ground
+    on_second: np.ndarray  # (n_joints, 6) on the body of the second surface, or on ground
     size: np.ndarray  # (n_joints,) N, the sum of the magnitudes
     reach: np.ndarray  # (n_joints,) m, from the middle to the farthest point
 
 
 @dataclass(frozen=True, eq=False)
 class BodiesAtRest:
-    """What acts on bodies at rest, those tied as one, the same on every rank; each row a force [N] and its moment [N m]."""
+    """Resultant forces on bodies (tied bodies count as one), the same on every rank; each row a force [N] and moment [N m]."""
 
     names: tuple[str, ...]
     about: np.ndarray  # (n_bodies, 3) m, the mean of the nodes, about which moments are
     loads: np.ndarray  # (n_bodies, 6) of [statics]
-    joints: np.ndarray  # (n_bodies, 6) beside stated preloads, which are in balance with what made them
+    joints: np.ndarray  # (n_bodies, 6) without stated preloads, which are self-equilibrated
     supports: np.ndarray  # (n_bodies, 6) of supports, springs to ground and equations
     size: np.ndarray  # (n_bodies,) N, the largest sum of magnitudes of the three
     reach: np.ndarray  # (n_bodies,) m, from the middle to the farthest node
 
     @property
     def left(self) -> np.ndarray:
-        """What is left over of force [N] and moment [N m], (n_bodies, 6)."""
+        """Imbalance of force [N] and moment [N m], (n_bodies, 6)."""
         return self.loads + self.joints + self.supports
 
 
@@ -65,7 +65,7 @@ def balance_of(loaded: Loaded, rest: Rest, acting: Acting | None) -> Balance:
 
     Raises
     ------
-    ConvergenceError : forces do not balance as far as any solve that is accepted makes them; on every rank
+    ConvergenceError : the imbalance of forces is larger than that of an accepted solve; on every rank
     """
 
     def checked() -> Balance:
@@ -78,7 +78,7 @@ def balance_of(loaded: Loaded, rest: Rest, acting: Acting | None) -> Balance:
 
 
 def _of_joints(pairs: ContactPairs, rest: Rest, acting: Acting) -> JointsAtRest:
-    """Return what joints carry, with what is stated as preload."""
+    """Return the resultant forces of joints, including stated preloads."""
     sides, names = pairs.sides(len(acting.places)), np.array(pairs.joint)
     on_first = -_in_model_axes(pairs, rest.force)
     rows: list[tuple] = []
@@ -95,7 +95,7 @@ def _of_joints(pairs: ContactPairs, rest: Rest, acting: Acting) -> JointsAtRest:
 
 
 def _of_bodies(loaded: Loaded, rest: Rest, acting: Acting) -> BodiesAtRest:
-    """Return what acts on each body, or on several that are tied to each other."""
+    """Return the resultant forces on each body; tied bodies count as one."""
     mesh, constraints, n_nodes = loaded.mesh, loaded.system.constraints, len(acting.places)
     assert mesh is not None, "rank 0 of a structure with a mesh"
     part, part_names = connected_parts(mesh, loaded.body_of)
@@ -123,7 +123,7 @@ def _in_model_axes(pairs: ContactPairs, force: np.ndarray) -> np.ndarray:
 
 
 def _contact_on_nodes(pairs: ContactPairs, rest: Rest, n_nodes: int) -> np.ndarray:
-    """Return the contact forces on nodes, -R^T f_nl, (n_nodes, 3) [N]: what a stated preload presses balances itself."""
+    """Return the contact forces on nodes, -R^T f_nl, (n_nodes, 3) [N]; stated preloads are self-equilibrated."""
     carried = rest.force.copy()
     carried[:, 2] += np.maximum(np.nan_to_num(pairs.N0), 0.0)
     first, second = pairs.sides(n_nodes)
@@ -131,7 +131,7 @@ def _contact_on_nodes(pairs: ContactPairs, rest: Rest, n_nodes: int) -> np.ndarr
 
 
 def _of_side(side: sp.csr_matrix, forces: np.ndarray, acting: Acting, about: np.ndarray) -> np.ndarray:
-    """Return force and moment, (6,), of forces on contact points as the nodes of one side bear them."""
+    """Return the resultant force and moment, (6,), of contact forces on the nodes of one side."""
     return _resultant(acting.places, side.T @ forces, about)
 
 
@@ -154,7 +154,7 @@ def _columns(rows: list[tuple], widths: tuple) -> tuple:
 
 
 def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
-    """Raise ConvergenceError for a body or a joint whose forces balance less than any accepted solve makes them.  Local."""
+    """Raise ConvergenceError for a body or a joint with a larger imbalance than an accepted solve leaves.  Local."""
     for what, table, force in (("", balance.bodies, balance.bodies.left), ("joint ", balance.joints, _between(balance.joints))):
         sizes = _against(table.size)
         for i, name in enumerate(table.names):
@@ -169,12 +169,12 @@ def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
 
 
 def _against(size: np.ndarray) -> np.ndarray:
-    """Return what the forces on each joint or body are compared with, (n,) [N]: a solve leaves its share of all there are."""
+    """Return the reference forces of each joint or body, (n,) [N]: the imbalance of a solve is relative to all forces."""
     return np.maximum(size, RESIDUAL_LIMIT * size.max(initial=0.0))
 
 
 def _of_newton(pairs: ContactPairs, rest: Rest) -> float:
-    """Return the force that the tolerance of (12.3) leaves open [N]."""
+    """Return the imbalance that the tolerance of (12.3) allows [N]."""
     return TOLERANCE * float(np.abs(rest.du).max(initial=0.0) * np.nansum(pairs.k_n + 2.0 * pairs.k_t))
 
 
@@ -184,7 +184,7 @@ def _between(joints: JointsAtRest) -> np.ndarray:
 
 
 def in_words(balance: Balance) -> list[str]:
-    """Return a line for each joint, what it carries across, and one for each body: do its forces balance?  Local."""
+    """Return a line on the forces of each joint, and one on the equilibrium of each body.  Local."""
     return _joints_in_words(balance.joints) + _bodies_in_words(balance.bodies)
 
 
@@ -219,10 +219,10 @@ def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
 
 
 def _open(remainder: float) -> str:
-    """Say that forces balance less than a solve should make them."""
+    """Return a warning if the imbalance is larger than a solve should leave."""
     return "" if remainder <= RESIDUAL_LIMIT else f": more than the {RESIDUAL_LIMIT:g} that a solve should leave"
 
 
 def _shown(vector: np.ndarray, size: float) -> str:
-    """Return three numbers, without what is rounding beside ``size``."""
+    """Return three numbers as text; those that are rounding relative to ``size`` are 0."""
     return place(np.where(np.abs(vector) > _ROUNDING * size, vector, 0.0))

@@ -1,4 +1,4 @@
-"""Bolts in the equilibrium: the stiffness that their cuts feel, tightening to a force, and the forces that result.
+"""Bolts in the equilibrium: stiffness at their cuts, tightening to a force, and resulting forces.
 
 docs/theory.md, section 12.  Small matrices, the same on every rank.
 """
@@ -15,7 +15,7 @@ from ..linear.joint_springs import Linearised
 from ..messages.errors import CaseError
 from ..parallel.ownership import summed
 
-_NOTHING = 1e-9  # stiffness felt over that of the cut itself: below it the two halves of a shank do not hold each other
+_NOTHING = 1e-9  # stiffness at a cut relative to that of the cut itself: below it nothing clamps the two halves of the shank
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Cuts:
         return delta
 
     def force(self, delta: np.ndarray, p: np.ndarray, of_loads: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the forces in the cuts, eq. (12.7), (n_bolts,) [N], with what the other loads add.  Local."""
+        """Return the forces in the cuts, eq. (12.7), (n_bolts,) [N], including those of other loads.  Local."""
         return self.S @ delta + self.RU.T @ p.ravel() + of_loads
 
     @property
@@ -65,7 +65,7 @@ def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
 
     Raises
     ------
-    CaseError : nothing but its shank holds a part of a bolt whose force is given; on every rank
+    CaseError : a part of a bolt with a given force is held by its shank alone; on every rank
     """
     system, comm = linearised.system, linearised.system.comm
     first, last = linearised.K_L.getOwnershipRange()
@@ -86,6 +86,6 @@ def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
 
 
 def of_loads(cuts: Cuts, linearised: Linearised, forces_owned: np.ndarray) -> np.ndarray:
-    """Return what forces on the structure add to those in the cuts, all pairs stuck, (n_bolts,) [N].  Collective: one sum."""
+    """Return the forces in the cuts due to forces on the structure, all pairs stuck, (n_bolts,) [N].  Collective: one sum."""
     comm = linearised.system.comm
     return comm.bcast(cuts.bolts.loaded - summed(comm, cuts.U_owned.T @ forces_owned))

@@ -1,4 +1,4 @@
-"""Whether contact at rest presses on every body that nothing but contact holds (docs/theory.md, section 12)."""
+"""Contact check: bodies held by contact alone must be in contact at rest (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from .equilibrium import Rest
 from .loaded import Loaded
 from .rest import loose_parts
 
-RESOLVED = 1e-10  # normal force over the sum of all loads: below it a hundred times what equilibrium is solved to
+RESOLVED = 1e-10  # normal force over the sum of all loads; a hundred times the tolerance of the equilibrium
 
 
 def check_contact(loaded: Loaded, rest: Rest) -> None:
-    """Raise CaseError on every rank for a body that contact alone holds and nothing presses on.
+    """Raise CaseError on every rank for a body held by contact alone that no contact force acts on.
 
-    Collective on ``loaded.system.comm``.  Loads that balance each other on a body leave its joints to rounding: a pair or two
-    then count as closed, and what vibrates hangs on them.
+    Collective on ``loaded.system.comm``.  If the loads on a body balance each other, its contact forces are rounding: a pair or
+    two then count as closed, and hold the vibrating body.
     """
     system, mesh, pairs = loaded.system, loaded.mesh, loaded.pairs
     gathered = system.comm.gather(loaded.forces_owned)
@@ -53,7 +53,7 @@ def _size(forces: np.ndarray, pairs: ContactPairs, rest: Rest) -> float:
 
 
 def _groups(part: np.ndarray, n_parts: int, loose: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the group of each part, (n_parts,), and which groups are held: all held parts are the first, what is tied is one."""
+    """Return the group of each part, (n_parts,), and which groups are held: all held parts are the first; tied parts are one."""
     group_of = np.zeros(n_parts, dtype=int)
     for i, parts in enumerate(loose, 1):
         group_of[parts] = i
@@ -61,7 +61,7 @@ def _groups(part: np.ndarray, n_parts: int, loose: tuple[np.ndarray, ...]) -> tu
 
 
 def _on_groups(counts: sp.csr_matrix, group_of: np.ndarray) -> np.ndarray:
-    """Return the group that moves a side of each contact point, (n_pairs,); ground is with what is held."""
+    """Return the group of one side of each contact point, (n_pairs,); ground belongs to the held group."""
     has_part = np.diff(counts.indptr) > 0
     groups = np.zeros(counts.shape[0], dtype=int)
     groups[has_part] = group_of[counts.indices[counts.indptr[:-1][has_part]]]
@@ -69,7 +69,7 @@ def _on_groups(counts: sp.csr_matrix, group_of: np.ndarray) -> np.ndarray:
 
 
 def _not_pressed(first: np.ndarray, second: np.ndarray, N: np.ndarray, is_held: np.ndarray, least: float) -> np.ndarray:
-    """Return the groups that no chain of joints, each carrying ``least`` [N] or more, connects to what is held."""
+    """Return the groups that no chain of joints, each with a force of ``least`` [N] or more, connects to a held group."""
     carried = sp.coo_matrix((np.maximum(N, 0.0), (first, second)), (len(is_held), len(is_held))).tocsr()
     carried.data[~(carried.data > least)] = 0.0
     carried.eliminate_zeros()

@@ -1,6 +1,6 @@
 """Rest of a joint under constant loads: unilateral contact and friction in load steps (docs/theory.md, section 12).
 
-With all pairs stuck the structure is linear, and only what the contact forces add is not: the equations are those of harmonic
+With all pairs stuck the structure is linear, and only the contact forces are nonlinear: the equations are those of harmonic
 balance with the mean alone, condensed to the pairs, and the law is that of the vibration, step by step.
 """
 
@@ -28,17 +28,17 @@ from .bolts import BoltsAtRest, Cuts, of_loads
 TOLERANCE = 1e-12  # of the relative displacement, over the largest there is
 MOST_ITERATIONS = 60
 HALVINGS = 6  # of a Newton step that makes the residual grow
-FARTHEST = 1e6  # over the displacement with all pairs stuck: beyond it nothing holds a body
+FARTHEST = 1e6  # times the displacement with all pairs stuck: beyond it a body is taken to be free
 SHORTEST = 2.0**-12  # of a load step
 LARGEST = 12_000  # rows of pairs that open or slip, solved for densely
-_ASKED_FROM = 1e8  # bytes from which memory is asked for before it is taken
+_ASKED_FROM = 1e8  # bytes from which the available memory is checked before allocation
 _BLOCK = 64  # pairs whose rows of the flexibility are copied at a time
 _FEWER = "a coarser mesh of the contact surfaces, stiffer contact, or more ranks on more machines need less"
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A joint in equilibrium; the same on every rank but for the displacement of the structure."""
+    """A joint in equilibrium; the same on every rank except the displacement of the structure."""
 
     du: np.ndarray  # (n_pairs, 3) m, relative displacements
     force: np.ndarray  # (n_pairs, 3) N, on body 2 and against body 1: friction x and y, and minus the normal force
@@ -46,7 +46,9 @@ class Rest:
     iterations: int  # of Newton, in all steps
     steps: int  # that were taken
     bolts: BoltsAtRest | None = None
-    memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (n_pairs, n_memory) what the law remembers beside p
+    memory: np.ndarray = field(
+        default_factory=lambda: np.zeros((0, 0))
+    )  # (n_pairs, n_memory) internal variables of the law in addition to p
 
     @property
     def N(self) -> np.ndarray:
@@ -55,7 +57,7 @@ class Rest:
 
 
 class Flexibility:
-    """R K_L^-1 R^T by columns, solved for when pairs first need them; each rank has the rows of its share of the pairs."""
+    """R K_L^-1 R^T by columns, computed when pairs first need them; each rank has the rows of its pairs."""
 
     def __init__(self, linearised: Linearised):
         R, self.comm = linearised.system.R, linearised.system.comm
@@ -131,19 +133,19 @@ def equilibrium(
     cuts: Cuts | None = None,
     free_bodies: Callable[[], str] = lambda: "",
 ) -> Rest:
-    """Return the joint at rest under ``forces_owned`` (n_dof_owned,) [N], this rank's rows, put on in equal steps.
+    """Return the joint at rest under ``forces_owned`` (n_dof_owned,) [N], this rank's rows, applied in equal steps.
 
-    Collective.  ``G`` is that of the springs of all pairs.  docs/theory.md, eq. (12.3).  A step without a solution is halved.
-    Bolts, by their ``cuts``, are tightened first, in as many steps; then their shortening is held while the forces are put on.
+    Collective.  ``G`` has the springs of all pairs.  docs/theory.md, eq. (12.3).  Steps without solution are halved.
+    Bolts, given by their ``cuts``, are tightened first, in the same number of steps; then the forces act at constant shortening.
 
     Parameters
     ----------
-    free_bodies : says which bodies the loads move freely, and what would hold them; collective
+    free_bodies : returns a text on the bodies that the loads move freely and on what would hold them; collective
 
     Raises
     ------
-    ConvergenceError : no equilibrium; the text says which body nothing presses on any more; on every rank
-    ResourceError : more pairs open or slip than are solved for densely; on every rank
+    ConvergenceError : no equilibrium; the text names the bodies that lose contact; on every rank
+    ResourceError : more pairs open or slip than a dense solve allows; on every rank
     """
     linearised, system, comm = G.linearised, G.linearised.system, G.linearised.system.comm
     first, last = linearised.K_L.getOwnershipRange()
@@ -190,10 +192,10 @@ def stuck_forces(G: Flexibility, pairs: ContactPairs, forces_owned: np.ndarray, 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """The joint where a march has come to."""
+    """The state of the joint after a load step."""
 
     du: np.ndarray  # (n_pairs, 3) m
-    after: np.ndarray  # (n_pairs, 3 + n_memory) N, p and what the law remembers beside it
+    after: np.ndarray  # (n_pairs, 3 + n_memory) N, p and internal variables of the law
 
     @property
     def p(self) -> np.ndarray:
@@ -202,13 +204,13 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """What moves the pairs while they all stick: a part that is there, and one that is put on in steps."""
+    """The motion of stuck pairs under loads: a constant part, and a part that rises in steps."""
 
     held: np.ndarray  # (n_pairs, 3) m
     rising: np.ndarray  # (n_pairs, 3) m
-    name: str  # of what is put on, for messages
+    name: str  # of the rising part, for messages
     free_bodies: Callable[[], str] = lambda: ""
-    release: tuple[np.ndarray, np.ndarray] | None = None  # R K_L^-1 F and S^-1 of bolts that give way at their force
+    release: tuple[np.ndarray, np.ndarray] | None = None  # R K_L^-1 F and S^-1 of bolts with a given force
 
     @property
     def largest(self) -> float:
@@ -217,7 +219,7 @@ class Loading:
 
 @dataclass(frozen=True, eq=False)
 class _Sought:
-    """An equilibrium to be found: under which loads, by which law, from which state on."""
+    """An equilibrium problem: loads, contact law, and the state before."""
 
     loading: Loading
     fraction: float  # of what rises
@@ -226,7 +228,7 @@ class _Sought:
 
     @property
     def load(self) -> np.ndarray:
-        """What moves the pairs while they all stick, (n_pairs, 3) [m]."""
+        """The motion of the stuck pairs under the loads, (n_pairs, 3) [m]."""
         return self.loading.held + self.fraction * self.loading.rising
 
     def at(self, du: np.ndarray) -> _Trial:
@@ -237,7 +239,7 @@ class _Sought:
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """The pairs at a motion that may be an equilibrium."""
+    """The pairs at a trial motion."""
 
     state: State
     L: np.ndarray  # (n_pairs, 3, 3) dp / d du [N/m]
@@ -245,14 +247,14 @@ class _Trial:
 
 
 class Contact:
-    """du = held + share rising - G p, p by the law from what it was: Newton's method, whose linear systems rank 0 solves."""
+    """du = held + fraction rising - G p, p by the law from the state before: Newton's method; rank 0 solves."""
 
     def __init__(self, comm: MPI.Comm, pairs: ContactPairs, G: Flexibility):
         self.comm, self.pairs, self.law, self.G = comm, pairs, pairs.law, G
         self.iterations = 0
 
     def follow(self, loading: Loading, now: State, n_steps: int) -> tuple[State, int]:
-        """Return the state under all of a loading, put on in equal steps or shorter ones, and their number.  Collective."""
+        """Return the state under the whole loading, applied in equal or shorter steps, and their number.  Collective."""
         fraction, step, n_taken = 0.0, 1.0 / n_steps, 0
         while fraction < 1.0 - 1e-9:
             next_fraction = min(fraction + step, 1.0)
@@ -269,10 +271,10 @@ class Contact:
         return now, n_taken
 
     def _fallen(self, loading: Loading, was: State, fraction: float) -> State | None:
-        """Return the state of bodies that have fallen through their gaps, None where none is found.  Collective.
+        """Return the state of bodies that have moved through their gaps, None if there is none.  Collective.
 
-        A body that hangs on its gaps alone moves freely until they close, so that no share of the load leads there.  Instead the
-        gaps open from none, under that share; then friction begins, from none.
+        A body with gaps alone moves freely until they close, so that no fraction of the load leads there.  Instead the gaps
+        grow from zero under that fraction; then friction acts, from zero.
         """
         opened, step, gaps = 0.0, 1.0, np.minimum(self.pairs.N0, 0.0)
         start = fraction * loading.rising
@@ -292,16 +294,16 @@ class Contact:
         return self._solve(loading, State(now.du, after), fraction, now.du)
 
     def _solve(self, loading: Loading, was: State, fraction: float, du: np.ndarray, law: Law | None = None) -> State | None:
-        """Return the state at a share of the load, from ``du``; None where Newton does not find one.  Collective.
+        """Return the state at a fraction of the load, from ``du``; None if Newton's method does not converge.  Collective.
 
-        Many gaps close and open in full steps sooner than in those that must lower the residual, which come after them.
+        With many gaps, full steps are tried first; steps that must lower the residual follow if these fail.
         """
         has_gaps, sought = bool((self.pairs.N0 < 0.0).any()), _Sought(loading, fraction, law or self.law, was)
         state = self._newton_from(sought, du, 0) if has_gaps else None
         return state or self._newton_from(sought, du, HALVINGS)
 
     def _newton_from(self, sought: _Sought, du: np.ndarray, halvings: int) -> State | None:
-        """Return the state that Newton's method finds from ``du`` with steps halved so often, if it does.  Collective."""
+        """Return Newton's state from ``du`` with at most ``halvings`` halvings of a step; None if it fails.  Collective."""
         largest = max(sought.loading.largest, float(np.abs(du).max(initial=0.0)))
         for _ in range(MOST_ITERATIONS):
             trial = sought.at(du)
@@ -342,11 +344,11 @@ class Contact:
                 if du_error < error:
                     break
             elif k == 0:
-                return du, error  # pairs of which nothing is known yet
+                return du, error  # pairs that have not been evaluated yet
         return best, error
 
     def _flexibility(self, loading: Loading, p: np.ndarray, active: np.ndarray) -> np.ndarray:
-        """Return the motion by forces p (n_pairs, 3) of ``active`` pairs, bolts giving way, (n_pairs, 3) [m].  Collective."""
+        """Return the motion by forces p (n_pairs, 3) of ``active`` pairs, with compliant bolts, (n_pairs, 3) [m].  Collective."""
         pairs = np.flatnonzero(active)
         du = self.G.apply(pairs, p[active])
         if loading.release is not None:
@@ -373,7 +375,7 @@ class Contact:
         return step if np.isfinite(step).all() else None
 
     def _why_not(self, loading: Loading, now: State, fraction: float, n_steps: int) -> str:
-        """Say what is open where the load ends at which there is equilibrium, what moves beyond it, and what would hold it.
+        """Return a text on the largest load with equilibrium: open pairs there, what moves beyond it, and what would hold it.
 
         Collective.
         """

@@ -1,4 +1,4 @@
-"""Equilibrium with large displacements: Newton's method around that of small ones (docs/theory.md, section 12)."""
+"""Equilibrium with large displacements: Newton's method with equilibria of small displacements (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SHORTEST = 1.0 / 16.0  # share of the load put on at once
 
 @dataclass(frozen=True, eq=False)
 class About:
-    """The structure about a displacement, under a share of the load."""
+    """The structure linearised about a displacement, under a fraction of the load."""
 
     K: PETSc.Mat  # K_T, N/m
     forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows of the forces beside that share of the constant ones
@@ -31,10 +31,10 @@ class About:
 
 @dataclass(frozen=True, eq=False)
 class Sought:
-    """An equilibrium with large displacements that is looked for."""
+    """An equilibrium problem with large displacements."""
 
     system: System
-    # of this rank's rows of a displacement, a share of the load, and whether the stress is that of an equilibrium
+    # of this rank's rows of a displacement, a fraction of the load, and whether the stress is that of an equilibrium
     about: Callable[[np.ndarray, float, bool], About]
     forces_owned: np.ndarray  # (n_dof_owned,) N, constant, this rank's rows
     n_steps: int  # of contact, each time
@@ -43,9 +43,9 @@ class Sought:
 
 
 def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
-    """Return the rest under all loads, the structure about it, and the steps of Newton's method that it took.
+    """Return the rest under all loads, the structure linearised about it, and the number of Newton steps.
 
-    Collective.  docs/theory.md, eq. (12.14).  A share of the load without a solution is halved.
+    Collective.  docs/theory.md, eq. (12.14).  A step of the load without solution is halved.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
 
 
 def _under(sought: Sought, u: np.ndarray, fraction: float) -> tuple[Rest, int]:
-    """Return the rest under a share of the load, from a displacement (n_dof_owned,) on, and the steps taken.  Collective."""
+    """Return the rest under a fraction of the load, from a displacement (n_dof_owned,), and the number of steps.  Collective."""
     comm = sought.system.comm
     for k in range(1, MOST_STEPS + 1):
         rest = _step(sought, u, fraction, k > 1)

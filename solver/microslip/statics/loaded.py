@@ -1,4 +1,4 @@
-"""A structure under its constant loads, as questions about its rest need it."""
+"""A structure under its constant loads, for checks of its rest."""
 
 from __future__ import annotations
 

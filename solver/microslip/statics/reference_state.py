@@ -1,4 +1,4 @@
-"""The reference state, before the constant loads act, and the rest that a structure comes to from there."""
+"""The reference state, before the constant loads act, and the state of rest under them."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from .loaded import Loaded
 from .rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
 from .rigid_bodies import free_bodies
 
-SAME = 1e-10  # of the largest displacement: two rests that differ by less are one
+SAME = 1e-10  # of the largest displacement: states of rest that differ by less are the same
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceState:
-    """A structure before its constant loads act, with all that the search for its rest needs."""
+    """A structure before its constant loads act, with all data for computing its rest."""
 
     system: System
     shares: DistributedMesh
@@ -60,12 +60,12 @@ class ReferenceState:
     ) -> ReferenceState:
         """Return a structure with its constant forces and bolts.  Collective.
 
-        Rough surfaces that nothing presses at first get the springs of about the pressure that the loads will make, which takes
-        a factor of its own.
+        Rough surfaces without pressure at first get the springs of the approximate pressure under the loads, which takes another
+        factor.
 
         Raises
         ------
-        MeshError : places or groups without nodes, bolts without a cut, what is moved and not held; on every rank
+        MeshError : places or groups without nodes, bolts without a cut, moved nodes that are not supported; on every rank
         """
         system = replace(system, moved=moved_supports(mesh, settings, system))
         forces, bolts = constant_forces(shares, mesh, settings, system), pretension(shares, mesh, settings, system)
@@ -78,7 +78,7 @@ class ReferenceState:
 
     @cached_property
     def flexibility(self) -> Flexibility:
-        """That of the pairs, all of them stuck, with the factor; friction and preload are no part of it.  Collective."""
+        """The flexibility with all pairs stuck, and its factor; it does not depend on friction and preload.  Collective."""
         return Flexibility(linearise(self.system, self.pairs, self.where))
 
     @cached_property
@@ -92,7 +92,7 @@ class ReferenceState:
         return None if self.bolts is None else cuts_of(self.flexibility.linearised, self.bolts, self.where)
 
     def close(self) -> None:
-        """Free the factor, if there is one, and what was made with it; it is made again where it is needed.  Collective."""
+        """Free the factor, if there is one, and results that need it; they are computed again when needed.  Collective."""
         vars(self).pop("cuts", None)
         flexibility = vars(self).pop("flexibility", None)
         if flexibility is not None:
@@ -101,7 +101,7 @@ class ReferenceState:
 
 @dataclass(frozen=True, eq=False)
 class AtRest:
-    """A structure as it vibrates about its rest: as it was assembled, where no constant loads act."""
+    """A structure at rest, about which it vibrates; without constant loads the structure as assembled."""
 
     system: System
     pairs: ContactPairs
@@ -111,10 +111,10 @@ class AtRest:
 
 
 def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | None = None) -> AtRest:
-    """Return the structure as it vibrates about its rest under the constant loads.
+    """Return the structure at rest under the constant loads, about which it vibrates.
 
     Collective.  ``pairs`` are those before the loads act; they may differ from the structure's own in friction and preload.
-    ``known`` is the structure at a rest that was found before: where this one is the same, so is its K.
+    ``known`` is the structure at an earlier rest, whose K is reused if the displacement at rest is the same.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def _rest(reference: ReferenceState, pairs: ContactPairs, free: Callable[[], str
 
 
 def _about(reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, fraction: float, is_stressed: bool) -> About:
-    """Return the structure about a displacement, this rank's rows, under a share of the load.  Collective."""
+    """Return the structure about a displacement, this rank's rows, under a fraction of the load.  Collective."""
     K, forces = tangent_about(reference.shares, reference.settings, reference.system, u_owned, fraction, is_stressed)
     if not pairs.n_pairs:
         return About(K, forces, pairs)
@@ -183,7 +183,7 @@ def _messages_of_large(reference: ReferenceState, pairs: ContactPairs, rest: Res
 
 
 def _stiffness(reference: ReferenceState, rest: Rest, known: System | None) -> PETSc.Mat:
-    """Return K about a rest with small displacements: that of a known one that is the same.  Collective."""
+    """Return K about a rest with small displacements; that of the known rest if it is the same.  Collective."""
     system, settings = reference.system, reference.settings
     if known is not None and _is_same(known, rest.u_owned):
         return known.K
@@ -193,7 +193,7 @@ def _stiffness(reference: ReferenceState, rest: Rest, known: System | None) -> P
 
 
 def _motions_above_cuts(reference: ReferenceState, rest: Rest) -> Seen | None:
-    """Return what elements above the cuts of bolts see beside the displacement of their nodes; None without bolts.  Local."""
+    """Return the motions of elements above the cuts of bolts in addition to those of their nodes; None without bolts.  Local."""
     if reference.bolts is None or rest.bolts is None:
         return None
     return partial(reference.bolts.overlap.motions_of, shortening=rest.bolts.shortening)

@@ -1,4 +1,4 @@
-"""The state of rest: the pairs that vibrate about it, and what a run says of it."""
+"""The state of rest: the pairs about it, and the lines for the log."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _PRESSED = "; WARNING: it is pressed at rest, and a bolt only pulls: it would be
 
 
 def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
-    """Return the pairs as they vibrate about their rest: preload or gap, friction force, and no springs where they are open.
+    """Return the pairs at rest, about which they vibrate: preload or gap, friction force, no springs if open.
 
     Local.  docs/theory.md, eq. (12.4) and eq. (12.10).
 
@@ -44,20 +44,20 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
 def of_larger_area(pairs: ContactPairs, ratio: np.ndarray) -> ContactPairs:
     """Return pairs whose areas are ``ratio`` (n_pairs,) times as large, in a deformed shape.  Local.
 
-    Springs, preloads and gaps of elastic-Coulomb friction go with it; other laws keep what they have.
+    Springs, preloads and gaps of elastic-Coulomb friction scale with the area; other laws do not change.
     """
     ratio = np.where(pairs.laws == ELASTIC_COULOMB, ratio, 1.0)
     return replace(pairs, area=pairs.area * ratio, k_t=pairs.k_t * ratio, k_n=pairs.k_n * ratio, N0=pairs.N0 * ratio)
 
 
 def touches_from_none(pairs: ContactPairs) -> np.ndarray:
-    """Return which pairs follow a power of the approach from no pressure on, (n_pairs,) bool.  Local."""
+    """Return which pairs follow a power of the approach from zero pressure, (n_pairs,) bool.  Local."""
     reference = pairs.law_columns.get("reference", np.full(pairs.n_pairs, np.nan))
     return (reference > 0.0) & (pairs.N0 <= 0.0)
 
 
 def referred_to(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
-    """Return pairs of the same law, with the springs and asperities of about the pressure that forces N (n_pairs,) [N] make.
+    """Return pairs of the same law, with springs and asperities for the approximate pressure of forces N (n_pairs,) [N].
 
     Local.  docs/theory.md, section 12: of pairs that touch from none on, joint by joint, at the largest pressure there.
     """
@@ -77,12 +77,12 @@ def referred_to(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
 
 
 def in_words(pairs: ContactPairs, rest: Rest, balance: Balance) -> list[str]:
-    """Return lines on each joint, each bolt and each body: what is closed, what slid, whether forces balance.  Local."""
+    """Return lines on each joint, each bolt and each body: closed and slid pairs, forces, equilibrium.  Local."""
     return _of_joints(pairs, rest) + _of_bolts(rest) + balance_in_words(balance)
 
 
 def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
-    """Return a line for each joint: what is closed, what slid, what it carries."""
+    """Return a line for each joint: closed pairs, slid pairs, forces."""
     names, limit = np.array(pairs.joint), friction_limit(pairs.laws, pairs.columns, rest.N)
     lines = [f"rest found in {rest.steps} load steps, {rest.iterations} Newton iterations"]
     for name in dict.fromkeys(pairs.joint):
@@ -114,7 +114,7 @@ def _of_bolts(rest: Rest) -> list[str]:
 
 
 def loose_parts(system: System, part: np.ndarray, n_parts: int) -> tuple[np.ndarray, ...]:
-    """Return the connected parts that nothing but joints holds, those that are tied together in one array.  Local, rank 0.
+    """Return the connected parts held by joints alone; tied parts are in one array.  Local, rank 0.
 
     ``part`` (n_nodes,) is that of each node.
     """

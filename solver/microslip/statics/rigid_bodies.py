@@ -1,4 +1,4 @@
-"""Which body nothing holds, and where to, when contact and friction cannot bear the loads (docs/theory.md, section 12)."""
+"""Rigid-body check: bodies that contact and friction cannot hold, and their motion (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..parallel.agree import on_root
 from .loaded import Loaded
 
 _BALANCED = 1e-6  # what is left of the loads over themselves: below it rigid bodies are in equilibrium
-_TAKES_PART = 0.3  # of the largest motion: bodies that move less are carried along
+_TAKES_PART = 0.3  # of the largest motion: bodies that move less are not named
 _TIMES = tuple(2.0**k for k in range(1, 8))  # the friction stated, in the search for what would hold a body
 _HALVINGS = 6  # of that search, to 1 or 2 %
 _ROUNDS = 40  # in which edges are added to the cones, each straight against the motion of the last
@@ -28,11 +28,11 @@ class _Rigid:
     middle: np.ndarray  # (n_parts, 3) m
     reach: np.ndarray  # (n_parts,) m
     motions: np.ndarray  # (n_nodes, 3, 6) of each node with its own part
-    part: np.ndarray  # (n_nodes,); what is tied is one
+    part: np.ndarray  # (n_nodes,); tied parts are one
 
 
 def free_bodies(loaded: Loaded) -> str:
-    """Return in words which bodies contact and friction cannot hold, how they move, and what would hold them.
+    """Return a text on the bodies that contact and friction cannot hold, how they move, and what would hold them.
 
     "" where rigid bodies would be held.
 
@@ -40,8 +40,8 @@ def free_bodies(loaded: Loaded) -> str:
 
     Notes
     -----
-    docs/theory.md, eq. (12.9): bodies are rigid here.  The loads are projected on what supports, and contact forces within
-    their cones of friction, can bear; what is left over is the motion.
+    docs/theory.md, eq. (12.9): bodies are rigid here.  The loads are projected on the forces of supports and of contact within
+    its friction cones; the remainder is the motion.
     """
     system = loaded.system
     gathered = system.comm.gather(loaded.forces_owned)
@@ -89,7 +89,7 @@ def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndar
     for _ in range(_ROUNDS):
         try:
             multipliers, left = nnls(-cones.T, g)
-        except RuntimeError:  # it gave up: what is open is said all the same
+        except RuntimeError:  # without convergence the open pairs are reported nevertheless
             return np.zeros((len(rigid.names), 6))
         if not left > _BALANCED * float(np.linalg.norm(load)):
             return np.zeros((len(rigid.names), 6))
@@ -102,7 +102,7 @@ def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndar
 
 
 def _what_holds(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> str:
-    """Say how much friction would hold the bodies, or that none would.  Local, rank 0."""
+    """Return a text on the friction coefficient that would hold the bodies, or that none would.  Local, rank 0."""
 
     def is_held(times: float) -> bool:
         return not _motions(system, rigid, replace(pairs, mu=times * pairs.mu), forces).any()
@@ -136,7 +136,7 @@ def _by_row(system: System, rigid: _Rigid) -> np.ndarray:
 
 
 def _points(system: System, rigid: _Rigid) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
-    """Return of each point its rows (6,), which of them are held (6,), its part, and its rigid motions there (6, 6)."""
+    """Return for each point its rows (6,), which of them are held (6,), its part, and its rigid motions (6, 6)."""
     constraints, points = system.constraints, []
     if constraints is None:
         return []
@@ -184,7 +184,7 @@ def _against(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, q: np.ndarray) -
 
 
 def _per_newton(pairs: ContactPairs) -> np.ndarray:
-    """Return the friction that holds at most for each newton that presses, (n_pairs,)."""
+    """Return the friction limit per newton of normal force, (n_pairs,)."""
     return friction_limit(pairs.laws, pairs.columns, np.ones(pairs.n_pairs))
 
 
@@ -196,7 +196,7 @@ def _cone(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, across: np.ndarray)
 
 
 def _without_lift(q: np.ndarray, Z: np.ndarray, B: np.ndarray, mu: np.ndarray) -> np.ndarray:
-    """Return the motion with pairs that slide staying closed: projected on a cone, they would lift by mu times their slip."""
+    """Return the motion with sliding pairs kept closed: projected on a cone, they would lift by mu times their slip."""
     moved = B @ q
     slides = moved[:, 2] <= 1.1 * mu * np.linalg.norm(moved[:, :2], axis=1) + 1e-9 * np.abs(moved).max(initial=0.0)
     closed = B[slides, 2] @ Z
@@ -206,7 +206,7 @@ def _without_lift(q: np.ndarray, Z: np.ndarray, B: np.ndarray, mu: np.ndarray) -
 
 
 def _in_words(name: str, q: np.ndarray, middle: np.ndarray) -> str:
-    """Say how a part moves: along a direction, or turning about an axis through its middle."""
+    """Return a text on the motion of a part: along a direction, or about an axis through its middle."""
     shift, turn = q[:3], q[3:]
     along, about = np.linalg.norm(shift), np.linalg.norm(turn)
     motion = f"along {_direction(shift)}" if along >= 0.5 * about else ""
