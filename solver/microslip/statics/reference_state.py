@@ -30,7 +30,7 @@ from .equilibrium import Flexibility, Rest, equilibrium, stuck_forces
 from .large_displacements import About, Sought, large_equilibrium
 from .loaded import Loaded
 from .rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
-from .rigid_bodies import free_bodies
+from .rigid_bodies import freely_moved_bodies
 
 SAME = 1e-10  # of the largest displacement: states of rest that differ by less are the same
 
@@ -124,7 +124,7 @@ def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | No
     statics = stated_statics(settings)
     assert statics is not None, "a scene with [statics]"
     loaded = Loaded(system, reference.mesh, pairs, forces, settings.body_of, where)
-    free = partial(free_bodies, loaded)
+    free = partial(freely_moved_bodies, loaded)
     messages: list[str] = []
     if statics.large_displacements:
         sought = Sought(system, partial(_about, reference, pairs), forces, statics.steps, free, where)

@@ -31,7 +31,7 @@ class _Rigid:
     part: np.ndarray  # (n_nodes,); tied parts are one
 
 
-def free_bodies(loaded: Loaded) -> str:
+def freely_moved_bodies(loaded: Loaded) -> str:
     """Return a text on the bodies that contact and friction cannot hold, how they move, and what would hold them.
 
     "" where rigid bodies would be held.
