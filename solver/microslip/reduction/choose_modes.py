@@ -1,4 +1,4 @@
-"""How many modes: as many as are stated, or the fewest whose bound meets the requested accuracy."""
+"""The number of modes: as stated, or the fewest whose bound meets the requested accuracy."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .stuck import StuckStructure
 from .truncation import TruncationBound, truncation_bound
 
 Stuck = TypeVar("Stuck", bound=StuckStructure)
-_AT_ONCE = 400  # DOFs up to which LAPACK finds all modes at once
+_AT_ONCE = 400  # DOFs up to which LAPACK computes all modes at once
 _START, _MOST = 12, 600  # modes of the first batch, each further one has twice as many; and of the last
-_EQUAL = 1e-6  # relative difference of equal frequencies, which are kept or left out together
+_EQUAL = 1e-6  # relative difference of equal frequencies, which are used or truncated together
 
 
 def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
-    """Return a stuck structure with as many modes in use as are needed, and a line that says why so many.
+    """Return a stuck structure with the necessary number of modes in use, and a line on the reason for that number.
 
-    Collective on the structure's communicator.  Modes that were computed before serve; others are computed.
+    Collective on the structure's communicator.  Modes computed before are reused; others are computed.
 
     Raises
     ------
@@ -41,12 +41,12 @@ def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]
 
 
 def as_stated(omega_n: np.ndarray, settings: ReductionSettings, n_dof: int) -> str:
-    """Return the line that says why, where the number of modes is stated.  Local."""
+    """Return the line on the reason where the number of modes is stated.  Local."""
     return f"modes: {settings.modes}, as [solver] modes says" + _missing(omega_n, settings.band, n_dof)
 
 
 def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:
-    """Say that resonances may be missing, where the modes that are stated end below the end of its range.  Local."""
+    """Return a note that resonances may be missing, if the stated modes end below the end of the range.  Local."""
     if len(omega_n) in (0, n_dof):
         return ""
     last, highest = omega_n[-1] / (2.0 * np.pi), frequency_band(band, omega_n)[1]
@@ -82,7 +82,7 @@ def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
 
 
 def batches(n_dof: int, mode: int) -> Iterator[tuple[int, bool]]:
-    """Yield how many modes are sought at a time, and whether that is the last time; ``mode`` is the highest asked for.  Local."""
+    """Yield the number of modes of each batch, and whether it is the last; ``mode`` is the highest requested mode.  Local."""
     cap = n_dof if n_dof <= SHARE * _MOST else min(_MOST, most_modes(n_dof))
     n_batch = max(_START, mode + 1)
     while True:
@@ -96,7 +96,7 @@ def batches(n_dof: int, mode: int) -> Iterator[tuple[int, bool]]:
 def picked(
     bound: TruncationBound, omega_n: np.ndarray, is_all: bool, is_last: bool, settings: ReductionSettings
 ) -> tuple[int | None, str]:
-    """Return how many of the modes found are needed and why, None if more must be found.  Local.
+    """Return how many of the computed modes are needed and why, None if more must be computed.  Local.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def picked(
 
 
 def _first_within(bound: np.ndarray, omega_n: np.ndarray, settings: ReductionSettings) -> int | None:
-    """Return the least number of modes within the accuracy, with all modes of the range among them.  Local."""
+    """Return the smallest number of modes within the accuracy that includes all modes in the range.  Local."""
     highest = 2.0 * np.pi * frequency_band(settings.band, omega_n)[1]
     following = omega_n[1:]
     good = (bound[:-1] <= settings.accuracy) & (following > highest) & (following > (1.0 + _EQUAL) * omega_n[:-1])
@@ -121,7 +121,7 @@ def _first_within(bound: np.ndarray, omega_n: np.ndarray, settings: ReductionSet
 
 
 def _out_of_reach(bound: np.ndarray, settings: ReductionSettings) -> int:
-    """Return all modes but one, the next one known, where the accuracy is left to the program; refuse otherwise."""
+    """Return all modes but the last, which bounds the truncation, with the default accuracy; refuse if an accuracy is stated."""
     n_modes = len(bound) - 1
     if settings.insists:
         raise CaseError(

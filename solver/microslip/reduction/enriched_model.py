@@ -1,4 +1,4 @@
-"""The enriched model that error bars compare with: the stuck structure's receptance, and samples of the truncated modes."""
+"""The enriched model of the error bars: the receptance of the stuck structure, and samples of the truncated modes."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from .stuck import StuckStructure, owned_product, projection_rows
 def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: ReductionSettings) -> EnrichedModel:
     """Return the enriched model of a reduction.
 
-    Collective on the system's communicator: the static solves of ``samples_beyond``, for the group of harmonic 1 now, for
-    others when they are needed.
+    Collective on the system's communicator: the static solves of ``samples_beyond``, for the group of harmonic 1 now, and for
+    other groups on demand.
     """
     if reduction.leaves_out == "nothing":
         return EnrichedModel.of_all_modes(reduction.structure)
@@ -51,7 +51,7 @@ class Samples:
     s has the covariance diag(M).  docs/theory.md, section 11.
     """
 
-    rows: np.ndarray  # (3 n_pairs + n_outputs + n_loads, SAMPLES) Z s seen from pairs, outputs and loads
+    rows: np.ndarray  # (3 n_pairs + n_outputs + n_loads, SAMPLES) Z s projected on pairs, outputs and loads
     direct: np.ndarray  # (n_outputs, n_loads) W = Z M Z between outputs and loads
     drive_point: np.ndarray  # (n_loads,) W of each load with itself
     energies: np.ndarray  # (N,) of each mode in diag(M)
@@ -61,11 +61,11 @@ class Samples:
     coupled: np.ndarray | None = None  # (N, SAMPLES) phi^H C Z s; None: there is no C
 
 
-SAMPLED, COUPLED = "samples", "structural coupling"  # keys of what is made of a structure once, for its modes computed
+SAMPLED, COUPLED = "samples", "structural coupling"  # keys of results computed once for the modes of a structure
 
 
 def samples_beyond(stuck: StuckStructure) -> Samples:
-    """Return the samples beyond all modes computed, made once.  Collective: a solve a random vector, load and output."""
+    """Return the samples beyond all computed modes, computed once.  Collective: one solve per random vector, load and output."""
 
     def make() -> Samples:
         everything = stuck.using(stuck.n_computed)
@@ -93,7 +93,7 @@ def samples_beyond(stuck: StuckStructure) -> Samples:
 
 
 def coupling_beyond(stuck: StuckStructure) -> StructuralCoupling:
-    """Return Z under d = R^H K_J R phi of all modes computed, for a loss factor of 1, made once.  Collective: a solve a mode."""
+    """Return Z under d = R^H K_J R phi of all computed modes, for a loss factor of 1, once.  Collective: a solve per mode."""
 
     def make() -> StructuralCoupling:
         system, everything = stuck.system, stuck.using(stuck.n_computed)
@@ -115,9 +115,9 @@ def beyond_modes(stuck: StuckStructure, right_owned: np.ndarray) -> np.ndarray:
 
 
 def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: ModalDamping | None = None) -> TruncatedModes | None:
-    """Return the samples for the truncated modes of one group of harmonics; None where there are none.
+    """Return the samples of the truncated modes of one harmonic group; None if no mode is truncated.
 
-    Collective where its :class:`Samples` must be made.  With M-orthonormal modes Z M Z beyond m modes of N is that beyond N, and
+    Collective if its :class:`Samples` are new.  With M-orthonormal modes, Z M Z beyond m of N modes is that beyond N plus
     phi_k phi_k^H / omega_k^4 of each mode in between.  docs/theory.md, eq. (11.3).
     """
     if stuck.n_modes in (0, stuck.n_dof):
@@ -131,7 +131,7 @@ def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: Moda
     direct = samples.direct + (o / squares**2) @ b
     drive_point = samples.drive_point + (np.abs(b) ** 2 / squares[:, None] ** 2).sum(axis=0)
     beyond = damping_beyond(damping, receptance.modes)
-    if samples.coupled is not None and projected.C is not None:  # what C is of the motions that the samples are
+    if samples.coupled is not None and projected.C is not None:  # the damping matrix in the motions of the samples
         lost = np.vdot(motions, 2.0 * samples.coupled[between] + projected.C[between, between] @ motions).real
         kinetic = samples.mass + float(np.sum(np.abs(motions) ** 2))
         beyond = replace(beyond, alpha=max(beyond.alpha, float(samples.damping + lost) / kinetic))
@@ -141,7 +141,7 @@ def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: Moda
 
 
 def structural_coupling(stuck: StuckStructure, eta: float) -> StructuralCoupling:
-    """Return how a loss factor couples the modes in use to the truncated ones.  Collective where it must be solved for."""
+    """Return how a loss factor couples the modes in use to the truncated ones.  Collective if it must be computed."""
     coupling, projected, n = coupling_beyond(stuck), stuck.projected, stuck.n_modes
     between, K_J = slice(n, None), stuck.pairs.law.stiffness.reshape(-1, 1)
     of_modes = projected.R_phi[:, between].conj().T @ (K_J * projected.R_phi[:, :n])  # phi^H d of the modes in between
@@ -156,7 +156,7 @@ def structural_coupling(stuck: StuckStructure, eta: float) -> StructuralCoupling
 
 
 def _of_modes(projected: ProjectedModes, between: slice) -> np.ndarray:
-    """Return what pairs, outputs and loads see of some modes, (3 n_pairs + n_outputs + n_loads, m).  Local."""
+    """Return some modes projected on pairs, outputs and loads, (3 n_pairs + n_outputs + n_loads, m).  Local."""
     return np.concatenate([projected.R_phi[:, between], projected.o[:, between], projected.b[between].conj().T])
 
 

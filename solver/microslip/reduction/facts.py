@@ -1,4 +1,4 @@
-"""What other rooms ask of a method beside its reduction; each file in ``methods`` says it of its own."""
+"""Properties of a method that other packages need; each file in ``methods`` states its own."""
 
 from __future__ import annotations
 
@@ -22,4 +22,4 @@ class Counts:
 class Facts:
     coordinates: Callable[[ReductionSettings, Counts], int]  # unknowns that a harmonic coefficient has at most
     makes_basis: bool = False  # of vectors of the whole structure, all of them in memory at once
-    knows_range: bool = False  # the reduction depends on the frequencies and harmonics that are asked for
+    knows_range: bool = False  # the reduction depends on the requested frequencies and harmonics

@@ -1,6 +1,6 @@
 """The bodies without their joint: free-interface modes, rigid-body modes among them, and residual attachment modes.
 
-Bodies hang together by the joint alone, so one eigenproblem of (K, M) gives the modes of all of them.  Where a body floats K is
+Only the joint connects the bodies, so one eigenproblem of (K, M) gives the modes of all of them.  If a body is free, K is
 singular; K + alpha M is factored in its place, with alpha far below the first elastic eigenvalue.
 """
 
@@ -73,9 +73,9 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
 
 
 def check_rigid(stuck: StuckStructure, settings: ReductionSettings) -> None:
-    """Refuse fewer modes than the bodies have rigid-body modes, before anything is solved with them.  Collective.
+    """Refuse fewer modes than the number of rigid-body modes, before the modes are used.  Collective.
 
-    Costs what the modes of :func:`free_bodies` cost, and nothing where there are as many modes as so many parts can have.
+    Costs as much as :func:`free_bodies`, and nothing if there are at least six modes per part.
 
     Raises
     ------

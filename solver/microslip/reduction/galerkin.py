@@ -4,7 +4,7 @@ The modes of the reduced pencil,
 
     V^T M V q = theta V^T K_L V q,      theta = 1 / omega^2,      phi = V q,
 
-are all there are in the span of V.  With every one of them, and static parts that are theirs alone, the receptance of the
+are all modes in the span of V.  With all of them, and the static response of these modes alone, the receptance of the
 pairs is that of the reduced equations without any further approximation.  Solved for theta, so that motions nearly without
 mass are harmless.
 """
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 DEPENDENT = 1e-13  # strain energy of a combination of columns, each scaled to energy 1, below which it is dropped
 NEARLY_DEPENDENT = 1e-8  # the same, below which rounding shows and the projection is made twice
-MASSLESS = 1e-16  # theta over the largest: less mass is not told from none, and changes nothing
+MASSLESS = 1e-16  # theta over the largest: motions with less mass count as massless
 _BLOCKS = 4  # blocks of the basis' size held at a time
 
 
@@ -108,7 +108,7 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
     values, Q = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))
     is_independent = values > DEPENDENT * values[-1]
-    if not is_independent.any():  # columns without energy: the modes hold all that the joint does
+    if not is_independent.any():  # columns without energy: the modes span all motions of the joint
         return np.empty(0), np.empty((len(energy), 0)), 1.0
     W = scale[:, None] * Q[:, is_independent] / np.sqrt(values[is_independent])
     theta, q = scipy.linalg.eigh(W.T @ (0.5 * (M_r + M_r.T)) @ W)
@@ -116,7 +116,7 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def structure_of_modes(comm: MPI.Comm, modes: DampedModes, observed: Observed | None = None) -> ReducedStructure:
-    """Return what has these modes in all harmonics and nothing else: its static parts are theirs, eq. (8.2).  Local."""
+    """Return a structure of these modes alone, in all harmonics, with their static response, eq. (8.2).  Local."""
     R_phi, o, b, n_pairs = modes.R_phi, modes.o, modes.b, len(modes.R_phi) // 3
     pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / modes.omega_n**2
     local = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
@@ -137,5 +137,5 @@ def structure_of_modes(comm: MPI.Comm, modes: DampedModes, observed: Observed | 
 
 
 def memory_of_basis(n_dof: int, n_columns: int) -> float:
-    """Return the memory that a reduction on ``n_columns`` needs beside the factor [bytes], over all ranks.  Local."""
+    """Return the memory of a reduction on ``n_columns`` in addition to the factor [bytes], over all ranks.  Local."""
     return 8.0 * n_columns * (_BLOCKS * n_dof + 8.0 * n_columns)

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 
 def interface_dofs(R: sp.csr_matrix) -> np.ndarray:
-    """Return the DOFs that the pairs' motion depends on, rising: 6 a pair, fewer where pairs share or lack some.  Local."""
+    """Return the DOFs of the pairs' motion, ascending: 6 per pair, fewer if pairs share DOFs or some are fixed.  Local."""
     return np.unique(R.indices[R.data != 0.0])
 
 

@@ -1,4 +1,4 @@
-"""The memory of the modes and of the proof that none is missing, in addition to the factor: foreseen, and refused where short."""
+"""Memory of the modes and of the proof that none is missing, without the factor: forecast, and refused if not available."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from ..modes.shift_invert import basis_size
 from .settings import ReductionSettings
 
 # bytes an entry of K, of the arrays held at once; M has a third of the entries
-HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M as PETSc keeps them
-ENTERED = 8.0  # the half of K_L - sigma M that MUMPS is handed, with places
+HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M in PETSc
+ENTERED = 8.0  # the half of K_L - sigma M that is passed to MUMPS, with indices
 MERGED = HELD + ENTERED  # the same while it is put together from rows of K_L and M
 SHARPENED = 1e8  # bytes of some rows of K_L twice and in extended precision, for the eigenvalues
-PICKED = 24  # modes assumed where the program picks their number
-VECTORS = 3  # blocks of the modes' size in addition to the basis that they are found in
+PICKED = 24  # modes assumed if the program chooses their number
+VECTORS = 3  # blocks of the modes' size in addition to the basis of the eigensolver
 
 
 def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMemory | None) -> float:
-    """Return what the modes, and the proof that none is missing, take on this rank beside the kept factor [bytes].  Local.
+    """Return the memory of the modes and of the proof that none is missing on this rank, without the factor [bytes].  Local.
 
-    The proof comes last, and takes the fronts of another factorisation.  ``factor`` is None where its package does not tell.
+    The proof comes last and needs the fronts of another factorisation.  ``factor`` is None if its size is not known.
     """
     n_owned, n_dof = K.getLocalSize()[0], K.getSize()[0]
     n_modes = min(settings.modes or PICKED, n_dof)
@@ -33,7 +33,7 @@ def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMem
 
 
 def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
-    """Raise ResourceError if the modes and their proof would not fit beside the kept factor, before the first is sought.
+    """Raise ResourceError if the modes and their proof do not fit into memory with the factor, before they are computed.
 
     Collective.
 
@@ -50,5 +50,5 @@ def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
 
 
 def of_proof(entries: float, fronts: float) -> float:
-    """Return what the proof takes that no mode is missing: K_L - sigma M as it is handed over, then with its fronts.  Local."""
+    """Return the memory of the proof that no mode is missing: K_L - sigma M as passed to MUMPS, then with its fronts.  Local."""
     return max(MERGED * entries, ENTERED * entries + fronts)

@@ -17,7 +17,7 @@ _ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi over the largest that cou
 
 
 def damping_beyond(damping: ModalDamping | None, modes: DampedModes) -> DampingBeyond:
-    """Return the damping of the truncated modes: as stated, with what dampers or a matrix make of the last mode.  Local."""
+    """Return the damping of the truncated modes: as stated, with the damping of the last mode by dampers or a matrix.  Local."""
     if damping is None:
         return DampingBeyond(float(modes.damping.diagonal[-1]))
     of_matrix = float(modes.damping.diagonal[-1] - damping.modal(modes.omega_n)[-1])
@@ -44,7 +44,7 @@ def projected_damping(C: np.ndarray) -> np.ndarray:
 
 
 def all_damping(modes: ProjectedModes, damping: ModalDamping | None) -> np.ndarray:
-    """Return phi^H C phi [1/s] of what the scene states for the modes and of the structure's own C, (m,) or (m, m).  Local."""
+    """Return phi^H C phi [1/s] of the scene's modal damping and the structure's matrix C, (m,) or (m, m).  Local."""
     of_modes = None if damping is None else damping.modal(modes.omega_n)
     of_structure = None if modes.C is None else projected_damping(modes.C)
     if of_structure is None:
@@ -69,7 +69,7 @@ def stuck_receptance(stuck: StuckStructure, damping: ModalDamping | None) -> Rec
 
 
 def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> ReducedStructure:
-    """Return the modes of a structure with its exact static response: of harmonic 1 now, of other groups when they are needed.
+    """Return the modes of a structure with its exact static response: of harmonic 1 now, of other groups on demand.
 
     Local.
 

@@ -1,4 +1,4 @@
-"""What a method makes of a structure: what harmonic balance solves with, its set B, and the way back to full fields."""
+"""The result of a reduction: the model for harmonic balance, the set B, and the expansion to full fields."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ class Reduction:
     structure: ReducedStructure
     selection: Selection
     displacements: Expansion
-    leaves_out: Literal["modes", "basis", "nothing"]  # "modes": their dynamics, not their statics; "basis": what it lacks
+    leaves_out: Literal[
+        "modes", "basis", "nothing"
+    ]  # parts of the error: "modes" (their dynamics), "basis" (what it does not span)
     basis: Basis | None = None  # of a Galerkin method
-    phi_owned: np.ndarray | None = None  # (n_owned, m) the modes of the basis, where they were made
+    phi_owned: np.ndarray | None = None  # (n_owned, m) the modes of the basis, if they were computed

@@ -1,4 +1,4 @@
-"""What a reduction needs to know, as plain values in SI units."""
+"""Settings of a reduction, as plain values in SI units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ModalDamping:
     Without ``ratio`` the modes beyond the list of ``ratios`` have the last of it.
     """
 
-    ratio: float | None = None  # of all modes that have none of their own
+    ratio: float | None = None  # of all modes without an entry in ``ratios`` or ``of_modes``
     rayleigh: tuple[float, float] | None = None  # 1/s, s
     ratios: tuple[float, ...] = ()  # of modes 1, 2, ...
     of_modes: tuple[tuple[int, float], ...] = ()  # number of a mode from 1, its ratio
@@ -42,14 +42,14 @@ class ModalDamping:
 
 @dataclass(frozen=True, kw_only=True)
 class ReductionSettings:
-    """A method, its modes and the loads it has to bear."""
+    """A method, its modes and the loads."""
 
     method: str = "receptance"
     modes: int | None = None  # as many as stated; None: as few as meet the accuracy
     accuracy: float = 1e-3  # of the response over its linear peak
-    insists: bool = False  # on the accuracy: it was stated
-    verify_modes: bool = True  # prove by a count that none is missed
-    excitation: Excitation = Excitation()  # what the modes have to bear
+    insists: bool = False  # whether the accuracy was stated
+    verify_modes: bool = True  # verify by a count that no mode is missed
+    excitation: Excitation = Excitation()  # the loads for which modes are chosen
     damping: ModalDamping | None = None  # None: the structure has a damping matrix
     band: Band = Band()
     level: float = 1.0  # the highest [N]

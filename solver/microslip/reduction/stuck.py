@@ -1,4 +1,4 @@
-"""What every method starts from: the structure with all pairs stuck, one object for each group of harmonics."""
+"""The structure with all pairs stuck, one object for each harmonic group; all methods start from it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
-_ASKED_FROM = 1e8  # bytes of columns from which memory is asked for before they are solved for
+_ASKED_FROM = 1e8  # bytes of columns from which the available memory is checked first
 _FEWER = "fewer pairs slip at lower [response] levels; more ranks on more machines hold more of them"
 
 
@@ -50,27 +50,27 @@ class Factored:
 
 
 class OnDemand:
-    """The large parts of a structure, made when they are first needed.
+    """The large parts of a structure, computed on demand.
 
     Parameters
     ----------
     make : collective
-    is_stored : whether they are stored once they are made; else ``make`` is called each time
+    is_stored : whether they are stored once computed; otherwise ``make`` is called each time
     """
 
     def __init__(self, make: Callable[[], Factored], is_stored: bool = True):
         self._make, self._is_stored = make, is_stored
-        self.value: Factored | None = None  # None: they are not there
+        self.value: Factored | None = None  # None: not computed
 
     @classmethod
     def of(cls, factored: Factored) -> OnDemand:
-        """Return parts that are there.  Local."""
+        """Return existing parts.  Local."""
         new = cls(lambda: factored)
         new.value = factored
         return new
 
     def __call__(self) -> Factored:
-        """Return the parts.  Collective where they are not there."""
+        """Return the parts.  Collective if they must be computed."""
         if self.value is not None:
             return self.value
         factored = self._make()
@@ -83,8 +83,8 @@ class OnDemand:
 class StuckStructure:
     """The structure of one group of harmonics with all pairs stuck.
 
-    What pairs, loads and outputs see of it is held as small arrays, the same on every rank but for the static columns.  Matrices,
-    factor and modes over all DOFs come from ``factored``: a structure restored from a file makes them when they are first needed.
+    The projections on pairs, loads and outputs are small arrays, the same on every rank except the static columns.  Matrices,
+    factor and modes over all DOFs come from ``factored``: a structure restored from a file computes them on demand.
 
     Of a disc at one nodal diameter all of it may be complex; matrices and factor then are in real form (assembly/real_form.py),
     and vectors over the DOFs complex.  The group of the other direction has the conjugates of all of it.
@@ -99,10 +99,10 @@ class StuckStructure:
     n_proved: int  # of the modes computed: the first ones that are proved to be the lowest
     observed: Observed | None  # what makes outputs of their rows; None: all are displacements
     factored: OnDemand
-    groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: it is that of every harmonic itself
+    groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: every harmonic has this one
     group: Hashable = only_group(0)  # its own
     is_conjugate: bool = False  # whether the matrices and the factor are those of the conjugate group
-    results: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what was made of it
+    results: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # results that depend on it alone, by key
 
     @classmethod
     def of(
@@ -142,12 +142,12 @@ class StuckStructure:
 
     @property
     def computed_groups(self) -> dict[Hashable, StuckStructure]:
-        """The structures of the groups made so far, this one among them, by group.  Local."""
+        """The structures of the groups computed so far, including this one, by group.  Local."""
         others = () if self.groups is None else self.groups.computed
         return {stuck.group: stuck for stuck in others} | {self.group: self}
 
     def has(self, n: int) -> bool:
-        """Return whether harmonic n is one of its group.  Local."""
+        """Return whether harmonic n belongs to its group.  Local."""
         return self.per_group.group_of(n) == self.group
 
     @property
@@ -157,12 +157,12 @@ class StuckStructure:
 
     @property
     def linearised(self) -> Linearised:
-        """The matrices and the factor; collective where they must be made first."""
+        """The matrices and the factor; collective if they must be computed first."""
         return self.factored().linearised
 
     @property
     def system(self) -> System:
-        """The structure's matrices and maps; collective where they must be made first."""
+        """The structure's matrices and maps; collective if they must be computed first."""
         maps = self.linearised.maps
         return maps.with_conjugate_maps() if self.is_conjugate else maps
 
@@ -173,7 +173,7 @@ class StuckStructure:
 
     @property
     def modes(self) -> Modes:
-        """The modes used, over all DOFs; collective where they must be made first."""
+        """The modes used, over all DOFs; collective if they must be computed first."""
         return first_of(self.factored().modes, self.n_modes)
 
     @property
@@ -287,7 +287,7 @@ class StuckStructure:
         return self.factor.solve_sparse(forces)
 
     def search(self) -> ModeSearch:
-        """Return a search for modes that goes on where it ended."""
+        """Return a search for modes, which can be continued."""
         return ModeSearch(self.linearised)
 
     def lowest_modes(
@@ -355,16 +355,16 @@ class StuckStructure:
         )
 
     def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return what ``make`` makes, made once for the same key.  Collective where ``make`` is."""
+        """Return the result of ``make``, computed once for each key.  Collective if ``make`` is."""
         if key not in self.results:
             self.results[key] = make()
         return self.results[key]
 
 
 def static_response(linearised: Linearised) -> StaticResponse:
-    """Return the static response: n_loads + n_outputs + 1 solves now, those of the pairs when they first leave sticking.
+    """Return the static response: n_loads + n_outputs + 1 solves now, those of pairs when they first slip or open.
 
-    Collective on the system's communicator.  The further solve is of random forces on all pairs: by it their columns are checked.
+    Collective on the system's communicator.  One solve has random forces on all pairs, by which their columns are checked.
     """
     system = linearised.maps
     n_rows, n_out, n_load = system.R.shape[0], system.outputs.shape[0], system.loads.shape[1]
@@ -410,12 +410,12 @@ def random_weights(n_rows: int) -> np.ndarray:
 
 
 def projection_rows(system: System) -> sp.csr_matrix:
-    """Return the rows that are seen of a motion: of pairs, outputs and loads."""
+    """Return the projection on pairs, outputs and loads, (3 n_pairs + n_outputs + n_loads, n_dof)."""
     return sp.vstack([system.R, system.outputs, system.loads.conj().T], format="csr")
 
 
 def project_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray) -> ProjectedModes:
-    """Return what pairs, loads and outputs see of modes.  Collective: one sum, with a damping matrix another."""
+    """Return modes projected on pairs, loads and outputs.  Collective: one sum, with a damping matrix two."""
     participation = owned_product(projection_rows(system), phi_owned, system)
     R_phi, o, b_H = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
     C = None
@@ -431,7 +431,7 @@ def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) ->
 
 
 def observed(system: System) -> Observed | None:
-    """Return what makes outputs of their rows; None where all are displacements.  Local."""
+    """Return the map from rows to outputs; None if all are displacements.  Local."""
     parts = system.output_orders, system.output_pairs, system.output_base
     if all(part is None for part in parts):
         return None
@@ -443,10 +443,10 @@ def observed(system: System) -> Observed | None:
 def pair_columns(
     linearised: Callable[[], Linearised], comm: MPI.Comm, row_sums: np.ndarray, batch: int = BATCH, is_complex: bool = False
 ) -> StaticColumns:
-    """Return the columns of R K_L^-1 R^H, to be solved for with the factor when they are needed.  Local.
+    """Return the columns of R K_L^-1 R^H, which the factor computes on demand.  Local.
 
     ``row_sums`` (3 n_pairs,) are G_static times the random weights, by which the columns are checked.  Where there is no memory
-    for columns, solving for them raises ResourceError on every rank.
+    for columns, computing them raises ResourceError on every rank.
     """
     n_rows = len(row_sums)
     pair_ranges, sums = split_evenly(n_rows // 3, comm.size), RowSums(random_weights(n_rows), row_sums.conj())

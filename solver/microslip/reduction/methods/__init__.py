@@ -1,8 +1,8 @@
 """The reduction methods, one file each, one registry: what ``method`` names.
 
-A method takes the stuck structure and the settings, and returns a :class:`Reduction`: its ``reduce``, or, if it is the
-structure's modes with their exact static response, its ``selection``: the set B.  Harmonic balance and continuation know none
-of them.  A file may have ``check`` (of size, before anything is solved) and ``check_modes``.
+A method takes the stuck structure and the settings and returns a :class:`Reduction` by its ``reduce``; or, if it uses the
+structure's modes with their exact static response, it has a ``selection`` of the set B.  Harmonic balance and continuation do
+not depend on methods.  A file may have ``check`` (of the size, before any solve) and ``check_modes``.
 """
 
 from __future__ import annotations
@@ -68,14 +68,14 @@ def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
 
 
 def keeps_to_K_L(settings: ReductionSettings) -> bool:
-    """Return whether nothing asks for K without the springs of the joints once K_L is there.  Local."""
+    """Return whether K without the springs of the joints is not needed once K_L exists.  Local."""
     return settings.method in SELECTIONS
 
 
 def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
-    """Return the reduction by the method asked for, or in the internal-variable form (docs/theory.md, section 4).
+    """Return the reduction by the requested method, or in the internal-variable form (docs/theory.md, section 4).
 
-    Collective; in that form static solves of a pair when it first leaves sticking.
+    Collective; in that form with static solves for a pair when it first slips or opens.
     """
     if not keeps_to_K_L(settings):
         check_size(settings, stuck.system)

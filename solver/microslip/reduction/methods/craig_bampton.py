@@ -50,7 +50,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 
 
 def fix_interface(system: System, b: np.ndarray) -> tuple[Linearised, float]:
-    """Return the structure with the DOFs ``b`` held, factored, and the diagonal k that stands at b [N/m].  Collective."""
+    """Return the structure with the DOFs ``b`` fixed, factored, and the diagonal k of the rows b [N/m].  Collective."""
     first, last = system.M.getOwnershipRange()
     local_dofs = b[(b >= first) & (b < last)].astype(PETSc.IntType)
     K, M = system.K.duplicate(copy=True), system.M.duplicate(copy=True)

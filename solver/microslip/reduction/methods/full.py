@@ -49,7 +49,7 @@ FACTS = Facts(lambda _, n: n.dof, knows_range=True)
 
 
 def check(settings: ReductionSettings, system: System) -> None:
-    """Refuse what cannot be held, before anything is solved.
+    """Refuse a structure too large for the memory, before any solve.
 
     Collective on ``system.comm``.
 
@@ -87,7 +87,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 
 
 def modes_beyond(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Modes, int]:
-    """Return modes that reach far enough beyond the range, and how many blocks of the Krylov space it then takes.  Collective."""
+    """Return modes far enough beyond the range, and the necessary number of blocks of the Krylov space.  Collective."""
     n_dof, modes = stuck.n_dof, stuck.modes
     highest = max(settings.excitation.harmonics.highest, 1) * 2 * np.pi * frequency_band(settings.band, modes.omega_n)[1]
     while (ratio := (highest / modes.omega_n[-1]) ** 2) > MOST_RATIO and len(modes.omega_n) < n_dof:
