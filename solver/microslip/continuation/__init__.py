@@ -1,1 +1,1 @@
-"""From point to point along a curve: problems, constraint rows, corrector, steps, first points, what is kept of a branch."""
+"""Continuation: problems, constraint rows, corrector, steps, first points, records and checkpoints of a branch."""

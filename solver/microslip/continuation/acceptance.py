@@ -27,7 +27,7 @@ SHARPEST = 1e-13  # tolerance below which there is nothing but rounding
 
 @dataclass(frozen=True, eq=False)
 class Accepted:
-    """A point of the branch, on record and as the next step needs it, and the state with the resolution of the next one."""
+    """An accepted point: its record, its data for the next step, and the state with the resolution of the next point."""
 
     state: BranchState
     now: PointState
@@ -45,7 +45,7 @@ def accept(
 ) -> Accepted:
     """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective.
 
-    A point ``on_the_way`` to one that counts has no error bar, and leaves harmonics and samples as they are.
+    A point ``on_the_way`` to a requested one has no error bar and does not change harmonics and samples.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def solve_sharper(
 
 
 def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point: Point) -> tuple[dict[str, float], Memory]:
-    """Return what is wrong with a point for lack of harmonics, samples and tolerance, over what is allowed.  Collective."""
+    """Return the errors of a point by harmonics, samples and tolerance, relative to the allowed ones.  Collective."""
     if accuracy is None or point.error is None:
         return {}, memory
     amplitudes, error = np.hypot(point.response[:, 1::2], point.response[:, 2::2]).max(axis=1), point.error

@@ -50,7 +50,7 @@ class Resolution:
 
 
 def samples_from(least: float) -> int:
-    """Return the next number of samples of those that the program takes: powers of two, and halfway between two of them."""
+    """Return the next number of samples in use: powers of two, and halfway between two of them."""
     power = 2 ** int(np.ceil(np.log2(least)))
     return power - power // 4 if power - power // 4 >= least else power
 
@@ -62,21 +62,21 @@ def least_samples(H: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What one branch has learnt about the resolution it needs; ranks agree because they are told the same."""
+    """What a branch has learnt about its resolution; the same on every rank."""
 
     peak: np.ndarray | None = None  # (n_outputs,) largest amplitude so far [m]
     calm: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))  # points in a row, by part
     patience: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, IN_A_ROW))
 
     def after_too_few(self, part: str) -> Memory:
-        """Return it slower to lower what had to be raised.  Local."""
+        """Return the memory after a resolution that was too low: it will be lowered more slowly.  Local."""
         patience = min(2 * self.patience[part], 48)
         return replace(self, calm={**self.calm, part: 0}, patience={**self.patience, part: patience})
 
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """How the resolution of a branch follows from the requested accuracy.  Local; what it learns goes in and out as `Memory`.
+    """How the resolution of a branch follows from the requested accuracy.  Local; its state is a `Memory`.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Accuracy:
         return self.target * np.maximum(peak, FAINT_OUTPUT * peak.max(initial=0.0))
 
     def ratios(self, amplitude: np.ndarray, error: np.ndarray, memory: Memory) -> tuple[dict[str, float], Memory]:
-        """Return each part over what is allowed, the worst of the outputs.
+        """Return each part relative to the allowed error, the largest of the outputs.
 
         ``amplitude`` (n_outputs,) [m]; ``error`` are the parts of the bar that counts, (n_outputs, n_parts) [m].
         """
@@ -114,7 +114,7 @@ class Accuracy:
         return shares, replace(memory, peak=peak)
 
     def finer(self, now: Resolution, ratios: dict[str, float], memory: Memory) -> tuple[Resolution | None, Memory]:
-        """Return the resolution with which to solve the point again; None where it is good, or the finest there is."""
+        """Return the resolution for solving the point again; None if it is sufficient or the finest."""
         if not ratios:
             return None, memory
         resolution, H = now, now.harmonics.highest
@@ -133,13 +133,13 @@ class Accuracy:
         return (resolution if resolution != now else None), memory
 
     def tighter(self, now: Resolution, memory: Memory) -> tuple[Resolution | None, Memory]:
-        """Return the resolution with the tightest tolerance; None where that is what it has, or what the scene states."""
+        """Return the resolution with the tightest tolerance; None if it has that, or if the scene states a tolerance."""
         if "solver" in self.keeps or now.tolerance <= self.tightest:
             return None, memory
         return replace(now, tolerance=self.tightest), memory.after_too_few("solver")
 
     def coarser(self, now: Resolution, ratios: dict[str, float], memory: Memory) -> tuple[Resolution, Memory]:
-        """Return the resolution of the next point after one that was good enough."""
+        """Return the resolution of the point after one with sufficient accuracy."""
         if not ratios:
             return now, memory
         calm = {part: memory.calm[part] + 1 if ratios[part] < LOW[part] else 0 for part in SHARES}
@@ -165,7 +165,7 @@ class Accuracy:
 
 
 def accuracy_of(settings: ResponseSettings, equation: HarmonicBalance, linear: bool = False) -> Accuracy | None:
-    """Return how the requested accuracy is met on one branch; None where none is, or all that follows from it is stated.
+    """Return the control of the accuracy on a branch; None if none is requested, or the whole resolution is stated.
 
     Collective.  A level known to be ``linear`` moves in the harmonics of its loads, whatever the symmetry,
     which takes static columns to find out.

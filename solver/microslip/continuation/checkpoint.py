@@ -1,4 +1,4 @@
-"""The state of a branch as arrays, whole and the same for any number of ranks; read back, it goes on to the same bits.
+"""The state of a branch as arrays, independent of the number of ranks; a restored state continues bitwise identically.
 
 What is kept beside the last points: the resolution, the hold of the mean slip, what the accuracy has learnt, the next step, and
 where preconditioners were made.  These are no part of a solution, but decide its last bits; they are made there again.
@@ -81,7 +81,7 @@ def parts_of(task: BranchTask, state: BranchState) -> dict[str, Part]:
 
 
 def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> BranchState:
-    """Return the state that was kept, for the ranks of the task.  Collective: preconditioners are made again."""
+    """Return the stored state, for the ranks of the task.  Collective: preconditioners are built again."""
     start = task.start(workspace)
     n_samples, tolerance = arrays["resolution"]
     solver = start.solver.resolved(Resolution(_harmonics(arrays["harmonics"]), int(n_samples), float(tolerance)))

@@ -1,4 +1,4 @@
-"""Constraint rows beside the harmonic-balance equations: one for each parameter of the problem (docs/theory.md, section 7).
+"""Constraint rows in addition to the harmonic-balance equations: one for each parameter (docs/theory.md, section 7).
 
 Unknowns are scaled: xi = U / its unit, nu = parameters / theirs.
 """
@@ -38,13 +38,13 @@ class Place:
 
     @property
     def linear(self) -> Linearisation:
-        """The linearisation, of a constraint that says that it takes one."""
+        """The linearisation, for constraints that require it."""
         assert self.linearisation is not None, "made for constraints that take it"
         return self.linearisation
 
 
 class Constraint(Protocol):
-    """A scalar equation g(xi, nu) = 0 of the motion, the parameters and, where it says so, the linearisation there."""
+    """A scalar equation g(xi, nu) = 0 of the motion, the parameters and, if it requires it, the linearisation."""
 
     takes_linearisation: ClassVar[bool]  # forces with tangents, G: for rows that a motion alone does not give
 

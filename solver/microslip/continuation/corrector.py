@@ -27,7 +27,7 @@ from .problems import Problem
 PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton gives up where so many iterations leave more than this share of the residual
 MOST_ITERATIONS = 20
 PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
-SHARP = 5.0  # tolerances that the motion of a point may be off by, as its last Newton step tells
+SHARP = 5.0  # tolerances: allowed error of the motion of a point, by its last Newton step
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
@@ -53,7 +53,7 @@ def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: flo
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """Outcome of one corrector solve; ``failure`` is None if it converged."""
+    """Result of one corrector solve; ``failure`` is None if it converged."""
 
     iterate: Iterate
     newton: int
@@ -72,7 +72,7 @@ class Correction:
 
 @dataclass(frozen=True, eq=False)
 class BorderedSystem:
-    """The equations of one solve: those of the problem with ``selected`` pairs let slip, and a constraint for each parameter."""
+    """The equations of one solve: those of the problem, in which ``selected`` pairs may slip, and a constraint per parameter."""
 
     problem: Problem
     constraints: tuple[Constraint, ...]
@@ -162,13 +162,13 @@ class Attempt(NamedTuple):
 
 
 class Corrector:
-    """SNES with a matrix-free Jacobian, kept over the points of a branch.  Collective on ``comm``.
+    """SNES with a matrix-free Jacobian, reused for the points of a branch.  Collective on ``comm``.
 
     Parameters
     ----------
     shape : (n_owned, 3, N_H) of this rank's motion
     n_parameters : k
-    tangents_at_end : the derivatives of the contact forces are asked for at a solution, too
+    tangents_at_end : whether the derivatives of the contact forces are needed at a solution, too
     """
 
     def __init__(
@@ -232,12 +232,12 @@ class Corrector:
     def correct(self, system: BorderedSystem, guess: Iterate, is_patient: bool = False) -> Correction:
         """Solve from ``guess``.  Collective; never raises for divergence, which comes back as ``failure``.
 
-        ``is_patient`` goes on while the residual falls at all, by however short steps.
+        ``is_patient`` continues as long as the residual falls, however short the steps.
         """
         moved()
         self._patience = PATIENT if is_patient else PATIENCE
         self._snes.setTolerances(max_it=max(self._max_it, MOST_PATIENT_ITERATIONS) if is_patient else self._max_it)
-        with np.errstate(all="ignore"):  # what is not finite is a failed step, which SNES tells
+        with np.errstate(all="ignore"):  # values that are not finite are a failed step, which SNES reports
             exactness = Exactness(system.scaling.weight)
             attempts = [self._solve(system, guess, exactness)]
             if attempts[-1].reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
@@ -262,12 +262,12 @@ class Corrector:
         self._is_first = True
         self._snes.solve(None, self._x)
         reason, norm = self._snes.getConvergedReason(), self._snes.getFunctionNorm()
-        if reason <= 0 and norm <= self._snes.getTolerances()[1]:  # an iteration beyond what was asked for led no further
+        if reason <= 0 and norm <= self._snes.getTolerances()[1]:  # an iteration beyond the tolerance made no progress
             reason = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
         return Attempt(reason, self._snes.getIterationNumber(), self._snes.getLinearSolveIterations())
 
     def tangent(self, system: BorderedSystem, there: Iterate) -> tuple[np.ndarray, np.ndarray]:
-        """Return the direction (d_xi, d_nu) in which the linearisation at ``there`` goes on, d_xi of this rank.  Collective.
+        """Return the tangent (d_xi, d_nu) of the curve by the linearisation at ``there``, d_xi of this rank.  Collective.
 
         Scaled so that its product with the first constraint is 1, and with the others 0.
         """
@@ -315,7 +315,7 @@ class Corrector:
     def _linearise(
         self, snes: PETSc.SNES, x: PETSc.Vec, J: PETSc.Mat, B: PETSc.Mat, system: BorderedSystem, exactness: Exactness
     ) -> None:
-        """Make what a step and the products with the Jacobian are about, until the next linearisation."""
+        """Linearise for a step and for products with the Jacobian, until the next linearisation."""
         values = x.getArray(readonly=True)
         linear, border = system.linearise(self._motion(values, system.scaling), self._nu(values))
         self._newton = NewtonSystem(linear, border, system.scaling, exactness)

@@ -1,4 +1,4 @@
-"""Follow one branch through a range by arc length: one step on from a state, and all of them (docs/theory.md, section 7)."""
+"""Follow one branch through a range by arc length: a single step, and the whole branch (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from .task import Advanced, BranchTask
 from .ways_out import MOSTLY, Stuck, WayOn, regularised, ways_on
 from .widen import widened
 
-FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
+FINEST_WAY = 1e-2  # of the distance from a point to a requested value: the smallest intermediate step
 Emit = Callable[[Point], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A part of the way of a branch: from its last point on."""
+    """A part of a branch, from its last point."""
 
     task: BranchTask
     state: BranchState
     now: PointState  # the last point
-    emit: Emit = lambda point: None  # hears of those that are found
+    emit: Emit = lambda point: None  # is called with each point
 
 
 def advance(task: BranchTask, state: BranchState, on_point: Emit = lambda point: None) -> Advanced:
-    """Take a branch one step on: to its first point, its second one, or one further step.  Collective.
+    """Advance a branch by one step: to its first point, its second point, or by a further step.  Collective.
 
-    Nothing is raised for divergence: the points found until then are kept, and ``failure`` says why there are no more.
+    Divergence raises nothing: the points so far remain, and ``failure`` has the reason.
     ``on_point`` hears of each point as it comes.
     """
     points: list[Point] = []
@@ -65,7 +65,7 @@ def to_first(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
 
 
 def first_point(task: BranchTask, state: BranchState, requested: bool) -> Accepted:
-    """Return the first point, from the linear response or else by a way out.  Collective.
+    """Return the first point, from the linear response or by one of the ways out.  Collective.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def first_point(task: BranchTask, state: BranchState, requested: bool) -> Accept
 
 
 def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
-    """Solve the second point, and what is asked for before it.  Collective."""
+    """Solve the second point, and requested points before it.  Collective."""
     assert state.now is not None
     before = state.now
     stepped = second(state.solver, state.solver.carried(before), task.steps)
@@ -95,7 +95,7 @@ def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
 
 
 def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
-    """Take a step along the branch; solve what is asked for on the way, and the end of the range where it is passed.
+    """Take a step along the branch; solve requested points on the way, and the end of the range when it is passed.
 
     Collective.
 
@@ -135,7 +135,7 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
 
 
 def _begun_beyond(leg: Leg) -> BranchState | None:
-    """Return the state at a first point beyond a resonance that nothing holds; None where there is none.  Collective."""
+    """Return the state at a first point beyond an unbounded resonance; None if there is none.  Collective."""
     state, solver = leg.state, leg.state.solver
     assert state.before is not None
     for on in ways_on(Stuck("unbalanced", solver, leg.task.steps, before=solver.carried(state.before), now=leg.now)):
@@ -149,7 +149,7 @@ def _begun_beyond(leg: Leg) -> BranchState | None:
 
 
 def released(after: Accepted, steps: ArcLength) -> Accepted:
-    """Return a point with the mean slip no longer held; still held where Newton does not find it so.  Collective.
+    """Return a point with the mean slip released; still regularised if Newton's method fails without.  Collective.
 
     It is solved for from the mean of the linear motion, from which the springs may have let it drift.
     """
@@ -177,7 +177,7 @@ def next_step(
 
 
 def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accepted:
-    """Accept a point found from the last one, after those asked for on the way to it.  Collective."""
+    """Accept a new point, after requested points between the last one and it.  Collective."""
     was = leg.state.solver
     state = _requested(leg, solution[0].iterate, solution[1])
     solution, solver = state.solver.still(solution, was)
@@ -187,7 +187,7 @@ def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accept
 
 
 def _to_limit(leg: Leg, solution: Solution, limit: float, notes: tuple[str, ...] = ()) -> Accepted:
-    """Solve at the end of the range that a step has passed, after what is asked for before it.  Collective."""
+    """Solve at the end of the range that a step has passed, after requested points before it.  Collective."""
     there = interpolate(leg.now.iterate, solution[0].iterate, limit)
     leg = replace(leg, state=_requested(leg, there, solution[1]))
     end = solved(leg, there, solution[1], requested=limit in leg.task.sweep.at, notes=notes)
@@ -196,7 +196,7 @@ def _to_limit(leg: Leg, solution: Solution, limit: float, notes: tuple[str, ...]
 
 
 def _requested(leg: Leg, there: Iterate, selected: np.ndarray) -> BranchState:
-    """Solve at the asked values between the last point and ``there``; return the state after them.  Collective."""
+    """Solve at the requested values between the last point and ``there``; return the state after them.  Collective."""
     for value in leg.task.sweep.requested_between(leg.now.iterate.parameter, there.parameter):
         harmonics = leg.state.solver.harmonics
         between = interpolate(leg.now.iterate.on(harmonics), there.on(harmonics), value)
@@ -207,7 +207,7 @@ def _requested(leg: Leg, there: Iterate, selected: np.ndarray) -> BranchState:
 
 
 def solved(leg: Leg, guess: Iterate, selected: np.ndarray, requested: bool, notes: tuple[str, ...] = ()) -> Accepted:
-    """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between.  Collective."""
+    """Solve at the parameter of a guess on the chord from the last point, or through intermediate points.  Collective."""
     solver, selected = leg.state.solver, leg.now.selected | selected
     now, guess = solver.carried(leg.now), guess.on(solver.harmonics)
     solution = solver.solve_near(guess, now, selected)
@@ -235,7 +235,7 @@ def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.n
 
 
 def _wider(task: BranchTask, checkpointer: Checkpointer, workspace: Workspace) -> Restored | None:
-    """Return the state and the points that a shorter range gives, kept as those of this one.  Collective."""
+    """Return the state and the points of a narrower range, saved as those of this range.  Collective."""
     shorter = checkpointer.narrower(task, workspace)
     begun = None if shorter is None else widened(task, shorter, workspace, _to_the_end)
     if begun is not None:
@@ -261,10 +261,10 @@ def follow_branch(
     segment: int = 0,
     checkpointer: Checkpointer = NO_CHECKPOINTS,
 ) -> Branch:
-    """Follow a branch to the end of its range, from where it was left if the ``checkpointer`` knows it.  Collective.
+    """Follow a branch to the end of its range, from its last checkpoint if there is one.  Collective.
 
-    A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.  ``on_point`` hears of the
-    points of a step when the ``checkpointer`` has them, so that at most those are lost again which that puts off.
+    A branch that cannot be continued keeps its points, with the reason in ``failure``; nothing is raised.  ``on_point`` gets the
+    points of a step when the ``checkpointer`` has saved or postponed them.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch = Branch(task.problem.at(task.problem.curve.at(task.sweep.start).parameters).level)

@@ -22,7 +22,7 @@ from .stepping import second, step
 from .steps import ArcLength
 from .task import BranchTask
 
-FURTHEST = 2.0  # times the last way between two points over which their secant is trusted
+FURTHEST = 2.0  # times the distance of the last two points: range in which their secant is used
 GRID_STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)  # along the branch, to a frequency that Newton does not reach at once
 MOST_STEPS = 1000
 
@@ -57,10 +57,10 @@ def at_frequencies(
     tolerance: float,
     on_point: Callable[[Point], None] = lambda point: None,
 ) -> Branch:
-    """Solve one level at ``omegas`` (n,) [rad/s], each another than the one before, from the points solved before it.
+    """Solve one level at ``omegas`` (n,) [rad/s], consecutive ones different, each from the points before it.
 
-    Collective.  Nothing is raised for divergence: the branch keeps its points and says why in
-    ``failure``.  Where several solutions exist at a frequency, one near the last point is found.
+    Collective.  Divergence raises nothing: the branch keeps its points, with the reason in
+    ``failure``.  If several solutions exist at a frequency, the result is one near the last point.
 
     Notes
     -----
@@ -166,7 +166,7 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
 
 @dataclass
 class Spent:
-    """Effort on the way to a point, beside that of its own solve."""
+    """Effort on the way to a point, in addition to that of its solve."""
 
     newton: int = 0
     krylov: int = 0

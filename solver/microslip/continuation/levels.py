@@ -1,4 +1,4 @@
-"""From what is asked of a response to one branch a level."""
+"""From the settings of a response to one branch per level."""
 
 from __future__ import annotations
 
@@ -54,20 +54,20 @@ class ResponseProblem:
     selection: Selection
     sweep: Sweep
     curve: LinearCurve  # the response with every pair stuck
-    enriched: EnrichedModel | None = None  # what error bars compare with; None: there are none
+    enriched: EnrichedModel | None = None  # the model that error bars compare with; None: no error bars
 
     @property
     def steps(self) -> ArcLength:
-        """The step lengths that the number of points, or what is stated, asks for."""
+        """The step lengths, stated or by the number of points."""
         return arc_length_steps(self.settings, self.curve)
 
     def on_ranks(self, comm: MPI.Comm) -> ResponseProblem:
-        """Return the same for some of the ranks, ``comm``, which go on without the others.  Collective on all of them."""
+        """Return the same problem for some of the ranks, ``comm``, which continue alone.  Collective on all ranks."""
         model = on_ranks(self.model, comm)
         return replace(self, model=model, enriched=self.enriched and self.enriched.on_ranks(model, comm))
 
     def at_level(self, level: float) -> ForcedResponse:
-        """Return what is continued at a level [N].  Local."""
+        """Return the problem that is continued at a level [N].  Local."""
         return ForcedResponse(HarmonicBalance.of_all(self.model, self.law, self.settings.samples), level)
 
     def frequencies_of(self, level: float) -> tuple[Branch, list[float]]:
@@ -90,7 +90,7 @@ def response_problem(
     omega_n: np.ndarray,
     enriched: EnrichedModel | None = None,
 ) -> ResponseProblem:
-    """Return what all levels share: the range about the modes ``omega_n`` [rad/s], the linear curve in it.  Collective.
+    """Return the problem that all levels share: the range about the modes ``omega_n`` [rad/s], the linear curve.  Collective.
 
     Static columns are solved for in the order in which the pairs are likely to slip.
 
@@ -106,11 +106,11 @@ def response_problem(
 
 
 def frequency_sweep(settings: ResponseSettings, omega_n: np.ndarray) -> Sweep:
-    """Return the range of [response] in rad/s, in the direction asked for.  Local.
+    """Return the range of [response] in rad/s, in the requested direction.  Local.
 
     Raises
     ------
-    CaseError : the mode asked for was not computed, or a frequency of ``at`` lies outside the range
+    CaseError : the requested mode was not computed, or a frequency of ``at`` lies outside the range
     """
     low, high = frequency_band(settings.band, omega_n)
     highest = float(np.max(omega_n, initial=0.0)) / (2 * np.pi)
@@ -145,7 +145,7 @@ def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> L
 
 
 def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point: Callable[[Point], None]) -> Branch:
-    """Return a branch known to be linear, at equal steps of its length, where asked and at peaks between; nothing is solved.
+    """Return a linear branch at equal steps of its length, at requested frequencies and at peaks; nothing is solved.
 
     Collective.
     """
@@ -167,12 +167,12 @@ def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point:
 
 
 def most_points(points: int) -> int:
-    """Return the bound of the points of a branch that never ends; corners and folds take some, however few are asked for."""
+    """Return the bound of the points of a branch that never ends; corners and folds need some, however few are requested."""
     return 10 * (points + USUAL_POINTS)
 
 
 def arc_length_steps(settings: ResponseSettings, curve: LinearCurve) -> ArcLength:
-    """Return the step lengths: the linear curve in as many steps as points are asked for, unless they are stated.  Local.
+    """Return the step lengths: the length of the linear curve divided by the requested number of points, unless stated.  Local.
 
     Stated ones are shares of that length.  Few points make long steps, but none of them blind: the shortest step
     is no longer than that of the usual number of points.
@@ -224,9 +224,9 @@ def nobody(event: str, *news: Any) -> None:
 def follow_levels(
     of: ResponseProblem, notify: Callable[..., None] = nobody, checkpointers: Checkpointers = no_checkpoints
 ) -> list[Branch]:
-    """Return the branches of all levels, one after the other.  Collective, as is ``notify``, which hears of levels and points.
+    """Return the branches of all levels, one after the other.  Collective, as is ``notify``, called with levels and points.
 
-    What it is told is what :class:`~microslip.observe.observer.Observers` has methods for.
+    Its first argument is the name of a method of :class:`~microslip.observe.observer.Observers`.
     """
     branches = []
     for number, level in enumerate(of.settings.levels):
@@ -242,7 +242,7 @@ def follow_level(
     on_point: Callable[[Point], None] = lambda point: None,
     checkpointers: Checkpointers = no_checkpoints,
 ) -> Branch:
-    """Return the branch of one level [N], with error bars where there is a better model, and its peaks if asked for.  Collective.
+    """Return the branch of one level [N], with error bars if there is an enriched model, and peaks if requested.  Collective.
 
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
     Newton does not pass in one direction, often lie on one side only.
@@ -265,7 +265,7 @@ def _whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point],
 def _kept_or_followed(
     of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers, segment: int = 0
 ) -> Branch:
-    """Return one way through the range: as it was kept, or followed to its end."""
+    """Return one segment, from its checkpoint or followed to its end."""
     checkpointer = checkpointers(of.model.comm, level, segment)
     branch = checkpointer.finished()
     if branch is None:
@@ -280,7 +280,7 @@ def _kept_or_followed(
 def _follow_one_way(
     of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int, checkpointer: Checkpointer
 ) -> Branch:
-    """Follow a level in one direction, as finely as its accuracy asks; without pairs nothing is solved.  Collective."""
+    """Follow a level in one direction, with the requested accuracy; without pairs nothing is solved.  Collective."""
     problem, settings, steps = of.at_level(level), of.settings, of.steps
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
     task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator)

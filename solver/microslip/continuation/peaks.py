@@ -1,4 +1,4 @@
-"""Peaks: the maxima of the outputs along a curve, each a point of its own (docs/theory.md, section 7)."""
+"""Peaks: the maxima of the outputs along a curve, each computed as a point (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is kept of a converged point: motion, forces, energies and states, gathered on rank 0."""
+"""The record of a converged point: motion, forces, energies and states, gathered on rank 0."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ Solution = tuple[Correction, np.ndarray]  # and the pairs that were let slip, (n
 
 
 class Workspace:
-    """What makes the next solve of a branch quicker: PETSc's objects, numbers known once; and what its steps have spent.
+    """Reused data of a branch: PETSc's objects, numbers computed once; and the effort of its steps.
 
     It can be thrown away between any two steps, and does not decide where they lead.
     """
@@ -55,7 +55,7 @@ class Workspace:
         return Corrector(equation.comm, equation.shape, self._resolution.tolerance, self._k, tangents_at_end=self._has_bars)
 
     def newton_solver(self, equation: HarmonicBalance, resolution: Resolution) -> NewtonSolver:
-        """Return what solves Newton's systems of a resolution, with the preconditioner it keeps.  Collective."""
+        """Return the solver of Newton's systems of a resolution, with its preconditioner.  Collective."""
         return self.corrector(equation, resolution).newton_solver
 
     def is_loose(self, equation: HarmonicBalance) -> bool:

@@ -9,7 +9,7 @@ from .constraint_rows import Plane
 from .iterate import Iterate, PointState
 from .point_solver import PointSolver
 
-FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola says nothing
+FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola is not used
 FAINT_MOTION = 1e-2  # of the motion under the same loads at rest, below which ratios of a linear motion tell nothing
 
 

@@ -1,4 +1,4 @@
-"""What is continued: the harmonic-balance equation along one parameter or several.
+"""The problems of continuation: the harmonic-balance equation with one parameter or several.
 
 A problem says which operating point its k parameters stand for, how that changes with them, which k - 1 constraints hold beside
 the row of a step, and which curve, known in closed form, its solutions lie on while no pair slips.  The first parameter is swept.
@@ -47,15 +47,15 @@ class Problem(Protocol):
 
     @property
     def units(self) -> tuple[float, ...]:
-        """Units of the k - 1 parameters beside the swept one, whose unit is the range; in the norm of steps and in SNES."""
+        """Units of the k - 1 parameters other than the swept one, whose unit is the range; in the norm of steps and in SNES."""
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
-        """The k - 1 rows that hold beside that of the step."""
+        """The k - 1 constraints in addition to that of the step."""
 
     @property
     def maximum(self) -> EnclosedRow | None:
-        """What takes the place of one of these rows: an amplitude is at its maximum."""
+        """The constraint that replaces one of these rows: an amplitude is at its maximum."""
 
     @property
     def curve(self) -> KnownCurve:
