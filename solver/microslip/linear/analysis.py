@@ -1,11 +1,11 @@
-"""What MUMPS tells of a factorisation after its analysis, before its numbers: how much memory it will take, on each rank."""
+"""MUMPS' estimates of a factorisation after its analysis: memory on each rank."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Protocol
 
-_MB = 1e6  # bytes of what MUMPS calls a megabyte
+_MB = 1e6  # bytes of MUMPS' megabyte
 _BYTES_AN_ENTRY = 12.0  # of a matrix: its value and its place
 
 
@@ -30,7 +30,7 @@ class FactorMemory:
 
 
 def factor_memory(mumps: Reports) -> FactorMemory:
-    """Return the memory that the numbers of an analysed factor will take on this rank.  Local."""
+    """Return the memory that an analysed factor will need on this rank.  Local."""
     return FactorMemory(
         in_core=_MB * mumps.info(15),
         out_of_core=_MB * mumps.info(17),
@@ -40,7 +40,7 @@ def factor_memory(mumps: Reports) -> FactorMemory:
 
 
 def saved_size(mumps: Reports) -> float:
-    """Return what this rank's part of a factor takes in a file [bytes], a tenth of it for places and the like.  Local."""
+    """Return the size of this rank's part of a factor in a file [bytes], a tenth of it for indices.  Local."""
     return 1.1 * 8.0 * count(mumps.info(9))
 
 

@@ -57,7 +57,7 @@ def is_there(comm: MPI.Comm) -> bool:
 
 
 def within_int32(number: int, of_what: str) -> int:
-    """Return a number that MUMPS takes as an integer of 32 bits.  Local.
+    """Return a number as an integer of 32 bits for MUMPS.  Local.
 
     Raises
     ------

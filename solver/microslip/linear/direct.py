@@ -43,7 +43,7 @@ def factorise(
     shift: tuple[float, PETSc.Mat] | None = None,
     later: Callable[[FactorMemory], float] | None = None,
 ) -> tuple[DirectSolver, dict[str, Any]]:
-    """Factor A by MUMPS, :func:`.mumps.factorise`, or by what the options of ``prefix`` name.  Collective.
+    """Factor A by MUMPS, :func:`.mumps.factorise`, or by the package that the options of ``prefix`` name.  Collective.
 
     Without the bridge to MUMPS, PETSc calls it.
     """

@@ -1,4 +1,4 @@
-"""The one factor of K_L, kept for static solves, modes and expansions; every solve is checked by its true residual."""
+"""The factor of K_L for static solves, modes and expansions; every solve is checked by its true residual."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _N_PROBES = 4  # columns of the randomised residual
 
 
 class FactorCache(Protocol):
-    """A factor of K_L that an earlier run has kept.  All methods are collective, and their answers the same on every rank."""
+    """A factor of K_L stored by an earlier run.  All methods are collective, with the same result on every rank."""
 
     def restore(self, A: PETSc.Mat, prefix: str) -> tuple[DirectSolver, dict[str, Any]] | None:
-        """Return the factor and its report; None where there is none."""
+        """Return the factor and its report; None if there is none."""
 
     def drop(self, why: str) -> None:
         """Remove it: it is at fault."""
@@ -52,10 +52,10 @@ class Factor:
 
     Attributes
     ----------
-    A : PETSc.Mat (n_dof, n_dof), kept by the caller
-    info : ordering, entries, memory [MB], seconds of the factorisation, lines on what was done for lack of memory; solves,
+    A : PETSc.Mat (n_dof, n_dof), owned by the caller
+    info : ordering, entries, memory [MB], seconds of the factorisation, notes on measures for lack of memory; solves,
         seconds and worst residual since
-    soft_modes : by which solutions are corrected, where the structure is held softly; None: by none
+    soft_modes : modes by which solutions of softly held structures are corrected; None: no correction
     """
 
     def __init__(
@@ -74,15 +74,15 @@ class Factor:
         Parameters
         ----------
         A : flagged as symmetric positive definite
-        system : what can name the parts of the structure: ``comm``, ``parts``, ``part_names``, ``dof``; or None
-        what : how messages call A
+        system : names the parts of the structure: ``comm``, ``parts``, ``part_names``, ``dof``; or None
+        what : name of A in messages
         last : (m,) rows that are eliminated last, so that entries of A^-1 between them come quickly
-        later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
-        cache : where the factor may be had that an earlier run has kept: one that passed all tests
+        later : returns the bytes that this rank needs in addition to the factor, from the size of the factor
+        cache : a factor stored by an earlier run, which passed all tests
 
         Raises
         ------
-        CaseError : A is singular: the message says which part moves freely, and how; on every rank
+        CaseError : A is singular: the message names the part that moves freely, and its motion; on every rank
         ResourceError : not enough memory, in memory and on disk; on every rank
         """
         self.A, self.what = A, what
@@ -100,7 +100,7 @@ class Factor:
             explain_singular(A, system, what)
 
     def _takes(self, cache: FactorCache) -> bool:
-        """Take the factor that an earlier run has kept, if it is that of A: it answers to random forces.  Collective."""
+        """Restore the factor of an earlier run, if it is that of A by a solve with random forces.  Collective."""
         restored = cache.restore(self.A, PREFIX)
         if restored is None:
             return False

@@ -198,7 +198,7 @@ def _lowest_row(comm: MPI.Comm, A: PETSc.Mat, marked: np.ndarray) -> int:
 
 
 def _name_of_row(row: int, system: System | None) -> str:
-    """Return what to call a row in a message.  Local."""
+    """Return the name of a row in messages.  Local."""
     dof = getattr(system, "dof", None)
     if dof is None:
         return f"DOF {row}"

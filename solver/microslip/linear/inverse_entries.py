@@ -22,7 +22,7 @@ _COLUMNS, _FROM_DISK = 512, 1024  # at once; on disk the factor is read again ea
 def inverse_entries(mumps: Instance, comm: MPI.Comm, n: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
     """Return the entries of A^-1 in some rows and columns, (n_rows, n_columns) on rank 0, (0, 0) elsewhere.
 
-    Collective.  Of a pair of entries that are equal by symmetry one is asked for.  Unchecked.
+    Collective.  Of two entries that are equal by symmetry one is computed.  Unchecked.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ STIFFEST = 1e9  # a spring of a joint over the norm of the stiffness matrix
 # bytes an entry of K
 MADE = 25.0  # K_L while the springs are added: twice
 KEPT = 12.0  # K_L
-ANALYSED = (14.0, 28.0)  # the half of it that MUMPS is handed, and its graph, on one rank and on several
+ANALYSED = (14.0, 28.0)  # the half of it that is passed to MUMPS, and its graph, on one rank and on several
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Linearised:
         return self.system.maps
 
     def let_K_go(self) -> None:
-        """Free ``system.K``, for which few ask once K_L is there: two fifths of what the matrices take.  Collective."""
+        """Free ``system.K``, seldom needed once K_L exists: two fifths of the memory of the matrices.  Collective."""
         self.system.K.destroy()
 
     def bring_K_back(self) -> None:
@@ -71,8 +71,8 @@ def linearise(
 ) -> Linearised:
     """Return the structure with all pairs stuck, K_L of docs/theory.md, eq. (1.3), factored.
 
-    Collective on ``system.comm``.  ``where`` is the scene file, for messages; ``later`` says what comes beside the
-    factor, ``cache`` has that of an earlier run: :class:`.factor.Factor`.
+    Collective on ``system.comm``.  ``where`` is the scene file, for messages; ``later`` returns the memory needed besides the
+    factor, ``cache`` has the factor of an earlier run: :class:`.factor.Factor`.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def linearise(
 
 
 def memory_before_factor(K: PETSc.Mat) -> float:
-    """Return what K_L and the analysis of its factor take on this rank at most [bytes].  Local."""
+    """Return the largest memory of K_L and the analysis of its factor on this rank [bytes].  Local."""
     return analysis_of(K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"], K.comm.size)
 
 
@@ -129,7 +129,7 @@ def joint_stiffness(pairs: ContactPairs) -> np.ndarray:
 
 
 def _refuse_too_stiff(K_J: np.ndarray, pairs: ContactPairs, size: float, where: str) -> None:
-    """Raise CaseError for a spring beside which the structure's stiffness is lost in rounding.  Local; the same on every rank."""
+    """Raise CaseError for a spring so stiff that the structure is lost in rounding.  Local; the same on every rank."""
     worst = int(np.argmax(K_J)) if len(K_J) else 0
     if size > 0.0 and len(K_J) and K_J[worst] > STIFFEST * size:
         key = "normal_stiffness" if worst % 3 == 2 else "tangential_stiffness"

@@ -45,7 +45,7 @@ RELAXATION = (60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
 WORKSPACE_TOO_SMALL = (-8, -9, -11, -12, -14, -15, -17, -20)
 _OUT_OF_MEMORY = (-5, -7, -13, -19)
 _BEYOND_OPTION, _DISK_FAILED = -19, -90
-_SAVED = "factor"  # what names of files begin with that hold one rank's part of a saved factor
+_SAVED = "factor"  # prefix of the files with one rank's part of a saved factor
 _N_ICNTL, _N_CNTL = 60, 15
 _SCREEN = 6  # Fortran's unit
 SINGULAR = (-6, -10, -40)  # structurally, numerically, not positive definite at the root
@@ -79,7 +79,7 @@ class MumpsFactor:
         return int(self.ranges[self.comm.rank + 1] - self.ranges[self.comm.rank])
 
     def destroy(self) -> None:
-        """Free the factor, but not after a signal that stops: other ranks do not take part.  Collective."""
+        """Free the factor, except after a stopping signal, when other ranks do not take part.  Collective."""
         if not is_stopping():
             self.mumps.end()
 
@@ -88,7 +88,7 @@ class MumpsFactor:
 
         Raises
         ------
-        ResourceError : it could not be written; on every rank, and nothing of it is left
+        ResourceError : it could not be written; on every rank, and its files are removed
         """
         on_each(self.comm, _set_saved, self.mumps, folder)
         with patient():
@@ -147,7 +147,7 @@ class MumpsFactor:
         return self._to_owners.send(X_here)
 
     def _run_solve(self, kind: int) -> None:
-        """Solve what was stated, right-hand sides of a kind (ICNTL(20)).  Collective."""
+        """Solve for the given right-hand sides, of a kind (ICNTL(20)).  Collective."""
         self.mumps.set_icntl(20, kind)
         with patient() if self.mumps.icntl(_ON_DISK) == 1 else nullcontext():
             code = self.mumps.run(SOLVE)
@@ -173,11 +173,11 @@ def factorise(
     Parameters
     ----------
     prefix : of the PETSc options, read last
-    what : how messages call A
+    what : name of A in messages
     elimination : of the order of elimination
     shift : (sigma, M): A - sigma M is factored as L D L^T, every negative pivot counted, those of the last front too, and nothing
         else kept
-    later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
+    later : returns the bytes that this rank needs in addition to the factor, from the size of the factor
 
     Returns
     -------
@@ -201,9 +201,9 @@ def factorise(
 
 
 def restored(A: PETSc.Mat, prefix: str, folder: str) -> tuple[MumpsFactor, dict[str, Any]] | None:
-    """Return what :meth:`MumpsFactor.save` wrote for A, and its report; None, on every rank, where MUMPS does not take it.
+    """Return the factor of A written by :meth:`MumpsFactor.save`, and its report; None, on every rank, if MUMPS rejects it.
 
-    Collective on A's communicator.  MUMPS believes what its files hold: whoever calls this knows that they are whole.
+    Collective on A's communicator.  MUMPS trusts its files: callers verify that they are complete.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def _set_saved(mumps: Instance, folder: str) -> None:
 
 
 def failure(code: int, detail: int, what: str, prefix: str, n: int) -> CaseError | ResourceError:
-    """Return what MUMPS' INFOG(1) and INFOG(2) mean for the matrix ``what`` with ``n`` unknowns.  Local."""
+    """Return the meaning of MUMPS' INFOG(1) and INFOG(2) for the matrix ``what`` with ``n`` unknowns.  Local."""
     numbers = f"MUMPS INFOG(1) = {code}, INFOG(2) = {detail}"
     if code == _BEYOND_OPTION:
         numbers += f": -{prefix}mat_mumps_icntl_23 allows it too few MB"
@@ -300,7 +300,7 @@ def _started(comm: MPI.Comm, sym: int) -> Instance:
     from . import _mumps
 
     mumps = _mumps.Instance(PETSc.__file__, comm.py2f(), sym)
-    if mumps.version != _mumps.BUILT_FOR:  # nothing is asked of it any more
+    if mumps.version != _mumps.BUILT_FOR:  # it is not used any more
         raise CaseError(
             f"microslip was built for MUMPS {_mumps.BUILT_FOR}, and PETSc has another; install it again: pip install "
             f"--force-reinstall --no-deps . in the folder of microslip's setup.py, "
@@ -319,7 +319,7 @@ def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) 
         if options.hasName(f"mat_mumps_icntl_{number}"):
             mumps.set_icntl(number, options.getInt(f"mat_mumps_icntl_{number}"))
     if mumps.icntl(4) > 0 and not options.hasName("mat_mumps_icntl_3"):
-        mumps.set_icntl(3, _SCREEN)  # what MUMPS is asked to tell
+        mumps.set_icntl(3, _SCREEN)  # what MUMPS prints
     for number in range(1, _N_CNTL + 1):
         if options.hasName(f"mat_mumps_cntl_{number}"):
             mumps.set_cntl(number, options.getReal(f"mat_mumps_cntl_{number}"))
@@ -350,7 +350,7 @@ def _handed_over(
 
 
 def _no_entries(n_starts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rows of a matrix that has none of them filled.  Local."""
+    """Return the rows of a matrix without entries.  Local."""
     return np.zeros(n_starts, dtype=np.int32), np.empty(0, dtype=np.int32), np.empty(0)
 
 
@@ -407,7 +407,7 @@ def _attempt(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], flo
 
 
 def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float], on_disk: bool) -> dict[str, Any]:
-    """Choose memory or disk for an analysed factor; return the estimate, whether it goes to disk, and what is to be said.
+    """Choose memory or disk for an analysed factor; return the estimate, whether it goes to disk, and messages.
 
     Collective.
 
@@ -428,7 +428,7 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     lacks_beside, folder = shortage(comm, memory.out_of_core), room_on_disk(comm, memory)
     if lacks_beside is not None or folder is None:
         if not on_disk and shortage(comm, memory.in_core) is None:
-            return in_memory  # what comes later may be less than foreseen
+            return in_memory  # later memory may be less than the forecast
         less = f"; on disk it would still be so: {lacks_beside}" if lacks_beside else f"; nor is there room for {disks(memory)}"
         raise ResourceError(f"{what}: not enough memory for its factor ({n_dof} unknowns): {lacks}{less}; {ADVICE}")
     write_to_disk(comm, factor.mumps, folder)
@@ -442,7 +442,7 @@ _ORDERINGS = {0: "AMD", 1: "METIS", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS"
 
 
 def _report(factor: MumpsFactor) -> dict[str, Any]:
-    """Return what MUMPS says of its factor; the values agree on all ranks.  Local."""
+    """Return MUMPS' report on its factor, the same on all ranks.  Local."""
     return report(factor.mumps)
 
 

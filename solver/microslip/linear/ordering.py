@@ -31,7 +31,7 @@ class Elimination:
     """What is known of the order in which a symmetric matrix is eliminated before it is factored."""
 
     last: np.ndarray | None = None  # (m,) rows that come last: those of a joint
-    order: Order | None = None  # all of it, of a factor made before of a matrix with this pattern
+    order: Order | None = None  # the whole order, from a factor of a matrix with the same pattern
 
 
 def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
@@ -87,7 +87,7 @@ def _graph_of_groups(group: np.ndarray, lengths: np.ndarray, columns: np.ndarray
 
 
 def _dissected(graph: sp.csr_matrix, members: np.ndarray) -> np.ndarray:
-    """Return the members of a graph, (m,), in the order of nested dissection of what couples them.  Local."""
+    """Return the members of a graph, (m,), in the order of nested dissection.  Local."""
     if len(members) <= 1:
         return members
     subgraph = graph if len(members) == graph.shape[0] else graph[members][:, members]

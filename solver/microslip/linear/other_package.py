@@ -65,7 +65,7 @@ class PackageFactor:
         return self.solve(B.tocsr()[rows].toarray(order="F"))
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> None:
-        """Return None: there are none to be had."""
+        """Return None: this package does not compute them."""
 
 
 def is_asked_for(prefix: str) -> bool:
@@ -77,7 +77,7 @@ def is_asked_for(prefix: str) -> bool:
 def factorise(
     A: PETSc.Mat, prefix: str, what: str, shift: tuple[float, PETSc.Mat] | None
 ) -> tuple[PackageFactor, dict[str, Any]]:
-    """Factor A, or A - sigma M where ``shift`` is (sigma, M), by what the options name, else by MUMPS.
+    """Factor A, or A - sigma M with ``shift`` (sigma, M), by the package of the options, by default MUMPS.
 
     Collective on A's communicator.
 
@@ -204,7 +204,7 @@ class Reports:
 
 
 def _chosen(A: PETSc.Mat, prefix: str) -> PETSc.KSP:
-    """Return a KSP that will factor A as the options say.  Collective.
+    """Return a KSP that factors A according to the options.  Collective.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def _chosen(A: PETSc.Mat, prefix: str) -> PETSc.KSP:
     ksp.setType(PETSc.KSP.Type.PREONLY)
     pc = ksp.getPC()
     pc.setType(PETSc.PC.Type.CHOLESKY)
-    pc.setFactorSolverType(_OURS["pc_factor_mat_solver_type"])  # until the options say otherwise
+    pc.setFactorSolverType(_OURS["pc_factor_mat_solver_type"])  # unless the options state another
     ksp.setFromOptions()
     if ksp.getType() != PETSc.KSP.Type.PREONLY or pc.getType() not in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU):
         chosen = f"-{prefix}ksp_type {ksp.getType()} -{prefix}pc_type {pc.getType()}"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .analysis import FactorMemory
 
 VARIABLE = "MUMPS_OOC_TMPDIR"  # names another folder
-PREFIX = "microslip_factor_"  # what names of folders begin with that hold one rank's part of a factor
+PREFIX = "microslip_factor_"  # prefix of the folders with one rank's part of a factor
 _OUT_OF_CORE = 22  # ICNTL
 _IN_MEMORY = ("tmpfs", "ramfs", "rootfs")  # file systems that are no disk
 _MARGIN = 1.2  # of the estimate, for what MUMPS adds to it while it factors
@@ -66,12 +66,12 @@ def _take_folder(mumps: Instance, folder: str) -> None:
 
 
 def disks(memory: FactorMemory) -> str:
-    """Return where a factor could be written, and what it needs there, in words.  Local."""
+    """Return a text on the folders for a factor, and the space that it needs there.  Local."""
     return f"{gigabytes(memory.on_disk)} on a disk in {' or '.join(_folders())} (${VARIABLE} names another folder)"
 
 
 def _folders() -> list[str]:
-    """Return the folders that may take a factor: the one stated, or else the usual ones.  Local."""
+    """Return the folders for a factor: the stated one, or the usual ones.  Local."""
     stated = os.environ.get(VARIABLE)
     return [stated] if stated else list(dict.fromkeys([os.environ.get("TMPDIR") or "/tmp", "/tmp", "/var/tmp"]))
 
@@ -85,7 +85,7 @@ def _is_on_disk(folder: str) -> bool:
 
 
 def _mounts() -> Iterator[tuple[str, str]]:
-    """Yield place and type of each file system; none where the system does not tell."""
+    """Yield mount point and type of each file system; none if the system does not list them."""
     try:
         with open("/proc/mounts") as file:
             for line in file:
