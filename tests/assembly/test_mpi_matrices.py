@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 import scipy.linalg
-from matrix_scenes import asked, branches_of, write_matrix_scene
+from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
 from oracles import exact, scenes
 
@@ -153,7 +153,7 @@ def test_one_mass_has_the_exact_amplitude_also_where_ranks_own_nothing(shared_pa
         ),
     )
     (branch,) = branches_of(path, COMM)
-    assert [np.hypot(*point.response[0, 1:3]) for point in asked(branch)] == pytest.approx([1.5, 1.5], rel=4e-6)
+    assert [np.hypot(*point.response[0, 1:3]) for point in requested(branch)] == pytest.approx([1.5, 1.5], rel=4e-6)
 
 
 def spoilt(**changes):

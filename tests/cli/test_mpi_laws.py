@@ -7,7 +7,7 @@ import pytest
 from bar_scene import SCENE as BAR
 from bar_scene import write_bar
 from lap_scene import SCENE, write_mesh
-from matrix_scenes import asked, branches_of, write_matrix_scene
+from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
 from oracles import scenes
 
@@ -45,12 +45,12 @@ def write_chain(folder, **solver):
 def test_two_laws_in_one_scene_on_any_number_of_ranks(comm, shared_path):
     path = on_root(comm, write_chain, shared_path)
     (together,) = branches_of(path, comm)
-    points = comm.bcast([(p.omega, p.response, p.energy, p.p, p.state) for p in asked(together)])
+    points = comm.bcast([(p.omega, p.response, p.energy, p.p, p.state) for p in requested(together)])
     folder = shared_path / f"alone{comm.rank}"
     folder.mkdir()
     (alone,) = branches_of(write_chain(folder), MPI.COMM_SELF)
     assert len(points) == 2
-    for (omega, response, energy, p, state), own in zip(points, asked(alone)):
+    for (omega, response, energy, p, state), own in zip(points, requested(alone)):
         assert omega == own.omega and np.array_equal(state, own.state)
         assert np.allclose(response, own.response, atol=1e-7 * np.abs(own.response).max())
         assert np.all(energy > 0.0) and np.allclose(energy, own.energy, rtol=1e-5)

@@ -15,7 +15,7 @@ from block_scenes import (
 )
 from box_meshes import box
 from matrix_files import WRITERS
-from matrix_scenes import asked, branches_of
+from matrix_scenes import branches_of, requested
 from mpi4py import MPI
 from small_fe import assemble
 
@@ -31,7 +31,7 @@ def response(folder, write):
     """Return the point at 2100 Hz of the scene that ``write(folder)`` makes.  Collective."""
     path = on_root(COMM, write, folder)
     (branch,) = branches_of(path, COMM)
-    (point,) = asked(branch)
+    (point,) = requested(branch)
     return point
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from lattices import truss
-from matrix_scenes import asked, branches_of, write_matrix_scene
+from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
 from oracles.scenes import joint_stiffness, make_system
 
@@ -46,5 +46,5 @@ def test_the_response_of_a_softly_held_truss(tmp_path, held):
     options = {"at": omega, "outputs": [31], "harmonics": 1, "samples": 32, "modes": 12, "error_bars": False}
     path = on_root(comm, lambda: write_matrix_scene(folder, system, [1.0], system["omega"], **options))
     (branch,) = branches_of(path, comm)
-    solved = np.array([to_complex(point.response)[0, 1] for point in asked(branch)])
+    solved = np.array([to_complex(point.response)[0, 1] for point in requested(branch)])
     np.testing.assert_allclose(solved, exact, rtol=2e-3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from matrix_scenes import asked, branches_of, write_matrix_scene
+from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
 
 from microslip.fourier.harmonics import Harmonics
@@ -117,7 +117,7 @@ def test_residual_norms_are_sums_over_the_truncated_modes(shared_path):
 def test_the_true_error_stays_within_what_was_asked(shared_path, n, damping, asked_for):
     def curves(**solver):
         path = written(shared_path, chain(n, damping), points=8, **solver)
-        return comm.bcast(np.array([[point.response for point in asked(branch)] for branch in branches_of(path, comm)]))
+        return comm.bcast(np.array([[point.response for point in requested(branch)] for branch in branches_of(path, comm)]))
 
     reference = curves(modes=n)
     peak = np.abs(reference).max(axis=(1, 3))[:, None, :, None]  # below the linear peak

@@ -71,7 +71,7 @@ def followed(scene, folder, shared, comm=COMM, fresh=False):
     restart = Restart.open(comm, folder, scene, (), fresh, shared)
     prepared = restart.prepared(log, partial(story.build, scene, comm, log))
     try:
-        branches = follow(prepared.response, (), 1, log, restart.keepers_of(prepared, log))
+        branches = follow(prepared.response, (), 1, log, restart.checkpointers_of(prepared, log))
         restart.share_columns(log)
         return prepared.structure.n_modes, branches, log.notes
     finally:

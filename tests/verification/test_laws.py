@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from matrix_scenes import asked, branches_of, write_matrix_scene
+from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
 from oracles import populations, scenes
 
@@ -42,7 +42,7 @@ def test_a_branch_meets_the_march_in_time(tmp_path, name, level):
     path = write_matrix_scene(tmp_path, system, [level], (0.9, 1.5), at=[omega], points=20, harmonics=H, samples=128)
     path.write_text(path.read_text().replace('friction_limit = "circle"', own))
     (branch,) = branches_of(path, HERE)
-    (point,) = asked(branch)
+    (point,) = requested(branch)
     mu, N0, k_t, k_n = (float(system[key][0]) for key in ("mu", "N0", "k_t", "k_n"))
     march = populations.steady_state(
         system["M"], system["C"], system["K"], load(system, level), omega, population(mu, N0, k_t, k_n), 600, 14

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from blocks import stacked
-from matrix_scenes import asked, branches_of, write_matrix_scene
+from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
 from msh import write_msh
 from oracles import scenes, time_integration
@@ -35,7 +35,9 @@ def solved(folder, system, band, regimes, **solver):
         **{"method": "receptance", **solver},
     )
     branches = {branch.level: branch for branch in branches_of(path, HERE)}
-    return [[point for point in asked(branches[level]) if point.omega == pytest.approx(omega)] for level, omega, *_ in regimes]
+    return [
+        [point for point in requested(branches[level]) if point.omega == pytest.approx(omega)] for level, omega, *_ in regimes
+    ]
 
 
 def difference(point, march):

@@ -4,7 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from matrix_scenes import asked, branches_of, write_matrix_scene
+from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
 from verification.fold import FOLDS, followed, mass
 
@@ -40,7 +40,7 @@ def scene_between_the_folds(folder, direction="up", error_bars=False):
 
 def responses(branch, omega) -> np.ndarray:
     """Return all solutions at one of ``AT``, by rising amplitude."""
-    close = [point.response[0] for point in asked(branch) if abs(point.omega - omega) < 1e-12 * omega]
+    close = [point.response[0] for point in requested(branch) if abs(point.omega - omega) < 1e-12 * omega]
     return np.array(sorted(close, key=lambda u: np.hypot(*u[1:3])))
 
 
