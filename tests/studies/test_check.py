@@ -15,7 +15,7 @@ from microslip.studies.check import picture
 from microslip.studies.check.marks import marks_of_scene
 from microslip.studies.check.model_file import _lines
 from microslip.studies.check.picture import draw
-from microslip.studies.check.plausible import suspicion
+from microslip.studies.check.plausible import better_units, suspicion
 from microslip.studies.check.report import _solution
 from microslip.tables.structure import Material
 from microslip.tables.units import UNITS
@@ -148,3 +148,10 @@ def test_the_picture_shows_bodies_joint_and_support(tmp_path, monkeypatch):
 def test_the_guide_shows_what_check_says_of_the_demos_method():
     guide = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")
     assert "\n".join(f"    {line}" for line in _solution(read_scene(ROOT / "jobs" / "fan_small.toml"), 9693, 46)) in guide
+
+
+@pytest.mark.parametrize(
+    ("young", "size", "units"), [(2.0e5, 17.3, "mm-t-s"), (2.9e7, 17.3, "in-lbf-s"), (2.0e3, 300.0, "mm-t-s")]
+)
+def test_of_units_that_are_plausible_those_of_metals_come_first(young, size, units):
+    assert better_units(size, [Material.of_file(young=young)])[0] == units

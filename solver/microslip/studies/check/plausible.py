@@ -12,6 +12,7 @@ from ...tables.units import UNITS, Units
 SI = "m-kg-s"
 # least and most of what structures are made of, from rubber to diamond and from cork to tungsten, and their sizes
 _YOUNG, _DENSITY, _SPEED, _LENGTH = (1e6, 1.3e12), (100.0, 25_000.0), (30.0, 20_000.0), (1e-4, 50.0)
+_METALS = (6e10, 2.3e11)  # Pa, from aluminium to steel and nickel alloys
 
 
 def suspicion(
@@ -49,7 +50,7 @@ def suspicion(
 
 
 def better_units(diagonal: float, materials: Iterable[Material]) -> list[str]:
-    """Return the units in which materials and length are plausible, those with the likelier lengths first.  Local."""
+    """Return the units in which materials and length are plausible: metals first, then likelier lengths.  Local."""
     known = [material for material in materials if material.modulus is not None or material.density is not None]
     fitting = [
         name
@@ -58,7 +59,13 @@ def better_units(diagonal: float, materials: Iterable[Material]) -> list[str]:
         and not any(_odd_material("", material, units) for material in known)
         and _within(diagonal * units.length, _LENGTH)
     ]
-    return sorted(fitting, key=lambda name: abs(np.log10(diagonal * UNITS[name].length / 0.3)))
+    moduli = [material.modulus for material in known if material.modulus is not None]
+
+    def unlikely(name: str) -> tuple[int, float]:
+        n_others = sum(not _within(modulus * UNITS[name].stress, _METALS) for modulus in moduli)
+        return n_others, abs(np.log10(diagonal * UNITS[name].length / 0.3))
+
+    return sorted(fitting, key=unlikely)
 
 
 def _as(diagonal: float, materials: Mapping[str, Material], name: str) -> str:
