@@ -52,7 +52,7 @@ class GroupColumns:
         return self.G_static.part(part).columns(rows).T
 
     def dynamic_block(self, i: int, part: np.ndarray) -> np.ndarray:
-        """Return what the modes add to G_n of the i-th harmonic between some rows of the active pairs."""
+        """Return the dynamic part of G_n of the i-th harmonic between some rows of the active pairs."""
         return self.c.between(self.R_active[part], i, self.R_active[part])
 
 
@@ -74,12 +74,12 @@ class ReceptanceColumns:
         return rows_of(self._owned(self.active))
 
     def _owned(self, pairs: np.ndarray) -> np.ndarray:
-        """Return those of some pairs that are this rank's, counted from its first."""
+        """Return the pairs of this rank among some, counted from its first."""
         first, last = self.model.owned.start, self.model.owned.stop
         return pairs[(pairs >= first) & (pairs < last)] - first
 
     def _joined(self, term: Callable[[GroupColumns, np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-        """Return what each group makes of its columns of x, (n, N_H)."""
+        """Return the products of the groups with their columns of x, (n, N_H)."""
         return self.model.joined([term(group, x[:, group.group.columns]) for group in self.groups])
 
     def apply(self, p: np.ndarray) -> np.ndarray:
@@ -148,7 +148,7 @@ class ReceptanceColumns:
     def static_coupling(self, pair: int) -> np.ndarray:
         """Return the size of the static motion of this rank's active pairs under forces on one of the active ones, (m,).
 
-        Local.  That of the first group tells for all which pairs are near each other.
+        Local.  The first group decides for all groups which pairs are near each other.
         """
         block = self.groups[0].static_block(rows_of(np.array([pair])), self.rows).T  # (3, 3 m)
         return np.linalg.norm(block.reshape(3, -1, 3), axis=(0, 2))
@@ -213,7 +213,7 @@ class ActiveColumns:
 
 
 class _RealGroup:
-    """The columns of a real group: static columns and modes beside each other, multiplied by compiled products."""
+    """The columns of a real group: static columns and modes side by side, multiplied by compiled products."""
 
     c: Flexibility  # without unit
 
@@ -237,7 +237,7 @@ class _RealGroup:
         return product.reshape(n, N_H, self.n_rows).swapaxes(1, 2)
 
     def _answered(self, product: np.ndarray) -> np.ndarray:
-        """Return the pairs' columns of a product (n N_H, 3 m + n_modes), with what the modes answer to the forces beside them."""
+        """Return the pairs' columns of a product (n N_H, 3 m + n_modes), including the response of the modes to their forces."""
         if self.c.couples_modes:
             forces = product[:, self.n_rows :].reshape(-1, self.N_H, product.shape[1] - self.n_rows)
             eta = self.c.apply(np.moveaxis(forces, 2, 0).astype(float))  # (n_modes, n, N_H)

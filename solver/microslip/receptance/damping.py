@@ -1,4 +1,4 @@
-"""Damping of modes, modal or full, and what is made of it: dynamic flexibilities and the matrices of a time step.
+"""Damping of modes, modal or full; dynamic flexibilities and the matrices of a time step.
 
 Two other places ask which of the two a damping is: columns.py, whose compiled product knows the diagonal alone, and
 reduction/truncation.py, where a full matrix drags at the truncated modes.  Modal damping keeps everything diagonal: m numbers

@@ -1,4 +1,4 @@
-"""The modes of one group of harmonics, as pairs, loads and outputs see them (docs/theory.md, section 4)."""
+"""The modes of one harmonic group, projected on pairs, loads and outputs (docs/theory.md, section 4)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .damping import Damping, DynamicFlexibility
 
 @dataclass(frozen=True, eq=False)
 class ProjectedModes:
-    """Modes of one (K_L, M), M-normalised, and what a damping matrix of the structure is between them.  Replicated."""
+    """Modes of one (K_L, M), M-normalised, with the projected damping matrix of the structure.  Replicated."""
 
     omega_n: np.ndarray  # (m,) rad/s
     R_phi: np.ndarray  # (3 n_pairs, m) participation of the pairs

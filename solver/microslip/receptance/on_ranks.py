@@ -1,4 +1,4 @@
-"""A reduced model for some of the ranks, which go on without the others."""
+"""A reduced model for some of the ranks, which continue without the others."""
 
 from __future__ import annotations
 

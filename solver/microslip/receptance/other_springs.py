@@ -22,7 +22,7 @@ def with_springs(structure: Reduced, change: SpringChange) -> Reduced:
 
 
 def enriched_with_springs(enriched: EnrichedModel, structure: ReducedStructure) -> EnrichedModel:
-    """Return an enriched model with the springs of a structure that :func:`with_springs` made.  Local.
+    """Return an enriched model with the springs of a structure by :func:`with_springs`.  Local.
 
     Samples of truncated modes raise ValueError, where they are needed, if structural damping couples these to the joint.
     """

@@ -13,12 +13,12 @@ S = TypeVar("S")
 
 
 def only_group(n: int) -> Hashable:
-    """Return the group of harmonic n where there is but one."""
+    """Return the group of harmonic n if there is only one group."""
     return 0
 
 
 class PerGroup(Generic[T]):
-    """A value of each group of harmonics, made when it is first needed.
+    """A value of each harmonic group, computed on demand.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class PerGroup(Generic[T]):
 
     @classmethod
     def single(cls, value: T) -> PerGroup[T]:
-        """Return a value that is that of every harmonic."""
+        """Return the same value for every harmonic."""
         return cls(lambda group: value)
 
     def of_group(self, group: Hashable) -> T:
@@ -52,10 +52,10 @@ class PerGroup(Generic[T]):
         return self.of_group(self.group_of(n))
 
     def mapped(self, change: Callable[[T], S]) -> PerGroup[S]:
-        """Return what becomes of the values by ``change``, when it is first needed.  Local."""
+        """Return the values changed by ``change``, on demand.  Local."""
         return PerGroup(lambda group: change(self.of_group(group)), self.group_of, self.groups)
 
     @property
     def computed(self) -> list[T]:
-        """The values that were made so far.  Local."""
+        """The values computed so far.  Local."""
         return list(self._computed.values())

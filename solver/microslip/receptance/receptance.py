@@ -1,4 +1,4 @@
-"""The receptance of one group of harmonics: its modes and static response, seen from pairs, loads and outputs.
+"""The receptance of one harmonic group: modes and static response between pairs, loads and outputs.
 
 Between any two of them with modal participations x, y, in harmonic n (docs/theory.md, eq. (4.1)),
 

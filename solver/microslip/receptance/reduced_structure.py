@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReducedStructure:
-    """The receptance of each group of harmonics, made when it is first needed.
+    """The receptance of each harmonic group, computed on demand.
 
     Everything is replicated except the columns of ``G_static``, whose rows live with their pairs.
     """
@@ -30,7 +30,7 @@ class ReducedStructure:
     n_pairs: int
     n_outputs: int
     receptances: PerGroup[Receptance]
-    observed: Observed | None = None  # what makes outputs of their rows; None: they are displacements
+    observed: Observed | None = None  # the map from rows to outputs; None: they are displacements
     spring_updates: PerGroup[SpringUpdate] | None = None  # to other contact stiffness than the structure was built with
 
     def receptance_of(self, n: int) -> Receptance:
@@ -39,7 +39,7 @@ class ReducedStructure:
 
     @property
     def static_columns(self) -> list[StaticColumns]:
-        """The static columns of the groups made so far.  Local."""
+        """The static columns of the groups computed so far.  Local."""
         return [receptance.static.G_static for receptance in self.receptances.computed]
 
     @cached_property
@@ -58,5 +58,5 @@ class ReducedStructure:
         return slice(3 * self.owned.start, 3 * self.owned.stop)
 
     def output_factors(self, n_omega: float) -> np.ndarray | float:
-        """Return what the rows of the outputs are multiplied by at n omega, in size: 1 of displacements, (n_outputs,).  Local."""
+        """Return the magnitude of the factors of output rows at n omega: 1 for displacements, (n_outputs,).  Local."""
         return 1.0 if self.observed is None else self.observed.factors(n_omega)

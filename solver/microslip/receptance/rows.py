@@ -14,7 +14,7 @@ class Rows:
     ----------
     places : (m,) addresses of the rows, of ``n`` numbers each, contiguous
     precision : of the numbers, np.float64 or np.float32
-    owner : what holds the rows, which lives as long as the matrix
+    owner : the object whose memory has the rows, alive as long as the matrix
     """
 
     def __init__(self, places: np.ndarray, n: int, precision: type, owner: object):
@@ -22,7 +22,7 @@ class Rows:
 
     @classmethod
     def of(cls, A: np.ndarray) -> Rows:
-        """Return those of an array, which is not copied."""
+        """Return the rows of an array, which is not copied."""
         return cls(places_of(A), A.shape[1], A.dtype.type, A)
 
     def part(self, chosen: np.ndarray) -> Rows:

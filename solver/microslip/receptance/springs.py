@@ -42,7 +42,7 @@ class SpringChange:
 
     dK: np.ndarray  # (3 n_pairs,) change of K_J [N/m]
     K_J: np.ndarray  # (3 n_pairs,) with that change [N/m]
-    damping: StatedDamping | None = None  # what is stated for the modes, whichever these are; None: the damping matrix stays
+    damping: StatedDamping | None = None  # modal damping as stated; None: the damping matrix stays
 
 
 class SpringUpdate:

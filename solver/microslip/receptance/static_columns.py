@@ -22,7 +22,7 @@ class StaticColumns:
 
     Parameters
     ----------
-    n_pairs, n_owned : pairs in all, and those whose rows this rank keeps
+    n_pairs, n_owned : pairs in all, and those whose rows this rank stores
     solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
     batch : pairs solved for together, at least
     is_complex : whether columns are complex, G_static = R K_L^-1 R^H
@@ -36,8 +36,8 @@ class StaticColumns:
         # transposed, so that a pair's columns lie together; in the order in which they come, so that there is no more than needed
         self._held: list[np.ndarray] = []
         self._places = np.zeros((n_pairs, 3), dtype=np.intp)  # of each pair's columns
-        self.known = np.zeros(n_pairs, dtype=bool)  # those that were required
-        self.stored = np.zeros(n_pairs, dtype=bool)  # those that are there, of an earlier run if they were not required
+        self.known = np.zeros(n_pairs, dtype=bool)  # required pairs
+        self.stored = np.zeros(n_pairs, dtype=bool)  # stored pairs, of an earlier run if they were not required
         self._largest = np.zeros(n_pairs)  # of the columns' entries, on this rank
         self.likely = np.empty(0, dtype=int)
         self.batches, self.seconds = 0, 0.0  # solved for, and the time that took
@@ -124,7 +124,7 @@ class ConjugateStaticColumns(StaticColumns):
         self._base.expect(pairs)
 
     def subscribe(self, listener: Callable[[np.ndarray], None]) -> None:
-        """Tell of the columns of both, as :meth:`StaticColumns.tell`.  Local."""
+        """Subscribe to the columns of both, as :meth:`StaticColumns.subscribe`.  Local."""
         self._base.subscribe(listener)
 
     def require(self, pairs: np.ndarray) -> None:

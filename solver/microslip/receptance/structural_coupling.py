@@ -17,7 +17,7 @@ from .reduced_model import HarmonicGroup
 
 @dataclass(frozen=True)
 class StructuralCoupling:
-    """The statics Z of the truncated modes under d, a column a mode used, as pairs, outputs, loads and d see it; replicated.
+    """The static response Z d of the truncated modes, a column per mode used, projected on pairs, outputs, loads and d; replicated.
 
     docs/theory.md, eq. (13.8).
     """
@@ -28,7 +28,7 @@ class StructuralCoupling:
     modal: np.ndarray  # (m, m) d^H Z d
 
     def changes(self, group: HarmonicGroup, c: DynamicFlexibility, f: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return what it changes in cos 1 and then sin 1 of the rows of the outputs, in size, (2 n_outputs,) [m].  Local.
+        """Return the magnitude of its changes of cos 1 and then sin 1 of the output rows, (2 n_outputs,) [m].  Local.
 
         With the pairs' forces held: u_left = Z (f - R^H p) + i Z d x.  ``f`` (n_loads, N_H) and ``p`` (3 n_pairs, N_H) are
         coefficients of the group.

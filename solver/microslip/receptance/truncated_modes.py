@@ -46,7 +46,7 @@ class DampingBeyond:
 
 @dataclass(frozen=True)
 class TruncatedModes:
-    """The samples Z s of one group of harmonics, seen from pairs, outputs and loads; replicated."""
+    """The samples Z s of one harmonic group, projected on pairs, outputs and loads; replicated."""
 
     omega: float  # rad/s: what the loads move beyond the modes used vibrates about here, or above
     highest: float  # rad/s, of the last mode used
@@ -80,7 +80,7 @@ class TruncatedModes:
     def through_joint(
         self, group: HarmonicGroup, omega: float, f: np.ndarray, p: np.ndarray, samples: np.ndarray, factors: np.ndarray
     ) -> np.ndarray:
-        """Return what they change in the outputs by way of the pairs at most, all harmonics of the group, (2 n_outputs,).  Local.
+        """Return the bound of their changes of the outputs through the pairs, all harmonics of the group, (2 n_outputs,).  Local.
 
         By Cauchy and Schwarz, harmonic by harmonic.  ``f`` (n_loads, N_H), ``p`` (3 n_pairs, N_H) and ``samples`` (2 n_outputs,
         SAMPLES, N_H) are coefficients of the group, ``factors`` (n_outputs,) those of the outputs' rows.
@@ -94,7 +94,7 @@ class TruncatedModes:
         return through @ (self.gains(omega * numbers) + lost * self.omega**2)  # static parts are about W omega^2
 
     def direct_changes(self, omega: float, f_1: np.ndarray) -> np.ndarray:
-        """Return what they change in cos 1 and then sin 1 of the rows of the outputs under loads alone, (2 n_outputs,).  Local.
+        """Return their changes of cos 1 and then sin 1 of the output rows under loads alone, (2 n_outputs,).  Local.
 
         Exactly, but for the order beyond W.  ``f_1`` (n_loads, 2) are cosine and sine of the loads.
         """
@@ -126,7 +126,7 @@ class Truncation:
         return samples
 
     def changes(self, level: float, omega: float, p: np.ndarray, samples: np.ndarray) -> np.ndarray:
-        """Return what the truncated modes would change in cos 1 and then sin 1 of the outputs, (2 n_outputs,) [m].  Local.
+        """Return the changes of cos 1 and then sin 1 of the outputs by the truncated modes, (2 n_outputs,) [m].  Local.
 
         From a load straight to an output exactly, but for the order beyond W; by way of the pairs at most.
 
@@ -152,7 +152,7 @@ class Truncation:
 def _straight(
     truncated: TruncatedModes, group: HarmonicGroup, c: DynamicFlexibility, omega: float, f: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
-    """Return what changes in harmonic 1 of the rows of the outputs straight from loads and the modes used, (2 n_outputs,)."""
+    """Return the direct changes of harmonic 1 of the output rows, by loads and the modes used, (2 n_outputs,)."""
     first = group.harmonics.columns(1)
     changes = truncated.direct_changes(omega, f[:, first])
     if truncated.coupling is not None:
@@ -175,11 +175,11 @@ def of_samples(
     damping: DampingBeyond,
     coupling: StructuralCoupling | None,
 ) -> TruncatedModes:
-    """Return what samples tell in addition to the modes of a receptance.  Local.
+    """Return the truncated modes of a receptance by samples.  Local.
 
     Parameters
     ----------
-    rows : (3 n_pairs + n_outputs + n_loads, SAMPLES) the samples Z s seen from pairs, outputs and loads
+    rows : (3 n_pairs + n_outputs + n_loads, SAMPLES) the samples Z s projected on pairs, outputs and loads
     direct, drive_point : (n_outputs, n_loads), (n_loads,) of W, as stored
     """
     modes, static = receptance.modes, receptance.static
