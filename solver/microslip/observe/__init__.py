@@ -1,1 +1,1 @@
-"""Who watches a run: log, screen, what stops it, what it left out.  Nothing here changes a result."""
+"""Observers of a run: log, screen, stops, list of what was not computed.  None of them changes a result."""

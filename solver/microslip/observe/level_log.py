@@ -18,7 +18,7 @@ class LevelLog:
     Parameters
     ----------
     sweep : the range [rad/s]; one point of statics stands for all of it
-    shown : what is told of the first output at a point
+    shown : the quantity shown of the first output at a point
     """
 
     def __init__(self, log: RunLog, sweep: Sweep, n_levels: int, shown: Shown = AMPLITUDE):

@@ -1,4 +1,4 @@
-"""The log of a run: run.log, and what the screen shows meanwhile.  Rank 0 writes; every rank may call.
+"""The log of a run: run.log and the screen.  Rank 0 writes; every rank may call.
 
 Every call is local except where it says *Collective*: opening, the end of a stage and the closing table reduce times
 and memory over the ranks.  None of them is entered when an exception passes through, so that an error of one rank
@@ -44,7 +44,7 @@ class Stage:
 
 
 class RunLog:
-    """Lines of run.log and of the screen, stage by stage; what they show of levels and points is told by LevelLog.
+    """Lines of run.log and of the screen, stage by stage; LevelLog writes those of levels and points.
 
     Collective on ``comm`` (opening).  ``path`` None writes no file.  ``interactive`` None asks whether standard error is
     a terminal: then the screen shows a bar, otherwise one plain line a point.  ``screen`` False shows nothing at all.
@@ -69,7 +69,7 @@ class RunLog:
     ):
         self.comm = comm
         self.stages: list[Stage] = []
-        self.notes: list[str] = []  # what was noted so far, but for the lines of points; on every rank
+        self.notes: list[str] = []  # notes so far, without the lines of points; on every rank
         self._began = time.perf_counter()
         self._depth = 0
         self._unfinished = ""  # a line of the file and the screen that waits for its numbers
@@ -98,7 +98,7 @@ class RunLog:
         self._unfinished = ""
 
     def _write(self, text: str) -> None:
-        """Append to the file; if the disk refuses, say so once and go on without: a lost log loses no result."""
+        """Append to the file; after an error of the disk, report it once and continue without the log."""
         if self._file is None:
             return
         try:
@@ -183,7 +183,7 @@ class RunLog:
             self.stages.append(Stage("total", 0, seconds, memory, largest))
         if self.stages:
             self.note("\n" + self.table(seconds))
-        self.note(f"ended by {failure}" if failure else "done", on_screen=not failure)  # the end of the program says it
+        self.note(f"ended by {failure}" if failure else "done", on_screen=not failure)  # reported at the end of the program
         if self._file is not None:
             self._file.close()
             self._file = None

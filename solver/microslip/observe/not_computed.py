@@ -1,4 +1,4 @@
-"""What a run did not compute, for the end of the response in the log: for lack of a reason, or at what cost by the error bars."""
+"""What a run did not compute, for the end of the response in the log: with the reason, or its effect by the error bars."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Extent:
 
 
 def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -> list[str]:
-    """Return a line for everything left out, with the reason or what it changes in the response.  Local.
+    """Return a line for everything not computed, with the reason or its effect on the response.  Local.
 
     ``known`` (n_pairs,) bool are the pairs whose static columns were solved for; None where those of all pairs had to be.
     """
@@ -83,7 +83,7 @@ def _statics(solved: list[Branch]) -> list[str]:
 
 
 def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
-    """Say which harmonics the levels that slip were solved in, or that the others have none but those of the loads."""
+    """Return a line on the harmonics of levels that slip, and those of linear ones."""
     if not solved:
         return []
     slips = [branch for branch in solved if has_pairs and not branch.is_linear]

@@ -1,4 +1,4 @@
-"""Who is told what a run finds, as it finds it: the log, the result files.  Observers change no result, and there may be none."""
+"""Observers of levels and points, such as the log and the result files.  They change no result; there may be none."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Observers:
         self.branches = [Branch(level) for level in levels]
 
     def notify(self, event: str, *news: Any) -> None:
-        """Call the method of this name on rank 0.  Collective on ``comm``: what an observer raises is raised on every rank."""
+        """Call the method of this name on rank 0.  Collective on ``comm``: an error of an observer is raised on every rank."""
         on_root(self.comm, self.hear, event, *news, share=False)
 
     def hear(self, event: str, *news: Any) -> None:
@@ -60,7 +60,7 @@ class Observers:
         points.append(point)
 
     def level_finished(self, number: int, finished: Branch) -> None:
-        """Take in how a level ended; its points have been heard of."""
+        """Record the end of a level, after its points."""
         branch = self.branches[number] = replace(finished, points=self.branches[number].points)
         for observer in self.observers:
             observer.level_finished(number, branch)

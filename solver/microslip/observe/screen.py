@@ -9,7 +9,7 @@ from typing import Any
 class Screen:
     """Lines, and one thing that moves.  ``interactive`` None asks whether standard error is a terminal.
 
-    Under mpirun standard output calls itself a terminal even when it is redirected; standard error tells the truth.
+    Under mpirun standard output claims to be a terminal even when it is redirected; standard error does not.
     Lines of a batch job go to standard output, whole and flushed.
     """
 

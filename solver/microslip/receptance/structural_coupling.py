@@ -17,7 +17,7 @@ from .reduced_model import HarmonicGroup
 
 @dataclass(frozen=True)
 class StructuralCoupling:
-    """The static response Z d of the truncated modes, a column per mode used, projected on pairs, outputs, loads and d; replicated.
+    """The static response Z d of the truncated modes, a column per mode used, projected on pairs, outputs, loads and d.
 
     docs/theory.md, eq. (13.8).
     """

@@ -1,4 +1,4 @@
-"""Energy audit: the work of the loads per cycle is what damping and friction take."""
+"""Energy audit: the work of the loads per cycle equals the losses by damping and friction."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def opened(path: str) -> Iterator[Reader]:
 
     Raises
     ------
-    CaseError : no such file, or one that cannot be read as results, also for what goes wrong with it while it is open
+    CaseError : no such file, or one that cannot be read as results, also while it is open
     """
     if not os.path.isfile(path):
         what = "that is a folder" if os.path.isdir(path) else NO_FILE if os.path.exists(path) else "no such file"
@@ -55,7 +55,7 @@ def _check_format(path: str, file: h5py.File) -> None:
 
 
 def _refuse_links(path: str, file: h5py.File) -> None:
-    """Raise CaseError where a file has a link to another place or file, whether anything of it is asked for or not."""
+    """Raise CaseError if a file has a link to another place or file, whether it is requested or not."""
     known, left = set[int](), [file["/"]]
     while left:
         group = left.pop()

@@ -205,7 +205,7 @@ def draw_error(results: ResultFile) -> Pages:
             ax.text(0.5, 0.5, f"below {_LEAST_ERROR:.0e} everywhere", transform=ax.transAxes, ha="center", color=FAINT)
             ax.set_yticks([])
             continue
-        _decades(ax)  # what is 0 lies below the axis
+        _decades(ax)  # zeros lie below the axis
         _curve(ax, level, bars, INK, lw=1.6)
         for values, (_, colour) in zip(parts.T, styles):  # on top, so that a part of a single point shows in its spike
             if values.max() > _SEEN * low:

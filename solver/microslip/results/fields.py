@@ -53,14 +53,14 @@ class StageRecord:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What a run said of itself until its results were written."""
+    """The log of a run until its results were written."""
 
     stages: tuple[StageRecord, ...] = ()
     notes: tuple[str, ...] = ()
 
 
 def keep_fields(path: str, fields: Fields | None, run: RunRecord | None = None) -> None:
-    """Add fields, and what the run said, to a result file, in one piece.  Local, on rank 0.
+    """Add fields and the log of the run to a result file, atomically.  Local, on rank 0.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def read_fields(path: str) -> Fields | None:
 
 
 def read_run(path: str) -> RunRecord:
-    """Return what a run said of itself; nothing where the file does not know.  Local.
+    """Return the log of a run; an empty one if the file has none.  Local.
 
     Raises
     ------

@@ -17,7 +17,7 @@ SIZES = {"outputs": "n_output", "pairs": "n_pair", "coefficients": "2H+1"}  # th
 
 
 def columns_table() -> str:
-    """Return the columns of frf.csv; those that mean the same share a row."""
+    """Return the columns of frf.csv; columns with the same meaning share a row."""
     rows = groupby(COLUMNS, key=lambda column: column.meaning)
     return _table(("column", "meaning"), ((", ".join(f"`{column.name}`" for column in same), says) for says, same in rows))
 

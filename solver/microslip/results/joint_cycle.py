@@ -18,7 +18,7 @@ class JointCycle:
 
     normal_force: np.ndarray  # N, compression above 0; with the preload where it is known
     friction_force: np.ndarray  # (n_pairs, 2, N_t) N along x and y of the pairs; with that at rest
-    slip: np.ndarray  # (n_pairs, 2, N_t) m, what has slid since rest: du without the stretch of the springs
+    slip: np.ndarray  # (n_pairs, 2, N_t) m, slip since rest: du without the deformation of the springs
     du: np.ndarray  # (n_pairs, 3, N_t) m
 
     def pressure(self, area: np.ndarray) -> np.ndarray:
@@ -53,7 +53,7 @@ def joint_cycle(joint: Joint, level: LevelResult, at: int, n_samples: int = SAMP
 
 
 def joint_values(joint: Joint, level: LevelResult, at: int) -> dict[str, np.ndarray]:
-    """Return what a map of the joint shows of point ``at`` of a level, (n_pairs,) each, by a name with its unit.
+    """Return the quantities of a joint map at point ``at`` of a level, (n_pairs,) each, by a name with its unit.
 
     Per area where areas are known.  Names are those of files for ParaView.
     """
@@ -73,7 +73,7 @@ def joint_values(joint: Joint, level: LevelResult, at: int) -> dict[str, np.ndar
 
 
 def rest_values(joint: Joint) -> dict[str, np.ndarray]:
-    """Return what the joint carries at rest, (n_pairs,) each, as :func:`joint_values`."""
+    """Return the forces of the joint at rest, (n_pairs,) each, as :func:`joint_values`."""
     N = np.maximum(np.nan_to_num(joint.N0), 0.0)
     values = {"normal_force_at_rest_N": N}
     if np.isfinite(joint.area).all() and (joint.area > 0.0).all():

@@ -17,7 +17,7 @@ class JointMesh:
     """Polygons in model axes, with the pair that each belongs to."""
 
     points: np.ndarray  # (n_points, 3) m
-    weights: sp.csr_matrix  # (n_points, n_pairs) with which values of the pairs, their motion, give those of the points
+    weights: sp.csr_matrix  # (n_points, n_pairs) maps values of pairs to those of points
     sizes: np.ndarray  # (n_cells,) corners of each polygon, which are points one after the other; 1 of a pair without area
     pair: np.ndarray  # (n_cells,) index of the pair
 

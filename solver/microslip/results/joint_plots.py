@@ -51,7 +51,7 @@ def draw_energy_map(results: ResultFile) -> Pages:
     area = results.joint.area
     per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())  # matrices come without areas
     share, unit = (area, "J/m\u00b2") if per_area else (np.ones_like(area), "J")
-    # a pair that sticks loses nothing; what its record holds is rounding
+    # a pair that sticks loses nothing; its recorded value is rounding
     at_peaks = [
         np.where(level.state[level.top] == STICK, 0.0, np.maximum(level.energy[level.top], 0.0)) / share
         for level in results.solved
@@ -118,7 +118,7 @@ def _at_peak(level: LevelResult, says: str) -> str:
 
 
 def _of_levels(results: ResultFile) -> str:
-    """Return what the heading adds of the levels: whose peak it is, and how many are left out."""
+    """Return the part of the heading on levels: whose peak it is, and how many are not shown."""
     n = len(some(results.solved, MOST_PANELS))
     remarks = f"; peak of {plain(results.outputs[0], 30)}" if len(results.outputs) > 1 else ""
     return remarks + (f"; {n} of {len(results.levels)} levels" if n < len(results.levels) else "")

@@ -88,7 +88,7 @@ def _edges(size: float, before: np.ndarray, behind: np.ndarray, ratios) -> list[
 
 
 def _beside(ax: Axes) -> float:
-    """Return the inches that the labels left of axes take."""
+    """Return the width of the labels left of axes [inches]."""
     return PAD + _label(ax.yaxis) + (_TICK + max(map(_length, _numbers(ax.yaxis)), default=0.0))
 
 

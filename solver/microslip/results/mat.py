@@ -90,7 +90,7 @@ def _add_fields(variables: dict[str, Any], fields: Fields) -> None:
 
 
 def _cells(items) -> np.ndarray:
-    """Return what becomes a cell array."""
+    """Return a cell array."""
     cells = np.empty(len(items), dtype=object)
     cells[:] = list(items)
     return cells

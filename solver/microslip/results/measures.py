@@ -17,7 +17,7 @@ class Shown:
 
     name: str
     of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H)
-    largest: str  # what its largest on a curve is called
+    largest: str  # name of its largest value on a curve
     heading: str  # the same above a column
     is_static: bool = False  # the same at every frequency: one point stands for all
     unit: str = "m"  # of the output
@@ -45,7 +45,7 @@ MEAN = Shown("mean", lambda coefficients: coefficients[..., 0], "displacement", 
 
 
 def shown_with(harmonics: int, unit: str = "m", level_unit: str = "N") -> Shown:
-    """Return what is told of a response with so many harmonics: the mean where there are none above it.  Local."""
+    """Return the quantity shown of a response with these harmonics: the mean if there are none above it.  Local."""
     return replace(AMPLITUDE if harmonics else MEAN, unit=unit, level_unit=level_unit)
 
 

@@ -17,7 +17,7 @@ class InputFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """What a run was told beside its scene, by whom it was done, and what it read."""
+    """Provenance of a run: command, machine, user, and input files."""
 
     command: str
     started: str  # date and time with the zone

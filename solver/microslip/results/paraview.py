@@ -17,7 +17,7 @@ from .vtk_steps import write_joint_series, write_structure_series
 
 
 def write_series(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
-    """Write the files and return their paths: those for which there is something.  Local.
+    """Write the files that have content and return their paths.  Local.
 
     motion_0000.vtkhdf, ... and joint_motion_0000.vtkhdf, ... by the number of the level: a period in ``steps`` steps [s].
     joint.vtkhdf: a step a level [N].  mode_shapes.vtkhdf: a step a mode [Hz].  rest.vtkhdf.

@@ -84,7 +84,7 @@ def _draw_row(row, lines: list[Resonance], unit: str, name: str) -> None:
 
 
 def mark_peaks(ax, level: LevelResult, output: int, factor: float, colour) -> None:
-    """Mark the peaks of an output in the curve of a level, amplitudes times ``factor``: those solved for, else the largest."""
+    """Mark the peaks of an output in the curve of a level, amplitudes times ``factor``: computed peaks, or the largest point."""
     places = [(hertz(peak.omega), abs(peak.amplitude)) for peak in level.peaks or () if peak.output == output]
     top = highest(level.response, output)
     if level.peaks is None and top is not None:
@@ -94,7 +94,7 @@ def mark_peaks(ax, level: LevelResult, output: int, factor: float, colour) -> No
 
 
 def label_peaks(ax, levels: Sequence[LevelResult], output: int, factor: float, unit: str) -> None:
-    """Write frequency, amplitude and damping ratio beside the peaks of an output, the largest first, where there is room.
+    """Write frequency, amplitude and damping ratio next to the peaks of an output, the largest first, if there is room.
 
     The limits of the axes must be final.
     """

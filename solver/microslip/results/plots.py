@@ -70,5 +70,5 @@ def draw_one(results: ResultFile, name: str) -> list[Page]:
 
 
 def pictures_of(results: ResultFile) -> tuple[Picture, ...]:
-    """Return what results can be drawn as.  Local."""
+    """Return the pictures that can be drawn of results.  Local."""
     return STATIC_PICTURES if results.shown.is_static else PICTURES

@@ -215,7 +215,7 @@ def _peaks(reader: Reader, group: str, n_outputs: int) -> tuple[Peak, ...] | Non
 
 
 def _out_of_range(arrays: Mapping[str, np.ndarray | None], N_H: int) -> str | None:
-    """Return what of a level has values that no run writes; None where all may be."""
+    """Return the name of a quantity of a level with values that no run writes; None if all are valid."""
     indices = {name: values for name, values in arrays.items() if values is not None and values.dtype.kind in "iu"}
     most = {"state": OPEN, "harmonics": N_H}
     for name, values in indices.items():

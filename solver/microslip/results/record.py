@@ -100,7 +100,7 @@ class Joint:
     law_names: tuple[str, ...] = (ELASTIC_COULOMB,)
     law_columns: Mapping[str, np.ndarray] = field(
         default_factory=dict
-    )  # (n_pairs,) each: what laws have beside; NaN: not this one
+    )  # (n_pairs,) each: further columns of laws; NaN: not this law
 
     @property
     def n_pairs(self) -> int:
@@ -135,7 +135,7 @@ class ResultFile:
     name: str  # of the scene
     method: str
     scene_text: str
-    options: tuple[str, ...]  # what followed -- on the command line
+    options: tuple[str, ...]  # options after -- on the command line
     versions: dict[str, str]
     outputs: tuple[str, ...]
     mode_frequency: np.ndarray  # (n_modes,) Hz

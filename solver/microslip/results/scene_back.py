@@ -23,7 +23,7 @@ SAME, CHANGED, GONE = "as it was", "changed since", "not there any more"
 def write_scene(results: ResultFile, folder: Path) -> Path:
     """Write NAME.toml and return it.  Local.
 
-    Its first lines say how it was run and what became of the files that were read; paths lead there from the new place.
+    Its first lines state the command of the run and the state of its input files; paths are relative to the new place.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def summary_of_run(results: ResultFile) -> list[str]:
 
 
 def fate(file: InputFile) -> str:
-    """Return what became of a file since it was read: SAME, CHANGED or GONE.  Local."""
+    """Return the state of a file since it was read: SAME, CHANGED or GONE.  Local."""
     try:
         if not os.path.isfile(file.path):  # a path of a file from anywhere: a pipe would not end
             return GONE

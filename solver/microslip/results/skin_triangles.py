@@ -1,4 +1,4 @@
-"""The outer surface of a mesh as triangles on corner nodes, made coarser where it has too many.  NumPy only."""
+"""The outer surface of a mesh as triangles on corner nodes, coarsened if it has too many.  NumPy only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of statics: what does not depend on frequency is drawn over the load."""
+"""Pictures of statics: displacement over the load."""
 
 from __future__ import annotations
 

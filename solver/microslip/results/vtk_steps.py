@@ -13,7 +13,7 @@ from ..system.hdf5 import written_hdf5
 from .joint_mesh import JointMesh
 from .vtk import pack, vtk_root, write_grid, write_numbers
 
-At = Callable[[int], Mapping[str, np.ndarray]]  # what there is at a step, by name
+At = Callable[[int], Mapping[str, np.ndarray]]  # fields of a step, by name
 _TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")  # of PolyData, in VTK's order; cells are counted in it
 
 

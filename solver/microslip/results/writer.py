@@ -91,7 +91,7 @@ class ResultWriter:
         self._save(number, branch, STOPPED if branch.failure else COMPLETE)
 
     def table_is_gone(self) -> bool:
-        """Return whether somebody has taken frf.csv away meanwhile; collective, as what writes it again."""
+        """Return whether frf.csv has been removed meanwhile; collective."""
         return on_root(self.comm, lambda: self._table.is_gone())
 
     def put_in_order(self, branches: list[Branch]) -> None:
@@ -99,7 +99,7 @@ class ResultWriter:
         on_root(self.comm, lambda: self._table.put_in_order(branches), share=False)
 
     def save(self) -> None:
-        """Write what the levels at work have so far to results.h5: before a time limit, or when something else failed."""
+        """Write the points so far of unfinished levels to results.h5: before a time limit, or after an error elsewhere."""
         for number, branch in self._at_work.items():
             self._save(number, branch, RUNNING)
 

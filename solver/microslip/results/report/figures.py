@@ -121,7 +121,7 @@ def _peaks(results: ResultFile, k: int) -> dict[str, Figure]:
 
 
 def _curve(level: LevelResult, colour: str, values, unit: str, angle, bar) -> Figure:
-    """Return the curve of a level whose points tell amplitude, phase, bar and states."""
+    """Return the curve of a level; its points show amplitude, phase, bar and states."""
     lines = [f"{unit} at %{{x:.7g}} Hz", "phase %{customdata[0]:.1f}°"]
     columns = [angle]
     if bar is not None:
@@ -198,7 +198,7 @@ def _error(levels) -> Figure:
 
 
 def _static_figures(results: ResultFile) -> dict[str, Figure]:
-    """Return what does not depend on frequency over the load."""
+    """Return the figures of statics over the load."""
     levels = sorted(results.solved, key=lambda level: level.level)
     loads = np.array([level.level for level in levels])
     axis, figures = f"load level [{results.level_unit}]", {}

@@ -103,7 +103,7 @@ def _json(data) -> str:
 
 
 def _subtitle(results: ResultFile, run: RunRecord) -> str:
-    """Return what was run, how and when, in a line."""
+    """Return a line on the method, command and date of the run."""
     date = next((line.split(None, 1)[1] for note in run.notes[:1] for line in note.splitlines() if line.startswith("date ")), "")
     ranks = next(
         (line.split(None, 1)[1] for note in run.notes[:1] for line in note.splitlines() if line.startswith("ranks ")), ""
@@ -170,7 +170,7 @@ def _response(results: ResultFile, figures: dict) -> str:
 
 
 def _joint(figures: dict, drawings: str) -> str:
-    """Return the maps with what chooses them, and the states along the curves."""
+    """Return the maps with their controls, and the states along the curves."""
     if not drawings:
         return (
             _places(figures, "states")

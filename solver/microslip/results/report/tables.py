@@ -166,7 +166,7 @@ def modes_table(results: ResultFile) -> str:
 
 
 def understood(results: ResultFile, fields: Fields | None) -> str:
-    """Return what the program took the scene for: bodies, joints, outputs."""
+    """Return the program's reading of the scene: bodies, joints, outputs."""
     parts = []
     if fields is not None:
         low, high = fields.mesh.points.min(axis=0), fields.mesh.points.max(axis=0)
@@ -230,7 +230,7 @@ def _outputs(results: ResultFile, fields: Fields | None) -> str:
 
 
 def checks(results: ResultFile) -> list[tuple[str, str]]:
-    """Return what was looked at and how it came out, as (GOOD, LOOK or BAD, HTML).  Local."""
+    """Return the checks and their results, as (GOOD, LOOK or BAD, HTML).  Local."""
     outcomes = [_complete(results)]
     solved = results.solved
     if not results.shown.is_static:
@@ -283,13 +283,13 @@ def checks_list(results: ResultFile) -> str:
 
 
 def warnings_list(notes: Sequence[str]) -> str:
-    """Return what a run warned of, as a list with marks; nothing without a warning."""
+    """Return the warnings of a run as a list with marks; "" without a warning."""
     items = "".join(f'<li class="{LOOK}"><b>!</b>{escape(note)}</li>' for note in notes if "WARNING" in note)
     return f'<ul class="checks">{items}</ul>' if items else ""
 
 
 def times_table(results: ResultFile, run: RunRecord) -> str:
-    """Return what the stages took, and the points of each level."""
+    """Return the times of stages, and the points of each level."""
     total = sum(stage.seconds for stage in run.stages)
     rows = [
         (escape(stage.name), f"{stage.seconds:.3g} s", _percent(stage.seconds / max(total, 1e-9)), f"{stage.memory:.0f} MiB")
