@@ -104,13 +104,13 @@ class WholeMesh:
     part_names: tuple[str, ...]
     loads: list[NodalForces]
     outputs: list[OutputRow]
-    links: Links  # what follows what by ties, points and equations
-    loose: tuple[np.ndarray, tuple[np.ndarray, ...]]  # tied parts by number, and those that nothing but joints holds
+    links: Links  # dependences by ties, points and equations
+    loose: tuple[np.ndarray, tuple[np.ndarray, ...]]  # tied parts by number, and those held by joints alone
     notes: tuple[str, ...]  # on pairs that supports fix on both sides
 
 
 def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeMesh:
-    """Return what only the whole mesh shows.  Local, rank 0.
+    """Return the data that need the whole mesh.  Local, rank 0.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The system of what is free, where ties, points and equations make things follow others (docs/theory.md, section 2)."""
+"""The system of the independent degrees of freedom, with ties, points and equations eliminated (docs/theory.md, section 2)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .system import System
 
 
 def constrained(system: System, constraints: Constraints, part: np.ndarray, keeps: bool = False) -> System:
-    """Return the system of what is free: K' = T^H K T, M' = T^H M T, R' = R T and so on, eq. (2.5).
+    """Return the system of the independent DOFs: K' = T^H K T, M' = T^H M T, R' = R T and so on, eq. (2.5).
 
     Collective; destroys K and M of ``system`` unless it ``keeps`` them.  The maps of ``system`` have a column for each row of T.
     ``part`` (n_nodes,) is that of each node.

@@ -1,4 +1,4 @@
-"""Exact elimination of what follows other things: u = T w, K' = T^T K T and so on (docs/theory.md, section 2)."""
+"""Exact elimination of dependent degrees of freedom: u = T w, K' = T^T K T and so on (docs/theory.md, section 2)."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Constraints:
 def constrain(
     dmesh: DistributedMesh, links: Links, is_fixed: np.ndarray, clusters: np.ndarray, loose: tuple[np.ndarray, ...]
 ) -> Constraints:
-    """Return T and what its rows and columns are.  Local; the same on every rank.
+    """Return T with the numbering of its rows and columns.  Local; the same on every rank.
 
     ``is_fixed`` is (n_places, 3) bool.
     """
@@ -136,7 +136,7 @@ def _number(dmesh: DistributedMesh, links: Links, is_gone: np.ndarray) -> tuple[
 
 
 def _transformation(links: Links, dof: np.ndarray, free: np.ndarray, shape: tuple[int, int]) -> sp.csr_matrix:
-    """Return T: ones for what is free, the weights of free ones for what is dependent, nothing for what is fixed."""
+    """Return T: ones for free DOFs, weights of free DOFs for dependent ones, zeros for fixed ones."""
     is_free = np.flatnonzero(free >= 0)
     followed = links.weights.tocoo()
     row, column = dof[links.dependent[followed.row]], free[followed.col]
@@ -147,7 +147,7 @@ def _transformation(links: Links, dof: np.ndarray, free: np.ndarray, shape: tupl
 
 
 def check_supports(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> None:
-    """Raise MeshError where a support fixes what follows something that moves.  Local, rank 0."""
+    """Raise MeshError if a support fixes a DOF that follows moving ones.  Local, rank 0."""
     fixed = is_fixed.ravel()
     both = np.flatnonzero(fixed[links.dependent])
     moving = abs(links.weights[both][:, ~fixed])
@@ -174,7 +174,7 @@ def tidy(matrix: sp.spmatrix) -> sp.csr_matrix:
 
 
 def damping_of(on_places: sp.csr_matrix, constraints: Constraints, comm: MPI.Comm) -> PETSc.Mat:
-    """Return C of what is free from that of the dampers (3 n_places, 3 n_places) [N s/m].  Collective on ``comm``."""
+    """Return C of the free DOFs from that of the dampers (3 n_places, 3 n_places) [N s/m].  Collective on ``comm``."""
     return _of_rows(constraints, tidy(constraints.at_places.conj().T @ on_places @ constraints.at_places), comm)
 
 
@@ -195,7 +195,7 @@ def _of_rows(constraints: Constraints, values: sp.csr_matrix, comm: MPI.Comm) ->
 def reduced(
     matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_places: sp.csr_matrix | None = None, keeps: bool = False
 ) -> PETSc.Mat:
-    """Return T^H A T plus what points, masses and springs add; symmetric, in real form where T is complex.
+    """Return T^H A T plus the matrices of points, masses and springs; symmetric, in real form if T is complex.
 
     Collective; destroys ``matrix`` unless it ``keeps`` it.  ``blocks`` (n_points, 6, 6) are those of the points, ``on_places``
     (3 n_places, 3 n_places) those of the others.

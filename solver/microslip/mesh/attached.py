@@ -1,4 +1,4 @@
-"""Point masses, springs and dampers: what they move with, by places as in ``ties``."""
+"""Point masses, springs and dampers: the nodes that they follow, by places as in ``ties``."""
 
 from __future__ import annotations
 

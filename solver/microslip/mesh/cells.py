@@ -1,4 +1,4 @@
-"""The cells of a surface, each in its plane: what becomes a contact point where two meshes do not match, or on rigid ground."""
+"""The cells of a surface, each in its plane: contact points of meshes that do not match, or on rigid ground."""
 
 from __future__ import annotations
 

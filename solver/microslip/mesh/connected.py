@@ -1,4 +1,4 @@
-"""Connected parts of the mesh: which bodies hang together by shared nodes, and what holds each of them."""
+"""Connected parts of the mesh: bodies connected by shared nodes, and whether they are supported."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the part of every node, (n_nodes,), and what to call each part.  Local, rank 0.
+    """Return the part of every node, (n_nodes,), and the name of each part.  Local, rank 0.
 
     Nodes of one element belong to one part; joints connect nothing here.  ``body_of`` names the body of each group.
     """
@@ -69,7 +69,7 @@ def held_parts(part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Su
 def loose_bodies(
     part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links
 ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-    """Return the cluster of each part, and the parts of those that no support and no spring to ground holds.  Local, rank 0."""
+    """Return the tied bodies of each part, and the parts held by no support and no spring to ground.  Local, rank 0."""
     tied, held = tied_bodies(part, n_parts, links), held_parts(part, n_parts, mesh, supports, links)
     return tied, tuple(np.flatnonzero(tied == i) for i in np.unique(tied) if not held[tied == i].any())
 

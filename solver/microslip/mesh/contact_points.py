@@ -1,4 +1,4 @@
-"""The points at which two surfaces touch, however they are found: what they take from the nodes of each side."""
+"""The points at which two surfaces touch, with the weights of the nodes of each side."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def _refuse_shared(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray
 
 
 def _why(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray, tolerance: float) -> str:
-    """Say what else the faces may be: swapped, those of another number of sectors, or meshed differently."""
+    """Return a text on what the faces may be: swapped, of another number of sectors, or meshed differently."""
 
     def fits(angle: float) -> bool:
         turned = turned_about(mesh.points[low], rotation(cyclic.axis, angle), cyclic.axis_point)

@@ -56,7 +56,7 @@ class Mesh:
     elements: tuple[ElementBlock, ...]
     faces: tuple[FaceBlock, ...]
     node_groups: dict[str, np.ndarray]  # every named group, of any dimension: its node indices, sorted
-    notes: tuple[str, ...] = ()  # what was left out or assumed, for the log
+    notes: tuple[str, ...] = ()  # notes on what was left out or assumed
     fields: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_nodes,) each: numbers at the nodes; NaN: none
     outside: Outside = field(default_factory=Outside)
     equations: Equations | None = None  # between nodes, and n_nodes + k for node k of ``outside``
@@ -96,7 +96,7 @@ class DistributedMesh:
     node_ranges: np.ndarray  # (size + 1,) rank r owns rank-ordered nodes node_ranges[r]:node_ranges[r + 1]
     rank_order: np.ndarray  # (n_nodes,) rank-ordered number of each node of Mesh.points; same on every rank
     blocks: tuple[LocalBlock, ...]
-    split_by: str  # what chose the parts, for the log
+    split_by: str  # method of the partition, for the log
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class ContactPairs:
     next_sector: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_pairs,) bool: side 2 is the next one's
     law_columns: Mapping[str, np.ndarray] = field(
         default_factory=dict
-    )  # (n_pairs,) each: what laws have beside these; NaN: not this one
+    )  # (n_pairs,) each: further columns of laws; NaN: not this law
 
     def __post_init__(self):
         if len(self.laws) != self.n_pairs:

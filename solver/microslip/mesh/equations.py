@@ -28,7 +28,7 @@ class Solved:
 
 
 def solve_equations(mesh: Mesh, n_places: int, is_fixed: np.ndarray, dependent: np.ndarray, weights: sp.csr_matrix) -> Solved:
-    """Return what follows what by the equations of a mesh, docs/theory.md, eq. (2.9).  Local, rank 0.
+    """Return the dependences by the equations of a mesh, docs/theory.md, eq. (2.9).  Local, rank 0.
 
     Degrees of freedom outside the elements follow wherever they can; otherwise the first term of an equation does, as in the
     programs that write them.  ``is_fixed`` (3 (n_places + n_outside),) bool are held by supports; ``dependent`` with

@@ -1,4 +1,4 @@
-"""What follows what in the whole mesh: ties and points together, chains of them resolved."""
+"""Dependent degrees of freedom of the whole mesh: ties and points together, chains resolved."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Links:
     points: tuple[Point, ...]
     n_nodes: int
     joined: tuple[np.ndarray, ...]  # (2, n) nodes that hang together, for each tie and point
-    notes: tuple[str, ...]  # what was tied, for the log
+    notes: tuple[str, ...]  # notes on ties, for the log
     attached: Attached | None = None  # masses, springs and dampers
     more_joined: tuple[np.ndarray, ...] = ()  # (2, n) nodes that hang together by equations and springs
     more_grounded: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # nodes that these hold
@@ -66,7 +66,7 @@ class Links:
 
 
 def find_links(mesh: Mesh, tables: StructureTables) -> Links:
-    """Return what the ties, points, equations and cyclic faces of a scene make follow, and its masses, springs and dampers.
+    """Return the dependences by ties, points, equations and cyclic faces of a scene, and its masses, springs and dampers.
 
     Local, rank 0.
 
@@ -97,7 +97,7 @@ def _with_sectors(mesh: Mesh, tables: StructureTables, links: Links) -> Links:
 
 
 def _within(mesh: Mesh, tables: StructureTables) -> Links:
-    """Return what follows within the structure that the mesh is."""
+    """Return the dependences within the structure."""
     links = _ties_and_points(mesh, tables)
     if mesh.equations is None and not tables.masses and not tables.springs:
         return links
@@ -171,7 +171,7 @@ def _on_nodes(links: Links, places: np.ndarray) -> np.ndarray:
 
 
 def _onward(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) -> sp.csr_matrix:
-    """Return rows of weights with what became dependent replaced by what it follows."""
+    """Return rows of weights in which dependent places are replaced by the places that they follow."""
     n_dof, m = rows.shape[1], len(dependent)
     stays = np.ones(n_dof)
     stays[dependent] = 0.0
@@ -179,7 +179,7 @@ def _onward(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) 
 
 
 def _ties_and_points(mesh: Mesh, tables: StructureTables) -> Links:
-    """Return what follows by ties and points alone."""
+    """Return the dependences by ties and points alone."""
     n_places = len(mesh.points) + 2 * len(tables.points)
     if not tables.ties and not tables.points:
         return Links(np.zeros(0, dtype=np.int64), sp.csr_matrix((0, 3 * n_places)), (), len(mesh.points), (), ())

@@ -14,14 +14,14 @@ FAR = 0.1  # of the mesh's diagonal: a position this far from every node is a mi
 
 
 def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str | None = None, where: str = "") -> np.ndarray:
-    """Return the indices in ``mesh.points`` of what a load or an output names, (n,).  Local, rank 0.
+    """Return the indices in ``mesh.points`` of the nodes of a load or an output, (n,).  Local, rank 0.
 
     Parameters
     ----------
     position : three coordinates [m]: the nearest node of the mesh
     node : the user's node number
     group : name of a group: all its nodes
-    where : what asks, for messages, as "[[loads]] 1"
+    where : table of the scene for messages, as "[[loads]] 1"
 
     Raises
     ------

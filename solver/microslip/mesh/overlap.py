@@ -78,7 +78,7 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
 
 
 def _in_words(first: Surface, by_moments: bool, has_moments: np.ndarray) -> str:
-    """Say what the points of a joint are, (n,) of which have moments."""
+    """Return a text on the points of a joint, (n,) of which have moments."""
     if not by_moments:
         return f"in cells of {first.group!r}"
     n_means = np.count_nonzero(~has_moments)

@@ -1,4 +1,4 @@
-"""The contact pairs of all joints: where their surfaces touch, with frames, and what the scene says of each pair."""
+"""The contact pairs of all joints: positions, frames, and the values of the scene for each pair."""
 
 from __future__ import annotations
 

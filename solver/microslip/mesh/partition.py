@@ -94,7 +94,7 @@ def _lowest(value: np.ndarray, node: np.ndarray, n_nodes: int) -> np.ndarray:
 
 
 def _parts(mesh: Mesh, graph: sp.csr_matrix, n_ranks: int) -> tuple[np.ndarray, str]:
-    """Return the part of every element, balanced by number of nodes, and what chose it: METIS for more than one part."""
+    """Return the part of every element, balanced by number of nodes, and the method: METIS for more than one part."""
     n_elements = graph.shape[0]
     n_parts = min(n_ranks, n_elements)
     if n_parts == 1:

@@ -1,4 +1,4 @@
-"""Read a mesh file, and keep of it what the structure uses."""
+"""Read a mesh file, and select the parts that the structure uses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ADVICE = {
 def read_mesh(tables: StructureTables, file: FileModel | None = None) -> Mesh:
     """Read, check and scale a mesh.  Local; call it on rank 0 only, through ``on_root``.
 
-    ``file`` is what ``read_model`` made of the tables' file, where that is known already.
+    ``file`` is the model file by ``read_model``, if it has been read.
 
     Volume elements that belong to a named group but to no body are left out, with a note in ``Mesh.notes``.
 

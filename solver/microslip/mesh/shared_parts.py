@@ -1,4 +1,4 @@
-"""What the cells of one surface share with the facets of another, of any meshes, and what both interpolate over it.
+"""Intersections of the cells of one surface with the facets of another, of any meshes, and integrals of both interpolations.
 
 Each cell is laid in its plane and cut with the facets of the second surface that face it.
 """
@@ -29,7 +29,7 @@ _CHUNK = 4000  # triangles that are sampled at a time, and pairs of cell and fac
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """What n cells share with the second surface, or its moments; weights are not yet divided by what is covered."""
+    """Intersections of n cells with the second surface, or moments; weights are not yet divided by the covered area."""
 
     side1: sp.csr_matrix  # (n, n_nodes) m2
     side2: sp.csr_matrix  # (n, n_nodes) m2
@@ -38,7 +38,7 @@ class Shared:
 
 
 def joined(parts: Sequence[Shared]) -> Shared:
-    """Return what the cells of several kinds share, one kind after the other.  Local."""
+    """Return the intersections of cells of several kinds, one kind after the other.  Local."""
 
     def join(name: str):
         values = [getattr(part, name) for part in parts]
@@ -86,7 +86,7 @@ class Parts:
 
 
 def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_moments: bool = False) -> tuple[Shared, Shared]:
-    """Return what the cells share with facets of the second surface that face them within ``reach`` [m], and its moments.  Local.
+    """Return intersections of cells with facets of the second surface that face them within ``reach`` [m], and moments.  Local.
 
     A row of the moments is that of a face's polynomial that is 1 at the integration point in the cell; without ``by_moments``
     they are those of nothing.
@@ -113,7 +113,7 @@ def _polygons(outlines: np.ndarray, bend: np.ndarray) -> np.ndarray:
 
 
 def _parts(mesh: Mesh, cells: Cells, polygons: np.ndarray, kind: str, facets: np.ndarray, reach: float) -> Iterator[Parts]:
-    """Yield, some at a time, what cells, the ``polygons`` (n,), share with the facets of a kind."""
+    """Yield, some at a time, the intersections of cells, the ``polygons`` (n,), with the facets of a kind."""
     i, j = _candidates(mesh, cells, kind, facets, reach)
     corners = elements.FACE_KINDS[kind].nodes[: elements.FACE_KINDS[kind].n_corners]
     ring = outlines(kind, mesh.points[facets], corners, _ARCS)

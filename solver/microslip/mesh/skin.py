@@ -126,7 +126,7 @@ def groups_of_bodies(mesh: Mesh) -> list[str]:
 
 
 def faces_of_group(mesh: Mesh, skin: Skin, name: str) -> np.ndarray:
-    """Return the faces of a skin that a group stands for, rising: those it names, else those whose nodes it holds.  Local."""
+    """Return the faces of a group in a skin, ascending: faces in the group, or else faces with all nodes in it.  Local."""
     is_member = np.zeros(len(mesh.points), dtype=bool)
     is_member[mesh.node_groups[name]] = True
     inside = [is_member[chosen].all(axis=1) for chosen in skin.faces.values()]

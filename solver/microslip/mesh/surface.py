@@ -17,7 +17,7 @@ MOST_TURN = 40.0  # degrees of a face from the mean normal of its node; beyond, 
 
 @dataclass(frozen=True)
 class Surface:
-    """The faces of a group, turned outward, and what they give their nodes."""
+    """The faces of a group, turned outward, and the tributary areas and normals of their nodes."""
 
     group: str
     faces: dict[
@@ -148,7 +148,7 @@ def _check_edges(mesh: Mesh, group: str, nodes: np.ndarray, at: np.ndarray, cosi
 
 
 def face_keys(faces: Mapping[str, np.ndarray]) -> set[tuple[int, ...]]:
-    """Return what tells faces from each other: the corners of each, rising.  Local."""
+    """Return keys of faces: the corners of each, ascending.  Local."""
     return {
         tuple(sorted(map(int, face[: elements.FACE_KINDS[kind].n_corners]))) for kind, nodes in faces.items() for face in nodes
     }

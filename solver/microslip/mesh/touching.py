@@ -1,4 +1,4 @@
-"""Faces of bodies that lie on each other: found by what they are, with or without names, whatever their meshes.
+"""Faces of bodies that lie on each other, detected by geometry, with or without names, for any meshes.
 
 A face lies on another where points of either, a few a face, have their feet on the other, within a tolerance, and the two look
 at each other.

@@ -37,7 +37,7 @@ COLUMNS = tuple(Values.__dataclass_fields__)
 
 
 def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
-    """Return the values of a joint's points: what the joint states, fields of the mesh, and then its file.  Local, rank 0.
+    """Return the values of a joint's points: stated by the joint, fields of the mesh, and then its file.  Local, rank 0.
 
     What nodes have, by a field or by rows of the file, is interpolated as the first surface does it.
 
