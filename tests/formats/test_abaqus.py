@@ -741,3 +741,38 @@ def test_every_truncation_is_one_message_and_every_slip_that_or_a_model(tmp_path
             read(tmp_path, whole[:at])
         with contextlib.suppress(MeshError):
             assert len(read(tmp_path, whole[:at] + ",x=" + whole[at + 3 :]).points)
+
+
+SECTOR = """*CYCLIC SYMMETRY MODEL, N=12, NGRAPH=12, TIE=T
+0., 0., 5., 0., 0., 7.
+*TIE, CYCLIC SYMMETRY, NAME=T
+CROWN, FEET
+"""
+
+
+def test_a_cyclic_sector_names_the_table_that_answers_it(tmp_path):
+    """The high face lies in the positive sense about the axis, whichever of the tie's surfaces it is."""
+    model = read(tmp_path, CUBE + TWICE + STEEL + SECTOR)
+    finding = next(each for each in model.findings if each.word == "*CYCLIC SYMMETRY MODEL")
+    assert "sectors = 12, axis = [0.0, 0.0, 2.0], axis_point = [0.0, 0.0, 5.0]" in finding.effect
+    assert {each.part for each in model.findings if "CYCLIC" in each.word} == {"cyclic"}
+    joined = {
+        "loads": ({"node": 5, "direction": (0.0, 0.0, 1.0)},),
+        "outputs": ({"name": "o", "node": 5, "direction": (0.0, 0.0, 1.0)},),
+    }
+    with pytest.raises(CaseError, match="2 entries are not modelled and would change the answer"):
+        complete(scene_of({**tables("job.inp", ignore=("*ELEMENT",)), **joined}, tmp_path / "s.toml"), model)
+    cyclic = {"sectors": 12, "axis": (0.0, 0.0, 2.0), "faces": ("CROWN", "FEET"), "engine_order": 2}
+    complete(scene_of({**tables("job.inp", ignore=("*ELEMENT",)), **joined, "cyclic": cyclic}, tmp_path / "s.toml"), model)
+
+
+@pytest.mark.parametrize(
+    "card, said",
+    [
+        ("*CYCLIC SYMMETRY MODEL, N=1\n", "N=1: expected a number of sectors, at least 2"),
+        ("*CYCLIC SYMMETRY MODEL, N=12\n0., 0., 1.\n", "expected six coordinates of two points of the axis"),
+    ],
+)
+def test_a_damaged_cyclic_sector_is_refused(tmp_path, card, said):
+    with pytest.raises(MeshError, match=said):
+        read(tmp_path, CUBE + TWICE + STEEL + card)

@@ -160,6 +160,7 @@ def _refuse_findings(scene: Scene, model: FileModel, file_parts: set[str]) -> li
             raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{near}')
     answered = {model.statics.word, model.statics.large} if model.statics is not None and "statics" in file_parts else set()
     needed = {"statics"} if scene.statics is None and not _ignores_statics(scene, model) else set()
+    needed |= {"cyclic"} if scene.cyclic is None else set()
     of_file = [frozenset(joint.surfaces or ()) for joint in _joints(scene, model)]
     between = _joined_surfaces(scene) + of_file
     wrong = [

@@ -11,6 +11,7 @@ from ...tables.structure import Point, Tie
 from ..draft import vector
 from ..model import Finding
 from .cards import Card, number, values_of
+from .findings import PART
 from .input_model import InputModel
 from .scopes import Scope
 
@@ -76,7 +77,8 @@ def _take_tie(model: InputModel, scope: Scope, card: Card) -> None:
             raise MeshError(f"{where}: *TIE: expected two surfaces")
         if special:
             what = {"CYCLICSYMMETRY": "CYCLIC SYMMETRY"}.get(special[0], special[0])
-            model.findings.add(f"*TIE, {what}", where, "faces of a sector that meet those of the next one", True)
+            part = PART if special[0] == "CYCLICSYMMETRY" else ""
+            model.findings.add(f"*TIE, {what}", where, "faces of a sector that meet those of the next one", True, part)
             continue
         tie(model, scope, words, where, card)
 

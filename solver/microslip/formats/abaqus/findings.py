@@ -6,6 +6,7 @@ from ...messages.words import nearest
 from ..draft import Findings
 from .cards import Card
 
+PART = "cyclic"  # of findings that a table [cyclic] of the scene answers
 # taken over by the other files of this folder
 TAKEN = """NODE, ELEMENT, NGEN, NFILL, NCOPY, ELGEN, ELCOPY, NSET, ELSET, SURFACE, SYSTEM, MATERIAL, ELASTIC, DENSITY,
 EXPANSION, ORIENTATION, SOLID SECTION, BOUNDARY, TRANSFORM, EQUATION, MPC, TIE, COUPLING, KINEMATIC, DISTRIBUTING,
@@ -40,8 +41,9 @@ _HARMLESS = {
     POTENTIAL, SHEAR FAILURE, ANNEAL TEMPERATURE, DAMAGE INITIATION, DAMAGE EVOLUTION, FAIL STRESS, FAIL STRAIN,
     TENSILE FAILURE""",
 }
+CYCLIC = "a cyclic symmetric sector without the adjacent sectors"
 _CHANGES = {
-    "a cyclic symmetric sector without the adjacent sectors": "CYCLIC SYMMETRY MODEL, SELECT CYCLIC SYMMETRY MODES",
+    CYCLIC: "CYCLIC SYMMETRY MODEL, SELECT CYCLIC SYMMETRY MODES",
     "matrices of another program are part of the structure": """MATRIX INPUT, MATRIX ASSEMBLE, SUBSTRUCTURE PROPERTY,
     SUBSTRUCTURE LOAD CASE, SUBSTRUCTURE GENERATE, RETAINED NODAL DOFS, SUBSTRUCTURE PATH,
     SUPER ELEMENT, USER ELEMENT, UEL PROPERTY, MATRIX""",
@@ -117,4 +119,4 @@ def add_card(findings: Findings, card: Card) -> None:
     else:
         near = nearest(card.keyword, _KNOWN.values())
         effect, changes = "not known to this program" + (f"; the nearest that is known is *{near}" if near else ""), True
-    findings.add(f"*{card.keyword}", card.where, effect, changes)
+    findings.add(f"*{card.keyword}", card.where, effect, changes, PART if effect == CYCLIC else "")

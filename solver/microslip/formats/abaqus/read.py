@@ -7,6 +7,7 @@ from dataclasses import replace
 from ...messages.errors import MeshError
 from ..draft import Findings
 from ..model import FileModel
+from . import cyclic
 from .cards import Card, read_cards
 from .connections import take_connections
 from .contact import take_contact
@@ -61,6 +62,7 @@ def read_inp(path: str, step: int | None = None) -> FileModel:
     take_sections(model)
     take_transforms(model)
     take_connections(model)
+    cyclic.take_cyclic(model)
     take_contact(model)
     take_equations(model)
     take_discrete(model)
@@ -109,7 +111,7 @@ def _find_rest(model: InputModel) -> None:
     for _, card in model.cards:
         if card.keyword == "INITIAL CONDITIONS":
             _find_initial(model, card)
-        elif card.keyword not in _TAKEN:
+        elif card.keyword not in _TAKEN and card.keyword != cyclic.WORD:
             add_card(model.findings, card)
     if model.steps and model.steps[-1].cards[-1][1].keyword != "END STEP":
         effect = "it is not there: what follows in a file that was cut is missing"
