@@ -45,6 +45,7 @@ def shared_path(tmp_path):
 PICTURES = (
     "compare.report.draw_comparison",
     "modes.campbell.draw_campbell",
+    "modes.disc.draw_interference",
     "modes.report.draw_shapes",
     "trade.speed_plots.draw_trade",
     "verify.report.draw_verification",

@@ -240,8 +240,8 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     from .studies.verify import story as verify
 
     if command.name == "modes":
-        orders = command.orders or modes.Asked.orders
-        modes.modes(scene, comm, out, modes.Asked(command.count, command.speeds, orders), command.petsc)
+        of_modes = modes.Asked(command.count, command.speeds, command.diameters, command.orders)
+        modes.modes(scene, comm, out, of_modes, command.petsc)
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bar_scene import N_DOF, write_bar
 from blocks import box
+from discs import write_ring, write_sector
 from matrix_scenes import write_matrix_scene
 from msh import write_msh
 from oracles import scenes
@@ -17,8 +18,12 @@ from microslip.modes.lapack import gathered
 from microslip.parallel.agree import on_root
 from microslip.scene.read import read_scene
 from microslip.studies.modes.campbell import Campbell, crossings
+from microslip.studies.modes.disc import alias
 
 pytestmark = pytest.mark.ranks(1, 2)
+
+
+END = response(1.0) + table("solver", modes=48)
 
 
 def column(folder, name, file="modes.csv"):
@@ -141,6 +146,8 @@ def test_engine_orders_meet_a_mode_that_stiffens_with_the_square_of_the_speed():
         (("--speeds", "10,20"), "[statics] rotation_speed: [model] axis is missing"),
         (("--speeds", "10"), "is one speed; for one, use --set statics.rotation_speed=10"),
         (("--speeds", "10,20", "--orders", "1.5"), "'1.5' is not a number of at least 1"),
+        (("--diameters", "1"), "has no table [cyclic], and so no nodal diameters"),
+        (("--diameters", "-1"), "'-1' are not whole numbers of at least 0"),
         (("--count", "none"), "'none' is not a number of at least 1"),
     ],
 )
@@ -148,3 +155,26 @@ def test_what_no_speed_or_order_is_has_one_message(comm, shared_path, program, m
     path = on_root(comm, write_bar, shared_path)
     status, _, err = program("modes", path, "--out", shared_path / "out", *more)
     assert status == 2 and said in err and "Traceback" not in err
+
+
+@pytest.mark.pictures
+def test_a_disc_has_the_modes_of_the_ring_by_nodal_diameter(comm, shared_path, program):
+    path, out = on_root(comm, lambda: write_sector(shared_path, 6, END)), shared_path / "disc"
+    status, _, err = program("modes", path, "--count", 8, "--speeds", "1000,4000", "--out", out)
+    assert (status, err) == (0, "")
+    diameter, frequency = column(out, "nodal_diameter"), column(out, "frequency_Hz")
+    assert sorted(set(diameter)) == [0, 1, 2, 3] and np.bincount(diameter.astype(int)).tolist() == [8] * 4
+    in_ring = np.sort(np.concatenate([frequency, frequency[(diameter > 0) & (diameter < 3)]]))
+    structure = build(read_scene(on_root(comm, lambda: write_ring(shared_path, 6, END))), comm)
+    assert in_ring[:30] == pytest.approx(structure.modes.frequency[:30], rel=1e-8)
+    structure.close()
+    order, speed, at = (column(out, name, "crossings.csv") for name in ("engine_order", "speed_rad_s", "frequency_Hz"))
+    assert speed * order == pytest.approx(2 * np.pi * at, rel=1e-8) and speed.min() >= 1000.0 and speed.max() <= 4000.0
+    met = column(out, "nodal_diameter", "crossings.csv")
+    assert [alias(int(E), 6) for E in order] == met.tolist()
+    assert {"interference.png", "modes_diameter_02.vtkhdf"} <= {file.name for file in out.iterdir()}
+
+
+def test_engine_orders_fold_at_half_of_the_sectors():
+    assert [alias(E, 6) for E in range(1, 8)] == [1, 2, 3, 2, 1, 0, 1]
+    assert [alias(E, 5) for E in range(1, 7)] == [1, 2, 2, 1, 0, 1]

@@ -35,6 +35,7 @@ class Command:
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
     count: int | None = None  # of modes; None: as the scene states
     speeds: tuple[float, ...] = ()  # rad/s
+    diameters: tuple[int, ...] = ()  # of a disc; empty: all
     orders: tuple[int, ...] = ()  # engine orders; empty: the default of the command
     methods: tuple[str, ...] = ()  # to compare; empty: all of them
     more: tuple[str, ...] = ()  # further scenes to run
@@ -150,6 +151,14 @@ def _speeds(text: str) -> tuple[float, ...]:
 def _orders(text: str) -> tuple[int, ...]:
     """Return whole numbers of at least 1, rising."""
     return tuple(sorted({_count(word.strip()) for word in text.split(",")}))
+
+
+def _diameters(text: str) -> tuple[int, ...]:
+    """Return whole numbers of at least 0, rising."""
+    words = _words(text)
+    if not words or not all(word.isdecimal() for word in words):
+        raise argparse.ArgumentTypeError(f"{text!r} are not whole numbers of at least 0, separated by commas")
+    return tuple(sorted(set(map(int, words))))
 
 
 def _steps(text: str) -> int:
@@ -306,7 +315,22 @@ _OPTIONS = (
         type=_speeds,
         default=(),
     ),
-    _option("modes", "--orders", "A,B,...", "engine orders of the Campbell diagram (default: 1 to 6)", type=_orders, default=()),
+    _option(
+        "modes",
+        "--diameters",
+        "A,B,...",
+        "nodal diameters of a disc (default: all, 0 to half of the sectors)",
+        type=_diameters,
+        default=(),
+    ),
+    _option(
+        "modes",
+        "--orders",
+        "A,B,...",
+        "engine orders (default: 1 to 6, of a disc 1 to the number of sectors)",
+        type=_orders,
+        default=(),
+    ),
     _option("compare", "--methods", "A,B,...", "their names, with commas (default: all)", **_LIST),
     _option(
         "trade",

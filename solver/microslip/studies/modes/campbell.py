@@ -51,7 +51,7 @@ def follow_families(linearised: Linearised, before: Modes, after: Modes) -> tupl
     """
     comm = linearised.system.comm
     product = gram(comm, before.phi_owned, multiply(linearised.M, after.phi_owned))
-    _, partner = linear_sum_assignment(-(product**2))
+    _, partner = linear_sum_assignment(-(np.abs(product) ** 2))
     return partner, np.abs(product[np.arange(len(partner)), partner])
 
 

@@ -20,17 +20,20 @@ from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
 from ...reduction.modal_structure import damped_modes
 from ...reduction.stuck import project_modes
-from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled
+from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, some
 from ...results.vtk import write_modes
 from ...results.whole_disc import whole_mesh, whole_shapes
 from ...system.files import make_folder
 from ..records import cell, write_csv
+from .campbell import Crossing
 
 if TYPE_CHECKING:
     from ...linear.joint_springs import Linearised
     from ...modes.eigen import Modes
+    from ...scene.schema import Scene
 
 _ON_SCREEN = 6  # modes of each nodal diameter
+_NAMED = 24  # engine orders in the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +59,55 @@ class DiameterModes:
         ]
 
 
-def show_disc(parts: Assembled, count: int, speeds: Sequence[float], folder: Path, log: RunLog) -> None:
-    """Compute ``count`` modes of every nodal diameter with all pairs stuck; write table, diagram and shapes.
+@dataclass(frozen=True)
+class Excited:
+    """What excites a disc: engine orders between the lowest and the highest speed."""
 
-    Collective.  ``speeds`` [rad/s] are those whose engine orders the interference diagram shows.
+    n_sectors: int
+    speeds: tuple[float, ...]  # rad/s; empty: not stated
+    orders: tuple[int, ...] = ()  # empty: 1 to the number of sectors
+
+    def crossings(self, found: Sequence[DiameterModes]) -> list[tuple[int, Crossing]]:
+        """Return nodal diameter and crossing of each engine order that meets a mode, by diameter and mode.  Local.
+
+        The frequencies are those of the disc at rest.
+        """
+        if not self.speeds:
+            return []
+        met = [
+            (each.diameter, Crossing(i, order, 2.0 * np.pi * float(f) / order, float(f)))
+            for each in found
+            for i, f in enumerate(each.frequency, 1)
+            for order in self.orders or range(1, self.n_sectors + 1)
+            if alias(order, self.n_sectors) == each.diameter
+        ]
+        return [(d, crossing) for d, crossing in met if min(self.speeds) <= crossing.speed <= max(self.speeds)]
+
+
+def alias(order: int, n_sectors: int) -> int:
+    """Return the nodal diameter that an engine order excites, 0 to half of the sectors.  Local."""
+    return min(order % n_sectors, -order % n_sectors)
+
+
+def diameters_of(scene: Scene, stated: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the nodal diameters to compute, rising: those stated, or all.  Local.
+
+    Raises
+    ------
+    CaseError : one that the disc has not
+    """
+    assert scene.cyclic is not None, "a disc"
+    most = scene.cyclic.sectors // 2
+    wrong = [d for d in stated if d > most]
+    if wrong:
+        raise CaseError(f"--diameters: {scene.cyclic.sectors} sectors have nodal diameters 0 to {most}, and {wrong[0]} is stated")
+    return stated or tuple(range(most + 1))
+
+
+def show_disc(parts: Assembled, count: int, diameters: Sequence[int], excited: Excited, folder: Path, log: RunLog) -> None:
+    """Compute ``count`` modes of some nodal diameters with all pairs stuck; write tables, diagram and shapes.
+
+    Collective.
 
     Raises
     ------
@@ -67,22 +115,22 @@ def show_disc(parts: Assembled, count: int, speeds: Sequence[float], folder: Pat
     """
     scene, comm, found = parts.scene, log.comm, []
     assert scene.cyclic is not None, "a disc"
-    for d, linearised, computed in _by_diameter(parts, count, log):
+    for d, linearised, computed in _by_diameter(parts, count, diameters, log):
         found.append(_table(d, parts, linearised, computed))
         shapes = node_fields(linearised.maps, computed.phi_owned)
         on_root(comm, _write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
     if not found:
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
     with log.stage("table and pictures"):
-        log.note(on_root(comm, write_disc, found, scene, scene.cyclic.sectors, speeds, folder))
+        log.note(on_root(comm, write_disc, found, scene, excited, folder))
 
 
-def _by_diameter(parts: Assembled, count: int, log: RunLog) -> Iterator[tuple[int, Linearised, Modes]]:
+def _by_diameter(parts: Assembled, count: int, diameters: Sequence[int], log: RunLog) -> Iterator[tuple[int, Linearised, Modes]]:
     """Yield each nodal diameter with its factor and its modes, and free them.  Collective."""
     scene, system = parts.scene, parts.rest.system
     sectors = system.sectors
     assert sectors is not None, "a disc"
-    for d in range(sectors.n_sectors // 2 + 1):
+    for d in diameters:
         of_d = system if d == 0 else sectors.system(d)
         with log.stage(f"nodal diameter {d}"):
             try:
@@ -124,8 +172,8 @@ def _write_shapes(folder: Path, parts: Assembled, d: int, omega_n: np.ndarray, s
     write_modes(str(folder / f"modes_diameter_{d:02d}.vtkhdf"), whole_mesh(parts.mesh, cyclic), omega_n, of_disc)
 
 
-def write_disc(found: Sequence[DiameterModes], scene: Titled, n_sectors: int, speeds: Sequence[float], folder: Path) -> str:
-    """Write modes.csv and interference.png; return the table for the screen.  Local, rank 0.
+def write_disc(found: Sequence[DiameterModes], scene: Titled, excited: Excited, folder: Path) -> str:
+    """Write modes.csv, interference.png and, with speeds, crossings.csv; return the tables for the screen.  Local, rank 0.
 
     Raises
     ------
@@ -135,32 +183,57 @@ def write_disc(found: Sequence[DiameterModes], scene: Titled, n_sectors: int, sp
     records = [record for each in found for record in each.records()]
     write_csv(str(folder / "modes.csv"), records[0], records)
     with matplotlib.rc_context(RC):
-        draw_interference(found, n_sectors, speeds, scene, str(folder / "interference.png"))
+        draw_interference(found, excited, scene, str(folder / "interference.png"))
     n = min(_ON_SCREEN, max(len(each.frequency) for each in found))
-    rows = [
-        (each.diameter, [str(each.diameter), *(cell(float(f), 7) for f in each.frequency[:n]), *[""] * (n - len(each.frequency))])
+    rows: list[tuple[object, list[str]]] = [
+        (0, [str(each.diameter), *(cell(float(f), 7) for f in each.frequency[:n]), *[""] * (n - len(each.frequency))])
         for each in found
     ]
-    says = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {n_sectors} sectors"
-    return screen_table(says, ["nodal diameter", *(f"mode {i + 1}" for i in range(n))], rows)
+    says = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {excited.n_sectors} sectors"
+    table = screen_table(says, ["nodal diameter", *(f"mode {i + 1}" for i in range(n))], rows)
+    return f"{table}\n{_resonances(found, excited, folder)}" if excited.speeds else table
 
 
-def draw_interference(found: Sequence[DiameterModes], n_sectors: int, speeds: Sequence[float], scene: Titled, path: str) -> None:
+def _resonances(found: Sequence[DiameterModes], excited: Excited, folder: Path) -> str:
+    """Write crossings.csv, and return it as a table for the screen."""
+    rows = [(d, c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for d, c in excited.crossings(found)]
+    columns = ("nodal_diameter", "mode", "engine_order", "speed_rad_s", "speed_rpm", "frequency_Hz")
+    write_csv(str(folder / "crossings.csv"), columns, [dict(zip(columns, row)) for row in rows])
+    low, high = min(excited.speeds), max(excited.speeds)
+    return screen_table(
+        f"resonances between {low:g} and {high:g} rad/s, with frequencies at rest" + ("" if rows else ": none"),
+        ["nodal diameter", "mode", "engine order", "speed rad/s", "rpm", "frequency Hz"],
+        [(row[0], [*map(str, row[:3]), *(cell(value, 6) for value in row[3:])]) for row in rows],
+    )
+
+
+def draw_interference(found: Sequence[DiameterModes], excited: Excited, scene: Titled, path: str) -> None:
     """Draw frequency against nodal diameter, and where engine orders act: f = E Omega / 2 pi at the alias of E.  Local."""
-    says = "natural frequencies with all pairs stuck against nodal diameter"
-    says += "; dashed: frequency of the engine orders at each speed, folded at half of the sectors" if speeds else ""
+    says = "natural frequencies by nodal diameter, all pairs stuck"
+    if excited.speeds:
+        rpm = " and ".join(f"{speed * 30.0 / np.pi:.5g}" for speed in (min(excited.speeds), max(excited.speeds)))
+        says += f"; engine orders E at {rpm} rpm (dashed, crosses at whole orders); frequencies at rest"
     page = Page(scene, says, WIDTH, 4.4)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     n, diameters = min(len(each.frequency) for each in found), [each.diameter for each in found]
-    for i in range(n):
-        axes.plot(diameters, [each.frequency[i] for each in found], ".-", color=INK, lw=0.7, ms=5.0)
-    highest = 1.08 * max(float(each.frequency[:n].max()) for each in found)
-    for speed in speeds:
-        last = min(int(highest * 2.0 * np.pi / speed), 4 * n_sectors)
-        orders = np.arange(last + 1)
-        folded = np.minimum(orders % n_sectors, -orders % n_sectors)
-        axes.plot(folded, orders * speed / (2.0 * np.pi), ".--", color=FAINT, lw=0.7, ms=2.0, zorder=1)
-        at = min(last, n_sectors // 2)
-        axes.annotate(f"{speed * 30.0 / np.pi:.0f} rpm", (folded[at], at * speed / (2.0 * np.pi)), fontsize=7, color=INK)
-    axes.set(xlabel="nodal diameter", ylabel="frequency [Hz]", ylim=(0.0, highest), xlim=(-0.2, n_sectors // 2 + 0.2))
+    for i, colour in enumerate(level_colours(n)):
+        axes.plot(diameters, [each.frequency[i] for each in found], "o-", color=colour, ms=3.5, lw=0.8)
+        axes.annotate(f"  {i + 1}", (diameters[-1], found[-1].frequency[i]), fontsize=7, va="center", annotation_clip=False)
+    highest = 1.05 * max(float(each.frequency[:n].max()) for each in found)
+    for speed in {min(excited.speeds), max(excited.speeds)} if excited.speeds else ():
+        _engine_orders(axes, excited.n_sectors, speed, highest, is_named=speed == max(excited.speeds))
+    axes.set(xlabel="nodal diameter", ylabel="frequency [Hz]", ylim=(0.0, highest))
+    axes.xaxis.get_major_locator().set_params(integer=True)
     page.save(path)
+
+
+def _engine_orders(axes, n_sectors: int, speed: float, highest: float, is_named: bool) -> None:
+    """Draw f = E speed / 2 pi over the nodal diameter that order E excites, up to E = N: folded at half of the sectors."""
+    most = min(int(2.0 * np.pi * highest / speed) + 1, n_sectors)
+    corners = np.array(sorted({0.0, min(0.5 * n_sectors, float(most)), float(most)}))
+    axes.plot(np.minimum(corners, n_sectors - corners), corners * speed / (2.0 * np.pi), color=FAINT, lw=0.7, ls="--", zorder=1)
+    orders = range(1, most + 1)
+    at = [alias(order, n_sectors) for order in orders]
+    axes.plot(at, [order * speed / (2.0 * np.pi) for order in orders], "x", color=INK, ms=3.5, lw=0)
+    for order in some(orders, _NAMED) if is_named else ():
+        axes.annotate(f" E{order}", (alias(order, n_sectors), order * speed / (2.0 * np.pi)), fontsize=7, color=INK, va="bottom")

@@ -13,6 +13,7 @@ import numpy as np
 from ...library.build import Assembled, assembled, factor_of, without_reference
 from ...library.settings import reduction_settings
 from ...linear.dense import gram, multiply
+from ...messages.errors import CaseError
 from ...modes.eigen import first_of, lowest_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
@@ -22,7 +23,7 @@ from ...reduction.stuck import project_modes
 from ...scene.read import changed
 from ...system.versions import versions
 from .campbell import ORDERS, Campbell, follow_families, write_campbell
-from .disc import show_disc
+from .disc import Excited, diameters_of, show_disc
 from .report import ModeTable, write_modes_of
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ class Asked:
 
     count: int | None = None  # of modes, in place of [solver] modes; where neither is stated, there are 12
     speeds: tuple[float, ...] = ()  # rad/s, in place of [statics] rotation_speed
-    orders: tuple[int, ...] = tuple(range(1, ORDERS + 1))  # engine orders to meet
+    diameters: tuple[int, ...] = ()  # nodal diameters of a disc; empty: all
+    orders: tuple[int, ...] = ()  # engine orders to meet; empty: 1 to 6, of a disc 1 to the number of sectors
 
 
 def modes(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
@@ -59,10 +61,13 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), op
     with RunLog(comm, str(folder / "modes.log"), facts=facts) as log:
         scene = changed(scene, {"solver": {"method": "receptance"} | ({} if asked.count is None else {"modes": asked.count})})
         if scene.cyclic is not None:
+            diameters, excited = diameters_of(scene, asked.diameters), Excited(scene.cyclic.sectors, asked.speeds, asked.orders)
             parts = assembled(scene, comm, log)
-            show_disc(parts, scene.solver.modes or COUNT, sorted(asked.speeds), folder, log)
+            show_disc(parts, scene.solver.modes or COUNT, diameters, excited, folder, log)
             log.note(f"results in {folder}")
             return
+        if asked.diameters:
+            raise CaseError(f"--diameters: {scene.path} has no table [cyclic], and so no nodal diameters")
         families = Families()
         speeds: list[float | None] = [*sorted(asked.speeds)] or [None]
         for speed in speeds:
@@ -75,7 +80,7 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), op
         if asked.speeds:
             campbell = families.campbell(sorted(asked.speeds))
             with log.stage("Campbell diagram"):
-                log.note(on_root(comm, write_campbell, campbell, asked.orders, scene, folder))
+                log.note(on_root(comm, write_campbell, campbell, asked.orders or tuple(range(1, ORDERS + 1)), scene, folder))
         log.note(f"results in {folder}")
 
 
