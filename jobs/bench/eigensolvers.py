@@ -11,6 +11,7 @@ import subprocess
 import time
 import types
 from pathlib import Path
+from typing import Any
 
 from microslip.parallel.petsc import initialise
 
@@ -40,7 +41,7 @@ def block_lanczos() -> type:
     return module.BlockLanczos
 
 
-def seconds(work) -> tuple[float, object]:
+def seconds(work) -> tuple[float, Any]:
     """Return the processor's time of the slower rank, and what comes of the work."""
     COMM.barrier()
     began = time.process_time()
@@ -67,9 +68,10 @@ def main() -> None:
         spent["solves"] += time.process_time() - began
         return X
 
-    solver.solve = counted
+    solver.solve = counted  # type: ignore[method-assign]
     for n_modes in arguments.modes:
-        found, best = {}, {}
+        found: dict[str, np.ndarray] = {}
+        best: dict[str, float] = {}
         for _ in range(arguments.times):
             for name, search in searches.items():
                 spent.update(passes=0, vectors=0, solves=0.0)

@@ -197,7 +197,11 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
     cyclic = parts.scene.cyclic
     if cyclic is None:
         return _stuck(parts, log)
-    groups: PerGroup[Structure] = PerGroup(lambda d: of_diameter(parts, int(d), groups, log), cyclic.diameter, cyclic.diameters)
+    groups: PerGroup[Structure] = PerGroup(
+        lambda d: of_diameter(parts, d, groups, log),  # type: ignore[arg-type]  # its groups are whole numbers
+        cyclic.diameter,
+        cyclic.diameters,
+    )
     return groups.of(1)
 
 

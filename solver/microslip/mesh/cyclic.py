@@ -108,6 +108,7 @@ def _refuse_shared(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray
     if len(shared) == 0:
         return
     node = shared[np.argmin(mesh.numbers[shared])]
+    assert cyclic.faces is not None, "with two faces"
     raise MeshError(
         f"{where}: {cyclic.faces[0]!r} and {cyclic.faces[1]!r} share {len(shared)} nodes, the first is node "
         f"{mesh.numbers[node]} at {place(mesh.points[node])} m; a node on the axis belongs to all sectors at once and cannot "

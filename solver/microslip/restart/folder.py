@@ -103,9 +103,9 @@ class Restart:
     def prepared(self, log: RunLog, build: Callable[[], Structure]) -> Prepared:
         """Return the prepared structure, from this folder, from the cache or by ``build``; in the latter cases it is stored."""
         if self.scene.cyclic is not None:  # made again: its structures are several
-            structure = build()
+            disc = build()
             with log.stage("reduction"):
-                return prepare(structure)
+                return prepare(disc)
         self._used.add(self._stored.path.name)
         before, modes = len(log.notes), None
         structure = self._restored(log)
