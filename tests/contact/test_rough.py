@@ -199,7 +199,7 @@ def test_a_pair_of_the_exponential_that_has_parted_is_no_rest():
     with pytest.raises(ValueError, match="N0 of pair 0 is 0"):
         Rough(*np.array([[0.3], [0.0], [1.0], [1.0], [np.inf]]), reference=np.ones(1))
     with pytest.raises(ValueError, match="pair 0 is open at rest, and has a preload"):
-        law(2.0, is_open=np.ones(1, dtype=bool))
+        law(2.0, open_at_rest=np.ones(1, dtype=bool))
 
 
 # -- open at rest ----------------------------------------------------------------------------------------------------------
@@ -209,7 +209,7 @@ GAP = 0.1
 
 def from_gap(n=1, gap=GAP, is_open=True, m=2.0, **own):
     """Return the law of pairs that are open by a gap, and how far that is from rest with the preload of :func:`law`."""
-    of = replace(law(m, n, **own), N0=np.full(n, -K_N * gap), reference=np.full(n, N0), is_open=np.full(n, is_open))
+    of = replace(law(m, n, **own), N0=np.full(n, -K_N * gap), reference=np.full(n, N0), open_at_rest=np.full(n, is_open))
     return of, m * N0 / K_N + gap
 
 
@@ -223,15 +223,15 @@ def test_a_power_touches_from_none_on():
     assert not of.stiffness.any() and np.array_equal(of.springs, law(2.5).stiffness)
 
 
-def test_apart_it_is_the_law_of_pairs_that_are_pressed_moved_away():
+def test_open_at_rest_it_is_the_law_of_pairs_that_are_pressed_moved_away():
     """All of its force is p, with the derivative; that of one with its rest elsewhere is beyond that one's springs."""
     n, N_H, rng = 12, 7, np.random.default_rng(5)
     U = 0.2 * rng.standard_normal((n, 3, N_H))
     U[:, 2, 0] -= np.linspace(-3.0, 1.5, n)
-    is_open, far = from_gap(n)
+    open_pairs, far = from_gap(n)
     pressed, moved = law(2.0, n), U.copy()
     moved[:, 2, 0] += far
-    found, wanted = is_open.cycle(U, 64), pressed.cycle(moved, 64)
+    found, wanted = open_pairs.cycle(U, 64), pressed.cycle(moved, 64)
     force = wanted.p + pressed.stiffness[:, :, None] * moved
     force[:, 2, 0] -= N0
     assert np.allclose(found.p, force, atol=1e-12)
@@ -244,7 +244,7 @@ def test_apart_it_is_the_law_of_pairs_that_are_pressed_moved_away():
     assert np.allclose(found.P, P, atol=1e-11)
 
 
-def test_apart_a_march_comes_to_the_cycle():
+def test_open_at_rest_a_march_comes_to_the_cycle():
     n, N_t, rng = 8, 48, np.random.default_rng(6)
     U = np.zeros((n, 3, 5))
     U[:, :, 1:] = 0.25 * rng.standard_normal((n, 3, 4))

@@ -24,7 +24,7 @@ from .parameters import column_with, not_among, preload_with
 SLIDERS = 24  # asperities that carry a pair at rest, where a joint states no number
 MOST_FORCE = 1e9  # normal force over that at rest up to which further asperities come into contact
 DENSE_FORCE = 16.0  # the same up to which they lie as close as about rest
-CARRIES = 1e-9  # normal force over that at the stated preload: a pair that statics leave with less has come apart
+CARRIES = 1e-9  # normal force over that at the stated preload: a pair with less after the statics is open at rest
 _MOST = 200.0  # logarithm of the same, beyond which a guess of the solver is none, and its squares are no numbers
 EXPORTED = """\
 on a circle, or in each direction by itself where separate is 1;
@@ -90,7 +90,7 @@ class Rough(OfElements):
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is apart."""
+        """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is open at rest."""
         return np.where(self.open_at_rest[:, None], 0.0, self.springs)
 
     @cached_property
@@ -289,7 +289,7 @@ class Rough(OfElements):
 
         docs/theory.md, eq. (12.10): pressure and stiffness are those of (3.11) there, and again of the same power.  The
         asperities are divided again; each is stretched as those were that touch at the same approach, within its limit.
-        Pairs of a power that carry next to nothing are apart there, with a gap.
+        Pairs with a power law and almost no force are open at rest there, with a gap.
 
         Raises
         ------
