@@ -72,7 +72,7 @@ def test_the_time_limit_stops_all_ranks_before_its_end(program, scene, comm, sha
     at_point_3(lambda: monkeypatch.setattr("microslip.observe.stops.LEAST_MARGIN", 1e6))
     status, _, err = program("run", scene, "--walltime", "1:00:00", "--out", shared_path / "out")
     assert status == 5 and err.count("microslip: error: ") == 1 and "(rank" not in err
-    assert "s before the end of --walltime, 3600 s; what was found until then is in" in err
+    assert "s before the end of --walltime, 3600 s; what was computed until then is in" in err
     assert "the same command continues from there" in err
     if comm.rank == 0:
         table, saved, state = points(shared_path / "out")
@@ -103,7 +103,7 @@ def test_a_signal_stops_with_every_point_saved(program, scene, shared_path, at_p
     inherited = signal.signal(number, signal.SIG_DFL)  # under nohup SIGHUP is ignored, and the program leaves it so
     status, _, err = program("run", scene, "--out", shared_path / "out")
     signal.signal(number, inherited)
-    assert status == 5 and err.count(f"microslip: error: stopped by {number.name}; what was found until then is in") == 1
+    assert status == 5 and err.count(f"microslip: error: stopped by {number.name}; what was computed until then is in") == 1
     table, saved, state = points(shared_path / "out")
     assert state == "running" and len(saved) >= 2 and np.allclose(saved, table)
 
