@@ -45,7 +45,7 @@ class Enough(Exception):
 
 
 class Meter:
-    """Memory of this rank after each point, and the bytes of the points so far [bytes]; wraps ``Observers.tell`` in its context.
+    """Memory of this rank after each point, and the bytes of the points so far [bytes]; wraps ``Observers.notify`` in its context.
 
     With ``has_motion``, as on rank 0, points hold the motion of their pairs until their level is written, its peak for good.
     """
