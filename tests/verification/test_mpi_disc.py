@@ -20,7 +20,7 @@ from microslip.scene.read import read_scene
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
-N_DOF = 54  # of a sector of hex8
+N_DOF, N_SHROUDED = 54, 90  # of a sector of hex8, without and with shrouds
 
 
 def end(modes, levels=(10.0,), frequencies=(1400.0, 1500.0), points=(), **solver):
@@ -38,7 +38,7 @@ def built(write, folder, *args, **how):
     return build(read_scene(on_root(COMM, lambda: write(folder, *args, **how))), COMM)
 
 
-@pytest.mark.parametrize(("N", "kind"), [(5, "hex8"), (6, "hex8"), (5, "hex20")])
+@pytest.mark.parametrize(("N", "kind"), [(3, "hex8"), (5, "hex8"), (6, "hex8"), (5, "hex20")])
 def test_modes_of_all_nodal_diameters_are_those_of_the_ring(shared_path, N, kind):
     sector, ring = built(write_sector, shared_path, N, end(12), kind), built(write_ring, shared_path, N, end(8 * N), kind)
     groups = sector.per_group
@@ -70,22 +70,53 @@ def test_complex_modes_are_orthonormal_and_proved_complete(shared_path):
     sector.close()
 
 
-WAVES = [(5, 1, 1436.0), (5, 2, 1420.0), (6, 3, 1415.0), (6, 7, 1436.0), (6, 5, 1436.0)]
+WAVES = [  # engine orders N/2, 1, 2 and N + 1; stuck, and where sliding pairs slide in each cycle
+    (6, 3, 1416.0, 0.01, 0.3),
+    (5, 1, 1436.0, 20.0, 0.05),
+    (5, 2, 1420.0, 20.0, 0.05),
+    (6, 7, 1436.0, 20.0, 0.05),
+]
 
 
-@pytest.mark.parametrize(("N", "h", "frequency"), WAVES)
-@pytest.mark.parametrize("level", [0.01, 30000.0])
-def test_the_response_is_that_of_the_ring(shared_path, N, h, frequency, level):
-    """Stuck, and where every sliding pair slides in each cycle: elsewhere sliders keep the phase in which they started."""
-    asked = {"levels": (level,), "frequencies": (0.98 * frequency, 1.02 * frequency), "points": (frequency,), "tolerance": 1e-10}
-    found = []
-    for write, modes, wave in ((write_sector, N_DOF, {"wave": {"engine_order": h}}), (write_ring, N * N_DOF, {"h": h})):
-        structure = built(write, shared_path, N, end(modes, samples=120, **asked), **wave)
-        branch = respond(structure).level(level)
-        assert not branch.failure
-        found.append(branch.response[np.argmin(np.abs(branch.frequency - frequency)), 0])
-        structure.close()
-    np.testing.assert_allclose(found[0], found[1], atol=1e-6 * np.abs(found[1]).max())
+def response_at(shared_path, write, modes, frequency, level, **how):
+    """Return the output's coefficients at a frequency, the number of pairs that slip there, and the loss by damping.  Collective."""
+    near = (0.995 * frequency, 1.005 * frequency)
+    solved = end(modes, (level,), near, (frequency,), tolerance=1e-10, samples=120)
+    structure = built(write, shared_path, how.pop("N"), solved, **how)
+    branch = respond(structure).level(level)
+    assert not branch.failure
+    i = int(np.argmin(np.abs(branch.frequency - frequency)))
+    assert branch.frequency[i] == pytest.approx(frequency, rel=1e-12)
+    structure.close()
+    return branch.response[i, 0], int((branch.state[i] == 1).sum()), float(branch.damping[i])
+
+
+@pytest.mark.parametrize(("N", "h", "frequency", "level", "friction"), WAVES)
+def test_the_response_is_that_of_the_ring(shared_path, N, h, frequency, level, friction):
+    """Where a slider has slipped once and rests, those of the ring keep the phase in which they started: it is no wave there."""
+    how = {"N": N, "friction": friction}
+    sector, n_slip, _ = response_at(shared_path, write_sector, N_DOF, frequency, level, wave={"engine_order": h}, **how)
+    ring, n_slip_of_ring, _ = response_at(shared_path, write_ring, N * N_DOF, frequency, level, h=h, **how)
+    assert n_slip_of_ring == N * n_slip and (n_slip > 0) == (level > 1.0)
+    np.testing.assert_allclose(sector, ring, atol=1e-6 * np.abs(ring).max())
+
+
+def test_the_response_with_shrouds_is_that_of_the_ring(shared_path):
+    """The shrouds slide on those of the next sectors."""
+    h, how = 1, {"N": 5, "friction": 0.05, "how": {"shroud": True}}
+    sector, n_slip, _ = response_at(shared_path, write_sector, N_SHROUDED, 1000.0, 50.0, wave={"engine_order": h}, **how)
+    ring, n_slip_of_ring, _ = response_at(shared_path, write_ring, 5 * N_SHROUDED, 1000.0, 50.0, h=h, **how)
+    assert n_slip_of_ring == 5 * n_slip > 0
+    np.testing.assert_allclose(sector, ring, atol=1e-6 * np.abs(ring).max())
+
+
+def test_a_wave_is_that_of_its_alias_and_takes_as_much_power_as_the_one_in_the_other_direction(shared_path):
+    """h and h + N are one wave; under one force the power of h and -h is the same by reciprocity, stuck."""
+    found = {h: response_at(shared_path, write_sector, N_DOF, 1420.0, 0.01, wave={"engine_order": h}, N=5) for h in (2, -2, 3)}
+    for k in range(3):
+        np.testing.assert_allclose(found[3][k], found[-2][k], rtol=1e-12, atol=1e-12 * np.abs(found[3][k]).max())
+    assert found[2][2] == pytest.approx(found[-2][2], rel=1e-11) and found[2][2] > 0.0
+    assert np.abs(found[2][0] - found[-2][0]).max() > 1e-3 * np.abs(found[2][0]).max()  # of an output beside the force it differs
 
 
 def refused(shared_path, **how) -> str:
