@@ -10,6 +10,7 @@ from petsc4py import PETSc
 from microslip import elements
 from microslip.assembly import node_blocks as blocks_module
 from microslip.assembly.assemble import assemble
+from microslip.linear.dense import diagonal_owned, multiply
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.messages.errors import CaseError, MeshError
@@ -281,10 +282,20 @@ def test_inverted_elements_are_named_once():
         system_of(mesh, case)
 
 
+@pytest.mark.parametrize("kind", ["hex8", "tet10"])
+def test_a_structure_without_supports_has_six_rigid_motions(kind):
+    """They strain nothing; with supports there are none."""
+    system, _ = system_of(one_body(kind), settings({"blade": "block"}))
+    strained, size = np.abs(multiply(system.K, system.rigid_owned)).max(initial=0.0), diagonal_owned(system.K).max(initial=0.0)
+    assert system.rigid_owned.shape == (system.K.getLocalSize()[0], 6) and strained <= 1e-12 * max(comm.allgather(size))
+    assert any("is free" in note for note in system.notes)
+    held, _ = system_of(one_body(kind), settings({"blade": "block"}, [("base", ["x"])]))
+    assert held.rigid_owned.shape[1] == 0
+
+
 @pytest.mark.parametrize(
     "supports, loads, error, message",
     [
-        ([], [], MeshError, "nothing holds body 'blade'"),
         ([("base", ["x", "y", "z"])], [{"group": "base", "direction": (1, 0, 0)}], CaseError, "1 acts only on degrees"),
         ([("block", ["x", "y", "z"])], [], CaseError, "fix every degree of freedom"),
         ([("base", ["x"])], [{"node": 5, "direction": (1, 0, 0)}], MeshError, r"\[\[loads\]\] 1 node = 5: no element"),

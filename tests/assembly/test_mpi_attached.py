@@ -220,8 +220,56 @@ def test_springs_and_equations_that_resist_a_translation_hold_a_body():
     sprung = tuple(Spring(groups=("base",), direction=tuple(axis), stiffness=1e9) for axis in np.eye(3))
     K, _, _ = dense(mesh, case_of((), springs=sprung))
     assert np.linalg.eigvalsh(K)[0] > 0.0
-    with pytest.raises(MeshError, match="nothing holds body 'block'"):
-        dense(mesh, case_of((), springs=(Spring(groups=("corner", "other"), stiffness=1e9),)))
     dampers = tuple(one.with_keys(stiffness=0.0, damping=1e3) for one in sprung)
-    with pytest.raises(MeshError, match="nothing holds body 'block'"):
-        dense(mesh, case_of((), springs=dampers))
+    for springs in ((Spring(groups=("corner", "other"), stiffness=1e9),), dampers):
+        K, _, _ = dense(mesh, case_of((), springs=springs))
+        assert np.count_nonzero(np.linalg.eigvalsh(K) < 1e-9 * np.linalg.norm(K, 2)) == 6
+
+
+# -- equations between points, against one mesh --------------------------------------------------------------------
+
+
+HALVES = {
+    "base": lambda x: x[:, 2] < 1e-9,
+    "lower": lambda x: (np.abs(x[:, 2] - 1.0) < 1e-9) & (np.arange(len(x)) < len(x) // 2),
+    "upper": lambda x: (np.abs(x[:, 2] - 1.0) < 1e-9) & (np.arange(len(x)) >= len(x) // 2),
+}
+FIRST = Point(name="first", position=(0.2, 0.7, 1.1), group="lower")
+SECOND = Point(name="second", position=(0.9, 0.4, 1.3), group="upper")
+
+
+def rigidly(leader, follower, names):
+    """Return equations by which a point follows another as a rigid body: u = u_l + theta_l x r, theta = theta_l."""
+    x, y, z = np.subtract(follower.position, leader.position)
+    rows = [[(0, 0, 1.0), (1, 0, -1.0), (1, 4, -z), (1, 5, y)], [(0, 1, 1.0), (1, 1, -1.0), (1, 5, -x), (1, 3, z)]]
+    rows += [[(0, 2, 1.0), (1, 2, -1.0), (1, 3, -y), (1, 4, x)], *([(0, i, 1.0), (1, i, -1.0)] for i in (3, 4, 5))]
+    number = np.repeat(np.arange(6), [len(row) for row in rows])
+    which, axes, values = map(np.array, zip(*(term for row in rows for term in row)))
+    where = tuple(f"row {i}" for i in range(6))
+    return Equations(number, -1 - which, axes, values, where, points=names)
+
+
+@pytest.mark.parametrize("names", [("second", "first"), ("first", "second")])
+def test_points_tied_by_equations_are_one_rigid_body(names):
+    """Two halves whose points follow each other: the frequencies of one mesh whose middle plane is rigid."""
+    points = {"first": FIRST, "second": SECOND}
+    follower, leader = (points[name] for name in names)
+    low, high = box("hex8", (1, 1, 1)), box("hex8", (1, 1, 1), origin=(0.0, 0.0, 1.0))
+    halves = mesh_of(("low", "hex8", *low), ("high", "hex8", *high), groups=HALVES)
+    halves = replace(halves, equations=rigidly(leader, follower, names))
+    given = settings({"low": "low", "high": "high"}, [("base", "xyz")], points=(FIRST, SECOND))
+    K, M, _ = dense(halves, with_equations(given))
+    whole = mesh_of(
+        ("all", "hex8", *box("hex8", (1, 1, 2), (1.0, 1.0, 2.0))),
+        groups={**HALVES, "lower": lambda x: np.abs(x[:, 2] - 1.0) < 1e-9},
+    )
+    one = settings({"all": "all"}, [("base", "xyz")], points=(FIRST,))
+    K_1, M_1, _ = dense(whole, one)
+    found, exact = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K_1, M_1)))
+    np.testing.assert_allclose(found, exact, rtol=1e-8)
+
+
+def test_equations_of_points_that_the_scene_lacks_are_refused():
+    mesh = replace(block(), equations=rigidly(FIRST, SECOND, ("second", "first")))
+    with pytest.raises(MeshError, match="an equation of the file is between points, and the scene has no point 'second'"):
+        dense(mesh, with_equations(case_of(points=(KNOB,))))

@@ -254,13 +254,6 @@ FIT = [
         '["lap_2"]\nagainst = "plane"\nplane_point = [0.0, 0.0, 1.0]\nplane_normal = [0.0, 0.0, 1.0]\nfriction = 0.3\ntangential_stiffness = 1e12\nnormal_stiffness = 1e12',
         "joint 'lap'",
     ),
-    lap(
-        "no support",
-        '[[supports]]\ngroup = "clamp"\nfix = ["x", "y", "z"]\n',
-        "",
-        "nothing holds body 'left'",
-        "it can move freely",
-    ),
     lap("support that leaves a way", '["x", "y", "z"]', '["y"]', "lap.toml: K_L", "together move freely in 4 ways"),
     lap(
         "body on its own",

@@ -776,3 +776,30 @@ def test_a_cyclic_sector_names_the_table_that_answers_it(tmp_path):
 def test_a_damaged_cyclic_sector_is_refused(tmp_path, card, said):
     with pytest.raises(MeshError, match=said):
         read(tmp_path, CUBE + TWICE + STEEL + card)
+
+
+def test_equations_and_couplings_of_reference_nodes(tmp_path):
+    """Terms of a reference node are those of its point, rotations too; one in another's coupling follows it as a rigid body."""
+    more = "*NODE\n98, 0.5, 0.5, 4.0\n*NSET, NSET=ALL2\n5, 6, 7, 8, 98\n"
+    more += "*COUPLING, CONSTRAINT NAME=hub, REF NODE=99, SURFACE=CROWN\n*KINEMATIC\n"
+    more += "*KINEMATIC COUPLING, REF NODE=98\nFOOT, 1, 6\n98, 1, 6\n99, 1, 6\n*EQUATION\n2\n99, 6, 2.0, 1, 1, -3.0\n"
+    more = "*NSET, NSET=FOOT\n1, 2, 3, 4\n" + more
+    model = read(tmp_path, CUBE + TWICE + more)
+    equations = model.equations
+    assert equations.points[0] == "hub" and len(equations.where) == 7
+    first = [
+        (int(node), int(axis), value)
+        for node, axis, value, number in zip(equations.nodes, equations.axes, equations.coefficients, equations.equation)
+        if number == 0
+    ]
+    assert first[0] == (-1, 5, 2.0) and first[1][1:] == (0, -3.0) and model.numbers[first[1][0]] == 1
+    by_name = {point.name: point for point in model.connected}
+    leader, follower = by_name["node 98"], by_name["hub"]
+    arm = np.subtract(follower.position, leader.position)
+    theta = (0.1, 0.2, 0.3)  # the other moves as theta x r
+    values = {"node 98": (0.0, 0.0, 0.0, *theta), "hub": (*np.cross(theta, arm), *theta)}
+    sums = np.zeros(7)
+    for number, node, axis, value in zip(equations.equation, equations.nodes, equations.axes, equations.coefficients):
+        if number > 0:
+            sums[number] += value * values[equations.points[-1 - node]][axis]
+    np.testing.assert_allclose(sums, 0.0, atol=1e-15)

@@ -210,7 +210,6 @@ def test_results_and_databases_of_programs_say_what_to_write_instead(tmp_path, n
     "card, says",
     [
         (("CORD2R,7,,0.,0.,0.,0.,1.,0.", ",0.,0.,1.", "SPC1,1,1,5000"), "SPC: a support in turned axes"),
-        (("MPC,4,101,3,1.0,5000,3,-1.0",), "MPC: an equation of grid point 5000, which leads a rigid body"),
         (("CELAS2,903,4.0e5,5000,2,101,2",), "CELAS2: a spring at a grid point that leads"),
     ],
 )

@@ -1,5 +1,7 @@
 """Cells that meshio 5.3 reads and cannot hold: completed where that is needed, refused in words where it cannot be done."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from microslip.formats.read import read_model
 from microslip.formats.via_meshio import WHOLE, load_meshio
 from microslip.messages.errors import MeshError
 
+DATA = Path(__file__).parents[1] / "data"
 KINDS = {"wedge15": 15, "pyramid13": 13}
 TABLE = meshio._mesh.topological_dimension
 
@@ -84,3 +87,19 @@ def test_meshio_keeps_no_numbers_of_a_gmsh_file(tmp_path):
     mesh = meshio.read(path, file_format="gmsh")
     kept = [*mesh.point_data.values(), *(part for parts in mesh.cell_data.values() for part in parts)]
     assert not any({11, 7} & set(np.ravel(values).tolist()) for values in kept)
+
+
+@pytest.mark.parametrize("name", ["pyvista.vtu", "pyvista_raw.vtu"])
+def test_files_with_texts_are_read_without_them(name):
+    """pyvista writes field data as texts, which meshio takes for damage."""
+    model = read_model(DATA / name)
+    (cells,) = model.cells
+    assert cells.kind == "hex8" and cells.nodes.tolist() == [list(range(8)), list(range(4, 12))]
+    assert set(model.groups) == {"body=1", "body=2"} and model.fields["T"].tolist() == np.repeat([0.0, 1.0, 2.0], 4).tolist()
+
+
+def test_a_compression_that_is_not_read_is_named(tmp_path):
+    path = tmp_path / "one.vtu"
+    path.write_bytes((DATA / "pyvista.vtu").read_bytes().replace(b"vtkZLibDataCompressor", b"vtkLZ4DataCompressor"))
+    with pytest.raises(MeshError, match="compressed by LZ4.*save it with zlib"):
+        read_model(path)

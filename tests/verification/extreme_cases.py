@@ -387,7 +387,7 @@ def joints():
     yield Case("free body, all pairs slip", "joints and modes", structures.free_body, (300.0,))
     yield Case("free body pressed down, sliding", "joints and modes", partial(structures.free_body, mu=0.0), (1.0,), newtons=True)
     yield Case(
-        "free altogether",
+        "free beside a held mass",
         "joints and modes",
         _free,
         (1.0,),
@@ -467,7 +467,9 @@ def joints():
 
 def _free() -> dict:
     system = structures.two_masses()
-    return {**system, "K": np.zeros((2, 2))}
+    loads = [{**load, "vector": np.append(load["vector"], 0.0)} for load in system["loads"]]
+    wider = {"M": np.diag([1.0, 0.7, 1.0]), "K": np.diag([0.0, 0.0, 1.0]), "R": scenes.incidence(system["pair_dofs"], 3)}
+    return {**system, **wider, "loads": loads, "output": np.append(system["output"], 0.0)}
 
 
 def _loose_part() -> dict:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,12 +27,14 @@ from .nodal_forces import NodalForces, nodal_forces
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .numbering import number_dofs
 from .output_rows import OutputRow, output_row
+from .rigid_motions import rigid_motions
 from .sectors import Sectors
 from .system import System
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+FREE = "no [[supports]]: the structure is free, and its rigid-body motion is part of the response"
 ASSEMBLED = 40.0  # bytes an entry of K held at once: sums of element matrices, rows expanded, PETSc's copy of them
 
 
@@ -84,15 +86,17 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
         output_orders=orders_of(tables.outputs),
         output_base=base_map(tables.outputs, tables.loads) if any(output.absolute for output in tables.outputs) else None,
     )
-    if constraints is None:
-        return system
-    if links.cyclic is None:
-        return constrained(system, constraints, whole.part)
-    assert tables.cyclic is not None, "a disc"
-    cyclic = tables.cyclic
-    R_next = next_pair_map(pairs, links.cyclic.turn, dof_of_mesh, n_dof)
-    sectors = Sectors(cyclic.sectors, cyclic.wave_number, system, R_next, constraints, whole.part, links.cyclic.high)
-    return sectors.system(0)
+    if links.cyclic is not None:
+        assert constraints is not None and tables.cyclic is not None, "a disc"
+        cyclic, none = tables.cyclic, np.zeros((n_dof, 0))  # no nodal diameter's motion is that of a free body
+        R_next = next_pair_map(pairs, links.cyclic.turn, dof_of_mesh, n_dof)
+        of_sector = replace(system, rigid_owned=none)
+        sectors = Sectors(cyclic.sectors, cyclic.wave_number, of_sector, R_next, constraints, whole.part, links.cyclic.high)
+        return sectors.system(0)
+    if constraints is not None:
+        system = constrained(system, constraints, whole.part)
+    rigid = np.zeros((system.K.getLocalSize()[0], 0)) if whole.is_held else rigid_motions(dmesh, constraints)
+    return replace(system, rigid_owned=rigid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +110,8 @@ class WholeMesh:
     outputs: list[OutputRow]
     links: Links  # dependences by ties, points and equations
     loose: tuple[np.ndarray, tuple[np.ndarray, ...]]  # tied parts by number, and those held by joints alone
-    notes: tuple[str, ...]  # on pairs that supports fix on both sides
+    notes: tuple[str, ...]  # on a structure without supports, on pairs that supports fix on both sides
+    is_held: bool  # whether supports hold the structure
 
 
 def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeMesh:
@@ -120,8 +125,8 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
     is_fixed = fixed_places(mesh, tables, links)
     check_supports(mesh, links, is_fixed)
     part, part_names = connected_parts(mesh, tables.body_of)
-    if links.cyclic is None:  # else the motions of most nodal diameters strain a disc that nothing holds
-        check_held(part, part_names, mesh, tables.supports, pairs, links)
+    # the motions of most nodal diameters strain a disc that nothing holds
+    is_held = links.cyclic is not None or check_held(part, part_names, mesh, tables.supports, pairs, links)
     return WholeMesh(
         is_fixed=is_fixed,
         part=part,
@@ -130,7 +135,11 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         outputs=[output_row(mesh, output, tables, links) for output in tables.outputs],
         links=links,
         loose=loose_bodies(part, len(part_names), mesh, tables.supports, links),
-        notes=notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(tables.path)),
+        notes=(
+            *(() if is_held else (FREE,)),
+            *notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(tables.path)),
+        ),
+        is_held=is_held,
     )
 
 

@@ -59,6 +59,7 @@ class System:
     constraints: Constraints | None = None  # what ties and points make follow; None where there are none
     rest_owned: np.ndarray | None = None  # (n_dof_owned,) m, this rank's rows of the displacement at rest; None without statics
     notes: tuple[str, ...] = ()  # on pairs that supports fix on both sides, for the log
+    rigid_owned: np.ndarray | None = None  # (n_dof_owned, 6) rigid-body motions; (n_dof_owned, 0) with supports; None: not known
     moved: np.ndarray | None = None  # (n_nodes, 3) m, how far supports are moved at rest, in the order of dof; None: they rest
     sectors: Disc | None = None  # where it is one nodal diameter of a disc
 

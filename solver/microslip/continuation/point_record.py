@@ -116,6 +116,9 @@ def damping_loss(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> floa
         n, damping = group.harmonics.numbers, group.receptance.modes.damping
         viscous.append(_real_product(n**2, eta, damping.apply(eta)))
         structural.append(_real_product(n, eta, damping.apply_structural(eta)))
+        rigid = group.receptance.rigid
+        if rigid is not None:
+            structural.append(rigid.loss(at.level * model.f[:, group.columns], n, at.omega) / np.pi)
     return float(np.pi * at.omega * sum(viscous)) + float(np.pi * sum(structural))
 
 

@@ -52,6 +52,13 @@ class Terms:
     terms: list[Term] = field(default_factory=list)
     where: list[str] = field(default_factory=list)
     is_support: list[bool] = field(default_factory=list)
+    points: list[str] = field(default_factory=list)
+
+    def point(self, name: str) -> int:
+        """Return what stands for the node in terms of a connected point."""
+        if name not in self.points:
+            self.points.append(name)
+        return -1 - self.points.index(name)
 
     def add(self, terms: Iterable[Term], where: str, is_support: bool = False) -> None:
         """Add an equation; what has no coefficient is left out."""
@@ -74,6 +81,7 @@ class Terms:
             np.array(coefficients, dtype=float),
             tuple(self.where),
             np.array(self.is_support, dtype=bool),
+            tuple(self.points),
         )
 
 
@@ -168,17 +176,13 @@ class Draft:
             self.supports.append(Support.of_file(group=self.group(f"{word} {''.join(fix)}", nodes), fix=fix))
 
     def add_equation(self, word: str, where: str, terms: list[Term]) -> None:
-        """Add an equation in the axes of the nodes; a finding where one of them leads a rigid body and no solid has it."""
-        for node, _, _ in terms:
-            if node in self.leaders and not self.of_solids[node]:
-                effect = f"an equation of {self.node} {self.numbers[node]}, which leads a rigid body"
-                self.findings.add(word, where, effect, part="equations")
-                return
+        """Add an equation in the axes of the nodes; those that lead and belong to no solid are points."""
         made: list[Term] = []
         for node, axis, value in terms:
-            axes = self.axes(node)
+            axes, is_point = self.axes(node), node in self.leaders and not self.of_solids[node]
             row = np.eye(3)[axis] if axes is None else axes[axis]
-            made += [(node, i, float(value * row[i])) for i in range(3)]
+            at = self.terms.point(self.leaders[node].name) if is_point else node
+            made += [(at, i, float(value * row[i])) for i in range(3)]
         self.terms.add(made, where if where.startswith(word) else f"{word}, {where}")
 
 

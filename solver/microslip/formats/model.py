@@ -71,11 +71,12 @@ class Equations:
     """Linear equations between displacements, sum of coefficient times displacement = 0; in each one term follows the others."""
 
     equation: np.ndarray  # (n_terms,) number of the equation, from 0, rising
-    nodes: np.ndarray  # (n_terms,) index into FileModel.points
-    axes: np.ndarray  # (n_terms,) 0, 1, 2: x, y, z
+    nodes: np.ndarray  # (n_terms,) index into FileModel.points; -1 - i: number i of ``points``
+    axes: np.ndarray  # (n_terms,) 0, 1, 2: x, y, z; 3, 4, 5: rotations of points
     coefficients: np.ndarray  # (n_terms,)
     where: tuple[str, ...]  # where each equation stands in the file, for messages: "*EQUATION, line 12"
     is_support: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_equations,) or none: in turned axes
+    points: tuple[str, ...] = ()  # names of connected points that terms mean
 
     @property
     def n_supports(self) -> int:
@@ -91,7 +92,8 @@ class Equations:
             return None
         is_other = np.isin(self.equation, equations)
         equation, where = np.searchsorted(equations, self.equation[is_other]), tuple(self.where[i] for i in equations)
-        return Equations(equation, self.nodes[is_other], self.axes[is_other], self.coefficients[is_other], where)
+        terms = self.nodes[is_other], self.axes[is_other], self.coefficients[is_other]
+        return Equations(equation, *terms, where, points=self.points)
 
 
 @dataclass(frozen=True, kw_only=True)

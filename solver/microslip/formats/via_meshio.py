@@ -6,6 +6,8 @@ import contextlib
 import io
 import os
 import re
+import tempfile
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -37,6 +39,8 @@ _KINDS = {
     "pyramid14": "pyramid14",
 }
 _REFERENCES = ("gmsh:physical", "cell_tags")  # the format's own word for a group
+_TEXTS = re.compile(rb'<(Array|DataArray)\b[^>]*type="String"[^>]*?(/>|>.*?</\1>)', re.DOTALL)
+_HEAD = 200  # bytes in which an element says how it is encoded
 _MOST_VALUES = 1000  # an integer array with more values numbers its cells, it does not group them
 
 
@@ -52,7 +56,8 @@ def read_other(path: str) -> FileModel:
     MeshError without the file's name: whatever meshio did not like.
     """
     file_format = FORMATS[os.path.splitext(path)[1].lower()]
-    mesh = _read_quietly(path, file_format)
+    with _without_texts(path, file_format) as plain:
+        mesh = _read_quietly(plain, file_format)
     points = np.asarray(mesh.points, dtype=float)
     if points.shape[1:] != (3,):
         raise MeshError(f"the points have {points.shape[-1]} coordinates, not 3")
@@ -82,6 +87,34 @@ def read_other(path: str) -> FileModel:
             whole.add_cells(i, np.arange(len(cells[i].nodes)))
         notes.append(f"no group holds volume elements; all of them are the group {WHOLE!r}")
     return FileModel(points, node_numbers, tuple(cells), groups, tuple(notes), _fields(mesh))
+
+
+@contextlib.contextmanager
+def _without_texts(path: str, file_format: str) -> Iterator[str]:
+    """Yield a file without arrays of texts, as VTK and pyvista write them, which meshio does not know: itself, or a copy.
+
+    In a file with raw bytes, whose arrays meshio counts, an array of texts becomes one of bytes.
+    """
+    with open(path, "rb") as file:
+        content = file.read() if file_format == "vtu" else b""
+    head, mark, raw = content.partition(b"<AppendedData")
+    if b'"vtkLZ4DataCompressor"' in head:
+        raise MeshError("it is compressed by LZ4, which meshio does not read; save it with zlib, or without compression")
+    if b'type="String"' not in head:
+        yield path
+        return
+    is_raw = bool(mark) and b'encoding="raw"' in raw[:_HEAD]
+    head = _TEXTS.sub(_as_bytes if is_raw else b"", head)
+    with tempfile.TemporaryDirectory() as folder:
+        copy = os.path.join(folder, "copy.vtu")
+        with open(copy, "wb") as file:
+            file.write(head + mark + raw)
+        yield copy
+
+
+def _as_bytes(found: re.Match[bytes]) -> bytes:
+    """Return an array of texts as one of bytes."""
+    return re.sub(rb"(</?)Array\b", rb"\1DataArray", found[0].replace(b'"String"', b'"UInt8"'))
 
 
 def _fields(mesh) -> dict[str, np.ndarray]:

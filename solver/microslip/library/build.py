@@ -180,6 +180,8 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
         linearised = linearise(system, pairs, str(scene.path), later, cached)
     for note in (*linearised.factor.info["messages"], factor_in_words(linearised.factor.info)):
         log.note(note)
+    if linearised.factor.n_rigid:
+        log.note(rigid_in_words(linearised.factor.n_rigid, linearised.system.rigid_owned is not None))
     if linearised.factor.info.get("out_of_core") and parts.reference is None and keeps_to_K_L(settings):
         linearised.let_K_go()  # memory is short
     return linearised
@@ -257,6 +259,12 @@ def correct_soft_modes(linearised: Linearised, modes: Modes, scene: Scene) -> bo
         omega_n, phi_owned = np.tile(omega_n, 2), np.hstack([real_columns(phi_owned), real_columns(1j * phi_owned)])
     linearised.factor.soft_modes = SoftModes.of(*of_system, omega_n, phi_owned, 2.0 * np.pi * lowest)
     return linearised.factor.soft_modes is not None
+
+
+def rigid_in_words(n: int, has_six: bool) -> str:
+    """Return what a log says of the rigid-body modes of a structure without supports: solids in space, or matrices.  Local."""
+    fewer = "" if n == 6 or not has_six else "; WARNING: a body free in space has 6, and what holds the others is no support"
+    return f"no supports: {n} rigid-body mode{'s' * (n > 1)}, exact; mode 1 is the first elastic one{fewer}"
 
 
 def factor_in_words(info: dict[str, Any]) -> str:

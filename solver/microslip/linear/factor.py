@@ -14,10 +14,11 @@ from ..parallel.ownership import summed
 from ..system.watchdog import moved
 from .dense import column_norms, diagonal_owned, multiply
 from .direct import DirectSolver, factorise
-from .free_motion import explain_singular, is_singular
+from .free_motion import explain_singular, free_as_a_whole, is_singular
 from .mumps import SINGULAR
 from .ordering import Elimination
 from .random_signs import random_signs
+from .rigid_modes import InertiaRelief, rigid_modes
 from .soft_modes import SoftModes
 
 if TYPE_CHECKING:
@@ -47,12 +48,19 @@ class FactorCache(Protocol):
         """Lines on why it was not used."""
 
 
+class _NotDefiniteError(Exception):
+    """A matrix has no Cholesky factor."""
+
+
 class Factor:
     """Cholesky factor of a symmetric positive definite matrix; docs/theory.md, section 4.
+
+    Of a structure without supports, solutions are those of inertia relief, :class:`.rigid_modes.InertiaRelief`.
 
     Attributes
     ----------
     A : PETSc.Mat (n_dof, n_dof), owned by the caller
+    rigid : rigid-body modes of a structure without supports; None: none
     info : ordering, entries, memory [MB], seconds of the factorisation, notes on measures for lack of memory; solves,
         seconds and worst residual since
     soft_modes : modes by which solutions of softly held structures are corrected; None: no correction
@@ -66,6 +74,7 @@ class Factor:
         last: np.ndarray | None = None,
         later: Callable[[FactorMemory], float] | None = None,
         cache: FactorCache | None = None,
+        M: PETSc.Mat | None = None,
     ):
         """Factor A.
 
@@ -79,6 +88,7 @@ class Factor:
         last : (m,) rows that are eliminated last, so that entries of A^-1 between them come quickly
         later : returns the bytes that this rank needs in addition to the factor, from the size of the factor
         cache : a factor stored by an earlier run, which passed all tests
+        M : mass matrix, with which the whole structure may be free; None: it may not
 
         Raises
         ------
@@ -90,14 +100,36 @@ class Factor:
         self._solver: DirectSolver | None = None
         self.soft_modes: SoftModes | None = None
         self.diagonal_owned = diagonal_owned(A)
-        if cache is not None and self._takes(cache):
+        motions_owned = getattr(system, "rigid_owned", None)
+        self.rigid = None if M is None or motions_owned is None else rigid_modes(A, M, motions_owned)
+        if self.rigid is None and cache is not None and self._takes(cache):
             return
-        self._solver, self.info = factorise(A, PREFIX, what, elimination=Elimination(last), later=later)
-        self.info["messages"] = (*(cache.messages if cache is not None else ()), *self.info["messages"])
-        self._begin_to_count()
-        if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):
+        is_definite = self._factorise(last, later)
+        if not is_definite and M is not None and motions_owned is None:  # matrices, of which no supports are known
+            self.destroy()
+            self.rigid = rigid_modes(A, M, free_as_a_whole(A, system, what))
+            is_definite = self._factorise(last, later)
+        if not is_definite:
             self.destroy()
             explain_singular(A, system, what)
+        self.info["messages"] = (*(cache.messages if cache is not None else ()), *self.info["messages"])
+
+    def _factorise(self, last: np.ndarray | None, later: Callable[[FactorMemory], float] | None) -> bool:
+        """Factor A, with springs where it has rigid-body modes; return whether that can be had.  Collective."""
+
+        def factorised(A: PETSc.Mat) -> DirectSolver:
+            solver, self.info = factorise(A, PREFIX, self.what, elimination=Elimination(last), later=later)
+            if self.info["code"] in SINGULAR or self.info["negative"] > 0:
+                solver.destroy()
+                raise _NotDefiniteError
+            return solver
+
+        try:
+            self._solver = factorised(self.A) if self.rigid is None else InertiaRelief(self.rigid, self.A, factorised)
+        except _NotDefiniteError:
+            return False
+        self._begin_to_count()
+        return not is_singular(self.A, self.solver)
 
     def _takes(self, cache: FactorCache) -> bool:
         """Restore the factor of an earlier run, if it is that of A by a solve with random forces.  Collective."""
@@ -169,6 +201,15 @@ class Factor:
         start = perf_counter()
         return self._checked(B_owned, self.solver.solve_sparse(B), start)
 
+    @property
+    def n_rigid(self) -> int:
+        """The number of rigid-body modes."""
+        return 0 if self.rigid is None else self.rigid.n
+
+    def without_inertia(self, forces_owned: np.ndarray) -> np.ndarray:
+        """Return forces (n_owned, m) less the inertia forces of rigid-body motion, P^T f.  Collective: one sum."""
+        return forces_owned if self.rigid is None else self.rigid.balanced(forces_owned)
+
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
         """Return the entries of A^-1 in some rows and columns, (n_rows, n_columns) on rank 0, (0, 0) elsewhere; unchecked.
 
@@ -218,6 +259,6 @@ class Factor:
         signs = np.eye(m) if m <= _N_PROBES else np.random.default_rng(m).choice([-1.0, 1.0], (m, _N_PROBES))
         probes = scale[:, None] * signs
         X_probed = X_owned @ probes
-        error = column_norms(self.comm, multiply(self.A, X_probed) - B_owned @ probes)
+        error = column_norms(self.comm, self.without_inertia(multiply(self.A, X_probed) - B_owned @ probes))
         rounding = 20.0 * np.finfo(float).eps * column_norms(self.comm, self.diagonal_owned[:, None] * X_probed)
         return float(np.max(error)), float(np.max(rounding))

@@ -30,8 +30,9 @@ _ROUNDS = 4
 _HELD = 1e-3  # squared share of a free motion below which a part does not take part in it
 _ALL = 0.99  # squared share of a translation in the free motions from which it is one of them
 _OF_REST = (
-    "; the stress at rest is part of it, and that rest is not stable: a body buckles, or rocks on too few closed pairs; check "
-    "the loads of [statics]"
+    "; the stress at rest is part of it ([statics] stress_stiffening, the default), and that rest is not stable: a body buckles, "
+    "tilts under forces that keep their direction, or rocks on too few closed pairs; check the loads of [statics], or state "
+    "stress_stiffening = false"
 )
 
 
@@ -46,8 +47,41 @@ def is_singular(A: PETSc.Mat, solver: DirectSolver) -> bool:
     return not np.min(strains) > FREE  # not a number: singular too
 
 
+def free_as_a_whole(A: PETSc.Mat, system: System | None, what: str) -> np.ndarray:
+    """Return the free motions of A, (n_owned, n), where no part of the structure is held at all.
+
+    Collective: a factorisation of A + shift.
+
+    Raises
+    ------
+    CaseError : A is not positive semi-definite, or parts move freely beside others that are held; on every rank
+    """
+    comm = A.comm.tompi4py()
+    diagonal, Z_owned = _free_motions(A, system, what)
+    parts = getattr(system, "parts", None)
+    n_parts, is_all = len(getattr(system, "part_names", ()) or ("",)), Z_owned.shape[1] < _N_SOUGHT
+    for part in range(n_parts):
+        of_part = diagonal if parts is None else diagonal * (parts == part)
+        is_all = is_all and bool(np.linalg.norm(gram(comm, Z_owned, of_part[:, None] * Z_owned), 2) > _HELD)
+    if not comm.bcast(is_all):
+        _refuse(A, diagonal, Z_owned, system, what)
+    return Z_owned
+
+
 def explain_singular(A: PETSc.Mat, system: System | None, what: str) -> NoReturn:
     """Raise CaseError with the free motions of A, by part.  Collective: a factorisation of A + shift."""
+    _refuse(A, *_free_motions(A, system, what), system, what)
+
+
+def _free_motions(A: PETSc.Mat, system: System | None, what: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return diag(A) and the motions Z that strain nothing, (n_owned, n), n > 0, Z^T D Z = 1.
+
+    Collective.
+
+    Raises
+    ------
+    CaseError : A is not positive semi-definite, or no motion is quite free; on every rank
+    """
     comm = A.comm.tompi4py()
     diagonal = diagonal_owned(A)
     bad = int(summed(comm, np.array([np.count_nonzero(~(diagonal > 0.0))]))[0])
@@ -55,29 +89,40 @@ def explain_singular(A: PETSc.Mat, system: System | None, what: str) -> NoReturn
         row = _lowest_row(comm, A, ~(diagonal > 0.0))
         raise CaseError(
             f"{what} is not positive definite: {bad} of {A.getSize()[0]} degrees of freedom have no positive "
-            f"stiffness of their own, the first is {_name_of_row(row, system)}"
+            f"stiffness of their own, the first is {_name_of_row(row, system)}{_at_rest(system)}"
         )
     strains, Z_owned = _softest_motions(A, diagonal, what)
     if strains[0] < -FREE:
         raise CaseError(
             f"{what} is not positive definite: a motion with z^T {what} z = {strains[0]:.1e} z^T diag z exists, "
             f"largest at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
-            f"a stiffness matrix must not release energy{_OF_REST if getattr(system, 'rest_owned', None) is not None else ''}"
+            f"a stiffness matrix must not release energy{_at_rest(system)}"
         )
     n_free = int(np.count_nonzero(strains <= FREE))
     if n_free == 0:
         raise CaseError(
             f"{what} is singular to working precision: its softest motion has z^T {what} z = {strains[0]:.1e} "
             f"z^T diag z, most at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
-            "support it, or make its joint stiffer"
+            f"support it, or make its joint stiffer{_at_rest(system)}"
         )
-    free = _by_part(comm, A, diagonal, Z_owned[:, :n_free], system)
+    return diagonal, Z_owned[:, :n_free]
+
+
+def _refuse(A: PETSc.Mat, diagonal: np.ndarray, Z_owned: np.ndarray, system: System | None, what: str) -> NoReturn:
+    """Raise CaseError with the free motions Z of A, by part.  Collective."""
+    free, n_free = _by_part(A.comm.tompi4py(), A, diagonal, Z_owned, system), Z_owned.shape[1]
     hold = "in the stiffness matrix" if getattr(system, "dof", None) is None else "by [[supports]]"
-    many = f"; at least {n_free} free motions in all" if n_free == strains.size else ""
+    many = f"; at least {n_free} free motions in all" if n_free == min(_N_SOUGHT, A.getSize()[0]) else ""
     raise CaseError(
         f"{what}, the stiffness with all pairs stuck, is singular: {'; '.join(free)}{many}. Hold these directions: "
         f"{hold}, or by [[joints]] to what is held (a joint holds only along directions in which it has stiffness)"
+        f"{_at_rest(system)}"
     )
+
+
+def _at_rest(system: System | None) -> str:
+    """Say that the stress at rest is part of a stiffness, where it is.  Local."""
+    return _OF_REST if getattr(system, "rest_owned", None) is not None else ""
 
 
 def _softest_motions(A: PETSc.Mat, diagonal: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray]:

@@ -94,7 +94,7 @@ def linearise(
     springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
     K_L = add_springs(system.K, springs)
     try:
-        factor = Factor(K_L, system, last=np.unique(system.R.indices), later=later, cache=cache)
+        factor = Factor(K_L, system, last=np.unique(system.R.indices), later=later, cache=cache, M=system.M)
         return Linearised(system, K_L, system.M, factor, springs)
     except CaseError as problem:
         K_L.destroy()

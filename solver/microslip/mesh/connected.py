@@ -81,8 +81,13 @@ def check_held(
     supports: Iterable[Support],
     pairs: ContactPairs,
     links: Links | None = None,
-) -> None:
-    """Raise MeshError for a part that neither has a support nor is joined or tied to a part that has one.  Local, rank 0."""
+) -> bool:
+    """Return whether supports hold the structure; a whole that is joined or tied into one may be free.  Local, rank 0.
+
+    Raises
+    ------
+    MeshError : a part has no support and is not joined or tied to one that has, or, in a free structure, to the others
+    """
     n_parts = len(names)
     held = held_parts(part, n_parts, mesh, supports, links)
     first, second = (on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
@@ -92,6 +97,8 @@ def check_held(
     cluster = cluster[:n_parts]
     for side, other in ((first, second), (second, first)):
         held[side[np.diff(other.indptr) == 0].indices] = True
+    if not held.any() and len(np.unique(cluster)) == 1:
+        return False
     is_held = np.isin(cluster, cluster[held])
     if not is_held.all():
         free = [names[i] for i in np.flatnonzero(~is_held)]
@@ -100,6 +107,7 @@ def check_held(
             f"{mesh.path}: nothing holds {shown}: no support, and no joint to a part that has one, so it can move freely; "
             "add [[supports]] or a joint, or merge the nodes where bodies touch"
         )
+    return True
 
 
 def on_parts(weights: sp.csr_matrix, part: np.ndarray, n_parts: int) -> sp.csr_matrix:

@@ -5,12 +5,14 @@ Degrees of freedom are counted by places as in ``ties``; those of nodes outside 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..formats.model import Equations
+from ..messages.errors import MeshError
 from .data import Mesh
 
 _NOTHING = 1e-10  # of the largest coefficient of an equation: what elimination leaves of a term that is not there
@@ -27,16 +29,23 @@ class Solved:
     joined: np.ndarray  # (2, n) degrees of freedom that hang together
 
 
-def solve_equations(mesh: Mesh, n_places: int, is_fixed: np.ndarray, dependent: np.ndarray, weights: sp.csr_matrix) -> Solved:
+def solve_equations(
+    mesh: Mesh, points: Sequence[str], is_fixed: np.ndarray, dependent: np.ndarray, weights: sp.csr_matrix
+) -> Solved:
     """Return the dependences by the equations of a mesh, docs/theory.md, eq. (2.9).  Local, rank 0.
 
     Degrees of freedom outside the elements follow wherever they can; otherwise the first term of an equation does, as in the
     programs that write them.  ``is_fixed`` (3 (n_places + n_outside),) bool are held by supports; ``dependent`` with
-    ``weights`` (m, 3 (n_places + n_outside)) follow already.  An equation that others imply is passed over.
+    ``weights`` (m, 3 (n_places + n_outside)) follow already.  An equation that others imply is passed over.  ``points`` are the
+    names of those that there are: places are the nodes of the mesh, and two of each point.
+
+    Raises
+    ------
+    MeshError : an equation of a point that there is not
     """
     equations = mesh.equations
     assert equations is not None, "a mesh with equations"
-    n_dof = len(is_fixed)
+    n_dof, n_places = len(is_fixed), len(mesh.points) + 2 * len(points)
     rows: dict[int, dict[int, float]] = {}
     known = {
         int(dof): (weights.indices[a:b], weights.data[a:b])
@@ -44,7 +53,7 @@ def solve_equations(mesh: Mesh, n_places: int, is_fixed: np.ndarray, dependent: 
     }
     is_outside = np.arange(n_dof) >= 3 * n_places
     order = []
-    for terms in _terms(mesh, equations, n_places):
+    for terms in _terms(mesh, equations, points):
         left = _substituted(terms, is_fixed, known, rows)
         size = max((abs(value) for value in terms.values()), default=0.0)
         left = {dof: value for dof, value in left.items() if abs(value) > _NOTHING * size}
@@ -59,16 +68,24 @@ def solve_equations(mesh: Mesh, n_places: int, is_fixed: np.ndarray, dependent: 
     return _solved(mesh, n_places, rows, n_dof)
 
 
-def _terms(mesh: Mesh, equations: Equations, n_places: int):
+def _terms(mesh: Mesh, equations: Equations, points: Sequence[str]):
     """Yield the terms of each equation, coefficients by degree of freedom."""
+    missing = [name for name in equations.points if name not in points]
+    if missing:
+        raise MeshError(
+            f"{mesh.path}: an equation of the file is between points, and the scene has no point {missing[0]!r}; take over its "
+            '"points", too, or leave out its "equations" ([model] take)'
+        )
     n_nodes = len(mesh.points)
-    nodes = np.where(equations.nodes < n_nodes, equations.nodes, equations.nodes - n_nodes + n_places)
+    first = np.array([n_nodes + 2 * list(points).index(name) for name in equations.points], dtype=np.int64)
+    nodes = np.where(equations.nodes < n_nodes, equations.nodes, equations.nodes + 2 * len(points))
+    of_point = equations.nodes < 0
+    nodes[of_point] = first[-1 - equations.nodes[of_point]] + equations.axes[of_point] // 3
+    axes = equations.axes % 3
     bounds = np.searchsorted(equations.equation, np.arange(len(equations.where) + 1))
-    for first, last in zip(bounds, bounds[1:], strict=False):
+    for begin, end in zip(bounds, bounds[1:], strict=False):
         terms: dict[int, float] = {}
-        for dof, value in zip(
-            3 * nodes[first:last] + equations.axes[first:last], equations.coefficients[first:last], strict=True
-        ):
+        for dof, value in zip(3 * nodes[begin:end] + axes[begin:end], equations.coefficients[begin:end], strict=True):
             terms[int(dof)] = terms.get(int(dof), 0.0) + float(value)
         yield terms
 

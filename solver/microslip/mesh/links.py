@@ -106,7 +106,7 @@ def _within(mesh: Mesh, tables: StructureTables) -> Links:
     dependent, weights = links.dependent, _widened(links.weights, n_dof + 3 * n_outside)
     more_joined, holding, notes = np.zeros((2, 0), dtype=np.int64), np.zeros(0, dtype=np.int64), links.notes
     if mesh.equations is not None:
-        solved = solve_equations(mesh, links.n_places, is_fixed, dependent, weights)
+        solved = solve_equations(mesh, [point.name for point in links.points], is_fixed, dependent, weights)
         weights = sp.vstack([_onward(solved.dependent, solved.weights, weights), solved.weights]).tocsr()
         dependent = np.concatenate([dependent, solved.dependent])
         more_joined, holding = solved.joined // 3, solved.grounded // 3

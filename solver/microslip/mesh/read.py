@@ -128,7 +128,7 @@ def _outside(file: FileModel, tables: StructureTables, used: np.ndarray) -> np.n
     """Return the nodes that no element of a body uses and that masses, springs or equations name, rising."""
     named = np.zeros(len(used), dtype=bool)
     if file.equations is not None and tables.has_equations:
-        named[file.equations.nodes] = True
+        named[file.equations.nodes[file.equations.nodes >= 0]] = True
     for _, group in tables.attached:
         named[_all_nodes(file.groups[group], file)] = True
     return np.flatnonzero(named & ~used)
@@ -144,12 +144,15 @@ def _outside_nodes(file: FileModel, scale: float, outside: np.ndarray) -> Outsid
 
 
 def _equations(file: FileModel, tables: StructureTables, new: np.ndarray, outside: np.ndarray) -> Equations | None:
-    """Return the file's equations between the nodes that are kept."""
+    """Return the file's equations between the nodes that are kept, rotations of points in lengths of the scene."""
     if file.equations is None or not tables.has_equations:
         return None
     independent = new.copy()
     independent[outside] = new[-1] + 1 + np.arange(len(outside))  # new[-1] + 1 nodes are used
-    return replace(file.equations, nodes=independent[file.equations.nodes])
+    given = file.equations
+    turned = np.where(given.axes < 3, 1.0, float(tables.model.metres))
+    nodes = np.where(given.nodes < 0, given.nodes, independent[given.nodes])
+    return replace(given, nodes=nodes, coefficients=turned * given.coefficients)
 
 
 def _check_kinds(body: str, group: str, file: FileModel) -> None:

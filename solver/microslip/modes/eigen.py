@@ -51,7 +51,7 @@ class Modes:
 def lowest_modes(
     linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
 ) -> Modes:
-    """Return the ``n_modes`` lowest modes of (K_L, M).
+    """Return the ``n_modes`` lowest modes of (K_L, M), of a free structure the lowest elastic ones.
 
     Collective on the system's communicator.
 
@@ -72,7 +72,7 @@ def lowest_modes(
     ConvergenceError : not converged, a residual too large, or a mode missing after all tries; on every rank
     """
     start = perf_counter()
-    n_dof = linearised.M.getSize()[0]
+    n_dof = linearised.M.getSize()[0] - linearised.factor.n_rigid
     if fewer_will_do:
         n_modes = min(n_modes, n_dof)
     if not 1 <= n_modes <= n_dof:
@@ -112,10 +112,16 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int, copies: int 
     least = find_gap(squares, n_modes)
     most = max(least, find_gap(squares, len(squares) - 1)) if n_modes < len(squares) else least
     for n_below, sigma in dict.fromkeys((most, least)):
-        if count_below(linearised.K_L, linearised.M, sigma, linearised.factor.solver.order) == copies * n_below:
+        if _count_below(linearised, sigma) == copies * n_below:
             modes.info.update(_proof(n_below, sigma))
             return True
     return False
+
+
+def _count_below(linearised: Linearised, sigma: float) -> int:
+    """Return how many elastic modes have omega_n^2 below ``sigma`` [rad2/s2].  Collective: one factorisation."""
+    factor = linearised.factor
+    return count_below(linearised.K_L, linearised.M, sigma, factor.solver.order) - factor.n_rigid
 
 
 def _proof(n_below: int, sigma: float) -> dict[str, Any]:
@@ -144,7 +150,7 @@ def _solve(
         if not verify or info.get("complete"):
             return theta, phi_owned, info
         n_below, sigma = find_gap(1.0 / theta, n_modes)
-        missing = count_below(linearised.K_L, linearised.M, sigma, linearised.factor.solver.order) - n_below
+        missing = _count_below(linearised, sigma) - n_below
         if missing == 0:
             return theta, phi_owned, info | _proof(n_below, sigma)
         n_wanted += max(missing, _GUARD)
@@ -160,7 +166,8 @@ Forces = tuple[np.ndarray, ...]  # K_L phi and M phi of modes, (n_owned, n) each
 
 def _forces(linearised: Linearised, phi_owned: np.ndarray) -> Forces:
     """Return K_L phi and M phi, two products.  Collective."""
-    return multiply(linearised.K_L, phi_owned), multiply(linearised.M, phi_owned)
+    elastic_owned = linearised.factor.without_inertia(multiply(linearised.K_L, phi_owned))
+    return elastic_owned, multiply(linearised.M, phi_owned)
 
 
 def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray, forces: Forces) -> float:

@@ -29,13 +29,21 @@ def dense_modes(linearised: Linearised, n_wanted: int, n_least: int) -> tuple[np
     ------
     CaseError : M is indefinite, or fewer motions than ``n_least`` have mass; on every rank
     """
-    K_L, M = gathered(linearised.K_L), gathered(linearised.M)
-    theta, phi = on_root(linearised.system.comm, _solve, K_L, M, n_wanted, n_least)
+    K_L, M, comm, rigid = gathered(linearised.K_L), gathered(linearised.M), linearised.system.comm, linearised.factor.rigid
+    M_phi_r = None if rigid is None else comm.gather(rigid.M_phi_owned)
+    theta, phi = on_root(comm, _solve, K_L, M, None if M_phi_r is None else np.concatenate(M_phi_r), n_wanted, n_least)
     row_start, row_end = linearised.M.getOwnershipRange()
     return theta, np.asfortranarray(phi[row_start:row_end]), {"method": "LAPACK", "basis": linearised.M.getSize()[0]}
 
 
-def _solve(K_L: np.ndarray, M: np.ndarray, n_wanted: int, n_least: int) -> tuple[np.ndarray, np.ndarray]:
+def _solve(
+    K_L: np.ndarray, M: np.ndarray, M_phi_r: np.ndarray | None, n_wanted: int, n_least: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the modes; those of a free structure among the motions with phi_r^T M x = 0.  Local, rank 0."""
+    if M_phi_r is not None:
+        Q = scipy.linalg.qr(M_phi_r)[0][:, M_phi_r.shape[1] :]
+        theta, y = _solve(Q.T @ K_L @ Q, Q.T @ M @ Q, None, n_wanted, n_least)
+        return theta, Q @ y
     theta, x = scipy.linalg.eigh(0.5 * (M + M.T), 0.5 * (K_L + K_L.T))
     theta, x = theta[::-1], x[:, ::-1]
     if theta[-1] < -1e-12 * theta[0]:

@@ -17,6 +17,7 @@ import numpy as np
 from ..fourier.amplitudes import adjoint_times, matrix_times, to_complex
 from .damping import DynamicFlexibility, Flexibility
 from .modes import DampedModes
+from .rigid_motion import RigidMotion
 from .static_response import StaticResponse
 
 
@@ -24,8 +25,9 @@ from .static_response import StaticResponse
 class Receptance:
     """What belongs to one group of harmonics, docs/theory.md, eq. (4.1).  All methods are local; N_H counts its coefficients."""
 
-    modes: DampedModes
-    static: StaticResponse
+    modes: DampedModes  # elastic ones
+    static: StaticResponse  # of a free structure that of inertia relief
+    rigid: RigidMotion | None = None  # of a structure without supports
 
     @property
     def is_complex(self) -> bool:
@@ -33,14 +35,15 @@ class Receptance:
 
     def with_damping(self, sigma: float) -> Receptance:
         """Return the same with sigma M [1/s] added to the damping matrix."""
-        return replace(self, modes=self.modes.with_damping(sigma))
+        rigid = self.rigid and self.rigid.with_damping(sigma)
+        return replace(self, modes=self.modes.with_damping(sigma), rigid=rigid)
 
     def conjugated(self) -> Receptance:
         """Return the receptance of conj(K_L), conj(M) and conj(C) under conjugate load vectors: of nodal diameter N - d from d.
 
         The static columns, by far the most memory, are a view of those here.  A real receptance is its own conjugate.
         """
-        return Receptance(self.modes.conjugated(), self.static.conjugated()) if self.is_complex else self
+        return replace(self, modes=self.modes.conjugated(), static=self.static.conjugated()) if self.is_complex else self
 
     def modal_forces(self, f: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
         """Return phi^H (f - R^H p), (m, N_H), for loads (n_loads, N_H) and forces of the pairs (3 n_pairs, N_H)."""
@@ -55,15 +58,17 @@ class Receptance:
         """Return the rate of that motion, (n_rows, N_H), for the ``rate`` of c_n."""
         return matrix_times(self.modes.R_phi[rows], rate.apply(self.modal_forces(f)))
 
-    def output_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
+    def output_motion(self, f: np.ndarray, p: np.ndarray, c: DynamicFlexibility) -> np.ndarray:
         """Return o u, (n_outputs, N_H) [m]."""
         dynamic = matrix_times(self.modes.o, c.apply(self.modal_forces(f, p)))
-        return matrix_times(self.static.out_static, f) - matrix_times(self.static.out_R, p) + dynamic
+        elastic: np.ndarray = matrix_times(self.static.out_static, f) - matrix_times(self.static.out_R, p) + dynamic
+        return elastic if self.rigid is None else elastic + self.rigid.o @ self.rigid.coordinates(f, c.n_omega)
 
-    def load_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
+    def load_motion(self, f: np.ndarray, p: np.ndarray, c: DynamicFlexibility) -> np.ndarray:
         """Return f^H u, the motion along each load, (n_loads, N_H) [m]."""
         dynamic = adjoint_times(self.modes.b, c.apply(self.modal_forces(f, p)))
-        return matrix_times(self.static.load_static, f) - adjoint_times(self.static.du_static, p) + dynamic
+        elastic: np.ndarray = matrix_times(self.static.load_static, f) - adjoint_times(self.static.du_static, p) + dynamic
+        return elastic if self.rigid is None else elastic + self.rigid.b.T @ self.rigid.coordinates(f, c.n_omega)
 
     def modal_motion(self, f: np.ndarray, p: np.ndarray, c: Flexibility) -> np.ndarray:
         """Return the complex modal amplitudes D_n^-1 phi^H (f - R^H p), (m, n_harmonics)."""

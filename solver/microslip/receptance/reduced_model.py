@@ -43,8 +43,17 @@ class ReducedModel(ReducedStructure):
 
     @classmethod
     def of(cls, structure: ReducedStructure, excitation: Excitation, damping: StatedDamping | None = None) -> ReducedModel:
-        """Return the model of a structure that is excited so.  Local; all arrays of the structure are shared."""
+        """Return the model of a structure that is excited so.  Local; all arrays of the structure are shared.
+
+        Raises
+        ------
+        CaseError : a load in a harmonic that is not in the set, or a constant one that moves a free structure away
+        """
         parts = _parts(structure)
+        if excitation.harmonics.has_mean and any(n == 0 for n, _ in excitation.shapes):
+            rigid = structure.receptance_of(0).rigid
+            if rigid is not None:
+                rigid.refuse_mean(excitation.coefficients, excitation.harmonics)
         return cls(**parts, f=excitation.coefficients, harmonics=excitation.harmonics, stated_damping=damping)
 
     def on(self, structure: ReducedStructure) -> ReducedModel:

@@ -11,7 +11,7 @@ pairs.  No factor is needed, only the static columns of J.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -98,7 +98,7 @@ class SpringUpdate:
     @cached_property
     def receptance(self) -> Receptance:
         """The receptance with the change.  Collective at first."""
-        return Receptance(self._modes(), self._static())
+        return replace(self.before, modes=self._modes(), static=self._static())
 
     def _modes(self) -> DampedModes:
         modes, squares = self.before.modes, self.before.modes.omega_n**2

@@ -30,7 +30,7 @@ def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]
     CaseError : the requested accuracy needs more modes than are computed
     ConvergenceError : the modes did not converge
     """
-    n_dof = stuck.n_dof
+    n_dof = stuck.n_elastic
     if settings.modes is not None:
         stuck = stuck.with_lowest(settings.modes, settings.verify_modes)
         return stuck, as_stated(stuck.omega_n, settings, n_dof)
@@ -60,7 +60,7 @@ def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:
 
 def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
-    n_dof, verify, mode = stuck.n_dof, settings.verify_modes, settings.band.mode or 0
+    n_dof, verify, mode = stuck.n_elastic, settings.verify_modes, settings.band.mode or 0
     n_found, search = 0, None
     for n_batch, is_last in batches(n_dof, mode):
         if stuck.n_computed < n_batch:

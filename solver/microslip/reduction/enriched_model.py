@@ -120,7 +120,7 @@ def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: Moda
     Collective if its :class:`Samples` are new.  With M-orthonormal modes, Z M Z beyond m of N modes is that beyond N plus
     phi_k phi_k^H / omega_k^4 of each mode in between.  docs/theory.md, eq. (11.3).
     """
-    if stuck.n_modes in (0, stuck.n_dof):
+    if stuck.n_modes in (0, stuck.n_elastic):
         return None
     samples, projected, between = samples_beyond(stuck), stuck.projected, slice(stuck.n_modes, None)
     squares, o, b = projected.omega_n[between] ** 2, projected.o[:, between], projected.b[between]

@@ -23,7 +23,8 @@ def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[A
     """Return the harmonics of u on this rank's rows at some points, (n_owned, N_H) each [m].
 
     Collective: static solves with N_H right-hand sides a point, all of a group of harmonics at once.  u = K_L^-1 (f - R^H p) +
-    phi c(omega) phi^H (f - R^H p); docs/theory.md, section 4.  The harmonics of the points may be others than the model's.
+    phi c(omega) phi^H (f - R^H p), and rigid-body motion; docs/theory.md, section 4.  The harmonics of the points may be others
+    than the model's.
     """
     full = [model.with_harmonics(Harmonics.full(p.shape[-1])) for _, _, p in points]
     fields: list[list[np.ndarray]] = [[] for _ in points]
@@ -35,7 +36,8 @@ def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[A
                     at.append((i, part, c, level * each.f[:, part.columns], p[:, part.columns]))
         static = of_group.static_motions([(f, p) for *_, f, p in at])
         for (i, part, c, f, p), u in zip(at, static):
-            fields[i].append(u + matrix_times(of_group.modes.phi_owned, c.apply(part.receptance.modal_forces(f, p))))
+            dynamic = matrix_times(of_group.modes.phi_owned, c.apply(part.receptance.modal_forces(f, p)))
+            fields[i].append(u + dynamic + of_group.rigid_field(part.receptance, f, c.n_omega))
     return [each.joined(terms) for each, terms in zip(full, fields)]
 
 

@@ -31,9 +31,10 @@ from ..receptance.per_group import PerGroup
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
+from ..receptance.rigid_motion import RigidMotion
 from ..receptance.static_columns import StaticColumns
 from ..receptance.static_response import StaticResponse
-from .modal_structure import damped_modes
+from .modal_structure import damped_modes, damped_rigid
 from .reduction import Basis, Expansion, Reduction
 from .settings import ReductionSettings
 from .stuck import StuckStructure, project_modes
@@ -58,14 +59,16 @@ def reduce_on_basis(
 
     Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
     """
-    omega_n, phi_owned = galerkin_modes(stuck, V_owned)
+    rigid = stuck.factor.rigid
+    omega_n, phi_owned = galerkin_modes(stuck, V_owned if rigid is None else rigid.elastic(V_owned))
 
     def displacements(model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
         fields = []
         for level, omega, p in points:
             full = model.with_harmonics(Harmonics.full(p.shape[-1]))
             (eta,) = modal_motion(full, level, omega, p)
-            fields.append(phi_owned @ to_real(eta, full.N_H))
+            elastic = phi_owned @ to_real(eta, full.N_H)
+            fields.append(elastic + stuck.rigid_field(full.groups[0].receptance, level * full.f, omega * full.harmonics.numbers))
         return fields
 
     basis = Basis(project_modes(stuck.system, omega_n, phi_owned), unknowns or V_owned.shape[1], leaves_out)
@@ -75,7 +78,7 @@ def reduce_on_basis(
 def reduction_of_basis(stuck: StuckStructure, basis: Basis, settings: ReductionSettings, displacements: Expansion) -> Reduction:
     """Return the reduction whose modes are those of a basis.  Local."""
     modes = damped_modes(basis.modes, stuck.pairs.law.stiffness.ravel(), settings.damping)
-    structure = structure_of_modes(stuck.comm, modes, stuck.observed)
+    structure = structure_of_modes(stuck.comm, modes, stuck.observed, damped_rigid(stuck, settings.damping))
     return Reduction(structure, AllPairs(coordinates=basis.unknowns), displacements, basis.leaves_out, basis)
 
 
@@ -115,8 +118,10 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     return theta[::-1], (W @ q)[:, ::-1], float(values[is_independent][0] / values[-1])
 
 
-def structure_of_modes(comm: MPI.Comm, modes: DampedModes, observed: Observed | None = None) -> ReducedStructure:
-    """Return a structure of these modes alone, in all harmonics, with their static response, eq. (8.2).  Local."""
+def structure_of_modes(
+    comm: MPI.Comm, modes: DampedModes, observed: Observed | None = None, rigid: RigidMotion | None = None
+) -> ReducedStructure:
+    """Return a structure of these modes and rigid-body motion in all harmonics, with their static response, eq. (8.2).  Local."""
     R_phi, o, b, n_pairs = modes.R_phi, modes.o, modes.b, len(modes.R_phi) // 3
     pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / modes.omega_n**2
     local = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
@@ -132,7 +137,7 @@ def structure_of_modes(comm: MPI.Comm, modes: DampedModes, observed: Observed | 
         load_static=(b.T * flexibility) @ b,
         outputs_static=(o**2 * flexibility).sum(axis=1),
     )
-    receptances = PerGroup.single(Receptance(modes, static))
+    receptances = PerGroup.single(Receptance(modes, static, rigid))
     return ReducedStructure(comm=comm, n_pairs=n_pairs, n_outputs=len(o), receptances=receptances, observed=observed)
 
 

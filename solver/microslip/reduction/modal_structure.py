@@ -9,6 +9,7 @@ from ..receptance.damping import Damping, added, diagonal_if_possible, structura
 from ..receptance.modes import DampedModes, ProjectedModes
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_structure import ReducedStructure
+from ..receptance.rigid_motion import RigidMotion
 from ..receptance.truncated_modes import DampingBeyond
 from .settings import ModalDamping
 from .stuck import StuckStructure
@@ -65,7 +66,15 @@ def damped_modes(modes: ProjectedModes, K_J: np.ndarray, damping: ModalDamping |
 def stuck_receptance(stuck: StuckStructure, damping: ModalDamping | None) -> Receptance:
     """Return the receptance of one group of harmonics: modes of its stuck structure, with its exact static response.  Local."""
     K_J = stuck.pairs.law.stiffness.ravel()
-    return Receptance(damped_modes(stuck.projected.first(stuck.n_modes), K_J, damping), stuck.statics)
+    modes = damped_modes(stuck.projected.first(stuck.n_modes), K_J, damping)
+    return Receptance(modes, stuck.statics, damped_rigid(stuck, damping))
+
+
+def damped_rigid(stuck: StuckStructure, damping: ModalDamping | None) -> RigidMotion | None:
+    """Return the rigid-body motion of a free structure with all of its damping, Rayleigh's alpha M among it.  Local."""
+    if stuck.rigid is None or damping is None:
+        return stuck.rigid
+    return stuck.rigid.with_damping(float(damping.modal(np.zeros(1))[0]))
 
 
 def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> ReducedStructure:

@@ -13,10 +13,12 @@ from ..assembly.real_form import complex_columns, real_columns, real_matrix
 from ..assembly.system import System
 from ..fourier.amplitudes import to_complex, to_real
 from ..guards.memory import refuse_beyond
-from ..linear.dense import diagonal_owned, gram, multiply
+from ..linear.dense import column_norms, diagonal_owned, gram, multiply
 from ..linear.factor import Factor
 from ..linear.joint_springs import Linearised
+from ..linear.rigid_modes import RigidModes
 from ..mesh.data import ContactPairs, Mesh
+from ..messages.errors import CaseError
 from ..modes.constraint import RowSums, static_columns
 from ..modes.eigen import Modes, first_of, is_complete
 from ..modes.hermitian import conjugated, lowest_modes_of
@@ -27,6 +29,8 @@ from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.modes import ProjectedModes
 from ..receptance.observed import Observed
 from ..receptance.per_group import PerGroup, only_group
+from ..receptance.receptance import Receptance
+from ..receptance.rigid_motion import RigidMotion
 from ..receptance.static_columns import BATCH, FROM_DISK, StaticColumns
 from ..receptance.static_response import StaticResponse
 
@@ -37,6 +41,7 @@ if TYPE_CHECKING:
     from petsc4py import PETSc
 
 _ASKED_FROM = 1e8  # bytes of columns from which the available memory is checked first
+_COUPLED = 1e-7  # of a damping matrix: less of it that couples rigid-body motion to vibration is rounding
 _FEWER = "fewer pairs slip at lower [response] levels; more ranks on more machines hold more of them"
 
 
@@ -99,6 +104,7 @@ class StuckStructure:
     n_proved: int  # of the modes computed: the first ones that are proved to be the lowest
     observed: Observed | None  # what makes outputs of their rows; None: all are displacements
     factored: OnDemand
+    rigid: RigidMotion | None = None  # of a structure without supports, with the damping of its dampers alone
     groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: every harmonic has this one
     group: Hashable = only_group(0)  # its own
     is_conjugate: bool = False  # whether the matrices and the factor are those of the conjugate group
@@ -129,6 +135,7 @@ class StuckStructure:
             n_proved=modes.n_proved,
             observed=observed(system),
             factored=OnDemand.of(Factored(linearised, modes, mesh)),
+            rigid=project_rigid(system, linearised.factor.rigid),
             **more,
         )
 
@@ -154,6 +161,11 @@ class StuckStructure:
     def omega_n(self) -> np.ndarray:
         """Natural frequencies of the modes used, (n_modes,) [rad/s]."""
         return self.projected.omega_n[: self.n_modes]
+
+    @property
+    def n_elastic(self) -> int:
+        """The number of elastic modes there are, some of them without mass."""
+        return self.n_dof - (0 if self.rigid is None else len(self.rigid.b))
 
     @property
     def linearised(self) -> Linearised:
@@ -281,6 +293,19 @@ class StuckStructure:
             return []
         motions = np.split(self.solve(np.hstack(forces)), np.cumsum([force.shape[1] for force in forces])[:-1], axis=1)
         return [to_real(u, f.shape[1]) for u, (f, _) in zip(motions, at)] if is_complex else motions
+
+    def rigid_field(self, receptance: Receptance, f: np.ndarray, n_omega: np.ndarray) -> np.ndarray:
+        """Return the rigid-body motion of this rank's rows, (n_owned, N_H), under loads f (n_loads, N_H).
+
+        A single zero, (1, 1), where supports hold the structure.
+        """
+        if receptance.rigid is None or self.rigid is None:
+            return np.zeros((1, 1))
+        modes = self.factor.rigid
+        here = project_rigid(self.system, modes)  # of the factor's modes: stored ones may have other signs
+        assert modes is not None and here is not None, "the factor of a free structure"
+        alpha = float((receptance.rigid.C - self.rigid.C)[0, 0])
+        return modes.phi_owned @ here.with_damping(alpha).coordinates(f, n_omega)
 
     def solve_sparse(self, forces: sp.csc_matrix) -> np.ndarray:
         """Return K_L^-1 times sparse columns (n_dof, m), the same on every rank: this rank's rows (n_owned, m)."""
@@ -423,6 +448,31 @@ def project_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray) ->
         C = gram(system.comm, phi_owned, multiply(system.C, phi_owned))
         C = 0.5 * (C + C.conj().T)
     return ProjectedModes(omega_n, R_phi, b_H.conj().T.copy(), o, C)
+
+
+def project_rigid(system: System, modes: RigidModes | None) -> RigidMotion | None:
+    """Return what loads and outputs see of rigid-body modes, None where there are none.
+
+    Collective: one sum, with a damping matrix two.
+
+    Raises
+    ------
+    CaseError : dampers hold the structure to ground; on every rank
+    """
+    if modes is None:
+        return None
+    n_out, C = system.outputs.shape[0], np.zeros((modes.n, modes.n))
+    o, b_T = np.split(owned_product(sp.vstack([system.outputs, system.loads.T], format="csr"), modes.phi_owned, system), [n_out])
+    if system.C is not None:
+        C_phi_owned = multiply(system.C, modes.phi_owned)
+        C = gram(system.comm, modes.phi_owned, C_phi_owned)
+        left, size = column_norms(system.comm, np.hstack([C_phi_owned - modes.M_phi_owned @ C, modes.phi_owned])).reshape(2, -1)
+        if (left > _COUPLED * system.C.norm() * size).any():
+            raise CaseError(
+                "dampers to ground on a structure without supports: they couple its rigid-body motion to its vibration, which is "
+                "not foreseen; connect them to the structure on both sides, or add [[supports]] or springs"
+            )
+    return RigidMotion(b_T.T.copy(), o, 0.5 * (C + C.T))
 
 
 def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) -> np.ndarray:

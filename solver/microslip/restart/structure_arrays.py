@@ -18,6 +18,7 @@ from ..mesh.data import ContactPairs
 from ..receptance.modes import ProjectedModes
 from ..receptance.observed import Observed
 from ..receptance.per_group import PerGroup
+from ..receptance.rigid_motion import RigidMotion
 from ..receptance.static_response import StaticResponse
 from ..receptance.structural_coupling import StructuralCoupling
 from ..reduction.enriched_model import COUPLED, SAMPLED, Samples
@@ -63,7 +64,7 @@ def _of_group(stuck: StuckStructure) -> Arrays:
     """Return the arrays of one group of harmonics."""
     arrays = {name: np.array(getattr(stuck, name)) for name in _COUNTS}
     made = {name: stuck.results.get((name, stuck.projected)) for name in _MADE}
-    for name, part in {"projected": stuck.projected, "statics": stuck.statics, **made}.items():
+    for name, part in {"projected": stuck.projected, "statics": stuck.statics, "rigid": stuck.rigid, **made}.items():
         arrays |= over(name, numbers_of(part)) if part is not None else {}
     return arrays
 
@@ -152,8 +153,10 @@ def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashabl
     results: dict[Hashable, Any] = {
         (name, projected): _made_of(kind, under(name, arrays)) for name, kind in _MADE.items() if under(name, arrays)
     }
+    rigid = under("rigid", arrays)
     return Structure(
         projected=projected,
+        rigid=RigidMotion(**rigid) if rigid else None,
         statics=StaticResponse(columns, **statics),
         factored=factored,
         group=group,

@@ -36,6 +36,8 @@ def check_contact(loaded: Loaded, rest: Rest) -> None:
         loose = loose_parts(system, part, len(names))
         group_of, is_held = _groups(part, len(names), loose)
         first, second = (_on_groups(on_parts(side, part, len(names)), group_of) for side in pairs.sides(len(part)))
+        if len(loose) and group_of.all() and first.all() and second.all():  # without supports, one body stands for what is held
+            is_held[1] = True
         free = _not_pressed(first, second, np.where(np.isnan(pairs.N0), np.inf, rest.N), is_held, RESOLVED * size)
         if len(free):
             bodies = [names[i] for i in np.flatnonzero(np.isin(group_of, free))]

@@ -31,6 +31,7 @@ from .large_displacements import About, Sought, large_equilibrium
 from .loaded import Loaded
 from .rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
 from .rigid_bodies import freely_moved_bodies
+from .unsupported import check_unsupported
 
 SAME = 1e-10  # of the largest displacement: states of rest that differ by less are the same
 
@@ -66,9 +67,11 @@ class ReferenceState:
         Raises
         ------
         MeshError : places or groups without nodes, bolts without a cut, moved nodes that are not supported; on every rank
+        CaseError : loads that are not in balance on a structure without supports; on every rank
         """
         system = replace(system, moved=moved_supports(mesh, settings, system))
         forces, bolts = constant_forces(shares, mesh, settings, system), pretension(shares, mesh, settings, system)
+        check_unsupported(system, settings, forces, where)
         reference = cls(system, shares, mesh, pairs, settings, forces, bolts, where)
         if not touches_from_none(pairs).any():
             return reference

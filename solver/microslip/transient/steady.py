@@ -205,12 +205,17 @@ def _together(steady: list[tuple]) -> Found:
     )
 
 
-def samples(model: TransientModel, level: np.ndarray, cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def samples(
+    model: TransientModel, omega: np.ndarray, level: np.ndarray, cycle: Cycle
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return du (n_steps, B, 3 n_pairs), the outputs (.., n_outputs) and f^T u (.., n_loads) at the ends of the steps.  Local."""
     f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]  # (n_steps, B, n_loads)
     du = cycle.eta @ model.modes.R_phi.T + f @ model.s.T - cycle.p @ model.G.T
     output = cycle.eta @ model.modes.o.T + f @ model.out_f.T - cycle.p @ model.out_p.T
     along = cycle.eta @ model.modes.b + f @ model.load_f.T - cycle.p @ model.s
+    q, rigid = model.rigid_coordinates(omega, level, len(cycle.eta)), model.rigid
+    if q is not None and rigid is not None:
+        output, along = output + q @ rigid.o.T, along + q @ rigid.b
     return du, output, along
 
 
@@ -223,10 +228,10 @@ def energies(
     model: TransientModel, omega: np.ndarray, level: np.ndarray, cycle: Cycle
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return input, viscous and friction loss a period, (B,) [J], by the trapezoidal rule.  Local."""
-    du, _, along = samples(model, level, cycle)
+    du, _, along = samples(model, omega, level, cycle)
     f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]
     damping = (cycle.v * model.modes.damping.apply_to_rows(cycle.v)).sum(axis=(0, 2)) * 2.0 * np.pi / omega / len(cycle.eta)
-    return _work(f, along), damping, _work(cycle.p, du)
+    return _work(f, along), damping + model.rigid_loss(omega, level), _work(cycle.p, du)
 
 
 def _work(force: np.ndarray, motion: np.ndarray) -> np.ndarray:

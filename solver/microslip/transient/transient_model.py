@@ -12,6 +12,7 @@ from ..guards.memory import refuse_beyond
 from ..parallel.ownership import gathered_rows
 from ..receptance.modes import DampedModes
 from ..receptance.reduced_model import ReducedModel
+from ..receptance.rigid_motion import RigidMotion
 
 _ASKED_FROM = 1e8  # bytes of G from which memory is asked for before they are taken
 _BLOCK = 512  # rows of G that are made at a time
@@ -30,6 +31,7 @@ class TransientModel:
     load_f: np.ndarray  # (n_loads, n_loads) the loads' own [m/N]
     f: np.ndarray  # (n_loads, N_H) Fourier coefficients of the loads at unit level
     law: Law
+    rigid: RigidMotion | None = None  # of a structure without supports: contact forces do not move it
 
     @property
     def n_pairs(self) -> int:
@@ -49,6 +51,19 @@ class TransientModel:
     def loads(self, n_steps: int) -> np.ndarray:
         """Return the loads at unit level at the ends 1 ... ``n_steps`` of the steps of a period, (n_steps, n_loads).  Local."""
         return np.roll(synthesise(self.f, n_steps), -1, axis=1).T
+
+    def rigid_coordinates(self, omega: np.ndarray, level: np.ndarray, n_steps: int) -> np.ndarray | None:
+        """Return the steady rigid-body motion of B points at the same instants, (n_steps, B, n).  Local."""
+        if self.rigid is None:
+            return None
+        n = np.arange(self.f.shape[1] // 2 + 1)
+        q = [self.rigid.coordinates(a * self.f, n * w) for a, w in zip(level, omega)]
+        return np.stack([np.roll(synthesise(each, n_steps), -1, axis=1).T for each in q], axis=1)
+
+    def rigid_loss(self, omega: np.ndarray, level: np.ndarray) -> np.ndarray:
+        """Return what dampers take of that motion a period, (B,) [J].  Local."""
+        n, rigid = np.arange(self.f.shape[1] // 2 + 1), self.rigid
+        return np.array([0.0 if rigid is None else rigid.loss(a * self.f, n, w) for a, w in zip(level, omega)])
 
 
 def transient_model(model: ReducedModel, law: Law) -> TransientModel:
@@ -74,6 +89,7 @@ def transient_model(model: ReducedModel, law: Law) -> TransientModel:
         out_f=static.out_static - o_flexibility @ modes.b,
         out_p=static.out_R - o_flexibility @ modes.R_phi.T,
         load_f=static.load_static - b_flexibility @ modes.b,
+        rigid=group.receptance.rigid,
     )
 
 

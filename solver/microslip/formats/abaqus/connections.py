@@ -118,8 +118,10 @@ def _single(model: InputModel, scope: Scope, word: str, card: Card) -> int:
 
 def _add_point(model: InputModel, node: int, nodes: np.ndarray, group: str, connection: str, card: Card) -> None:
     """Add a point at a node, connected to others; a node on the solids, or with two groups, cannot be one."""
-    name = card.parameters.get("CONSTRAINTNAME", "")
-    nodes = nodes[(nodes != node) & model.grouped.of_solids[nodes]]
+    name, is_solid = card.parameters.get("CONSTRAINTNAME", ""), model.grouped.of_solids[nodes]
+    others = nodes[(nodes != node) & ~is_solid].tolist() if connection == "rigid" else []
+    model.coupled += [(node, int(other), f"*{card.keyword}, {card.where}") for other in others]
+    nodes = nodes[(nodes != node) & is_solid]
     word, number = f"*{card.keyword}", model.mesh.numbers[node]
     if model.grouped.of_solids[node] or not len(nodes):
         why = "is a node of a solid itself" if len(nodes) else "holds no node of a solid"

@@ -21,6 +21,20 @@ def take_equations(model: InputModel) -> None:
     for scope, card in model.cards:
         if card.keyword == "EQUATION":
             _take_equations(model, scope, card)
+    for leader, node, where in model.coupled:
+        if leader in model.points and node in model.points:
+            _follow_rigidly(model, leader, node, where)
+
+
+def _follow_rigidly(model: InputModel, leader: int, node: int, where: str) -> None:
+    """Let a reference node follow another as a rigid body: u = u_l + theta_l x r, theta = theta_l."""
+    follows, leads = (model.terms.point(model.points[each].name) for each in (node, leader))
+    x, y, z = (model.mesh.points[node] - model.mesh.points[leader]).tolist()
+    turned = ((4, -z), (5, y)), ((5, -x), (3, z)), ((3, -y), (4, x))  # minus theta_l x r
+    for axis, terms in enumerate(turned):
+        model.terms.add([(follows, axis, 1.0), (leads, axis, -1.0), *((leads, i, value) for i, value in terms)], where)
+    for axis in (3, 4, 5):
+        model.terms.add([(follows, axis, 1.0), (leads, axis, -1.0)], where)
 
 
 def _take_equations(model: InputModel, scope: Scope, card: Card) -> None:
@@ -54,15 +68,28 @@ def _add_equation(model: InputModel, scope: Scope, words: list[str], where: str)
     n = max(len(nodes) for nodes, _, _ in parts)
     if any(len(nodes) not in (1, n) for nodes, _, _ in parts):
         raise MeshError(f"{where}: *EQUATION: its sets hold different numbers of nodes")
-    of_points = any(int(node) in model.points or int(node) in model.turns for nodes, _, _ in parts for node in nodes)
-    if any(not 1 <= axis <= 3 for _, axis, _ in parts) or of_points:
-        effect = "an equation of rotations, of a reference node, or of something else than displacements"
+    if any(not _has(model, int(node), axis) for nodes, axis, _ in parts for node in nodes):
+        effect = "an equation of something else than displacements, and rotations of reference nodes"
         model.findings.add("*EQUATION", where, effect, True, "equations")
         return
     for i in range(n):
         terms: list[Term] = []
         for nodes, axis, factor in parts:
-            node = int(nodes[min(i, len(nodes) - 1)])
-            terms += along_axis(model, node, axis, factor)
-            model.attached.add(node)
+            terms += _term(model, int(nodes[min(i, len(nodes) - 1)]), axis, factor)
         model.terms.add(terms, f"*EQUATION, {where}")
+
+
+def _has(model: InputModel, node: int, dof: int) -> bool:
+    """Return whether a node has a degree of freedom, from 1: reference nodes turn, too."""
+    return 1 <= dof <= (6 if node in model.points else 3)
+
+
+def _term(model: InputModel, node: int, dof: int, factor: float) -> list[Term]:
+    """Return a degree of freedom of a node, from 1, times a factor; of a reference node as that of its point."""
+    turns, axis = divmod(dof - 1, 3)
+    terms, leader = along_axis(model, node, axis + 1, factor), model.turns.get(node, node)
+    if leader not in model.points:
+        model.attached.add(node)
+        return terms
+    at, turns = model.terms.point(model.points[leader].name), turns or node in model.turns
+    return [(at, i + 3 * turns, value) for _, i, value in terms]

@@ -79,6 +79,7 @@ class InputModel:
     joints: list[Joint] = field(default_factory=list)
     points: dict[int, Point] = field(default_factory=dict)  # by their node
     turns: dict[int, int] = field(default_factory=dict)  # node whose displacements are the rotations of a point: its node
+    coupled: list[tuple[int, int, str]] = field(default_factory=list)  # leading node, one that follows it on no solid, where
     masses: list[Mass] = field(default_factory=list)
     springs: list[Spring] = field(default_factory=list)
     terms: Terms = field(default_factory=Terms)

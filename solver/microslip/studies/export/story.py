@@ -47,13 +47,20 @@ def export(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Reques
 
     Raises
     ------
-    CaseError : a method without finite matrices was asked for, or no script could be right; on every rank
+    CaseError : a method without finite matrices was asked for, a structure without supports, or no script could be right; on
+        every rank
     """
     known_method(request.method)
     refuse_discs(scene, "export", "writes real matrices, and those of a nodal diameter are complex; leave [cyclic] out")
     facts = {"scene": str(scene.path), "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "export.log"), facts=facts) as log:
         structure = build(scene, comm, log)
+        if structure.rigid is not None:
+            structure.close()
+            raise CaseError(
+                f"{scene.path}: export: the structure has no supports, and its rigid-body motion has no place in the exported "
+                "matrices; add soft springs to ground or [[supports]]"
+            )
         settings, note = settings_of(scene, structure, request.method)
         with log.stage(f"reduction: {settings.method}"):
             reduction = reduced(structure, settings)

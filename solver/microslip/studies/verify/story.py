@@ -214,7 +214,7 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
     seconds = (time.perf_counter() - clock) / len(chosen)
     work, damping, friction = energies(transient, omega, level, founds[-1].cycle)
     closure = (work - damping - friction) / np.where(work != 0.0, work, 1.0)
-    du = samples(transient, level, founds[-1].cycle)[0]
+    du = samples(transient, omega, level, founds[-1].cycle)[0]
     periods = founds[0].periods + founds[1].periods
     return [
         replace(
@@ -236,7 +236,7 @@ def responses_of(
 ) -> np.ndarray:
     """Return the coefficients of the outputs of some points, (B, n_outputs, N_H), of all harmonics that the steps resolve."""
     harmonics = Harmonics.up_to((len(cycle.eta) - 1) // 2)
-    rows = coefficients(samples(transient, level, cycle)[1], harmonics.highest)
+    rows = coefficients(samples(transient, omega, level, cycle)[1], harmonics.highest)
     if model.observed is None:
         return rows
     p, f = coefficients(cycle.p, harmonics.highest), model.harmonics.carry(model.f, harmonics)

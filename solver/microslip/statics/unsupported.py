@@ -1,0 +1,38 @@
+"""What constant loads may do to a structure without supports: nothing holds it, so they must be in balance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..assembly.spin import stated_statics
+from ..assembly.system import System
+from ..messages.errors import CaseError
+from ..messages.words import place
+from ..parallel.ownership import summed
+from ..tables.structure_tables import StructureTables
+
+_BALANCED = 1e-6  # of the sum of all forces, and of their moments: less is rounding
+
+
+def check_unsupported(system: System, settings: StructureTables, forces_owned: np.ndarray, where: str) -> None:
+    """Raise CaseError, on every rank, for constant loads that a structure without supports cannot bear.
+
+    Collective: one sum.  ``forces_owned`` (n_dof_owned,) [N].
+    """
+    motions, statics = system.rigid_owned, stated_statics(settings)
+    if motions is None or motions.shape[1] == 0 or statics is None:
+        return
+    start = f"{where}{': ' if where else ''}[statics]"
+    for key, is_stated in (
+        ("rotation_speed", statics.rotation_speed > 0.0),
+        ("large_displacements = true", statics.large_displacements),
+    ):
+        if is_stated:
+            raise CaseError(f"{start} {key} needs [[supports]]: the structure has none, and nothing holds its axis or its turn")
+    resultant, size = summed(system.comm, np.stack([motions.T @ forces_owned, np.abs(motions).T @ np.abs(forces_owned)]))
+    if (np.abs(resultant) > _BALANCED * size).any():
+        force, moment = np.where(np.abs(resultant) > _BALANCED * size, resultant, 0.0).reshape(2, 3)
+        raise CaseError(
+            f"{start}: constant loads on a structure without supports must be in balance: a force of {place(force)} N and a "
+            f"moment of {place(moment)} N m about the middle of its nodes are left over; add [[supports]], or what balances it"
+        )

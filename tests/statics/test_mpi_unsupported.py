@@ -1,0 +1,72 @@
+"""Rest of a structure without supports under loads in balance: that of the same structure on springs that carry nothing."""
+
+import numpy as np
+import pytest
+from blocks import stacked
+from mpi4py import MPI
+from msh import write_msh
+from rest_scene import HEIGHT, LENGTH, SCENE, WIDTH, force, scene_of
+from scene_text import support
+
+import microslip
+from microslip.messages.errors import CaseError
+from microslip.parallel.agree import on_root
+
+comm = MPI.COMM_WORLD
+BASE = support("ground_base")
+assert BASE in SCENE
+FREE = (BASE, "")
+SPRINGS = """[[points]]
+name = "soft"
+position = [0.02, 0.004, -0.005]
+group = "ground_base"
+connection = "distributing"
+stiffness = [1e4, 1e4, 1e4]
+rotational_stiffness = [30.0, 30.0, 30.0]
+"""
+PRESSED = force(0.0, 0.0, -400.0) + force(0.0, 0.0, 400.0, "ground_base")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = comm.bcast(tmp_path_factory.mktemp("unsupported"))
+    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
+    return path
+
+
+def rest_of(folder, statics, change, name):
+    """Return normal and friction forces at rest and the first two elastic frequencies [rad/s].  Collective."""
+    with microslip.build(scene_of(comm, folder, statics, change, name=name), comm) as structure:
+        n_soft = 0 if structure.rigid is not None else 6
+        assert n_soft or len(structure.rigid.b) == 6
+        return structure.pairs.N0, structure.pairs.T0, structure.omega_n[n_soft : n_soft + 2]
+
+
+def test_a_pressed_joint_of_a_free_structure(folder):
+    """Contact forces, their sum, the elastic modes about rest, and what stress stiffening adds to them, as on soft springs."""
+    stiffened, plain = PRESSED, "stress_stiffening = false\n" + PRESSED
+    (N, T, omega), (N_soft, T_soft, omega_soft) = (
+        rest_of(folder, stiffened, change, name) for change, name in ((FREE, "free"), ((BASE, SPRINGS), "soft"))
+    )
+    assert N.max() > 0.0 and abs(N[N > 0.0].sum() - 400.0) < 1e-6 * 400.0
+    np.testing.assert_allclose(N, N_soft, atol=1e-6 * N.max())
+    np.testing.assert_allclose(T, T_soft, atol=1e-5 * N.max())
+    np.testing.assert_allclose(omega, omega_soft, rtol=5e-4)
+    shift = omega - rest_of(folder, plain, FREE, "free")[2]
+    shift_soft = omega_soft - rest_of(folder, plain, (BASE, SPRINGS), "soft")[2]
+    assert abs(shift[0]) > 1e-5 * omega[0]
+    np.testing.assert_allclose(shift, shift_soft, atol=0.02 * abs(shift[0]))
+
+
+@pytest.mark.parametrize(
+    "statics, message",
+    [
+        (force(0.0, 0.0, -400.0), r"in balance: a force of \(0, 0, -400\) N and a moment of \(.*\) N m about the middle"),
+        ("rotation_speed = 10.0\n" + PRESSED, "rotation_speed needs .*supports"),
+        ("large_displacements = true\n" + PRESSED, "large_displacements = true needs .*supports"),
+    ],
+)
+def test_loads_that_a_free_structure_cannot_bear(folder, statics, message):
+    scene = scene_of(comm, folder, statics, FREE)
+    with pytest.raises(CaseError, match=message):
+        microslip.build(scene, comm)
