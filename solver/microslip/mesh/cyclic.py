@@ -107,6 +107,7 @@ def _refuse_shared(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray
     shared = np.intersect1d(low, high)
     if len(shared) == 0:
         return
+    assert cyclic.faces is not None, "groups of nodes"
     node = shared[np.argmin(mesh.numbers[shared])]
     assert cyclic.faces is not None, "with two faces"
     raise MeshError(
