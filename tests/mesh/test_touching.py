@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from box_meshes import KINDS, box, joint, mesh_of, settings
 
+from microslip.mesh.cut import cut_through
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.skin import faces_of_group, skin_of_mesh
 from microslip.mesh.surface import surface_of
 from microslip.mesh.touching import find_touching, with_found_surfaces
 from microslip.messages.errors import MeshError
+from microslip.tables.constant_loads import Bolt
 from microslip.tables.structure import Surface
 
 LOWER, UPPER = (1.0, 1.0, 0.5), (0.6, 1.0, 0.5)
@@ -50,6 +52,47 @@ def test_faces_that_touch_and_no_others(kind, other):
     assert sum(surface_of(mesh, "low").areas) == pytest.approx(0.3, rel=1e-12)
     pairs = pair_contacts(mesh, [joint(surfaces=("up", "low"), pairing="points")])
     assert pairs.area.sum() == pytest.approx(0.3, rel=1e-9)  # of a face that lies on the other in part, that part
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("at, normal", [(0.5, (0.0, 0.0, 2.0)), (0.61, (0.1, 0.0, 1.0))])
+def test_faces_through_a_body_follow_a_plane_and_cut_it(kind, at, normal):
+    """Whatever the elements, what lies between the two sides has the vector area of the cross-section: 0.3 x 0.2."""
+    bars = [(f"bar {i}", kind, *box(kind, (3, 2, 7), (0.3, 0.2, 1.4), (i, 0.0, 0.0))) for i in (0, 1)]
+    mesh = mesh_of(*bars)
+    for block in mesh.elements:
+        object.__setattr__(block, "group", "bars")  # one body of two shanks: the plane's point tells which
+    mesh = found(mesh, Surface(name="cut", bodies=("bars", "bars"), through=(1.1, 0.1, at), normal=normal), bodies=("bars",))
+    cut = cut_through(mesh, Bolt(group="cut", force=1.0))
+    unit = np.array(normal) / np.linalg.norm(normal)
+    assert mesh.points[cut.nodes][:, 0].min() >= 1.0 and cut.normal == pytest.approx(unit)
+    assert cut.area == pytest.approx(0.06 * unit[2], rel=1e-12)
+    above = {number for numbers in cut.numbers.values() for number in numbers.tolist()}
+    for block in mesh.elements:
+        rows = np.isin(block.numbers, list(above))
+        centres = mesh.points[block.nodes[rows]].mean(axis=1)
+        assert ((centres - (1.1, 0.1, at)) @ unit > -1e-12).all()
+    assert "faces inside 'bars', through (1.1, 0.1," in mesh.notes[-1]
+
+
+@pytest.mark.parametrize(
+    "keys, message",
+    [
+        (
+            {"through": (0.5, 0.5, 9.0), "normal": (0.0, 0.0, 1.0)},
+            r"no face inside 'lower' follows the plane .*: all elements lie on one",
+        ),
+        ({"through": (0.5, 0.5, 0.2)}, "normal is missing"),
+        (
+            {"through": (0.5, 0.5, 0.2), "normal": (0.0, 0.0, 1.0), "tolerance": 1.0},
+            "through belongs to one body, named twice, and a",
+        ),
+        ({"through": (0.5, 0.5, 0.2), "normal": (0.0, 0.0, 1.0), "bodies": ("lower", "upper")}, "through belongs to one body"),
+    ],
+)
+def test_planes_that_cut_nothing_are_refused(keys, message):
+    with pytest.raises((MeshError, ValueError), match=message):
+        found(two_boxes(), Surface(**{"name": "cut", "bodies": ("lower", "lower"), **keys}))
 
 
 def test_a_small_face_on_a_large_one_and_one_beside_it():

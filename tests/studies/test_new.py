@@ -1,22 +1,36 @@
 """The first scene of a model file: complete but for the joint's numbers, with the right candidates, and never over another file."""
 
 import re
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from box_meshes import box
 from plain_model import bdf, cdb, cdb_with_contact, exodus, inp, plain, unv
 
 from microslip.formats.model import Cells, FileModel, Group
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
+from microslip.mesh.cut import cut_through, cuts_through
+from microslip.mesh.links import find_links
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.read import read_mesh
 from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
 from microslip.studies.check.model_file import _lines as check_model_lines
 from microslip.studies.check.model_mesh import bodies_of, whole_mesh
 from microslip.studies.new.candidates import find_candidates
 from microslip.studies.new.story import _write
+from microslip.tables.constant_loads import Bolt
+from microslip.tables.structure import Surface
 from microslip.tables.units import UNITS
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "meshes"))
+
+from bolted_lap import main as generate_lap
+from brake_reuss import BrakeReuss, input_file
 
 WRITERS = {".cdb": cdb, ".bdf": bdf, ".unv": unv, ".inp": inp}
 
@@ -170,6 +184,110 @@ def test_surfaces_with_room_between_them_come_last_and_are_not_taken():
     found = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, {})
     assert [(one.is_apart, one.matches) for one in found] == [(False, False), (True, False)]
     assert found[1].gap == pytest.approx(1e-3, rel=1e-9) and "0.001 m apart" in found[1].text
+
+
+def test_only_what_touches_is_offered_where_named_surfaces_are_larger(tmp_path):
+    """The file names whole surfaces, of which a part alone touches: a run would refuse them, and takes the faces that touch."""
+    lower, upper = box("hex8", (10, 2, 1), (1.0, 0.2, 0.1)), box("hex8", (3, 2, 1), (0.3, 0.2, 0.1), (0.9, 0.0, 0.1))
+    points = np.concatenate([lower[0], upper[0]])
+    blocks = {"lower": lower[1], "upper": upper[1] + len(lower[0])}
+    z, is_upper = points[:, 2], np.arange(len(points)) >= len(lower[0])
+    groups = {"TOP": np.flatnonzero(np.isclose(z, 0.1) & ~is_upper), "FEET": np.flatnonzero(np.isclose(z, 0.1) & is_upper)}
+    (one,) = candidates_of(points, blocks, groups)
+    assert [surface.bodies for surface in one.made] == [("upper", "lower"), ("lower", "upper")] or one.made[0].bodies[
+        0
+    ] == "lower"
+    assert one.area == pytest.approx(0.02) and one.is_likely and not one.refused
+
+
+def test_named_surfaces_with_an_edge_are_offered_by_their_normals():
+    points, (bar, plate), beside = corner()
+    angle = np.concatenate([plate, beside])
+    touching = np.isclose(points[:, 2], 0.005) | np.isclose(points[:, 0], 0.05)
+    of_bar = np.isin(np.arange(len(points)), bar)
+    groups = {"INNER": np.flatnonzero(touching & ~of_bar), "OUTER": np.flatnonzero(touching & of_bar)}
+    found = candidates_of(points, {"bar": bar, "angle": angle}, groups)
+    assert [one.made[0].normal for one in found] == [(0.0, 0.0, -1.0), (1.0, 0.0, 0.0)] and all(one.is_likely for one in found)
+
+
+def test_surfaces_apart_stand_as_comments_that_make_a_joint(tmp_path):
+    """Of 1 mm between them, a fifth of their faces' size: found, with its tolerance, and accepted by the checks of a run."""
+    model = plain()
+    points = model.points + 4e-3 * (np.arange(len(model.points)) < 16)[:, None] * [0.0, 0.0, 1.0]
+    path = write(tmp_path, points=points, sets={"PLATE_BASE": model.sets["PLATE_BASE"]})
+    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "or         BAR-1.ALL_on_PLATE-1.ALL on PLATE-1.ALL_on_BAR-1.ALL: 3 faces on 3, 0.0005 m2, 0.004 m apart" in said
+    text = (tmp_path / "m.toml").read_text()
+    assert "# With room between them: BAR-1.ALL_on_PLATE-1.ALL" in text and read_scene(tmp_path / "m.toml").joints == ()
+    (tmp_path / "m.toml").write_text(re.sub(r"^#\| ", "", text, flags=re.MULTILINE))
+    scene = read_scene(tmp_path / "m.toml")
+    assert scene.joints[0].gap == "geometry" and scene.surfaces[0].tolerance == pytest.approx(4.4e-3)
+    whole, _ = complete(scene, read_model(path))
+    pairs = pair_contacts(read_mesh(whole), whole.joints)
+    assert pairs.area.sum() == pytest.approx(5e-4) and (-pairs.N0 / pairs.k_n) == pytest.approx(4e-3)
+
+
+def bolted(path):
+    """Write the bolted beam as one file without ties, contact, loads and cuts: what a mesh alone shows."""
+    text = input_file(BrakeReuss())
+    text = re.sub(r"^\*Surface,.*name=CUT\n(?:[^*].*\n)*", "", text, flags=re.MULTILINE | re.IGNORECASE)
+    for keyword in ("Tie", "Contact Pair", "Pre-tension Section", "Surface Interaction", "Friction", "Surface Behavior", "Cload"):
+        text = re.sub(rf"^\*{keyword}\b.*\n(?:[^*].*\n)*", "", text, flags=re.MULTILINE | re.IGNORECASE)
+    path.write_text(text)
+
+
+def test_bolts_are_recognised_cut_and_their_heads_glued(tmp_path):
+    bolted(tmp_path / "m.inp")
+    said = "\n".join(_write(str(tmp_path / "m.inp"), tmp_path / "m.toml", False))
+    assert len(re.findall(r"BOLT-\d.ALL: shank of \S+ mm, to be cut at", said)) == 3
+    text = filled(tmp_path / "m.toml")
+    scene = read_scene(tmp_path / "m.toml")
+    assert scene.joints[0].surfaces == ("LAP_LOWER", "LAP_UPPER") and scene.joints[0].preload == "static"
+    tied = {frozenset(name.partition(".")[0].rstrip("-0123456789") for name in one.surfaces) for one in scene.ties}
+    assert {"BOLT", "NUT"} in tied and {"BOLT", "WASHER"} in tied and {"NUT", "WASHER"} in tied
+    assert [one.through is not None for one in scene.surfaces if one.name.startswith("cut")] == 3 * [True]
+    whole, _ = complete(scene, read_model(tmp_path / "m.inp"))
+    mesh = read_mesh(whole)
+    cuts = cuts_through(mesh, whole.statics.bolts)
+    shank = float(re.search(r"shank of (\S+) mm", said)[1]) * 1e-3
+    assert [cut.area for cut in cuts] == pytest.approx(3 * [np.pi * shank**2 / 4], rel=0.15)  # a polygon of eight sides
+    links = find_links(mesh, whole)
+    assert not any(note.startswith("WARNING") for note in links.notes)
+    assert text.count("force = ") == 3 and sum(line.startswith("#>") for line in text.splitlines()) == 0
+
+
+def test_a_cut_of_the_file_is_taken_and_a_tube_is_no_bolt(tmp_path):
+    generate_lap(["--out", str(tmp_path / "m.msh")])
+    said = "\n".join(_write(str(tmp_path / "m.msh"), tmp_path / "m.toml", False))
+    assert re.findall(r"bolts: shank of 6 mm, cut by (\S+)", said) == ["cut_1", "cut_2", "cut_3"]
+    filled(tmp_path / "m.toml")
+    scene = read_scene(tmp_path / "m.toml")
+    assert [one.group for one in scene.statics.bolts] == ["cut_1", "cut_2", "cut_3"]
+    assert {one.surfaces for one in scene.ties} == {("heads", "top"), ("nuts", "bottom")}
+    assert [one.surfaces for one in scene.joints] == [("lap_2", "lap_1")]
+
+
+def test_a_plane_cuts_as_the_group_of_the_file_does(tmp_path):
+    generate_lap(["--out", str(tmp_path / "m.msh")])
+    _write(str(tmp_path / "m.msh"), tmp_path / "m.toml", False)
+    filled(tmp_path / "m.toml")
+    scene = read_scene(tmp_path / "m.toml")
+    file = read_model(tmp_path / "m.msh")
+    for name in ("cut_1", "cut_2", "cut_3"):
+        at = tuple(file.points[all_nodes(file, name)].mean(axis=0).tolist())
+        plane = Surface(name="mine", bodies=("bolts", "bolts"), through=at, normal=(0.0, 0.0, -1.0))
+        mesh = read_mesh(scene.with_keys(surfaces=(plane,)), file)
+        ours, theirs = (cut_through(mesh, Bolt(group=group, force=1.0)) for group in ("mine", name))
+        np.testing.assert_array_equal(ours.nodes, theirs.nodes)
+        assert ours.area == pytest.approx(theirs.area, rel=1e-12) and ours.normal == pytest.approx(theirs.normal, abs=1e-12)
+        assert {key: value.tolist() for key, value in ours.numbers.items()} == {
+            key: value.tolist() for key, value in theirs.numbers.items()
+        }
+
+
+def all_nodes(file, name):
+    """Return the nodes of the cells of a group."""
+    return np.unique(np.concatenate([file.cells[i].nodes[rows].ravel() for i, rows in file.groups[name].cells.items()]))
 
 
 def test_groups_within_groups_make_each_element_one_body():

@@ -14,6 +14,7 @@ from ..messages.errors import MeshError
 from ..messages.words import place
 from ..tables.constant_loads import Bolt
 from .data import Mesh
+from .plane_cut import is_below
 
 MOST_TURN = 45.0  # degrees of a face of the cut from its mean normal
 
@@ -76,12 +77,16 @@ def cut_through(mesh: Mesh, bolt: Bolt) -> Cut:
     near = _elements_near(mesh, mesh.node_groups[bolt.group])
     in_cut = _faces_of_cut(mesh, bolt.group, near, where)
     _check_one_piece(near, in_cut, where)
-    normal, area = _mean_normal(near.vector[in_cut], where)
+    plane = mesh.planes.get(bolt.group)
+    normal, area = _mean_normal(near.vector[in_cut], where) if plane is None else _of_plane(mesh, near, in_cut, plane)
     nodes = np.unique(np.concatenate([near.nodes[i] for i in np.flatnonzero(in_cut)]))
     is_cut = np.zeros(len(mesh.points), dtype=bool)
     is_cut[nodes] = True
-    side = _sides(mesh, near, in_cut, normal, is_cut, where)
     touches = np.array([is_cut[mesh.elements[b].nodes[row]].any() for b, row in zip(near.block, near.row)])
+    if plane is None:
+        side = _sides(mesh, near, in_cut, normal, is_cut, where)
+    else:
+        side = np.where(is_below(mesh, near.centre, plane), -1, 1) * (1 if normal @ plane[1] > 0.0 else -1)
     numbers: dict[tuple[str, str], np.ndarray] = {}
     for b in np.unique(near.block):
         mine = (near.block == b) & touches & (side > 0)
@@ -173,8 +178,7 @@ def _mean_normal(vectors: np.ndarray, where: str) -> tuple[np.ndarray, float]:
     sizes = np.linalg.norm(vectors, axis=1)
     rough = np.linalg.eigh(np.einsum("fi,fj,f->ij", vectors, vectors, 1.0 / sizes))[1][:, -1]
     total = np.where((vectors @ rough)[:, None] > 0.0, vectors, -vectors).sum(axis=0)
-    normal = total / np.linalg.norm(total)
-    normal = normal * np.sign(normal[np.argmax(np.abs(normal) - 1e-9 * np.arange(3))])
+    normal = _upward(total / np.linalg.norm(total))
     turn = np.degrees(np.arccos(np.clip(np.abs(vectors @ normal) / sizes, 0.0, 1.0))).max()
     if turn > MOST_TURN:
         raise MeshError(
@@ -182,6 +186,20 @@ def _mean_normal(vectors: np.ndarray, where: str) -> tuple[np.ndarray, float]:
             f"{MOST_TURN:.0f}); a cut is roughly a plane across the shank"
         )
     return normal, float(np.linalg.norm(total)) / 2.0
+
+
+def _of_plane(mesh: Mesh, near: _Near, in_cut: np.ndarray, plane: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the normal of a plane (2, 3), and the area across it of faces that follow it, however far they turn [m2].
+
+    The faces lie between elements whose centres are on different sides of the plane.
+    """
+    below = in_cut & is_below(mesh, near.centre[near.owner], plane)
+    return _upward(plane[1]), float(near.vector[below].sum(axis=0) @ plane[1])
+
+
+def _upward(normal: np.ndarray) -> np.ndarray:
+    """Return a normal or its opposite: that with a positive largest component."""
+    return normal * np.sign(normal[np.argmax(np.abs(normal) - 1e-9 * np.arange(3))])
 
 
 def _sides(mesh: Mesh, near: _Near, in_cut, normal, is_cut, where: str) -> np.ndarray:

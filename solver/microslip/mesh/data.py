@@ -64,6 +64,8 @@ class Mesh:
         frozenset()
     )  # groups of faces that were found as touching: some may lie on the others in part alone
 
+    planes: Mapping[str, np.ndarray] = field(default_factory=dict)  # of faces along a plane: a point, its normal, (2, 3)
+
     @property
     def diagonal(self) -> float:
         """Diagonal of the bounding box [m]."""

@@ -20,6 +20,7 @@ from ..messages.words import place
 from ..tables.structure import Surface
 from ..tables.structure_tables import StructureTables
 from .data import FaceBlock, Mesh
+from .plane_cut import faces_through, plane_of
 from .skin import Skin, groups_of_bodies, skin_of_mesh
 
 NEAR = 0.1  # of the size of the larger of two faces: how far apart they may lie, where nothing else is stated
@@ -44,17 +45,17 @@ class Touching:
     share: np.ndarray  # (n_faces,) how much of each face lies on others, 0 to 1, by its points
 
 
-def find_touching(skin: Skin, tolerance: float | None = None) -> Touching:
+def find_touching(skin: Skin, tolerance: float | None = None, near: float = NEAR) -> Touching:
     """Return which faces of a skin lie on faces of other bodies, or of other connected parts.
 
     Local, rank 0.
 
     Parameters
     ----------
-    tolerance : how far apart they may lie [m]; None: ``NEAR`` times the size of the larger of the two
+    tolerance : how far apart they may lie [m]; None: ``near`` times the size of the larger of the two
     """
-    face, other = _candidates(skin, tolerance)
-    at, on, gap = _hits(skin, np.concatenate([face, other]), np.concatenate([other, face]), tolerance)
+    face, other = _candidates(skin, tolerance, near)
+    at, on, gap = _hits(skin, np.concatenate([face, other]), np.concatenate([other, face]), tolerance, near)
     share = np.bincount(at, minlength=skin.n_faces) / np.maximum(_n_places(skin), 1)
     return _paired(skin, at, on, gap, share)
 
@@ -70,21 +71,21 @@ def _paired(skin: Skin, at: np.ndarray, on: np.ndarray, gap: np.ndarray, share: 
     return Touching(pairs // n, pairs % n, mean, share)
 
 
-def _reach(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None) -> np.ndarray:
+def _reach(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None, near: float) -> np.ndarray:
     """Return how far apart pairs of faces may lie, (m,) [m]."""
     if tolerance is not None:
         return np.full(len(face), tolerance)
-    return NEAR * np.maximum(skin.size[face], skin.size[other])
+    return near * np.maximum(skin.size[face], skin.size[other])
 
 
-def _candidates(skin: Skin, tolerance: float | None) -> tuple[np.ndarray, np.ndarray]:
+def _candidates(skin: Skin, tolerance: float | None, near: float) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of faces, each once, that look at each other, are near, and neither of one piece nor joined by a node."""
     pairs = [np.zeros((2, 0), dtype=np.int64)]
     several = len(np.unique(skin.part)) > 1 or len(np.unique(skin.body)) > 1
     radius, size = skin.radius, skin.size
     for mine in _by_size(radius) if several else ():
         largest = radius[mine].max()
-        reach = tolerance if tolerance is not None else NEAR * np.maximum(size, size[mine].max())
+        reach = tolerance if tolerance is not None else near * np.maximum(size, size[mine].max())
         smaller = np.flatnonzero(radius <= largest)  # the others meet these in classes of their own
         within = (radius + largest + reach)[smaller]
         lists = cKDTree(skin.centre[mine]).query_ball_point(skin.centre[smaller], within, return_sorted=False)
@@ -96,7 +97,7 @@ def _candidates(skin: Skin, tolerance: float | None) -> tuple[np.ndarray, np.nda
         pairs.append(np.stack([face[close], other[close]]))
     face, other = np.unique(np.sort(np.concatenate(pairs, axis=1), axis=0), axis=1)
     distance = np.linalg.norm(skin.centre[face] - skin.centre[other], axis=1)
-    close = distance <= radius[face] + radius[other] + _reach(skin, face, other, tolerance)
+    close = distance <= radius[face] + radius[other] + _reach(skin, face, other, tolerance, near)
     close[close] = ~_share_a_node(skin, face[close], other[close])
     return face[close], other[close]
 
@@ -118,13 +119,13 @@ def _n_places(skin: Skin) -> np.ndarray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *counts])
 
 
-def _hits(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None):
+def _hits(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None, near: float):
     """Return the points of faces that lie on the other face of some pair (m,), each once, with the nearest.
 
     (k,) each: the face, the other face, the gap [m].
     """
     place_of, point, row = _points_of(skin, face)
-    reach = _reach(skin, face, other, tolerance)[row]
+    reach = _reach(skin, face, other, tolerance, near)[row]
     close = np.linalg.norm(point - skin.centre[other[row]], axis=1) <= skin.radius[other[row]] + reach
     place_of, point, row = place_of[close], point[close], row[close]
     distance, gap, within = _feet(skin, point, other[row], reach[close])
@@ -177,29 +178,38 @@ def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
         return mesh
     skin = skin_of_mesh(mesh)
     touching: Mapping[float | None, Touching] = {
-        tolerance: find_touching(skin, tolerance) for tolerance in {surface.tolerance for surface in tables.surfaces}
+        tolerance: find_touching(skin, tolerance)
+        for tolerance in {surface.tolerance for surface in tables.surfaces if surface.through is None}
     }
     blocks, groups, notes = list(mesh.faces), dict(mesh.node_groups), list(mesh.notes)
+    planes = {one.name: plane_of(one) for one in tables.surfaces if one.through is not None}
     faults = Faults()
     for surface in tables.surfaces:
-        faces = np.zeros(0, dtype=np.int64)
         with faults.collected():
-            faces = _faces_of(mesh, skin, touching[surface.tolerance], surface, tables)
-        blocks += [FaceBlock(kind, surface.name, nodes) for kind, nodes in skin.by_kind(faces).items()]
-        groups[surface.name] = skin.nodes_of(faces)
-        area = (skin.area * touching[surface.tolerance].share)[faces].sum()
-        notes.append(
-            f"surface {surface.name!r}: {len(faces)} faces of {surface.bodies[0]!r} on {surface.bodies[1]!r}, {area:.6g} m2"
-        )
+            by_kind, note = _found(mesh, skin, touching.get(surface.tolerance), surface, tables)
+            blocks += [FaceBlock(kind, surface.name, nodes) for kind, nodes in by_kind.items()]
+            groups[surface.name] = np.unique(np.concatenate([nodes.ravel() for nodes in by_kind.values()]))
+            notes.append(f"surface {surface.name!r}: {note}")
     faults.refuse()
     names = mesh.touching_faces | {surface.name for surface in tables.surfaces}
-    return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), touching_faces=names)
+    return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), touching_faces=names, planes=planes)
+
+
+def _found(mesh: Mesh, skin: Skin, touching: Touching | None, surface: Surface, tables: StructureTables):
+    """Return the faces of a surface by kind, and a note on them."""
+    if surface.name in mesh.node_groups:
+        raise MeshError(f"[[surfaces]] {surface.name!r}: a group of the mesh has this name already; take another")
+    body, other = surface.bodies
+    if surface.through is not None:
+        by_kind = faces_through(mesh, tables.bodies[body].group, surface)
+        return by_kind, f"{sum(map(len, by_kind.values()))} faces inside {body!r}, through {place(surface.through)} m"
+    assert touching is not None, "the faces that touch, by their tolerance"
+    faces = _faces_of(mesh, skin, touching, surface, tables)
+    return skin.by_kind(faces), f"{len(faces)} faces of {body!r} on {other!r}, {(skin.area * touching.share)[faces].sum():.6g} m2"
 
 
 def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, surface: Surface, tables: StructureTables) -> np.ndarray:
     """Return the faces of the first body that lie on the second, rising."""
-    if surface.name in mesh.node_groups:
-        raise MeshError(f"[[surfaces]] {surface.name!r}: a group of the mesh has this name already; take another")
     number = {group: i for i, group in enumerate(groups_of_bodies(mesh))}
     body, other = (number[tables.bodies[name].group] for name in surface.bodies)
     face = np.unique(touching.face[(skin.body[touching.face] == body) & (skin.body[touching.other] == other)])

@@ -215,7 +215,7 @@ class Support(Table):
 
 
 class Surface(Table):
-    """[[surfaces]]: a group of faces told by the bodies that touch."""
+    """[[surfaces]]: a group of faces told by the bodies that touch, or by a plane through one."""
 
     name: Name = Field(description="a name that joints, ties and others use as that of a group, without comma, quote or slash")
     bodies: tuple[str, str] = Field(
@@ -225,9 +225,14 @@ class Surface(Table):
         None, description="the direction [x, y, z], out of the first body, in which the faces look, three numbers, not all 0"
     )
     tolerance: Positive | None = Field(None, description="how far apart in m the faces of the two may lie, a number above 0")
+    through: Vector | None = Field(
+        None, description="a point [x, y, z] in m of a plane across normal; the faces inside the body that follow it, as a cut"
+    )
 
     @model_validator(mode="after")
     def _one_side(self):
+        if self.through is not None and (self.bodies[0] != self.bodies[1] or self.tolerance is not None):
+            raise ValueError("through belongs to one body, named twice, and a plane has no tolerance")
         if self.bodies[0] == self.bodies[1] and self.normal is None:
             raise ValueError(
                 f'normal is missing, which tells one side of the parts of "{self.bodies[0]}" from the other: expected '

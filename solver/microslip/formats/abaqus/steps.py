@@ -11,7 +11,7 @@ from .findings import PROCEDURES
 from .input_model import InputModel, Step
 from .scopes import Scope
 
-_LOADS = ("CLOAD", "DLOAD", "DSLOAD", "PRE-TENSION SECTION", "INERTIA LOAD", "BASE MOTION", "CONTACT INTERFERENCE")
+_LOADS = ("CLOAD", "DLOAD", "DSLOAD", "INERTIA LOAD", "BASE MOTION", "CONTACT INTERFERENCE")
 _MOST = 3  # sets that are named of what a step states
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,50 +14,27 @@ from ...mesh.data import FaceBlock, Mesh
 from ...mesh.matching import TOLERANCE
 from ...mesh.skin import Skin, faces_of_group, groups_of_bodies, skin_of_mesh
 from ...mesh.surface import surface_of
-from ...mesh.touching import TURNED, Touching, find_touching
+from ...mesh.touching import NEAR, TURNED, Touching, find_touching
 from ...messages.errors import MeshError
 from ...tables.structure import Surface
 from ...tables.structure_tables import StructureTables
+from .accepted import MOST, accepted, covering, with_gap
+from .bolts import Shank, find_bolts
+from .candidate import APART, Candidate, bodies_of, plain
 
-_MOST = 0.9  # of the area of one of two named surfaces must lie on the other
-_APART = 0.01  # of the size of the faces: surfaces farther apart than that do not touch yet
-
-
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """Two surfaces that may be a joint, the first of which lies on the second."""
-
-    name: str
-    surfaces: tuple[str, str]
-    made: tuple[Surface, ...] = ()  # that make groups of these names; none: the file has them
-    n_faces: tuple[int, int]
-    area: float  # m2, of the first that lies on the second
-    gap: float  # m, its mean
-    size: float  # m, of the larger faces
-    matches: bool  # node to node
-    nodes: tuple[np.ndarray, np.ndarray]  # index into Mesh.points, of the faces of either side that lie on the other
-    is_likely: bool = True  # nothing else joins the two bodies, or the file names the surfaces
-
-    @property
-    def is_apart(self) -> bool:
-        """Whether there is room between the surfaces."""
-        return abs(self.gap) > _APART * self.size
-
-    @property
-    def text(self) -> str:
-        """What there is to say of it, on one line."""
-        nodes = "node to node" if self.matches else "their meshes differ"
-        distance = f"{self.gap:.2g} m apart" if abs(self.gap) > 1e-6 * self.size else "touching"
-        return (
-            f"{' on '.join(self.surfaces)}: {self.n_faces[0]} faces on {self.n_faces[1]}, {self.area:.4g} m2, {distance}, {nodes}"
-        )
+_FAR = 0.5  # of the size of the faces: surfaces farther apart than that are not offered
 
 
 def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Candidate]:
     """Return the candidates, those with names of the file first, and those whose bodies are joined already or apart last.
 
-    Local, rank 0.  Surfaces that the file ties are none.
+    Local, rank 0.  Surfaces that the file ties are none.  What is likely a joint is accepted by the checks of a run.
     """
+    return candidates_and_bolts(mesh, file, settings)[0]
+
+
+def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables) -> tuple[list[Candidate], list[Shank]]:
+    """Return the candidates, and the bolts of the mesh.  Local, rank 0."""
     skin = skin_of_mesh(mesh)
     touching = find_touching(skin)
     bodies = set(settings.body_of)
@@ -68,45 +44,64 @@ def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> l
     faces = {name: of_group for name, of_group in faces.items() if len(of_group)}
     tied = [(faces[a], faces[b]) for a, b in (ty.surfaces for ty in file.ties) if a in faces and b in faces]
     stated = [finding.surfaces for finding in file.findings if len(finding.surfaces) == 2]
-    named, rest = _named(mesh, skin, _without(touching, skin, tied), faces, stated)
+    untied = _without(touching, skin, tied)
+    named, _ = _named(mesh, skin, untied, faces, stated)
+    named = covering(mesh, skin, untied, named, stated)
+    of_named = [(faces[a], faces[b]) for a, b in (candidate.surfaces for candidate in named)]
+    rest = _without(untied, skin, of_named)
     names = [settings.body_of[group] for group in groups_of_bodies(mesh)]
-    together = [*tied, *((faces[a], faces[b]) for a, b in (candidate.surfaces for candidate in named))]
-    joined = {frozenset(names[i] for i in pair) for candidate in together for pair in _bodies_of(skin, *candidate)}
-    rough = np.abs(rest.gap) > _APART * np.maximum(skin.size[rest.face], skin.size[rest.other])
+    joined = {frozenset(names[i] for i in pair) for one in (*tied, *of_named) for pair in bodies_of(skin, *one)}
+    rough = np.abs(rest.gap) > APART * np.maximum(skin.size[rest.face], skin.size[rest.other])
     names_in_use = set(mesh.node_groups)
+    distant = _beside(_without(find_touching(skin, near=_FAR), skin, tied), touching, _some(rest, rough))
     unnamed = [
         replace(candidate, is_likely=frozenset(candidate.made[0].bodies) not in joined)
-        for is_apart in (False, True)
-        for candidate in _unnamed(mesh, skin, _some(rest, rough == is_apart), names, names_in_use, not is_apart)
+        for pairs, is_apart in ((_some(rest, ~rough), False), (distant, True))
+        for candidate in _unnamed(mesh, skin, pairs, names, names_in_use, not is_apart)
     ]
+    bolts = find_bolts(mesh, skin, touching, settings.body_of, set(mesh.node_groups) - {*faces})
+    offered = {frozenset(candidate.surfaces) for candidate in named}
+    distant_pairs = [pair for pair in dict.fromkeys(stated) if frozenset(pair) not in offered and {*pair} <= faces.keys()]
+    of_file = [candidate for pair in distant_pairs if (candidate := with_gap(mesh, skin, pair, faces)) is not None]
     order = sorted(
-        [*named, *unnamed],
+        [_of_bolts(skin, candidate, bolts) for candidate in (*named, *of_file, *unnamed)],
         key=lambda candidate: (candidate.is_apart, not candidate.is_likely, bool(candidate.made), -candidate.area),
     )
-    return [
+    order = [
         replace(candidate, name=name)
         for candidate, name in zip(order, _distinct([candidate.name for candidate in order]), strict=True)
     ]
+    return accepted(mesh, skin, order), bolts
 
 
-def _bodies_of(skin: Skin, first: np.ndarray, second: np.ndarray) -> list[list[int]]:
-    """Return which bodies two sets of faces connect, each two numbers rising."""
-    pairs = {tuple(sorted((a, b))) for a in np.unique(skin.body[first]).tolist() for b in np.unique(skin.body[second]).tolist()}
-    return [list(pair) for pair in pairs]
+def _beside(far: Touching, near: Touching, rough: Touching) -> Touching:
+    """Return pairs of faces that lie near each other and do not touch: ``rough``, and of ``far`` those that touch nothing."""
+    alone = ~np.isin(far.face, near.face) & ~np.isin(far.other, near.face)
+    face, other, gap = (
+        np.concatenate([values[alone], more])
+        for values, more in ((far.face, rough.face), (far.other, rough.other), (far.gap, rough.gap))
+    )
+    return Touching(face, other, gap, np.maximum(far.share, rough.share))
 
 
-def _some(touching: Touching, chosen: np.ndarray) -> Touching:
+def _of_bolts(skin: Skin, candidate: Candidate, bolts: Sequence[Shank]) -> Candidate:
+    """Return a candidate that says whether one of its sides is a bolt's, a nut's or a washer's."""
+    hardware = [number for bolt in bolts for number in (bolt.part, *bolt.rings)]
+    return replace(candidate, is_of_bolt=any(bool(np.isin(skin.part[side], hardware).all()) for side in candidate.faces))
+
+
+def _some(touching: Touching, kept: np.ndarray) -> Touching:
     """Return some of the pairs of faces."""
-    return replace(touching, face=touching.face[chosen], other=touching.other[chosen], gap=touching.gap[chosen])
+    return replace(touching, face=touching.face[kept], other=touching.other[kept], gap=touching.gap[kept])
 
 
 def _without(touching: Touching, skin: Skin, pairs: Iterable) -> Touching:
     """Return the pairs of faces but for those between two sets of them."""
-    chosen = np.ones(len(touching.face), dtype=bool)
+    kept = np.ones(len(touching.face), dtype=bool)
     for first, second in pairs:
         if first is not None and second is not None:
-            chosen &= ~_between(touching, skin, first, second)
-    return _some(touching, chosen)
+            kept &= ~_between(touching, skin, first, second)
+    return _some(touching, kept)
 
 
 def _between(touching: Touching, skin: Skin, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -144,7 +139,7 @@ def _named(
     candidates = []
     for i, j in sorted(mutual, key=rank):
         is_wanted = frozenset((names[i], names[j])) in wanted
-        if max(mutual[i, j]) < _MOST and not is_wanted:
+        if max(mutual[i, j]) < MOST and not is_wanted:
             continue
         inside = _between(touching, skin, faces[names[i]], faces[names[j]])
         if not inside.any():
@@ -164,12 +159,12 @@ def _in_order(skin: Skin, first: tuple[int, float], other: tuple[int, float], fa
 
 
 def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, second: np.ndarray, made=()) -> Candidate:
-    """Return two surfaces of a skin with notes on them."""
+    """Return two surfaces of a skin with what there is to say of them."""
     inside = _between(touching, skin, first, second) & np.isin(touching.face, first)
     touched, on = np.unique(touching.face[inside]), np.unique(touching.other[inside])
     weight = skin.area[touching.face[inside]]
     return Candidate(
-        name=_plain(f"{surfaces[0]}_{surfaces[1]}" if not made else surfaces[0]),
+        name=plain(f"{surfaces[0]}_{surfaces[1]}" if not made else surfaces[0]),
         surfaces=surfaces,
         made=made,
         n_faces=(len(touched), len(on)),
@@ -178,15 +173,16 @@ def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, seco
         size=float(max(skin.size[touched].mean(), skin.size[on].mean())),
         matches=_match(skin, first, second),
         nodes=(skin.nodes_of(touched), skin.nodes_of(on)),
+        faces=(first, second),
     )
 
 
 def _match(skin: Skin, first: np.ndarray, second: np.ndarray) -> bool:
     """Return whether the nodes of two sets of faces lie on each other, one to one."""
-    nodes, other_nodes = skin.nodes_of(first), skin.nodes_of(second)
-    if len(nodes) != len(other_nodes):
+    nodes, others = skin.nodes_of(first), skin.nodes_of(second)
+    if len(nodes) != len(others):
         return False
-    distance, partner = cKDTree(skin.points[other_nodes]).query(skin.points[nodes])
+    distance, partner = cKDTree(skin.points[others]).query(skin.points[nodes])
     diagonal = np.linalg.norm(np.ptp(skin.points, axis=0))
     return bool((distance <= TOLERANCE * diagonal).all() and len(np.unique(partner)) == len(nodes))
 
@@ -209,12 +205,22 @@ def _unnamed(
             stems = (f"{names[a]}_on_{names[b]}", f"{names[b]}_on_{names[a]}")
             surfaces = _new_names(stems if a != b else (f"{names[a]}_one_side", f"{names[a]}_other_side"), names_in_use)
             back = None if normal is None else (-normal[0] + 0.0, -normal[1] + 0.0, -normal[2] + 0.0)
+            reach = _tolerance(skin, touching, side, other)
             made = (
-                Surface.of_file(name=surfaces[0], bodies=(names[a], names[b]), normal=normal),
-                Surface.of_file(name=surfaces[1], bodies=(names[b], names[a]), normal=back),
+                Surface.of_file(name=surfaces[0], bodies=(names[a], names[b]), normal=normal, tolerance=reach),
+                Surface.of_file(name=surfaces[1], bodies=(names[b], names[a]), normal=back, tolerance=reach),
             )
             candidates.append(_candidate(skin, touching, surfaces, side, other, made))
     return candidates
+
+
+def _tolerance(skin: Skin, touching: Touching, first: np.ndarray, second: np.ndarray) -> float | None:
+    """Return how far apart the faces of two sides lie, rounded up [m]; None where they are found without that."""
+    inside = _between(touching, skin, first, second)
+    gap, size = np.abs(touching.gap[inside]), np.maximum(skin.size[touching.face], skin.size[touching.other])[inside]
+    if not (gap > 0.9 * NEAR * size).any():
+        return None
+    return float(f"{1.1 * gap.max():.2g}")
 
 
 def _sides(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray, is_one_body: bool, splits: bool):
@@ -247,15 +253,10 @@ def _is_smooth(mesh: Mesh, skin: Skin, faces: np.ndarray) -> bool:
     return True
 
 
-def _plain(name: str) -> str:
-    """Return a name without what names of scenes may not have."""
-    return re.sub(r'[\s,"/\\\x00-\x1f]+', "_", name).strip("_") or "joint"
-
-
 def _new_names(stems: tuple[str, str], names_in_use: set[str]) -> tuple[str, str]:
     """Return two names that nothing has yet, and take them."""
     number = 1
-    first, second = names = (_plain(stems[0]), _plain(stems[1]))
+    first, second = names = (plain(stems[0]), plain(stems[1]))
     while first in names_in_use or second in names_in_use or first == second:
         number += 1
         first, second = (f"{name}_{number}" for name in names)

@@ -12,7 +12,7 @@ from ...formats.model import FileModel
 from ...mesh.data import Mesh
 from ...tables.structure import Support
 from ...tables.structure_tables import StructureTables
-from .candidates import Candidate
+from .candidate import Candidate
 
 # how names begin, or parts of them do, that say a group is held
 _HELD = ("clamp", "fix", "support", "held", "encastre", "encast", "ground", "wall", "spc", "base", "built", "mount", "root")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ...formats.model import FileModel
 from ...formats.read import READERS, read_model
 from ...messages.errors import CaseError
-from ...messages.words import hint, listed
+from ...messages.words import hint, listed, place
 from ...parallel.agree import on_root
 from ...scene.checks import absent
 from ...system.files import atomic_write
@@ -18,9 +18,11 @@ from ...tables.units import UNITS
 from ..check.model_content import table
 from ..check.model_mesh import likely_units, whole_mesh
 from ..check.plausible import SI
-from .candidates import find_candidates
+from .bolts import Shank, uncut
+from .candidates import candidates_and_bolts
+from .first import First
 from .places import farthest, held_groups, supports_of_joints
-from .scene_text import First, named, text_of
+from .scene_text import named, text_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -77,7 +79,7 @@ def _first(model: str, out: Path, file: FileModel) -> First:
     units = likely_units(model, file)
     mesh, settings = whole_mesh(model, file, UNITS[units])
     states_scale = units != SI and not file.materials
-    candidates = find_candidates(mesh, file, settings)
+    candidates, bolts = candidates_and_bolts(mesh, file, settings)
     likely = [candidate for candidate in candidates if candidate.is_likely and not candidate.is_apart]
     left_out = supports_of_joints(mesh, file, likely)
     file = replace(file, supports=tuple(support for support in file.supports if support not in left_out))
@@ -91,6 +93,7 @@ def _first(model: str, out: Path, file: FileModel) -> First:
         settings=settings,
         candidates=candidates,
         left_out=left_out,
+        shanks=uncut(mesh, file, bolts),
         held=held,
         may_be_held=may_be,
         place=farthest(mesh, file, held),
@@ -105,10 +108,18 @@ def _on_steps(first: First) -> list[str]:
     return lines
 
 
+def _cut(shank: Shank) -> str:
+    """Say where a bolt is cut."""
+    if shank.group is not None:
+        return f"cut by {shank.group}"
+    return f"to be cut at {place(shank.position)} m across {place(shank.direction)}"
+
+
 def _lines(model: str, out: Path, first: First) -> list[str]:
     """Return what was found and what is to be done, in lines."""
     joints = [f"{joint.name}: {joint.text}" for joint in first.joints]
-    others = [candidate.text for candidate in first.candidates if candidate not in first.joints]
+    others = [candidate.text for candidate in first.others]
+    bolts = [f"{shank.body}: shank of {2e3 * shank.radius:.3g} mm, {_cut(shank)}" for shank in first.shanks]
     place = first.place
     where = f"point {place.point}" if place.point else f"node {place.node}"
     holds = [f"{support.group or support.point}, by the file" for support in first.file.supports] + [
@@ -119,7 +130,9 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         f"new        {out}, for {model}: {len(first.mesh.points)} nodes, {first.mesh.diagonal:.4g} m across ({units})",
         *table("bodies", list(first.settings.bodies)),
         *table("joints", joints or ["no surfaces of different bodies lie on each other"]),
+        *table("glued", [one.text for one in first.glued], 10),
         *table("or", others, 10),
+        *table("bolts", bolts),
         *table("supports", holds or ["none known: fill in [[supports]]"]),
         *table("", _on_steps(first)),
         f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is there, too",

@@ -1,0 +1,109 @@
+"""Which candidates a run takes as joints: its own checks, made before it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...mesh.data import FaceBlock, Mesh
+from ...mesh.pairing import contact_points
+from ...mesh.penetration import check_penetration
+from ...mesh.skin import Skin
+from ...mesh.touching import TURNED, Touching
+from ...messages.errors import MeshError
+from ...tables.joint import Joint
+from .candidate import APART, Candidate, bodies_of, plain
+
+MOST = 0.9  # of the area of one of two named surfaces must lie on the other, and of what touches there on named surfaces
+
+
+def covering(mesh: Mesh, skin: Skin, touching: Touching, named: list[Candidate], stated: Sequence[tuple[str, ...]]):
+    """Return the named candidates that a run takes and that hold all that touches there, or are asked for.  Local, rank 0."""
+    usable = [candidate for candidate in named if not refusal(mesh, skin, candidate)]
+    held = np.zeros(skin.n_faces, dtype=bool)
+    for candidate in usable:
+        held[np.concatenate(candidate.faces)] = True
+    wanted = {frozenset(pair) for pair in stated}
+    flush = np.abs(touching.gap) <= APART * np.maximum(skin.size[touching.face], skin.size[touching.other])
+    area = skin.area * touching.share
+    kept = []
+    for candidate in usable:
+        pairs = bodies_of(skin, *candidate.faces)
+        between = [np.isin(skin.body[touching.face], ends) & np.isin(skin.body[touching.other], ends) for ends in pairs]
+        there = np.unique(touching.face[np.logical_or.reduce(between) & flush])
+        there = there[_look_alike(skin, there, candidate.faces)]
+        is_whole = area[there[held[there]]].sum() >= MOST * area[there].sum()
+        if is_whole or frozenset(candidate.surfaces) in wanted:
+            kept.append(candidate)
+    return kept
+
+
+def _look_alike(skin: Skin, faces: np.ndarray, sides: Iterable[np.ndarray]) -> np.ndarray:
+    """Return which faces look the way in which either of two sides does, (n,) bool; all of them where a side is round."""
+    alike = np.zeros(len(faces), dtype=bool)
+    for side in sides:
+        mean = (skin.area[side, None] * skin.normal[side]).sum(axis=0) / skin.area[side].sum()
+        length = np.linalg.norm(mean)
+        alike |= length < 0.5 or skin.normal[faces] @ mean >= np.cos(np.radians(TURNED)) * length
+    return alike
+
+
+def accepted(mesh: Mesh, skin: Skin, order: list[Candidate]) -> list[Candidate]:
+    """Return the candidates, those that a run would refuse as joints no longer likely, with its reason.  Local, rank 0."""
+    taken = np.zeros(skin.n_faces, dtype=bool)
+    checked = []
+    for candidate in order:
+        if candidate.is_likely and not candidate.is_apart and not candidate.is_of_bolt:
+            twice = bool(taken[candidate.faces[0]].any())
+            reason = "its faces are those of a joint above" if twice else refusal(mesh, skin, candidate)
+            candidate = replace(candidate, is_likely=not reason, refused=reason)
+            if not reason:
+                taken[candidate.faces[0]] = True
+        checked.append(candidate)
+    return sorted(checked, key=lambda candidate: (candidate.is_apart, not candidate.is_likely))
+
+
+def refusal(mesh: Mesh, skin: Skin, candidate: Candidate) -> str:
+    """Return why a run would refuse the surfaces of a candidate as a joint; "" where it takes them.  Local, rank 0."""
+    mesh = with_sides(mesh, skin, candidate)
+    joint = Joint.of_file(name=candidate.name, surfaces=candidate.surfaces, friction=0.0)
+    try:
+        check_penetration(mesh, joint, contact_points(mesh, joint))
+    except MeshError as problem:
+        return str(problem).partition(": joint ")[2].partition(": ")[2] or str(problem)
+    return ""
+
+
+def with_sides(mesh: Mesh, skin: Skin, candidate: Candidate) -> Mesh:
+    """Return the mesh with groups for both sides of a candidate that has no names in the file.  Local."""
+    if not candidate.made:
+        return mesh
+    sides = dict(zip(candidate.surfaces, candidate.faces, strict=True))
+    blocks = [FaceBlock(kind, name, nodes) for name, side in sides.items() for kind, nodes in skin.by_kind(side).items()]
+    groups = mesh.node_groups | {name: skin.nodes_of(side) for name, side in sides.items()}
+    return replace(mesh, faces=(*mesh.faces, *blocks), node_groups=groups, touching_faces=mesh.touching_faces | {*sides})
+
+
+def with_gap(mesh: Mesh, skin: Skin, pair: tuple[str, ...], faces: Mapping[str, np.ndarray]) -> Candidate | None:
+    """Return surfaces that the file has in contact and that lie apart; None where a run refuses their gap.  Local, rank 0."""
+    joint = Joint.of_file(name=" on ".join(pair), surfaces=(pair[0], pair[1]), friction=0.0, gap="geometry")
+    try:
+        points = contact_points(mesh, joint)
+        check_penetration(mesh, joint, points)
+    except MeshError:
+        return None
+    first, second = (faces[name] for name in pair)
+    return Candidate(
+        name=plain("_".join(pair)),
+        surfaces=(pair[0], pair[1]),
+        n_faces=(len(first), len(second)),
+        area=float(points.area.sum()),
+        gap=float(points.distance @ points.area / points.area.sum()),
+        size=float(max(skin.size[first].mean(), skin.size[second].mean())),
+        matches=False,
+        nodes=(skin.nodes_of(first), skin.nodes_of(second)),
+        faces=(first, second),
+        is_asked=True,
+    )

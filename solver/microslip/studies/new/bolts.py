@@ -1,0 +1,195 @@
+"""Bolts of a mesh: connected parts with a round, solid shank and a head or nuts at its ends, and where a cut may tighten them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ... import elements
+from ...formats.model import FileModel
+from ...mesh.connected import parts_of
+from ...mesh.cut import cut_through
+from ...mesh.data import Mesh
+from ...mesh.skin import Skin
+from ...mesh.touching import Touching
+from ...messages.errors import MeshError
+from ...tables.constant_loads import Bolt
+from ...tables.table import Vector
+
+_LONGER = 1.3  # second moment along the axis over those across it, at least
+_ROUND = 0.25  # by which the second moments across may differ
+_SLICES = 40  # along the axis
+_SHANK = 0.3  # of the length, at least
+_SAME = 1.12  # radius of a slice of the shank over the smallest, at most
+_WIDER = 1.25  # radius of a head over that of the shank, at least
+_FULL = (0.75, 1.1)  # volume of the shank over that of its cylinder: meshes of few faces around are smaller
+_NUT = 4.0  # radius of a nut over that of the shank, at most
+_HOLE = 0.8  # radius of its hole over that of the shank, at least
+_ACROSS = 0.3  # |cosine| of the normals of a thread with the axis, at most
+
+
+@dataclass(frozen=True, eq=False)
+class Shank:
+    """A bolt: its shank, the parts that are its nuts, and a cut."""
+
+    part: int  # number of the connected part in the skin
+    body: str
+    axis: np.ndarray  # (3,) unit, towards the largest head
+    radius: float  # m
+    position: np.ndarray  # (3,) m, on the axis, where the shank is free
+    nuts: tuple[int, ...] = ()  # numbers of parts
+    rings: tuple[int, ...] = ()  # of nuts and washers
+    group: str | None = None  # of the file, that cuts the shank already
+
+    @property
+    def direction(self) -> Vector:
+        """The axis, rounded."""
+        x, y, z = (np.round(self.axis, 3) + 0.0).tolist()
+        return x, y, z
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Elements of a connected part: centres (n, 3) [m], volumes (n,) [m3], and corners of each, padded by the first."""
+
+    centre: np.ndarray
+    volume: np.ndarray
+    corners: np.ndarray  # (n, 8, 3) m
+    body: str
+
+
+def find_bolts(mesh: Mesh, skin: Skin, touching: Touching, body_of: Mapping[str, str], inner: Collection[str]) -> list[Shank]:
+    """Return the bolts of a mesh.  Local, rank 0.
+
+    ``body_of`` has the body of each group of elements; the groups ``inner`` hold no outer face and may be cuts.
+    """
+    n_parts, part = parts_of([block.nodes for block in mesh.elements], len(mesh.points))
+    parts = {i: _part(mesh, part, i, body_of) for i in np.unique(skin.part).tolist()} if n_parts > 1 else {}
+    shanks = [shank for i, of_part in parts.items() if (shank := _shank(i, of_part)) is not None]
+    shanks = [_with_nuts(skin, touching, shank, parts, {other.part for other in shanks}) for shank in shanks]
+    cuts = _cuts_of_file(mesh, inner) if shanks else []
+    return [replace(shank, group=_cut_of(shank, part, cuts)) for shank in shanks]
+
+
+def uncut(mesh: Mesh, file: FileModel, bolts: Sequence[Shank]) -> list[Shank]:
+    """Return the bolts that the file itself does not cut, their places rounded.  Local, rank 0."""
+    _, part = parts_of([block.nodes for block in mesh.elements], len(mesh.points))
+    cut = {int(part[node]) for bolt in file.bolts for node in mesh.node_groups.get(bolt.group, ())}
+    digits = 6 - int(np.floor(np.log10(mesh.diagonal)))
+    return [replace(bolt, position=np.round(bolt.position, digits) + 0.0) for bolt in bolts if bolt.part not in cut]
+
+
+def _part(mesh: Mesh, part: np.ndarray, number: int, body_of: Mapping[str, str]) -> _Part:
+    """Return the elements of a part."""
+    centres, volumes, corners, body = [], [], [], ""
+    for block in mesh.elements:
+        mine = block.nodes[part[block.nodes[:, 0]] == number]
+        if not len(mine):
+            continue
+        n = elements.KINDS[block.kind].n_corners
+        at = mesh.points[mine[:, [*range(n), *[0] * (8 - n)]]]
+        centres.append(at[:, :n].mean(axis=1))
+        volumes.append(elements.volumes(block.kind, mesh.points[mine]))
+        corners.append(at)
+        body = body_of[block.group]
+    return _Part(np.concatenate(centres), np.concatenate(volumes), np.concatenate(corners), body)
+
+
+def _shank(number: int, part: _Part) -> Shank | None:
+    """Return the shank of a part, or None where it is none: longer than wide, round and solid where it is thinnest."""
+    middle = part.volume @ part.centre / part.volume.sum()
+    arms = part.centre - middle
+    moments, directions = np.linalg.eigh(np.einsum("e,ei,ej->ij", part.volume, arms, arms))
+    if moments[2] < _LONGER * moments[1] or moments[1] - moments[0] > _ROUND * moments[1]:
+        return None
+    axis = directions[:, 2]
+    along = (part.corners - middle) @ axis
+    radius = np.linalg.norm(part.corners - middle - along[:, :, None] * axis, axis=2).max(axis=1)
+    low, high = along.min(), along.max()
+    edges = np.linspace(low, high, _SLICES + 1)
+    inner = 1e-3 * (high - low)
+    is_in = (along.min(axis=1)[:, None] < edges[1:] - inner) & (along.max(axis=1)[:, None] > edges[:-1] + inner)
+    widest = np.where(is_in, radius[:, None], 0.0).max(axis=0)
+    first, last = _longest_run(widest <= _SAME * widest[1:-1].min())
+    start, end, r = edges[first], edges[last], widest[first:last].min(initial=np.inf)
+    if not end - start >= _SHANK * (high - low):
+        return None
+    mine = (part.centre - middle) @ axis
+    inside = (mine > start) & (mine < end)
+    cylinder = np.pi * r**2 * np.ptp(along[inside]) if inside.any() else np.inf
+    if not _FULL[0] <= part.volume[inside].sum() / cylinder <= _FULL[1]:
+        return None
+    ends = [widest[:first].max(initial=0.0), widest[last:].max(initial=0.0)]
+    if max(ends) < _WIDER * r:
+        return None
+    sign = 1.0 if ends[1] >= ends[0] else -1.0
+    at = _free_place(mine[inside], start, end)
+    return Shank(number, part.body, sign * axis, float(r), middle + at * axis)
+
+
+def _longest_run(flags: np.ndarray) -> tuple[int, int]:
+    """Return the begin and the end of the longest run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
+    runs = edges.reshape(-1, 2)
+    return tuple(runs[np.argmax(np.diff(runs, axis=1))].tolist()) if len(runs) else (0, 0)
+
+
+def _free_place(along: np.ndarray, start: float, end: float) -> float:
+    """Return where a plane between ``start`` and ``end`` passes farthest from the centres of elements, in the middle third."""
+    low, high = start + (end - start) / 3.0, end - (end - start) / 3.0
+    inside = np.sort(along[(along > low) & (along < high)])
+    if len(inside) < 2 or np.diff(inside).max() < 1e-3 * (end - start):
+        return float((low + high) / 2.0)
+    largest = int(np.argmax(np.round(np.diff(inside) / (end - start), 6)))
+    return float(inside[largest : largest + 2].mean())
+
+
+def _with_nuts(skin: Skin, touching: Touching, shank: Shank, parts: dict[int, _Part], bolts: set[int]) -> Shank:
+    """Return a shank with its nuts and washers, and its cut clear of the nuts."""
+    rings = tuple(number for number, part in parts.items() if number not in bolts and _is_ring(part, shank, parts[shank.part]))
+    mine = (skin.part[touching.face] == shank.part) & (np.abs(skin.normal[touching.face] @ shank.axis) < _ACROSS)
+    on_thread = set(skin.part[touching.other[mine]].tolist())
+    nuts = tuple(number for number in rings if number in on_thread)
+    shank = replace(shank, rings=rings, nuts=nuts)
+    if not nuts:
+        return shank
+    along, radius = _around(parts[shank.part].centre, shank)
+    nut_end = max(float(_around(parts[nut].corners, shank)[0].max()) for nut in nuts)
+    head = float(along[radius > shank.radius].min(initial=along.max()))
+    if head <= nut_end:
+        return shank
+    at = _free_place(along[(along > nut_end) & (along < head)], nut_end, head)
+    return replace(shank, position=shank.position + at * shank.axis)
+
+
+def _around(points: np.ndarray, shank: Shank) -> tuple[np.ndarray, np.ndarray]:
+    """Return where points (..., 3) lie along a shank, from its cut, and how far from its axis [m]."""
+    arms = points - shank.position
+    along = arms @ shank.axis
+    return along, np.linalg.norm(arms - along[..., None] * shank.axis, axis=-1)
+
+
+def _is_ring(part: _Part, shank: Shank, bolt: _Part) -> bool:
+    """Return whether a part is a ring around a shank, no wider than a nut."""
+    (along, radius), (of_bolt, _) = _around(part.corners, shank), _around(bolt.corners, shank)
+    is_beside = along.min() > of_bolt.min() - shank.radius and along.max() < of_bolt.max() + shank.radius
+    return bool(is_beside and radius.max() <= _NUT * shank.radius and radius.min() >= _HOLE * shank.radius)
+
+
+def _cuts_of_file(mesh: Mesh, inner: Collection[str]) -> list[tuple[str, np.ndarray]]:
+    """Return the groups of the file that cut something through, with their nodes."""
+    named = {block.group for block in mesh.faces if block.group in inner}
+    cuts = []
+    for name in named:
+        try:
+            cuts.append((name, cut_through(mesh, Bolt.of_file(group=name)).nodes))
+        except MeshError:
+            continue
+    return sorted(cuts, key=lambda cut: cut[0])
+
+
+def _cut_of(shank: Shank, part: np.ndarray, cuts: Sequence[tuple[str, np.ndarray]]) -> str | None:
+    """Return the first group that cuts a shank."""
+    return next((name for name, nodes in cuts if (part[nodes] == shank.part).all()), None)

@@ -1,0 +1,145 @@
+"""Joints, ties and bolts of a first scene, as text; what nobody knows yet stands there as a comment to be filled in."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from ...formats.model import Finding
+from ...scene.toml_text import value_text
+from ...tables.joint import Joint
+from ...tables.structure import Surface
+from ...tables.units import UNITS
+from .bolts import Shank
+from .candidate import Candidate
+from .first import First
+
+_STRESS = 5e8  # Pa, of a tightened shank: that of a bolt of class 8.8, roughly
+_QUESTIONS = {
+    "friction": "#> friction = 0.3               # dry steel on steel: 0.1 to 0.6",
+    "tangential_stiffness": "#> tangential_stiffness = 1e13  # N/m3: 1e12 to 1e14 of metals; a layer of steel as thick as 80e9 / "
+    "this, in m",
+    "normal_stiffness": "#> normal_stiffness = 1.5e13    # N/m3: as it, or up to twice",
+}
+
+
+def quoted(text: str) -> str:
+    """Return a text as TOML writes it.  Local."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def key_line(key: str, value: str, comment: str = "") -> str:
+    """Return a line with a key, and a comment behind it.  Local."""
+    stated = f"{key} = {value}"
+    return f"{stated:31} # {comment}" if comment else stated
+
+
+def joint_text(candidate: Candidate, first: First) -> str:
+    """Return a joint with its numbers as comments, after the surfaces that it needs; a tie where the file glues them."""
+    for finding in first.file.findings:
+        if finding.is_glued and frozenset(finding.surfaces) == frozenset(candidate.surfaces):
+            return _tie(candidate, finding)
+    lines = [_surface(surface) for surface in candidate.made]
+    preload = (
+        key_line("preload", '"static"', "what [statics] finds")
+        if first.states_bolts or first.loads_at_rest
+        else "#> preload = 1e6                # Pa at rest: 1e5 to 1e8; bolts: force / area"
+    )
+    if candidate.is_apart:
+        preload = key_line("gap", '"geometry"', "as the mesh has it")
+    note = f"# {candidate.text}"
+    lines += [
+        note,
+        "[[joints]]",
+        key_line("name", quoted(candidate.name)),
+        key_line("surfaces", f"[{', '.join(map(quoted, candidate.surfaces))}]"),
+        *_contact(candidate, first),
+        preload,
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _contact(candidate: Candidate, first: First) -> list[str]:
+    """Return friction and stiffnesses of a joint: those of the file, as comments what it does not state."""
+    known = first.file.joints if first.scale is None else ()
+    of_file = next(
+        (joint for joint in known if frozenset(joint.surfaces or ()) == frozenset(candidate.surfaces)), Joint.of_file()
+    )
+    stated = of_file.in_si(UNITS[first.units or "m-kg-s"])
+    lines = []
+    for key, question in _QUESTIONS.items():
+        lines.append(key_line(key, repr(stated[key]), "as in the file") if stated.get(key) else question)
+    return lines
+
+
+def _tie(candidate: Candidate, finding: Finding) -> str:
+    """Return a tie, with the way to a joint in its place."""
+    lines = [
+        f"# {candidate.text}; bonded in the file",
+        "# where they may slip: [[joints]] with friction, two stiffnesses and a preload in place of [[ties]]",
+        "[[ties]]",
+        key_line("surfaces", f"[{', '.join(map(quoted, finding.surfaces))}]"),
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def glued_text(candidate: Candidate) -> str:
+    """Return a tie of a bolt, nut or washer with what it presses."""
+    lines = [_surface(surface) for surface in candidate.made]
+    lines += [
+        f"# {candidate.text}",
+        "# a bolt, nut or washer: glued; where it may slip, [[joints]] in place of [[ties]]",
+        "[[ties]]",
+        key_line("surfaces", f"[{', '.join(map(quoted, candidate.surfaces))}]"),
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def apart_text(candidate: Candidate, first: First) -> str:
+    """Return a joint of surfaces with room between them, as comments."""
+    lines = [_surface(surface) for surface in candidate.made]
+    lines += [
+        "[[joints]]",
+        key_line("name", quoted(candidate.name)),
+        key_line("surfaces", f"[{', '.join(map(quoted, candidate.surfaces))}]"),
+        key_line("gap", '"geometry"', f"{candidate.gap:.3g} m"),
+        *(line.removeprefix("#> ") for line in _contact(candidate, first)),
+    ]
+    heading = f"# With room between them: {candidate.text}; where they may close, remove '#| '"
+    return "\n".join([heading, *(f"#| {line}" for line in "\n".join(lines).splitlines() if line), ""])
+
+
+def _surface(surface: Surface) -> str:
+    lines = [
+        "[[surfaces]]",
+        key_line("name", quoted(surface.name)),
+        key_line("bodies", f"[{', '.join(map(quoted, surface.bodies))}]", "faces of the first that lie on the second"),
+    ]
+    if surface.normal is not None:
+        lines.append(key_line("normal", f"[{', '.join(map(repr, surface.normal))}]", "and look there"))
+    if surface.tolerance is not None:
+        lines.append(key_line("tolerance", f"{surface.tolerance:g}", "m, between them"))
+    return "\n".join([*lines, ""])
+
+
+def bolt_text(shank: Shank, number: int, first: First) -> list[str]:
+    """Return the cut of a bolt, if the file has none, and its tightening."""
+    group, lines = shank.group, [f"# a bolt: {shank.body}, shank of {2e3 * shank.radius:.3g} mm"]
+    if group is None:
+        group = f"cut {number}"
+        while group in first.mesh.node_groups:
+            group += " of new"
+        lines += [
+            "[[surfaces]]",
+            key_line("name", quoted(group), "the faces inside the shank that follow a plane"),
+            key_line("bodies", f"[{quoted(shank.body)}, {quoted(shank.body)}]"),
+            key_line("through", value_text(tuple(map(float, shank.position))), "m"),
+            key_line("normal", value_text(shank.direction)),
+        ]
+    force = f"#> force = {_STRESS * np.pi * shank.radius**2:.1g}".replace("e+0", "e")
+    comment = f"N, of the tightened bolt: here {_STRESS / 1e6:g} MPa"
+    return [*lines, "[[statics.bolts]]", key_line("group", quoted(group)), f"{force:31} # {comment}", ""]
