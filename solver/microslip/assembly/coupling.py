@@ -39,16 +39,16 @@ def coupling_of_nodes(dmesh: DistributedMesh, pairs: ContactPairs, constraints: 
     comm, pattern = dmesh.comm, node_pattern(dmesh)
     n_owned, n = len(pattern.indptr) - 1, pattern.n_nodes
     nodal = sp.csr_matrix((np.ones(len(pattern.indices), dtype=np.int8), pattern.indices, pattern.indptr), (n_owned, n))
-    seen = sum((_ones(side) for side in pairs.sides(n)), sp.csr_matrix((pairs.n_pairs, n), dtype=np.int8))[:, _back(dmesh)]
+    touched = sum((_ones(side) for side in pairs.sides(n)), sp.csr_matrix((pairs.n_pairs, n), dtype=np.int8))[:, _back(dmesh)]
     if constraints is not None:
         T = _places_that_lead(constraints, dmesh.rank_order)
         nodal = T[pattern.row_start : pattern.row_start + n_owned].T @ _ones(nodal @ T[:n])
-        parts, seen, n = comm.gather(nodal) or [], seen @ T[:n], T.shape[1]
+        parts, touched, n = comm.gather(nodal) or [], touched @ T[:n], T.shape[1]
         nodal = _ones(sum(parts[1:], parts[0])) if comm.rank == 0 else sp.csr_matrix((0, n), dtype=np.int8)
         first = 0
     else:
         first = pattern.row_start
-    by_pairs = _ones(seen.T.tocsr()[first : first + nodal.shape[0]] @ seen)
+    by_pairs = _ones(touched.T.tocsr()[first : first + nodal.shape[0]] @ touched)
     rows = _ones(nodal + by_pairs + sp.eye(nodal.shape[0], n, first, dtype=np.int8))
     return Coupling(_matrix(comm, rows), 3, 9 * nodal.nnz, 3 * nodal.shape[0], 3 * n)
 

@@ -151,12 +151,12 @@ def _of_moved(dmesh: DistributedMesh, tables: StructureTables, moved: np.ndarray
 
 
 def stiffness_at_rest(
-    dmesh: DistributedMesh, tables: StructureTables, system: System, u_owned: np.ndarray, seen: Seen | None = None
+    dmesh: DistributedMesh, tables: StructureTables, system: System, u_owned: np.ndarray, above_cuts: Seen | None = None
 ) -> PETSc.Mat:
     """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m].
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  K_F takes the place of K where the deformed shape counts.
-    ``seen`` gives what some elements see beyond that of their nodes (above the cuts of
+    ``above_cuts`` gives what some elements see beyond that of their nodes (above the cuts of
     bolts), of a block, its number and rows: (n_elements, n, 3) [m].
     """
     moved = moved_at_nodes(dmesh, system)
@@ -166,7 +166,7 @@ def stiffness_at_rest(
     for i, block in enumerate(dmesh.blocks):
         for chunk in element_chunks(block):
             is_owned, positions = pattern.positions(block.nodes[chunk])
-            seen_there = u[block.nodes[chunk]] if seen is None else u[block.nodes[chunk]] + seen(block, i, chunk)
+            seen_there = u[block.nodes[chunk]] if above_cuts is None else u[block.nodes[chunk]] + above_cuts(block, i, chunk)
             change = _stiffening(block, chunk, tables, seen_there)
             total.add(is_owned, positions, change)
     return with_change(dmesh, system, spin_of(tables), pattern, total)

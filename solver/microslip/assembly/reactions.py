@@ -34,7 +34,7 @@ def acting_at_rest(
     tables: StructureTables,
     system: System,
     u_owned: np.ndarray,
-    seen: Seen | None = None,
+    above_cuts: Seen | None = None,
 ) -> Acting | None:
     """Return what acts at rest beside contact, on rank 0; None elsewhere.
 
@@ -44,7 +44,7 @@ def acting_at_rest(
     Parameters
     ----------
     mesh : the whole mesh on rank 0, None elsewhere
-    seen : what elements above the cuts of bolts see beside the displacement of their nodes, as in ``stiffness_at_rest``
+    above_cuts : what elements above the cuts of bolts see beside the displacement of their nodes, as in ``stiffness_at_rest``
     """
     comm, constraints = dmesh.comm, system.constraints
     is_large = stated_statics(tables).large_displacements
@@ -52,7 +52,7 @@ def acting_at_rest(
     u = system.at_nodes(whole) + (0.0 if system.moved is None else system.moved)
     to_mesh, is_held = np.argsort(dmesh.rank_order), held_places(system)
     loads = nodal_loads(dmesh, mesh, tables)
-    resisted = _resisted(dmesh, tables, u[to_mesh], is_held[to_mesh].any(axis=1), seen)
+    resisted = _resisted(dmesh, tables, u[to_mesh], is_held[to_mesh].any(axis=1), above_cuts)
     if is_large:
         loads += _farther_out(dmesh, tables, u[to_mesh])
     gathered = comm.gather((loads, resisted))
@@ -86,7 +86,7 @@ def held_places(system: System) -> np.ndarray:
 
 
 def _resisted(
-    dmesh: DistributedMesh, tables: StructureTables, u: np.ndarray, is_held: np.ndarray, seen: Seen | None
+    dmesh: DistributedMesh, tables: StructureTables, u: np.ndarray, is_held: np.ndarray, above_cuts: Seen | None
 ) -> np.ndarray:
     """Return K u, or f_int(u), of elements at held nodes on this rank's nodes, (n_owned_nodes, 3) [N]; all rank-ordered."""
     first, last = owned_nodes(dmesh)
@@ -97,7 +97,7 @@ def _resisted(
             rows = at_held[chunk]
             if not len(rows):
                 break
-            by = u[block.nodes[rows]] if seen is None else u[block.nodes[rows]] + seen(block, i, rows)
+            by = u[block.nodes[rows]] if above_cuts is None else u[block.nodes[rows]] + above_cuts(block, i, rows)
             of = body.solids(block.kind, block.points[rows], block.rise_of(rows))
             if stated_statics(tables).large_displacements:
                 forces, _ = elements.large_displacements(of, by)

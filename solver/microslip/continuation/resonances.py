@@ -87,8 +87,8 @@ def modes_passed(solver: PointSolver, here: Iterate, there: Iterate) -> float | 
         background = np.maximum(np.abs(o @ a), np.abs(o @ b))  # (n_outputs, n_harmonics)
         highest, where = highest_between(a, b)
         rises = modes & (highest > RISES * np.maximum(np.abs(a), np.abs(b)))
-        seen = np.abs(o)[:, :, None] * highest > SEEN * background[:, None, :]  # (n_outputs, m, n_harmonics)
-        peaks += [(highest[k, n], where[k, n]) for k, n in np.argwhere(rises & seen.any(axis=0))]
+        is_visible = np.abs(o)[:, :, None] * highest > SEEN * background[:, None, :]  # (n_outputs, m, n_harmonics)
+        peaks += [(highest[k, n], where[k, n]) for k, n in np.argwhere(rises & is_visible.any(axis=0))]
     return max(peaks)[1] if peaks else None
 
 

@@ -135,8 +135,8 @@ def _name(entry: Tables) -> str:
 def taken_parts(scene: Scene, model: FileModel) -> set[str]:
     """Return the parts of the file's model that are taken over.  Local."""
     is_stated = "take" in scene.model.model_fields_set
-    own = {"bodies": scene.bodies, "supports": scene.supports, "statics": scene.statics}
-    parts: set[str] = {part for part in scene.model.take if is_stated or not own.get(part)}
+    stated = {"bodies": scene.bodies, "supports": scene.supports, "statics": scene.statics}
+    parts: set[str] = {part for part in scene.model.take if is_stated or not stated.get(part)}
     return parts - {"statics"} if _ignores_statics(scene, model) else parts
 
 

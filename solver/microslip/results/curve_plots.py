@@ -190,13 +190,15 @@ def draw_error(results: ResultFile) -> Pages:
         return {}
     shares = [error_shares(level) for level in levels]
     lowest = [max(_ERROR_DECADES * bars.max(), _LEAST_ERROR) for bars, _ in shares]
-    seen = [any(parts[:, i].max() > _SEEN * low for (_, parts), low in zip(shares, lowest)) for i in range(len(PARTS))]
+    is_visible = [any(parts[:, i].max() > _SEEN * low for (_, parts), low in zip(shares, lowest)) for i in range(len(PARTS))]
     styles = list(zip(PARTS, _PART_COLOURS))
     any_bar = any(bars.max() > _LEAST_ERROR for bars, _ in shares)
     handles = [Line2D([], [], color=INK, lw=1.6, label="error bar")] if any_bar else []
     if any_bar and any(level.error_corrected is not None for level in levels):
         handles.append(Line2D([], [], color=INK, lw=1.1, ls=":", label="of the corrected amplitude"))
-    handles += [Line2D([], [], color=colour, lw=1.1, label=part) for (part, colour), is_seen in zip(styles, seen) if is_seen]
+    handles += [
+        Line2D([], [], color=colour, lw=1.1, label=part) for (part, colour), is_seen in zip(styles, is_visible) if is_seen
+    ]
     says = f"error bar of {plain(results.outputs[0], 24)}, and what it comes from, over the peak of the level"
     page, axes = _panels(results, says, levels, handles)
     for ax, level, (bars, parts), low in zip(axes, levels, shares, lowest):

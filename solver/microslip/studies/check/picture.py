@@ -113,15 +113,15 @@ def _bodies(axes, skin: Skin, view: np.ndarray) -> None:
     normal = np.cross(points[:, 2] - points[:, 0], points[:, 3] - points[:, 1])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     towards = normal @ view[0]
-    seen = np.flatnonzero(towards > 0.01)
-    seen = seen[np.argsort(points[seen].mean(axis=1) @ view[0], kind="stable")]
-    shade = (0.62 + 0.38 * np.maximum(towards[seen], normal[seen] @ _lit(view)))[:, None]
+    visible = np.flatnonzero(towards > 0.01)
+    visible = visible[np.argsort(points[visible].mean(axis=1) @ view[0], kind="stable")]
+    shade = (0.62 + 0.38 * np.maximum(towards[visible], normal[visible] @ _lit(view)))[:, None]
     colours = np.array([matplotlib.colors.to_rgb(BODY_COLOURS[i % len(BODY_COLOURS)]) for i in range(body.max(initial=0) + 1)])
-    faces = np.clip(colours[body[seen]] * shade, 0.0, 1.0)
+    faces = np.clip(colours[body[visible]] * shade, 0.0, 1.0)
     lines = (
-        {"edgecolors": "#33404d", "linewidths": 0.25} if len(seen) <= _MESH_LINES else {"edgecolors": faces, "linewidths": 0.3}
+        {"edgecolors": "#33404d", "linewidths": 0.25} if len(visible) <= _MESH_LINES else {"edgecolors": faces, "linewidths": 0.3}
     )
-    axes.add_collection(PolyCollection(points[seen] @ view[1:].T, facecolors=faces, **lines))
+    axes.add_collection(PolyCollection(points[visible] @ view[1:].T, facecolors=faces, **lines))
 
 
 def _lit(view: np.ndarray) -> np.ndarray:
@@ -140,9 +140,9 @@ def _coarse(skin: Skin) -> tuple[np.ndarray, np.ndarray]:
     _, first, same = np.unique(cell, axis=0, return_index=True, return_inverse=True)
     moved = first[same.ravel()][corners]
     n_distinct = 4 - (np.diff(np.sort(moved, axis=1), axis=1) == 0).sum(axis=1)
-    kept = np.flatnonzero(n_distinct >= 3)
-    _, once = np.unique(np.sort(moved[kept], axis=1), axis=0, return_index=True)
-    return moved[kept[once]], skin.body[kept[once]]
+    is_triangle = np.flatnonzero(n_distinct >= 3)
+    _, once = np.unique(np.sort(moved[is_triangle], axis=1), axis=0, return_index=True)
+    return moved[is_triangle[once]], skin.body[is_triangle[once]]
 
 
 def _sets(axes, skin: Skin, marks: Sequence[Mark], view: np.ndarray) -> None:

@@ -40,7 +40,7 @@ _HEAD = (
 
 def text_of(comparison: Difference) -> str:
     """Return all that there is to say, the verdict in the last line.  Local."""
-    parts = [_heads(comparison), _asked(comparison), _structure(comparison)]
+    parts = [_heads(comparison), _inputs(comparison), _structure(comparison)]
     if comparison.levels:
         parts.append(_table(comparison))
     notes = _notes(comparison)
@@ -87,7 +87,7 @@ def _head(results: ResultFile) -> str:
     return _short(", ".join(parts), 200)
 
 
-def _asked(comparison: Difference) -> str:
+def _inputs(comparison: Difference) -> str:
     """Return the keys, facts and files that differ."""
     lines = _changes("inputs", comparison.keys) or ["inputs: the same keys and values"]
     lines += _changes("computed with", comparison.facts)

@@ -35,7 +35,7 @@ def contents(
 ) -> dict[str, Entry]:
     """Return the arrays of an export by their names.  Local."""
     entries = {**_matrices(model, K_J), **_pairs(structure.pairs)}
-    entries |= _loads(scene, model) | _outputs(scene, reduction, model) | _asked(scene, structure)
+    entries |= _loads(scene, model) | _outputs(scene, reduction, model) | _settings(scene, structure)
     return entries
 
 
@@ -121,7 +121,7 @@ def _outputs(scene: Scene, reduction: Reduction, model: InterfaceModel) -> dict[
     }
 
 
-def _asked(scene: Scene, structure: Structure) -> dict[str, Entry]:
+def _settings(scene: Scene, structure: Structure) -> dict[str, Entry]:
     omega_n, response = structure.modes.omega_n, scene.response
     low, high = frequency_band(band(scene), omega_n)
     grid = np.linspace(low, high, response.points)

@@ -86,17 +86,17 @@ def constraint_shapes(B: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 def independent_rows(B: np.ndarray) -> np.ndarray:
     """Return the rows of B, in their order, that are no combination of those before, to ``INDEPENDENT``.  Local."""
-    size, kept = np.linalg.norm(B, axis=1), list[int]()
+    size, independent = np.linalg.norm(B, axis=1), list[int]()
     Q = np.zeros((min(B.shape), B.shape[1]))
     for i in np.flatnonzero(size > 0.0):
-        known, row = Q[: len(kept)], B[i] / size[i]
+        known, row = Q[: len(independent)], B[i] / size[i]
         for _ in range(2):  # twice is enough
             row = row - known.T @ (known @ row)
         rest = float(np.linalg.norm(row))
-        if rest > INDEPENDENT and len(kept) < len(Q):
-            Q[len(kept)] = row / rest
-            kept.append(i)
-    return np.array(kept, dtype=int)
+        if rest > INDEPENDENT and len(independent) < len(Q):
+            Q[len(independent)] = row / rest
+            independent.append(i)
+    return np.array(independent, dtype=int)
 
 
 def held_modes(psi: np.ndarray, omega_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,10 +114,12 @@ def held_modes(psi: np.ndarray, omega_n: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def signs(model: InterfaceModel) -> np.ndarray:
     """Return +1 or -1 for each coordinate, (n,), such that a mode's sign does not depend on how it was computed.  Local."""
-    seen = np.vstack([model.M[: model.n_b], model.F.T, model.outputs])
-    largest = np.abs(seen).max(axis=1, initial=0.0)
-    weight = np.divide(1.0 + np.cos(np.arange(len(seen))) / 2.0, largest, out=np.zeros(len(seen)), where=largest > 0.0)
-    sign = np.where(weight @ seen < 0.0, -1.0, 1.0)
+    projection = np.vstack([model.M[: model.n_b], model.F.T, model.outputs])
+    largest = np.abs(projection).max(axis=1, initial=0.0)
+    weight = np.divide(
+        1.0 + np.cos(np.arange(len(projection))) / 2.0, largest, out=np.zeros(len(projection)), where=largest > 0.0
+    )
+    sign = np.where(weight @ projection < 0.0, -1.0, 1.0)
     sign[: model.n_b] = 1.0
     return sign
 

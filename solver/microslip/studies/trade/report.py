@@ -345,8 +345,8 @@ def choice_lines(study: Study, target: float) -> list[str]:
         error = _known(study.score(run).error, study)
         said = f"for {request}: error {error} measured, {run.cost:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
         table = run.setting.table().splitlines()
-        kept = [line for line in table if not (study.is_linear and line.startswith(("harmonics", "samples", "tolerance")))]
-        return [said, *(f"    {line}" for line in kept), ""]
+        lines = [line for line in table if not (study.is_linear and line.startswith(("harmonics", "samples", "tolerance")))]
+        return [said, *(f"    {line}" for line in lines), ""]
     if study.reference.floor > target:
         known = percent(study.reference.floor)
         return [f"for {request}: not decided, the reference itself is known to {known} only; raise --seconds", ""]

@@ -125,8 +125,8 @@ def _draw_bars(axes, study: Study) -> None:
             exact = study.reference.curves[curve.level]
             n = min(len(curve.omega), len(exact.omega))
             error, bar = np.abs(curve.u[:n] - exact.u[:n]) / (exact.peak or 1.0), curve.bar[:n] / (exact.peak or 1.0)
-            kept = np.isfinite(bar) & (bar > 0.0) & (error > exact.bar[:n] / (exact.peak or 1.0))
-            pairs.append((run.knob, np.maximum(error[kept], LEAST), np.maximum(bar[kept], LEAST)))
+            shown = np.isfinite(bar) & (bar > 0.0) & (error > exact.bar[:n] / (exact.peak or 1.0))
+            pairs.append((run.knob, np.maximum(error[shown], LEAST), np.maximum(bar[shown], LEAST)))
     everything = np.concatenate([np.concatenate(pair[1:]) for pair in pairs]) if pairs else np.empty(0)
     if len(everything) == 0:
         axes.set_axis_off()

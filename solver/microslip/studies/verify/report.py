@@ -25,7 +25,7 @@ COLUMNS = {  # of verify.csv: heading on the screen, and what it is of a check
     "time_integration_m": ("time integration m", "marched"),
     "difference": ("difference", "difference"),
     "difference_with_phase": ("with phase", "with_phase"),
-    "own_error": ("own error", "own"),
+    "own_error": ("own error", "integration_error"),
     "higher_harmonics": ("higher harmonics", "higher"),
     "energy_closure": ("energy closure", "closure"),
     "periods": ("periods", "periods"),
@@ -60,7 +60,7 @@ class Check:
     marched: float  # m
     difference: float  # of the amplitudes over the peak of the curve
     with_phase: float  # of the complex amplitudes, over the peak
-    own: float  # the same between half the steps and all of them
+    integration_error: float  # the same between half the steps and all of them
     higher: float  # root of the sum of squares of harmonics 2 and up of the marched output over harmonic 1
     closure: float  # (input - damping - friction) / input of the period marched
     periods: int
@@ -111,14 +111,14 @@ def verdict(checks: Sequence[Check]) -> str:
     if not good:
         return "no point could be compared"
     worst = max(good, key=lambda check: check.with_phase)
-    own_error = max(check.own for check in good)
+    integration_error = max(check.integration_error for check in good)
     said = (
         f"largest difference {worst.with_phase:.1e} of the peak ({worst.where}; amplitude and phase); "
-        f"time integration's own error is about {own_error:.1e}"
+        f"time integration's own error is about {integration_error:.1e}"
     )
     if worst.with_phase <= EXPECTED:
         return said
-    if worst.own > 0.5 * worst.with_phase:
+    if worst.integration_error > 0.5 * worst.with_phase:
         return said + ": the steps a period are too few to tell; raise --steps"
     return said + ": harmonics or samples of harmonic balance are too few; try --harmonics and --samples"
 

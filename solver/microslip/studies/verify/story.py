@@ -266,7 +266,7 @@ def compared(point: Chosen, fine: np.ndarray, coarse: np.ndarray) -> Check:
         marched=marched,
         difference=(balanced - marched) / scale,
         with_phase=float(np.hypot(*(point.response[1:3] - fine[1:3]))) / scale,
-        own=float(np.hypot(*(fine[1:3] - coarse[1:3]))) / scale,
+        integration_error=float(np.hypot(*(fine[1:3] - coarse[1:3]))) / scale,
         higher=float(np.linalg.norm(fine[3:])) / (marched or 1.0),
         closure=np.nan,
         periods=0,
