@@ -213,7 +213,7 @@ def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, prog
     failed, *whole = read_results(str(shared_path / "out" / "results.h5")).levels
     assert failed.status == "failed" and "no convergence beyond" in failed.failure
     assert [level.status for level in whole] == ["complete", "complete"]
-    assert all((level.requested == 1).sum() == len(AT) for level in whole)
+    assert all((level.asked == 1).sum() == len(AT) for level in whole)
     assert all(level.frequency.max() == pytest.approx(1.6 / (2.0 * np.pi)) for level in whole)
 
 

@@ -126,7 +126,7 @@ def test_methods_agree_where_pairs_slip_and_the_energy_balances(comm, shared_pat
                 structure, method=method, frequencies=(frequencies[0], frequencies[-1]), at=frequencies, error_bars=False
             )
             (level,) = response.results.levels
-            chosen = np.flatnonzero(level.requested)
+            chosen = np.flatnonzero(level.asked)
             curves[method] = level.response[chosen]
             assert (level.state[chosen] == 1).any()
             np.testing.assert_allclose(level.input, level.damping + level.friction, rtol=1e-6)
@@ -165,8 +165,8 @@ def test_error_bars_know_of_it(comm, shared_path, n_modes):
                 at = [float(share * structure.modes.frequency[0]) for share in (0.95, 1.0, 1.05)]
             found.append(microslip.respond(structure, levels=[1e-3], at=at, points=3))
     a, b = (one["corner"] for one in found)
-    chosen = np.flatnonzero(found[0].results.levels[0].requested)
-    exact = np.flatnonzero(found[1].results.levels[0].requested)
+    chosen = np.flatnonzero(found[0].results.levels[0].asked)
+    exact = np.flatnonzero(found[1].results.levels[0].asked)
     missed = np.abs(a.harmonic(1)[0, chosen] - b.harmonic(1)[0, exact])
     assert (missed > 0.0).all() and (missed <= a.error[0, chosen]).all()
     assert (a.error[0, chosen] <= 0.1 * a.amplitude.max()).all()

@@ -113,7 +113,7 @@ def test_error_bars_hold_what_harmonics_and_samples_leave(tmp_path, name):
         coarse = microslip.respond(structure).results.levels[0]
         fine = microslip.respond(structure, harmonics=11, samples=256, error_bars=False).results.levels[0]
     (U, bars), (exact, _) = (
-        ((level.response[..., 1] - 1j * level.response[..., 2])[level.requested > 0], level.error) for level in (coarse, fine)
+        ((level.response[..., 1] - 1j * level.response[..., 2])[level.asked > 0], level.error) for level in (coarse, fine)
     )
     true, parts = np.abs(U - exact), bars[coarse.requested > 0]
     assert len(U) == len(exact) == len(at)
@@ -133,7 +133,7 @@ def test_error_bars_know_the_number_of_sliders(tmp_path, name):
         path.write_text(text.replace('friction_limit = "circle"', f"{LAWS[name][0]}\nsliders = {sliders}"))
         with microslip.build(microslip.read(path), HERE) as structure:
             (level,) = microslip.respond(structure).results.levels
-        found.append([values[level.requested > 0] for values in (level.response, level.error)])
+        found.append([values[level.asked > 0] for values in (level.response, level.error)])
     (coarse, parts), (fine, _) = found
     true = np.abs((coarse - fine)[..., 1] - 1j * (coarse - fine)[..., 2])
     told = parts[..., PARTS.index("sliders")]
