@@ -67,7 +67,7 @@ def _refuse_scripts(commands_read: tuple[Command, ...]) -> None:
     words = list(dict.fromkeys(command.word for command in commands_read))
     if {"NBLOCK", "EBLOCK"} & set(words):
         return
-    made_by = ", ".join([word for word in words if word[:4] in _MAKE_MESHES][:4])
+    made_by = ", ".join([word for word in words if word[:4] in _MAKE_MESHES and "=" not in word][:4])
     but = f" but commands that make one when Ansys runs them ({made_by})" if made_by else ""
     raise MeshError(f"it holds no mesh (NBLOCK, EBLOCK){but}; write the mesh in Ansys by CDWRITE,DB,NAME,cdb and take that file")
 

@@ -1,0 +1,51 @@
+"""The table of public models: files are read or refused with a reason, edited lines are counted, modes are those of the commands."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plain_model import cdb, inp, plain
+
+sys.path.append(str(Path(__file__).parents[2] / "jobs" / "real"))
+
+import table
+from table import checked, edited, files_of, frequencies, reason, reason_rows
+
+
+def test_files_are_read_or_refused_with_their_reason(tmp_path):
+    (tmp_path / "good.cdb").write_text(cdb(plain()))
+    for name in ("bad1.inp", "bad2.inp"):
+        (tmp_path / name).write_text(f"*NODE\n1,0.,0.,0.\n2,{name[3]},0.,0.\n*ELEMENT,TYPE=T3D2\n1,1,2\n")
+    package = {"name": "two", "files": ["*.cdb", "bad*.inp"]}
+    found = [checked(path) for path in files_of(package, tmp_path)]
+    assert [one.outcome for one in found] == ["refused", "refused", "read"]
+    ((name, why, example, n),) = reason_rows(package, found)
+    assert (name, example, n) == ("two", "bad1.inp", "2") and "no volume elements (beams or shells)" in why
+
+
+def test_a_defect_is_told_from_a_refusal(tmp_path, monkeypatch):
+    monkeypatch.setattr(table, "check_model", lambda *_: {}["missing"])
+    (one,) = [checked(tmp_path / "any.inp")]
+    assert (one.outcome, one.why) == ("stopped", "KeyError: 'missing'")
+
+
+def test_equal_reasons_have_equal_words():
+    said = {reason(f"/a/m.inp: line {n}: it includes 'all{n}.msh', and there is no such file", Path("/a/m.inp")) for n in (1, 12)}
+    assert said == {"line N: it includes a file, and there is no such file"}
+
+
+def test_edited_lines_are_counted(tmp_path):
+    scene = tmp_path / "s.toml"
+    scene.write_text("#> a = 1\nb = 2\n")
+    assert edited(scene, {"replace": [["#> a = 1", "a = 3"]], "add": "[c]\n\nd = 4\n"}) == 3
+    assert scene.read_text().split() == ["a", "=", "3", "b", "=", "2", "[c]", "d", "=", "4"]
+    with pytest.raises(ValueError, match="no line 'e'"):
+        edited(scene, {"replace": [["e", "f"]]})
+
+
+@pytest.mark.slow
+def test_modes_are_those_of_the_two_commands(tmp_path):
+    (tmp_path / "m.inp").write_text(inp(plain()))
+    found, n, why = frequencies(tmp_path / "m.inp", {}, tmp_path)
+    assert n == 0 and (why or (len(found) == table.N_MODES and (np.diff(found) >= 0.0).all()))
