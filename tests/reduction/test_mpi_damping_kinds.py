@@ -110,7 +110,7 @@ def test_one_mass_on_a_lossy_spring(comm, shared_path):
     np.testing.assert_allclose(response["0"].harmonic(1)[0], exact, atol=1e-12 * np.abs(exact).max())
     np.testing.assert_allclose(result.damping, np.pi * eta * k * np.abs(exact) ** 2, rtol=1e-11)
     np.testing.assert_allclose(result.input, result.damping, rtol=1e-10)
-    assert np.flatnonzero(result.requested).size == 1 and np.abs(exact).max() == pytest.approx(level / (eta * k), rel=1e-3)
+    assert np.flatnonzero(result.asked).size == 1 and np.abs(exact).max() == pytest.approx(level / (eta * k), rel=1e-3)
 
 
 @pytest.mark.slow

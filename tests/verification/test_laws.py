@@ -87,7 +87,7 @@ def test_pairs_pressed_to_many_times_their_preload_meet_the_march_in_time(tmp_pa
     path.write_text(path.read_text().replace('friction_limit = "circle"', LAWS["power"][0]))
     with microslip.build(microslip.read(path), HERE) as structure:
         (found,) = microslip.respond(structure).results.levels
-    ((response,), (bar,)) = found.response[found.requested > 0], total(found.error[found.requested > 0])
+    ((response,), (bar,)) = found.response[found.asked > 0], total(found.error[found.asked > 0])
     of_pairs = zip(*(system[key].tolist() for key in ("mu", "N0", "k_t", "k_n")), (600, 1200, 600), (12.0, 60.0, 20.0))
     law = populations.on_pairs(system["R"], [populations.rough(*four, 2.0, n, most) for *four, n, most in of_pairs])
     march = populations.steady_state(system["M"], system["C"], system["K"], load(system, level), omega, law, 600, 16)
@@ -115,7 +115,7 @@ def test_error_bars_hold_what_harmonics_and_samples_leave(tmp_path, name):
     (U, bars), (exact, _) = (
         ((level.response[..., 1] - 1j * level.response[..., 2])[level.asked > 0], level.error) for level in (coarse, fine)
     )
-    true, parts = np.abs(U - exact), bars[coarse.requested > 0]
+    true, parts = np.abs(U - exact), bars[coarse.asked > 0]
     assert len(U) == len(exact) == len(at)
     assert np.all(true < total(parts)) and 0.5 < np.median(true / parts.sum(axis=-1)) < 1.5
 
