@@ -30,10 +30,11 @@ FORCE = np.array([1.0, 0.3, 0.2]) / np.linalg.norm([1.0, 0.3, 0.2])
 
 def free_bar(folder, *changes, name="free", **keys):
     """Return the scene of the bar on its plate without supports, with replaced texts.  Collective."""
-    scene = scene_with(comm, folder, name=name, **keys)
+    held = f"{name}_held"  # a file of its own: other ranks may still read it
+    scene_with(comm, folder, name=held, **keys)
 
     def write():
-        text = (folder / f"{name}.toml").read_text()
+        text = (folder / f"{held}.toml").read_text()
         for old, new in ((SUPPORT, ""), *changes):
             assert old in text
             text = text.replace(old, new)
@@ -41,7 +42,6 @@ def free_bar(folder, *changes, name="free", **keys):
         path.write_text(text)
         return path
 
-    del scene
     return microslip.read(on_root(comm, write))
 
 
