@@ -341,6 +341,14 @@ def test_bodies_that_touch_nowhere_make_a_linear_scene(tmp_path):
     assert read_scene(tmp_path / "m.toml").joints == ()
 
 
+def test_a_file_that_holds_nothing_makes_a_free_scene(tmp_path):
+    sets = plain().sets
+    path = write(tmp_path, ".exo", sets={name: sets[name] for name in ("BAR_BOTTOM", "PLATE_TOP")})
+    assert "none known: the structure is free" in "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    text = filled(tmp_path / "m.toml")
+    assert read_scene(tmp_path / "m.toml").supports == () and "#| [[supports]]" in text
+
+
 def test_units_and_what_must_be_answered_stand_in_the_scene(tmp_path):
     model = plain()
     path = tmp_path / "m.inp"

@@ -140,10 +140,11 @@ def _supports(first: First) -> str:
     if not first.held and not any(point.stiffness for point in file.connected):
         names = ", ".join(first.may_be_held[:MOST]) or "none; name one in the program that wrote the file"
         lines += [
-            "# Nothing in the file says what is held. Groups that may be: " + names,
-            "#> [[supports]]",
-            f"#> group = {quoted(first.may_be_held[0] if first.may_be_held else 'NAME')}",
-            f"#> {_FIX}",
+            "# The file holds nothing: without [[supports]] the structure is free, and mode 1 is its first elastic one.",
+            "# Where it is held, remove '#| '; groups that may be: " + names,
+            "#| [[supports]]",
+            f"#| group = {quoted(first.may_be_held[0] if first.may_be_held else 'NAME')}",
+            f"#| {_FIX}",
             "",
         ]
     return "\n".join(lines)

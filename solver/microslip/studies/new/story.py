@@ -133,7 +133,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         *table("glued", [one.text for one in first.glued], 10),
         *table("or", others, 10),
         *table("bolts", bolts),
-        *table("supports", holds or ["none known: fill in [[supports]]"]),
+        *table("supports", holds or ["none known: the structure is free until the scene has [[supports]]"]),
         *table("", _on_steps(first)),
         f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is there, too",
         *table("to answer", [f"{finding.where}: {finding.word}: {finding.effect}" for finding in first.open_findings]),
