@@ -9,7 +9,7 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation.grid import at_frequencies, solved_at, task_at
-from microslip.error_estimate.correction import corrected
+from microslip.error_estimate.correction import MOST_STEPS, corrected
 from microslip.error_estimate.estimate import Changes, ErrorEstimator
 from microslip.harmonic import adjoint_solver
 from microslip.harmonic.linearisation import Linearisation
@@ -215,11 +215,24 @@ def test_what_sticks_needs_no_correction():
         assert np.array_equal(point.corrected, point.response[:, 1:3]) and not point.error_corrected.any()
 
 
-@pytest.mark.parametrize("second", [np.inf, 1.0])
-def test_nothing_is_corrected_where_the_changes_are_far_from_linear(second):
-    linear = np.array([[0.0, 0.0], [0.3, 0.4], [0.0, 0.1], [0.0, 0.0], [0.0, 0.0], [0.0, 0.2]])
-    near = corrected(linear, linear, np.array([0.01, 0.0]), np.zeros(2), 1.0)
-    assert near.correction == pytest.approx([0.31 - 0.7j])
-    assert near.remaining == pytest.approx([SAFETY * (0.2 * 0.5 + 0.25 * (0.1 + 0.2) + 0.01)])
-    far = corrected(linear, linear, np.full(2, second), np.zeros(2), 1.0)
-    assert far.correction == 0.0 and far.remaining == pytest.approx(SAFETY * 0.8) and far.remaining == total(far.parts)
+LINEAR = np.array([[0.0, 0.0], [0.3, 0.4], [0.0, 0.1], [0.0, 0.0], [0.0, 0.0], [0.0, 0.2]])
+
+
+@pytest.mark.parametrize("second", [[0.01, 0.0], [1.0, 1.0], [-0.3, -0.4]])
+def test_what_is_beyond_first_order_counts_with_the_harmonics(second):
+    steps = LINEAR.sum(axis=0) + np.array([[0.0, 0.0], second])
+    found, size = corrected(LINEAR, LINEAR, steps, True, np.zeros(2), np.ones(2)), np.hypot(0.3 + second[0], 0.4 + second[1])
+    assert found.is_near and found.correction == pytest.approx([0.3 + second[0] - 1j * (0.7 + second[1])])
+    assert found.remaining == pytest.approx([SAFETY * (0.2 * size + 0.25 * (0.1 + 0.2) + 0.2 * np.hypot(*second))])
+    assert total(found.parts) == pytest.approx([SAFETY * (size + 0.1 + 0.2)])
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "is_near", "size"), [([30.0, 40.0], True, 5.0), ([6.0, 8.0], False, 10.0), ([0.1, 0.0], False, 0.5)]
+)
+def test_nothing_is_corrected_where_steps_do_not_settle_and_far_ones_say_that_no_solution_is_near(amplitude, is_near, size):
+    steps = np.tile([3.0, 4.0] if amplitude[0] > 1.0 else [0.05, 0.0], (MOST_STEPS, 1))
+    steps[0] = 1e6  # an early one says nothing
+    found = corrected(LINEAR, LINEAR, steps, False, np.zeros(2), np.array(amplitude))
+    assert found.is_near == is_near and found.correction == 0.0
+    assert found.remaining == pytest.approx(SAFETY * (size + 0.3)) and found.remaining == total(found.parts)

@@ -27,6 +27,7 @@ from mpi4py import MPI
 from oracles import shooting
 from verification.random_structures import draw, kinds
 
+from microslip.continuation.point_record import FAR
 from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
@@ -128,7 +129,7 @@ def _keep(found: Found, number: int, system, level: float, point, peak: float) -
             point.samples,
             bar=float(total(point.error)[0]) / peak,
             parts=dict(zip(PARTS, point.error[0] / peak)),
-            kinds=kinds(system) + ["opens"] * bool((np.asarray(point.state) == 2).any()),
+            kinds=kinds(system) + ["opens"] * bool((np.asarray(point.state) == 2).any()) + ["noted"] * (FAR in point.notes),
             notes=point.notes,
             state=tuple(int(state) for state in point.state),
         )

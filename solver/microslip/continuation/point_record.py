@@ -19,6 +19,7 @@ from .problems import Problem
 
 IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a tolerance of 1e-8
 HELD = "mean slip held by springs"  # the note of such a point
+FAR = "with more harmonics no solution is found near this one"  # of one that may solve the truncated equations alone
 CREEPS = "a slider creeps on without end"  # and of one where a march does not come to its cycle
 
 
@@ -55,6 +56,7 @@ def point_record(
     most = max(abs(work), damping + abs(friction), apparent_work(model, at, p))
     _check_balance(problem, correction, work - damping - friction, most)
     estimate = None if estimator is None else estimator.at(equation, U, at, selected, of_all)
+    is_far = estimate is not None and not estimate.is_near
     response = harmonics.carry(output_motion(model, at.level, at.omega, p), recorded)
     point = Point(
         omega=at.omega,
@@ -74,7 +76,7 @@ def point_record(
         samples=equation.n_samples,
         requested=requested,
         parameters=correction.iterate.parameters,
-        notes=(*((HELD,) if equation.held is not None else ()), *((CREEPS,) if creeps else ())),
+        notes=tuple(note for note, holds in ((HELD, equation.held is not None), (CREEPS, creeps), (FAR, is_far)) if holds),
         error=None if estimate is None else estimate.parts,
         corrected=None if estimate is None else response[:, 1:3] + quadratures(estimate.correction),
         error_corrected=None if estimate is None else estimate.remaining,

@@ -12,6 +12,9 @@ from .adjoint import Adjoint
 OF_HARMONICS = 0.2  # share of that part which is left: the harmonics settle to a tenth, and more would follow beyond them
 OF_SAMPLES = 0.25  # the same of the samples, whose limit is extrapolated
 OF_SLIDERS = 0.25  # and of the elements that pairs are divided into
+MOST_STEPS = 14  # of the iteration in which the pairs follow the changes
+FAR = 0.2  # of the amplitude: where the later steps go farther, and do not settle, no solution is near
+OF_SECOND = 0.2  # and of what is beyond first order, which is known to a tenth of the way
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,29 +24,41 @@ class Estimate:
     parts: np.ndarray  # (n_outputs, n_parts) sizes of what they change, as in ``PARTS`` [m]
     correction: np.ndarray  # (n_outputs,) complex: what they change, signed; 0 where that is not known well enough [m]
     remaining: np.ndarray  # (n_outputs,) error bar of the amplitudes with it [m]
+    is_near: bool = True  # a solution of the enriched equations was found near the point
     adjoint: Adjoint | None = None  # of the outputs; None where all pairs stick
 
 
-def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, truncated: np.ndarray, unsettled: float) -> Estimate:
+def corrected(
+    parts: np.ndarray, linear: np.ndarray, steps: np.ndarray, is_settled: bool, truncated: np.ndarray, amplitude: np.ndarray
+) -> Estimate:
     """Return the estimate of what changes do to cos 1 and then sin 1 of the outputs, n = 2 n_outputs rows each.  Local.
 
-    docs/theory.md, eq. (11.4).  An amplitude whose bar would be no shorter is not corrected: slip so wide that the changes are
-    far from linear.
+    docs/theory.md, eq. (11.4).  What is beyond first order comes from the harmonics above all, and counts with them.  Where the
+    steps do not settle nothing is corrected, and the part of the harmonics is the farthest that later ones went; where that is
+    far, no solution of the enriched equations lies near the point, and the part is the amplitude itself, at least.
 
     Parameters
     ----------
     parts : (n_parts, n) of the bar, as in ``PARTS``, of either sign
     linear : (6, n) signed changes to first order: of the basis, harmonics, samples, pairs, solver, sliders
-    second : (n,) what they change beyond first order; infinite where it is not known
+    steps : (n_steps, n) all of them to all orders, as the pairs follow them step by step
+    is_settled : whether the last of these is the end
     truncated : (n,) what truncated modes change at most, of unknown sign
-    unsettled : by how much more than they should the higher harmonics miss, at least 1
+    amplitude : (n,) of the point
     """
     sizes = _sizes(parts).T
-    left = [OF_HARMONICS * unsettled * linear[1], OF_SAMPLES * linear[2], OF_SLIDERS * linear[5]]
-    rest = _sizes(np.stack([truncated, *left, second]))
-    bar, remaining = total(sizes), SAFETY * rest.sum(axis=0)
+    if not is_settled:
+        farthest = _sizes(steps[MOST_STEPS // 2 :]).max(axis=0, initial=0.0)
+        is_near = bool(farthest.max(initial=0.0) <= FAR * _sizes(amplitude).max(initial=0.0)) and len(steps) == MOST_STEPS
+        sizes[:, 1] = np.maximum(sizes[:, 1], farthest if is_near else _sizes(amplitude))
+        return Estimate(sizes, np.zeros(len(sizes), dtype=complex), total(sizes), is_near)
+    beyond = steps[-1] - steps[0]
+    by_harmonics = linear[1] + beyond
+    sizes[:, 1] = _sizes(by_harmonics)
+    left = [OF_HARMONICS * by_harmonics, OF_SAMPLES * linear[2], OF_SLIDERS * linear[5], OF_SECOND * beyond]
+    bar, remaining = total(sizes), SAFETY * _sizes(np.stack([truncated, *left])).sum(axis=0)
     is_shorter = remaining < bar
-    cos, sin = np.split(np.where(np.isfinite(second), linear.sum(axis=0) + second, 0.0), 2)
+    cos, sin = np.split(linear.sum(axis=0) + beyond, 2)
     return Estimate(sizes, np.where(is_shorter, cos - 1j * sin, 0.0), np.where(is_shorter, remaining, bar))
 
 

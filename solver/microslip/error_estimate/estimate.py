@@ -11,6 +11,7 @@ with B = d output / d p at fixed motion of the pairs.  With their signs the part
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,13 +30,13 @@ from ..receptance.reduced_model import ReducedModel
 from ..receptance.truncated_modes import SAMPLES as SAMPLES_OF_MODES
 from ..receptance.truncated_modes import EnrichedModel, Truncation
 from .adjoint import Adjoint
-from .correction import Estimate, corrected
+from .correction import MOST_STEPS, Estimate, corrected
 
 FINER = 2  # times the samples of the enriched problem
 SAMPLES = 4  # of the more harmonics, each, at least
 MOST_SWEEPS = 20  # steps of the iteration for the higher harmonics
 SETTLED = 0.1  # relative miss at which it ends
-CLOSER = 0.02  # the same once the pairs follow the changes
+FOLLOWED = 0.1  # step over the way from the point, at which the pairs have followed the changes
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Changes:
     sliders: np.ndarray
     wider: HarmonicBalance  # the equation with more harmonics
     higher: np.ndarray  # (n_owned, 3, N_H of wider) the harmonics that it has more, as far as they have settled [m]
-    of_wider: np.ndarray  # (3 n_pairs, N_H) its forces with these, of which ``harmonics`` are the change [N]
+    without: np.ndarray  # (3 n_pairs, N_H) its forces without these, of which ``harmonics`` are the change [N]
     unsettled: float = 1.0  # by how much more than ``SETTLED`` those miss; 1 where they have settled
 
     @property
@@ -78,14 +79,15 @@ class JointChanges:
     """What changes do to the outputs' cos 1, then sin 1, by way of the pairs; n = 2 n_outputs."""
 
     linear: np.ndarray  # (6, n) of harmonics, samples, pairs, sliders, solver and basis, to first order [m]
-    second: np.ndarray  # (n,) beyond first order; infinite where it is not known [m]
+    steps: np.ndarray  # (n_steps, n) of the iteration in which the pairs follow them, to all orders; 1 where all pairs stick [m]
+    is_settled: bool  # that iteration has come to an end
     modes: np.ndarray  # (n, n_samples, N_H) samples of the truncated modes, R^T tau
     is_adjoint_found: bool
     adjoint: Adjoint | None = None  # None where all pairs stick
 
     @classmethod
     def nothing(cls, n: int, n_samples: int, N_H: int) -> JointChanges:
-        return cls(np.zeros((6, n)), np.zeros(n), np.zeros((n, n_samples, N_H)), True)
+        return cls(np.zeros((6, n)), np.zeros((1, n)), True, np.zeros((n, n_samples, N_H)), True)
 
 
 class ErrorEstimator:
@@ -156,11 +158,20 @@ class ErrorEstimator:
         truncated = np.zeros(2 * n_out)
         if not truncation.is_exact:
             truncated = truncation.changes(at.level, at.omega, p, through_joint.modes)
-        lost = 0.0 if through_joint.is_adjoint_found else np.abs(output_amplitude(here, at, p))
-        parts = [np.abs(by_basis) + truncated, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
-        parts.append(by_sliders)
+        lost = np.abs(output_amplitude(here, at, p))
+        parts = [
+            np.abs(by_basis) + truncated,
+            changes.unsettled * by_harmonics,
+            by_samples,
+            by_pairs,
+            np.abs(by_solver),
+            by_sliders,
+        ]
+        if not through_joint.is_adjoint_found:
+            parts[4] = parts[4] + lost
         linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver, by_sliders])
-        estimate = corrected(np.stack(parts), linear, through_joint.second, truncated, changes.unsettled)
+        settled = through_joint.is_settled and through_joint.is_adjoint_found
+        estimate = corrected(np.stack(parts), linear, through_joint.steps, settled, truncated, lost)
         return replace(estimate, adjoint=through_joint.adjoint)
 
     def through_the_joint(
@@ -178,41 +189,71 @@ class ErrorEstimator:
         """
         exact, at = linear.equation, linear.at
         owned, N_H = exact.model.owned_rows, exact.model.N_H
-        chi, tau, is_adjoint_found = linear.solve_transposed(sensitivity(exact.model_at(at), at.omega), self.adjoint_solver)
+        B = sensitivity(exact.model_at(at), at.omega)
+        chi, tau, is_adjoint_found = linear.solve_transposed(B, self.adjoint_solver)
         adjoint = Adjoint(linear, chi, tau, is_adjoint_found)
         residual = equation.residual(U, at, used, linear.G if used is linear.forces and exact is equation else None)
         sums = [-chi @ change[owned].ravel() for change in changes.signed]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
         if not self.enriched.is_solved:
             sums[-1] = tau @ (exact.residual(U, at, used) - residual).ravel()
-        beyond, is_step_found = self.beyond_linear(linear, U, equation.full_force(used), changes)
-        sums.append(-chi @ beyond.ravel())
+
+        def of_outputs(d_p: np.ndarray, residual: np.ndarray) -> np.ndarray:
+            return -B[:, owned].reshape(chi.shape) @ d_p[owned].ravel() + tau @ residual.ravel()
+
+        steps, is_settled = self.followed(linear, U, equation.full_force(used), changes, of_outputs)
         modes = np.zeros((len(tau), 0, N_H))
         if not truncation.is_exact:
             modes = truncation.samples_of(tau.reshape(len(tau), -1, N_H))
-        totals = equation.comm.bcast(equation.sum(np.concatenate([*sums, modes.ravel()])))
-        of_changes, of_modes = np.split(totals, [7 * len(tau)])
-        *first, second = of_changes.reshape(7, -1)
-        second = second if is_adjoint_found and is_step_found else np.full_like(second, np.inf)
-        return JointChanges(np.stack(first), second, of_modes.reshape(modes.shape), is_adjoint_found, adjoint)
+        totals = equation.comm.bcast(equation.sum(np.concatenate([*sums, *steps, modes.ravel()])))
+        first, of_steps, of_modes = np.split(totals, np.cumsum([6 * len(tau), len(steps) * len(tau)]))
+        return JointChanges(
+            first.reshape(6, -1),
+            of_steps.reshape(len(steps), -1),
+            is_settled,
+            of_modes.reshape(modes.shape),
+            is_adjoint_found,
+            adjoint,
+        )
 
-    def beyond_linear(self, linear: Linearisation, U: np.ndarray, p: np.ndarray, changes: Changes) -> tuple[np.ndarray, bool]:
-        """Return what contact forces change beyond the linearisation where the pairs follow all changes, (n_owned, 3, N_H) [N].
+    def followed(
+        self,
+        linear: Linearisation,
+        U: np.ndarray,
+        p: np.ndarray,
+        changes: Changes,
+        of_outputs: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    ) -> tuple[list[np.ndarray], bool]:
+        """Return what changes do to the outputs, step by step as the pairs follow them, and whether they come to an end.
 
-        And whether that motion was found.  Collective.  ``p`` (3 n_pairs, N_H) are the forces under ``U``.
-        docs/theory.md, eq. (11.4).
+        Collective.  That end is a solution of the enriched equations near the point.  ``p`` (3 n_pairs, N_H) are the forces under
+        ``U``; ``of_outputs`` returns this rank's part of what a change of p and a residual do to the outputs.
+        docs/theory.md, eq. (11.4): Newton's method with the tangents of the point, and the fixed-point iteration of the higher
+        harmonics, mixed together.
         """
+        steps: list[np.ndarray] = []
         exact, more, wider = linear.equation, changes.wider.harmonics, changes.wider
-        changed = p + changes.of_all
-        loaded = np.flatnonzero(changed.reshape(exact.model.n_pairs, -1).any(axis=1))
-        residual = exact.residual_under(U, linear.at, loaded, changed[rows_of(loaded)])
-        B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
-        d_U, P_d_U, is_found = linear.solve_several(B, self.forward_solver)
-        there = exact.harmonics.carry(U + d_U.reshape(U.shape), more)
-        begin = wider.contact_forces(there + changes.higher, exact.every_pair, tangents=False)
-        solution = with_higher(wider, linear.at, exact.harmonics, there, Higher(changes.higher, begin), CLOSER)
-        now = more.carry(wider.full_force(solution.forces), exact.harmonics) - changes.of_wider
-        return now[exact.model.owned_rows].reshape(U.shape) - P_d_U.reshape(U.shape), is_found
+        start = exact.harmonics.carry(U, more) + changes.higher
+        x, mixing = start, Anderson(wider)
+        for _ in range(MOST_STEPS):
+            forces = wider.contact_forces(x, exact.every_pair, tangents=False)
+            d_p = more.carry(wider.full_force(forces), exact.harmonics) - changes.without + changes.of_all - changes.harmonics
+            loaded = np.flatnonzero((p + d_p).reshape(exact.model.n_pairs, -1).any(axis=1))
+            low = more.carry(x, exact.harmonics)
+            residual = exact.residual_under(low, linear.at, loaded, (p + d_p)[rows_of(loaded)])
+            B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
+            d_U, _, is_found = linear.solve_several(B, self.forward_solver)
+            value = above(wider, linear.at, exact.harmonics, forces) + exact.harmonics.carry(low + d_U.reshape(U.shape), more)
+            way, miss = (
+                np.sqrt(size) for size in wider.comm.bcast(wider.sum(np.array([norm2(value - start), norm2(value - x)])))
+            )
+            if not (is_found and np.isfinite(miss)):
+                break
+            steps.append(of_outputs(d_p, residual))
+            if miss <= FOLLOWED * way:
+                return steps, True
+            x, _ = mixing.next(x, value)
+        return steps, False
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray) -> Changes:
         """Return what enriched problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
@@ -230,11 +271,11 @@ class ErrorEstimator:
         U_more = harmonics.carry(U, more)
         at_wider = wider.contact_forces(U_more, everything, tangents=False)
         solution = with_higher(wider, at, harmonics, U_more, Higher(np.zeros_like(U_more), at_wider), SETTLED)
-        of_wider = more.carry(wider.full_force(solution.forces), harmonics)
-        by_harmonics = of_wider - more.carry(wider.full_force(at_wider), harmonics)
+        without = more.carry(wider.full_force(at_wider), harmonics)
+        by_harmonics = more.carry(wider.full_force(solution.forces), harmonics) - without
         unsettled = max(1.0, solution.miss / SETTLED)  # what never settled is known no better than that
         by_sliders = self.by_sliders(exact, U, p_all)
-        return Changes(by_harmonics, by_samples, p_all - p, by_sliders, wider, solution.motion, of_wider, unsettled)
+        return Changes(by_harmonics, by_samples, p_all - p, by_sliders, wider, solution.motion, without, unsettled)
 
     @staticmethod
     def by_sliders(exact: HarmonicBalance, U: np.ndarray, p_all: np.ndarray) -> np.ndarray:
@@ -260,13 +301,27 @@ def with_higher(
     forces, higher, miss = start.forces, start.motion, start.miss
     mixing = Anderson(wider)
     for _ in range(MOST_SWEEPS if len(forces.active) > 0 else 0):
-        excited = -wider.receptance(at, forces.active).apply(forces.p)
-        excited -= low.carry(wider.harmonics.carry(excited, low), wider.harmonics)
-        higher, miss = mixing.next(higher, excited)
+        higher, miss = mixing.next(higher, above(wider, at, low, forces))
         if miss <= settled:
             break
         forces = wider.contact_forces(U + higher, forces.selected, tangents=False)
     return Higher(higher, forces, miss)
+
+
+def above(wider: HarmonicBalance, at: OperatingPoint, low: Harmonics, forces: ContactForces) -> np.ndarray:
+    """Return the motion above the harmonics ``low`` that contact forces excite, (n_owned, 3, N_H of ``wider``) [m].
+
+    Collective where static columns are new.
+    """
+    if len(forces.active) == 0:
+        return np.zeros(wider.shape)
+    excited = -wider.receptance(at, forces.active).apply(forces.p)
+    return excited - low.carry(wider.harmonics.carry(excited, low), wider.harmonics)
+
+
+def norm2(values: np.ndarray) -> float:
+    """Return the sum of squares.  Local."""
+    return float(np.vdot(values, values))
 
 
 def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
