@@ -240,7 +240,7 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     from .studies.verify import story as verify
 
     if command.name == "modes":
-        of_modes = modes.Asked(command.count, command.speeds, command.diameters, command.orders)
+        of_modes = modes.Request(command.count, command.speeds, command.diameters, command.orders)
         modes.modes(scene, comm, out, of_modes, command.petsc)
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)

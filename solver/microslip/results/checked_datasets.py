@@ -16,6 +16,7 @@ from .writer import FORMAT, FORMAT_VERSION
 
 _MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
 _MOST_TEXTS = 100_000
+_LARGEST = 1e150  # of a number of a result: its square is a number, too
 
 
 @contextmanager
@@ -121,7 +122,10 @@ class Reader:
         if dataset.dtype.kind not in "iufb" or not fits:
             wanted = "x".join("n" if expected is None else str(expected) for expected in shape)
             raise CaseError(f"{self.path}: dataset {name!r} is {dataset.dtype} {dataset.shape}, not numbers {wanted}")
-        return dataset[()].astype(kind, copy=False)
+        values = dataset[()].astype(kind, copy=False)
+        if values.dtype.kind == "f" and np.any(np.abs(values) > _LARGEST, where=np.isfinite(values)):
+            raise CaseError(f"{self.path}: dataset {name!r} has values beyond {_LARGEST:g}; the file is damaged or was edited")
+        return values
 
     def texts(self, name: str) -> list[str]:
         """Return one text or several as a list."""

@@ -60,7 +60,7 @@ def crossings(campbell: Campbell, orders: Sequence[int]) -> list[Crossing]:
 
     Between two speeds omega_n^2 is linear in Omega^2, as it is for stiffening and softening in proportion to Omega^2.
     """
-    found = []
+    resonances = []
     squares = campbell.speed**2
     for family, frequency in enumerate(campbell.frequency, 1):
         omega2 = (2.0 * np.pi * frequency) ** 2
@@ -72,8 +72,8 @@ def crossings(campbell: Campbell, orders: Sequence[int]) -> list[Crossing]:
                 at = (omega2[k] - slope * a) / (order**2 - slope)
                 if a <= at < b or (at == b and k == len(squares) - 2):
                     speed = float(np.sqrt(at))
-                    found.append(Crossing(family, order, speed, order * speed / (2.0 * np.pi)))
-    return sorted(found, key=lambda crossing: (crossing.family, crossing.speed))
+                    resonances.append(Crossing(family, order, speed, order * speed / (2.0 * np.pi)))
+    return sorted(resonances, key=lambda crossing: (crossing.family, crossing.speed))
 
 
 def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, folder: Path) -> str:
@@ -84,7 +84,7 @@ def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, fol
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(str(folder))
-    met = crossings(campbell, orders)
+    resonances = crossings(campbell, orders)
     records = [
         {"speed_rad_s": float(speed), "speed_rpm": float(speed) * 30.0 / np.pi}
         | {f"family_{i}_Hz": float(f) for i, f in enumerate(campbell.frequency[:, k], 1)}
@@ -92,10 +92,10 @@ def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, fol
     ]
     write_csv(str(folder / "campbell.csv"), records[0], records)
     columns = ("family", "engine_order", "speed_rad_s", "speed_rpm", "frequency_Hz")
-    rows = [(c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for c in met]
+    rows = [(c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for c in resonances]
     write_csv(str(folder / "crossings.csv"), columns, [dict(zip(columns, row)) for row in rows])
     with matplotlib.rc_context(RC):
-        draw_campbell(campbell, orders, met, scene, str(folder / "campbell.png"))
+        draw_campbell(campbell, orders, resonances, scene, str(folder / "campbell.png"))
     return screen_table(
         f"resonances between {campbell.speed[0]:g} and {campbell.speed[-1]:g} rad/s" + ("" if rows else ": none"),
         ["family", "engine order", "speed rad/s", "rpm", "frequency Hz"],
@@ -103,7 +103,7 @@ def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, fol
     )
 
 
-def draw_campbell(campbell: Campbell, orders: Sequence[int], met: Sequence[Crossing], scene: Titled, path: str) -> None:
+def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequence[Crossing], scene: Titled, path: str) -> None:
     """Draw frequencies against speed, the lines of the engine orders, and where they meet.  Local."""
     says = "natural frequencies with all pairs stuck against speed; engine orders (E) and their resonances (circles)"
     page = Page(scene, says, WIDTH, 4.4)
@@ -119,7 +119,15 @@ def draw_campbell(campbell: Campbell, orders: Sequence[int], met: Sequence[Cross
         at = 0.97 * end
         boxed = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
         axes.annotate(f"E{order}", (at, order * at / 60.0), fontsize=7, color=INK, ha="center", va="center", bbox=boxed)
-    axes.plot([60.0 * c.frequency / c.order for c in met], [c.frequency for c in met], "o", mfc="none", mec=INK, ms=5.0, lw=0)
+    axes.plot(
+        [60.0 * c.frequency / c.order for c in resonances],
+        [c.frequency for c in resonances],
+        "o",
+        mfc="none",
+        mec=INK,
+        ms=5.0,
+        lw=0,
+    )
     axes.set(xlabel="speed [rpm]", ylabel="frequency [Hz]", ylim=(0.0, highest), xlim=(0.0, rpm[-1]))
     page.save(path)
 

@@ -67,21 +67,21 @@ class Excited:
     speeds: tuple[float, ...]  # rad/s; empty: not stated
     orders: tuple[int, ...] = ()  # empty: 1 to the number of sectors
 
-    def crossings(self, found: Sequence[DiameterModes]) -> list[tuple[int, Crossing]]:
+    def crossings(self, by_diameter: Sequence[DiameterModes]) -> list[tuple[int, Crossing]]:
         """Return nodal diameter and crossing of each engine order that meets a mode, by diameter and mode.  Local.
 
         The frequencies are those of the disc at rest.
         """
         if not self.speeds:
             return []
-        met = [
+        all_crossings = [
             (each.diameter, Crossing(i, order, 2.0 * np.pi * float(f) / order, float(f)))
-            for each in found
+            for each in by_diameter
             for i, f in enumerate(each.frequency, 1)
             for order in self.orders or range(1, self.n_sectors + 1)
             if alias(order, self.n_sectors) == each.diameter
         ]
-        return [(d, crossing) for d, crossing in met if min(self.speeds) <= crossing.speed <= max(self.speeds)]
+        return [(d, crossing) for d, crossing in all_crossings if min(self.speeds) <= crossing.speed <= max(self.speeds)]
 
 
 def alias(order: int, n_sectors: int) -> int:
@@ -113,16 +113,16 @@ def show_disc(parts: Assembled, count: int, diameters: Sequence[int], excited: E
     ------
     CaseError, ResourceError, ConvergenceError : on every rank
     """
-    scene, comm, found = parts.scene, log.comm, []
+    scene, comm, by_diameter = parts.scene, log.comm, []
     assert scene.cyclic is not None, "a disc"
     for d, linearised, computed in _by_diameter(parts, count, diameters, log):
-        found.append(_table(d, parts, linearised, computed))
+        by_diameter.append(_table(d, parts, linearised, computed))
         shapes = node_fields(linearised.maps, computed.phi_owned)
         on_root(comm, _write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
-    if not found:
+    if not by_diameter:
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
     with log.stage("table and pictures"):
-        log.note(on_root(comm, write_disc, found, scene, excited, folder))
+        log.note(on_root(comm, write_disc, by_diameter, scene, excited, folder))
 
 
 def _by_diameter(parts: Assembled, count: int, diameters: Sequence[int], log: RunLog) -> Iterator[tuple[int, Linearised, Modes]]:
@@ -152,7 +152,7 @@ def _by_diameter(parts: Assembled, count: int, diameters: Sequence[int], log: Ru
 
 
 def _table(d: int, parts: Assembled, linearised: Linearised, computed: Modes) -> DiameterModes:
-    """Return what is told of the modes of a nodal diameter.  Collective: a sum or two."""
+    """Return the results of a nodal diameter.  Collective: a sum or two."""
     pairs = parts.rest.pairs
     projected = project_modes(linearised.maps, computed.omega_n, computed.phi_owned)
     K_J, n = pairs.law.stiffness.ravel(), len(computed.omega_n)
@@ -172,7 +172,7 @@ def _write_shapes(folder: Path, parts: Assembled, d: int, omega_n: np.ndarray, s
     write_modes(str(folder / f"modes_diameter_{d:02d}.vtkhdf"), whole_mesh(parts.mesh, cyclic), omega_n, of_disc)
 
 
-def write_disc(found: Sequence[DiameterModes], scene: Titled, excited: Excited, folder: Path) -> str:
+def write_disc(by_diameter: Sequence[DiameterModes], scene: Titled, excited: Excited, folder: Path) -> str:
     """Write modes.csv, interference.png and, with speeds, crossings.csv; return the tables for the screen.  Local, rank 0.
 
     Raises
@@ -180,23 +180,23 @@ def write_disc(found: Sequence[DiameterModes], scene: Titled, excited: Excited, 
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(str(folder))
-    records = [record for each in found for record in each.records()]
+    records = [record for each in by_diameter for record in each.records()]
     write_csv(str(folder / "modes.csv"), records[0], records)
     with matplotlib.rc_context(RC):
-        draw_interference(found, excited, scene, str(folder / "interference.png"))
-    n = min(_ON_SCREEN, max(len(each.frequency) for each in found))
+        draw_interference(by_diameter, excited, scene, str(folder / "interference.png"))
+    n = min(_ON_SCREEN, max(len(each.frequency) for each in by_diameter))
     rows: list[tuple[object, list[str]]] = [
         (0, [str(each.diameter), *(cell(float(f), 7) for f in each.frequency[:n]), *[""] * (n - len(each.frequency))])
-        for each in found
+        for each in by_diameter
     ]
     says = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {excited.n_sectors} sectors"
     table = screen_table(says, ["nodal diameter", *(f"mode {i + 1}" for i in range(n))], rows)
-    return f"{table}\n{_resonances(found, excited, folder)}" if excited.speeds else table
+    return f"{table}\n{_resonances(by_diameter, excited, folder)}" if excited.speeds else table
 
 
-def _resonances(found: Sequence[DiameterModes], excited: Excited, folder: Path) -> str:
+def _resonances(by_diameter: Sequence[DiameterModes], excited: Excited, folder: Path) -> str:
     """Write crossings.csv, and return it as a table for the screen."""
-    rows = [(d, c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for d, c in excited.crossings(found)]
+    rows = [(d, c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for d, c in excited.crossings(by_diameter)]
     columns = ("nodal_diameter", "mode", "engine_order", "speed_rad_s", "speed_rpm", "frequency_Hz")
     write_csv(str(folder / "crossings.csv"), columns, [dict(zip(columns, row)) for row in rows])
     low, high = min(excited.speeds), max(excited.speeds)
@@ -207,7 +207,7 @@ def _resonances(found: Sequence[DiameterModes], excited: Excited, folder: Path) 
     )
 
 
-def draw_interference(found: Sequence[DiameterModes], excited: Excited, scene: Titled, path: str) -> None:
+def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, scene: Titled, path: str) -> None:
     """Draw frequency against nodal diameter, and where engine orders act: f = E Omega / 2 pi at the alias of E.  Local."""
     says = "natural frequencies by nodal diameter, all pairs stuck"
     if excited.speeds:
@@ -215,11 +215,11 @@ def draw_interference(found: Sequence[DiameterModes], excited: Excited, scene: T
         says += f"; engine orders E at {rpm} rpm (dashed, crosses at whole orders); frequencies at rest"
     page = Page(scene, says, WIDTH, 4.4)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
-    n, diameters = min(len(each.frequency) for each in found), [each.diameter for each in found]
+    n, diameters = min(len(each.frequency) for each in by_diameter), [each.diameter for each in by_diameter]
     for i, colour in enumerate(level_colours(n)):
-        axes.plot(diameters, [each.frequency[i] for each in found], "o-", color=colour, ms=3.5, lw=0.8)
-        axes.annotate(f"  {i + 1}", (diameters[-1], found[-1].frequency[i]), fontsize=7, va="center", annotation_clip=False)
-    highest = 1.05 * max(float(each.frequency[:n].max()) for each in found)
+        axes.plot(diameters, [each.frequency[i] for each in by_diameter], "o-", color=colour, ms=3.5, lw=0.8)
+        axes.annotate(f"  {i + 1}", (diameters[-1], by_diameter[-1].frequency[i]), fontsize=7, va="center", annotation_clip=False)
+    highest = 1.05 * max(float(each.frequency[:n].max()) for each in by_diameter)
     for speed in {min(excited.speeds), max(excited.speeds)} if excited.speeds else ():
         _engine_orders(axes, excited.n_sectors, speed, highest, is_named=speed == max(excited.speeds))
     axes.set(xlabel="nodal diameter", ylabel="frequency [Hz]", ylim=(0.0, highest))

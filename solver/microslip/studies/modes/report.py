@@ -26,7 +26,7 @@ _DEFORMED = 0.08  # the largest displacement drawn, over the diagonal of the str
 
 @dataclass(frozen=True, eq=False)
 class ModeTable:
-    """What is told of each mode."""
+    """The quantities of each mode."""
 
     frequency: np.ndarray  # (n,) Hz
     damping: np.ndarray  # (n,) ratio [-]

@@ -38,7 +38,7 @@ COUNT = 12  # modes where none are stated
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What the command line states beside the scene."""
 
     count: int | None = None  # of modes, in place of [solver] modes; where neither is stated, there are 12
@@ -47,7 +47,7 @@ class Asked:
     orders: tuple[int, ...] = ()  # engine orders to meet; empty: 1 to 6, of a disc 1 to the number of sectors
 
 
-def modes(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
     """Compute the lowest modes of a scene with all pairs stuck, about its state of rest; write table, picture and shapes.
 
     Collective on ``comm``.  At several speeds of rotation it is the Campbell diagram, and the shapes are those at the highest;
@@ -59,28 +59,31 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), op
     """
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "modes.log"), facts=facts) as log:
-        scene = changed(scene, {"solver": {"method": "receptance"} | ({} if asked.count is None else {"modes": asked.count})})
+        scene = changed(scene, {"solver": {"method": "receptance"} | ({} if request.count is None else {"modes": request.count})})
         if scene.cyclic is not None:
-            diameters, excited = diameters_of(scene, asked.diameters), Excited(scene.cyclic.sectors, asked.speeds, asked.orders)
+            diameters, excited = (
+                diameters_of(scene, request.diameters),
+                Excited(scene.cyclic.sectors, request.speeds, request.orders),
+            )
             parts = assembled(scene, comm, log)
             show_disc(parts, scene.solver.modes or COUNT, diameters, excited, folder, log)
             log.note(f"results in {folder}")
             return
-        if asked.diameters:
+        if request.diameters:
             raise CaseError(f"--diameters: {scene.path} has no table [cyclic], and so no nodal diameters")
         families = Families()
-        speeds: list[float | None] = [*sorted(asked.speeds)] or [None]
+        speeds: list[float | None] = [*sorted(request.speeds)] or [None]
         for speed in speeds:
             if speed is not None:
                 log.note(f"speed of rotation {speed:g} rad/s")
             with stuck_modes(scene if speed is None else at_speed(scene, speed), comm, log) as (parts, linearised, computed):
                 families.add(linearised, computed)
-                if speed is None or speed == max(asked.speeds):
+                if speed is None or speed == max(request.speeds):
                     _show(parts, linearised, computed, scene, folder, log)
-        if asked.speeds:
-            campbell = families.campbell(sorted(asked.speeds))
+        if request.speeds:
+            campbell = families.campbell(sorted(request.speeds))
             with log.stage("Campbell diagram"):
-                log.note(on_root(comm, write_campbell, campbell, asked.orders or tuple(range(1, ORDERS + 1)), scene, folder))
+                log.note(on_root(comm, write_campbell, campbell, request.orders or tuple(range(1, ORDERS + 1)), scene, folder))
         log.note(f"results in {folder}")
 
 
@@ -149,7 +152,7 @@ def _show(parts: Assembled, linearised: Linearised, computed: Modes, scene: Scen
 
 
 def mode_table(parts: Assembled, linearised: Linearised, computed: Modes) -> ModeTable:
-    """Return what is told of each mode.  Collective: a sum or two.
+    """Return the table of the modes.  Collective: a sum or two.
 
     The effective mass of a mode along an axis is (phi^T M r)^2, with r a unit translation of all that is not held; all modes
     together have the mass r^T M r that moves.  The share of a joint is that of its springs in the strain energy, the sum of
