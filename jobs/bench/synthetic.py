@@ -52,7 +52,7 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
     def columns(pairs: np.ndarray) -> np.ndarray:
         chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
         found = (R_phi[own] / omega_n**2) @ R_phi[chosen].T
-        between = G_local[apart(own[::3] // 3, pairs, shape)]  # (n_owned, m)
+        between = G_local[offsets(own[::3] // 3, pairs, shape)]  # (n_owned, m)
         for direction in range(3):
             found[direction::3, direction::3] += between
         return found
@@ -104,7 +104,7 @@ def local_compliance(shape: tuple[int, int]) -> np.ndarray:
     return np.fft.ifft2(values / (1.0 + K_T / (1.0 - BETA) * values)).real.ravel()
 
 
-def apart(a: np.ndarray, b: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def offsets(a: np.ndarray, b: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Return the pair that is as far from the first one as pairs ``a`` are from pairs ``b``, (n_a, n_b)."""
     (i, j), (k, m) = divmod(a[:, None], shape[1]), divmod(b, shape[1])
     return (i - k) % shape[0] * shape[1] + (j - m) % shape[1]

@@ -78,7 +78,7 @@ def test_clusters_are_of_neighbours(problem):
     assert np.array_equal(np.sort(np.concatenate(found)), np.arange(N_PAIRS)) and 9 <= min(map(len, found))
     assert coupling(at.G, 5)[5] == 1.0 == coupling(at.G, 5).max()
     every, shape = np.arange(N_PAIRS), synthetic.grid(N_PAIRS)
-    steps = np.array(divmod(synthetic.open_at_rest(every, every, shape), shape[1])).T
+    steps = np.array(divmod(synthetic.offsets(every, every, shape), shape[1])).T
     distance = np.linalg.norm(np.minimum(steps, shape - steps) / shape, axis=2)
     within = np.mean([distance[np.ix_(one, one)].mean() for one in found])
     assert within < 0.75 * distance.mean()

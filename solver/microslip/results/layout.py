@@ -58,7 +58,8 @@ class PageLayout(LayoutEngine):
 
     def execute(self, fig: Figure) -> None:
         """Place the axes of the grids of a figure."""
-        with_cells = [(ax, ax.get_subplotspec()) for ax in fig.axes if ax.get_subplotspec() is not None]
+        cells = ((ax, getattr(ax, "get_subplotspec", lambda: None)()) for ax in fig.axes)  # axes at a place have none
+        with_cells = [(ax, cell) for ax, cell in cells if cell is not None]
         if not with_cells:
             return
         columns, rows = with_cells[0][1].get_gridspec().ncols, with_cells[0][1].get_gridspec().nrows
