@@ -1,12 +1,13 @@
 """The program in processes of its own, on one or several ranks, as a user starts it."""
 
 import os
+import shutil
 import subprocess
 import sys
 import time
 
 LIMIT = 180.0  # s: longer is a hang, also where the cores are shared with others
-MPIRUN = os.environ.get("MPIRUN", "mpirun")
+MPIRUN = shutil.which(os.environ.get("MPIRUN", "mpirun")) or "mpirun"  # the path: a test may put its own in PATH
 
 
 def environment() -> dict[str, str]:
