@@ -14,7 +14,7 @@ SCENE = (
     + joint("bar_bottom", "ground_top")
     + driven([[0.05, 0.01, 0.02], [0.0, 0.0, 0.02]], [0.2, 0.1, 1.0], [0.0, 0.0, 1.0], "corner")
     + response(5.0, points=10)
-    + table("solver", modes=8, samples=64)
+    + table("solver", modes=8, harmonics=3, samples=64)
 )
 
 

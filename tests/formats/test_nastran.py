@@ -279,7 +279,7 @@ def test_cylindrical_systems_place_and_hold_grid_points(tmp_path):
     [
         ("CBAR,990,4,101,102,0.0,0.0,1.0", "CBAR: a bar"),
         ("SPC,1,101,1,0.01", "SPC: a displacement of 0.01 other than 0"),
-        ("CONM2,990,101,,1.0,0.1,0.0,0.0", "CONM2: a mass beside its grid point"),
+        ("CONM2,990,101,,1.0,0.1,0.0,0.0", "CONM2: a mass away from its grid point"),
         ("RBE2,990,101,1,102", "RBE2: a rigid element in 1 alone"),
         ("CELAS2,990,1.0,101,1,102,2", "CELAS2: a spring between displacements that differ"),
         ("CELAS2,990,1.0,101,4,102,4", "CELAS2: a spring between displacements that differ"),

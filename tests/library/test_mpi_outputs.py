@@ -212,7 +212,7 @@ def test_error_bars_hold_for_every_output(comm, shared_path):
         a, b = coarse[name], fine[name]
         missed = np.abs(a.harmonic(1)[0, chosen] - b.harmonic(1)[0, exact])
         assert (missed <= a.error[0, chosen] + 1e-12 * a.amplitude.max()).all(), name
-        assert (a.error[0, chosen] <= 0.1 * a.amplitude.max()).all(), name
+        assert (a.error[0, chosen] <= 0.15 * a.amplitude.max()).all(), name
     for response in (coarse, few):
         omega = 2.0 * np.pi * response["u"].frequency[0]
         assert response["v"].error[0] == pytest.approx(omega * response["u"].error[0], rel=1e-2)

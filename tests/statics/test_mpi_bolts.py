@@ -120,7 +120,7 @@ def test_the_stress_of_the_bolt_is_its_force_over_its_area(comm, kind):
     shares, system, _, bolts, rest = at_rest(comm, mesh, given)
 
     def seen(block, i, rows):
-        return bolts.overlap.projected(block, i, rows, rest.bolts.shortening)
+        return bolts.overlap.motions_of(block, i, rows, rest.bolts.shortening)
 
     stiffened = stiffness_at_rest(shares, given, system, rest.u_owned, seen)
     stiffened.axpy(-1.0, system.K)

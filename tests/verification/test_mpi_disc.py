@@ -261,6 +261,7 @@ def test_a_free_ring_has_the_frequencies_of_elasticity(shared_path):
     structure.close()
 
 
+@pytest.mark.pictures
 def test_the_program_shows_the_modes_of_every_nodal_diameter(shared_path, program):
     """Table, diagram and shapes on all sectors; frequencies are those of the structures of the diameters."""
     path = on_root(COMM, lambda: write_sector(shared_path, 5, end(4)))

@@ -60,9 +60,9 @@ def faults(*names: str) -> str | None:
 
     NumPy comes first: on another one than they are built for, the other parts fail with pages of text.
     """
-    numpy, *others = PARTS
-    wanted = [part for part in others if part.name in names or not names and not (part.is_plain and _is_there(part))]
-    if (fault := _fault(numpy)) is not None:
+    first = PARTS[0]
+    wanted = [part for part in PARTS if part.name in names or not names and not (part.is_plain and _is_there(part))]
+    if first.name == "numpy" and (fault := _fault(first)) is not None:
         return f"numpy: {fault}"
     lines = [f"{part.name}: {fault}" for part in wanted if (fault := _fault(part))]
     return "; ".join(lines) + "; see: microslip doctor" if lines else None
