@@ -200,7 +200,7 @@ def test_bad_input(comm, folder, name):
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_time_integration_knows_pairs_that_are_open_at_rest(comm, folder, program):
-    changes = ("levels = [5.0]", "levels = [40.0]"), ("samples = 64", "samples = 64\nharmonics = 7"), ("modes = 8", "modes = 12")
+    changes = ("levels = [5.0]", "levels = [40.0]"), ("harmonics = 3", "harmonics = 7"), ("modes = 8", "modes = 12")
     scene = scene_of(comm, folder, eccentric(400.0), *changes, name="open")
     status, _, err = program("verify", scene.path, "--out", folder / "open", "--steps", "128", "--at", "1700")
     assert (status, err) == (0, "")
