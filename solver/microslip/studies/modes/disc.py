@@ -26,6 +26,7 @@ from ...results.whole_disc import whole_mesh, whole_shapes
 from ...system.files import make_folder
 from ..records import cell, write_csv
 from .campbell import Crossing
+from .report import joint_shares
 
 if TYPE_CHECKING:
     from ...linear.joint_springs import Linearised
@@ -155,10 +156,7 @@ def _table(d: int, parts: Assembled, linearised: Linearised, computed: Modes) ->
     """Return the results of a nodal diameter.  Collective: a sum or two."""
     pairs = parts.rest.pairs
     projected = project_modes(linearised.maps, computed.omega_n, computed.phi_owned)
-    K_J, n = pairs.law.stiffness.ravel(), len(computed.omega_n)
-    energy = (K_J[:, None] * np.abs(projected.R_phi) ** 2).reshape(pairs.n_pairs, 3, n).sum(axis=1) / computed.omega_n**2
-    names = np.array(pairs.joint, dtype=str)
-    joints = {name: energy[names == name].sum(axis=0) for name in dict.fromkeys(pairs.joint)}
+    K_J, joints = pairs.law.stiffness.ravel(), joint_shares(pairs, projected)
     damping = damped_modes(projected, K_J, reduction_settings(parts.scene).damping).zeta
     return DiameterModes(d, computed.frequency, damping, joints)
 

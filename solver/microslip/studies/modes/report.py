@@ -11,8 +11,9 @@ import matplotlib
 import numpy as np
 from matplotlib.collections import PolyCollection
 
-from ...mesh.data import Mesh
+from ...mesh.data import ContactPairs, Mesh
 from ...observe.screen_table import screen_table
+from ...receptance.modes import ProjectedModes
 from ...results.skin_triangles import Skin, skin
 from ...results.style import MOST_PANELS, RC, WIDTH, Page, Titled, panels, view_from
 from ...results.vtk import write_modes
@@ -50,6 +51,17 @@ class ModeTable:
         return [
             {"mode": i + 1} | {name: float(values[i]) for name, values in columns.items()} for i in range(len(self.frequency))
         ]
+
+
+def joint_shares(pairs: ContactPairs, modes: ProjectedModes) -> dict[str, np.ndarray]:
+    """Return the share of each joint's springs in the strain energy of modes, (n_modes,) [-], by its name.  Local.
+
+    It is the sum of k |R phi|^2 / omega_n^2 over its pairs: the relative change of omega_n^2 with the stiffness of the joint.
+    """
+    energy = pairs.law.stiffness.reshape(-1, 1) * np.abs(modes.R_phi) ** 2
+    share = energy.reshape(pairs.n_pairs, 3, len(modes.omega_n)).sum(axis=1) / modes.omega_n**2
+    names = np.array(pairs.joint, dtype=str)
+    return {name: share[names == name].sum(axis=0) for name in dict.fromkeys(pairs.joint)}
 
 
 def write_modes_of(table: ModeTable, mesh: Mesh | None, shapes: np.ndarray | None, scene: Titled, folder: Path) -> str:

@@ -24,7 +24,7 @@ from ...scene.read import changed
 from ...system.versions import versions
 from .campbell import ORDERS, Campbell, follow_families, write_campbell
 from .disc import Excited, diameters_of, show_disc
-from .report import ModeTable, write_modes_of
+from .report import ModeTable, joint_shares, write_modes_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -161,11 +161,7 @@ def mode_table(parts: Assembled, linearised: Linearised, computed: Modes) -> Mod
     system, pairs = linearised.system, parts.rest.pairs
     projected = project_modes(system, computed.omega_n, computed.phi_owned)
     K_J = pairs.law.stiffness.ravel()
-    energy = (K_J[:, None] * projected.R_phi**2).reshape(pairs.n_pairs, 3, len(computed.omega_n)).sum(
-        axis=1
-    ) / computed.omega_n**2
-    names = np.array(pairs.joint, dtype=str)
-    joints = {name: energy[names == name].sum(axis=0) for name in dict.fromkeys(pairs.joint)}
+    joints = joint_shares(pairs, projected)
     settings = reduction_settings(parts.scene)
     damping = damped_modes(projected, K_J, settings.damping).zeta
     mass, total = None, None
