@@ -260,8 +260,9 @@ def follow_branch(
     on_point: Emit = lambda point: None,
     segment: int = 0,
     checkpointer: Checkpointer = NO_CHECKPOINTS,
+    until: Callable[[Point], bool] = lambda point: False,
 ) -> Branch:
-    """Follow a branch to the end of its range, from its last checkpoint if there is one.  Collective.
+    """Follow a branch to the end of its range, or ``until`` a point, from its last checkpoint if there is one.  Collective.
 
     A branch that cannot be continued keeps its points, with the reason in ``failure``; nothing is raised.  ``on_point`` gets the
     points of a step when the ``checkpointer`` has saved or postponed them.
@@ -292,9 +293,12 @@ def follow_branch(
                 where = task.problem.where(task.sweep.stop)
                 branch.failure = f"{max_points} points without reaching {where}: raise [response] points"
             checkpointer.save(task, None if solution.failure else state, since)
+            is_reached = any(map(until, since))
             for point in since:
                 take(point)
             since.clear()
+            if is_reached:
+                break
     except BaseException:  # a signal, or a problem of one rank alone
         checkpointer.flush()
         raise

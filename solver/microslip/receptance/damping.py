@@ -155,6 +155,10 @@ class Flexibility:
         """Return x c_n y^H, complex (a, b), of the i-th harmonic for participations x (a, m) and y (b, m)."""
         return (x * self.c[:, i] if self.c.ndim == 2 else x @ self.c[i]) @ y.conj().T
 
+    def row(self, j: int, i: int) -> np.ndarray:
+        """Return row j of c_n of the i-th harmonic, complex (m,)."""
+        return np.eye(len(self.c))[j] * self.c[j, i] if self.c.ndim == 2 else self.c[i, j]
+
 
 class DynamicFlexibility(Flexibility):
     """c_n = D_n^-1 - Omega^-2 [s2] at one frequency, D_n = Omega^2 - (n omega)^2 + i n omega phi^H C phi.
@@ -166,12 +170,15 @@ class DynamicFlexibility(Flexibility):
     omega_n : (m,) natural frequencies [rad/s]
     n : (n_harmonics,) numbers of the harmonics
     omega : excitation frequency [rad/s]
+    springs : (m,) further stiffness of the modes in harmonic 1 alone [1/s2]: D_1 + diag(springs); None: none
     """
 
-    def __init__(self, omega_n: np.ndarray, damping: Damping, n: np.ndarray, omega: float):
+    def __init__(self, omega_n: np.ndarray, damping: Damping, n: np.ndarray, omega: float, springs: np.ndarray | None = None):
         self.damping, self.n, self.n_omega, self.squares = damping, n, n * omega, omega_n**2
+        further = np.zeros((len(omega_n), 1)) if springs is None else springs[:, None] * (n == 1)
         if damping.couples_modes:
             stiffness = np.diag(self.squares) - self.n_omega[:, None, None] ** 2 * np.eye(len(omega_n))
+            stiffness = stiffness + further.T[:, :, None] * np.eye(len(omega_n))
             resistance = 1j * self.n_omega[:, None, None] * damping.C
             if damping.S is not None:
                 resistance = resistance + 1j * (n > 0)[:, None, None] * damping.S
@@ -181,9 +188,9 @@ class DynamicFlexibility(Flexibility):
             w2, resistance = self.squares[:, None], 1j * damping.C[:, None] * self.n_omega
             if damping.S is not None:
                 resistance = resistance + 1j * damping.S[:, None] * (n > 0)
-            self.D = w2 - self.n_omega**2 + resistance
+            self.D = w2 - self.n_omega**2 + resistance + further
             # 1 / D - 1 / w2 without cancellation far below the mode
-            super().__init__((self.n_omega**2 - resistance) / (w2 * self.D))
+            super().__init__((self.n_omega**2 - resistance - further) / (w2 * self.D))
 
     def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: np.ndarray | None = None) -> Flexibility:
         """Return the rate of c_n while omega changes at ``d_omega``, a damping sigma M, 0 here, at ``d_sigma`` and C at ``d_C``.

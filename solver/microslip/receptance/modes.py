@@ -40,6 +40,7 @@ class DampedModes:
     R_phi: np.ndarray  # (3 n_pairs, m) participation of the pairs
     b: np.ndarray  # (m, n_loads) phi^T f
     o: np.ndarray  # (n_outputs, m) output rows times phi
+    springs: np.ndarray | None = None  # (m,) [1/s2] further stiffness in harmonic 1 alone: leading_mode.py
 
     @property
     def zeta(self) -> np.ndarray:
@@ -62,8 +63,9 @@ class DampedModes:
 
     def conjugated(self) -> DampedModes:
         """Return the modes of the complex conjugate matrices, as their conjugates.  Local."""
-        return DampedModes(self.omega_n, self.damping.conjugated(), self.R_phi.conj(), self.b.conj(), self.o.conj())
+        damping, participations = self.damping.conjugated(), (self.R_phi.conj(), self.b.conj(), self.o.conj())
+        return DampedModes(self.omega_n, damping, *participations, self.springs)
 
     def flexibility(self, harmonics: Harmonics, omega: float) -> DynamicFlexibility:
         """Return c_n of (4.1) of a set of harmonics at ``omega`` [rad/s].  Local."""
-        return DynamicFlexibility(self.omega_n, self.damping, harmonics.numbers, omega)
+        return DynamicFlexibility(self.omega_n, self.damping, harmonics.numbers, omega, self.springs)

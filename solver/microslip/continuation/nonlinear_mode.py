@@ -1,0 +1,161 @@
+"""Nonlinear modes: extended periodic motion, continued over the logarithm of the modal amplitude (docs/theory.md, section 15).
+
+Without a load, a negative damping sigma M supplies the energy that friction and damping dissipate.  The parameters are ln q,
+omega and sigma; the two rows in addition to that of the step are the equation of the leading mode, eta_j = q.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.optimize import root
+
+from ..fourier.amplitudes import to_complex
+from ..harmonic.balance import HarmonicBalance
+from ..harmonic.operating_point import OperatingPoint, Rates
+from ..messages.errors import ConvergenceError
+from ..points.branch import Branch, Point
+from ..points.selection import AllPairs
+from ..points.sweep import Sweep
+from ..receptance.leading_mode import coordinate, coordinate_rate, led_by
+from ..receptance.reduced_model import ReducedModel
+from .constraint_rows import Place, Scaling
+from .follow import follow_branch
+from .problems import KnownCurve, LinearResponse, ProblemBase
+from .steps import ArcLength
+from .task import BranchTask
+
+UNIT = 0.1  # of the mode's frequency: the unit of omega and sigma in the norm of steps
+STEPS_OF_MODES = ArcLength(ds=0.15, ds_min=1e-5, ds_max=0.3)
+MOST_POINTS = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class ModalEquation:
+    """The real or the imaginary part of eta_j / q - 1 = 0, eq. (15.3), in the unit of the parameters."""
+
+    j: int
+    part: Callable[[complex | np.ndarray], np.ndarray]  # np.real or np.imag
+    takes_linearisation: ClassVar[bool] = True
+
+    def of_motion(self, U: np.ndarray, scaling: Scaling) -> float:
+        return 0.0
+
+    def value(self, of_motion: float, place: Place) -> float:
+        at, forces, equation = place.linear.at, place.linear.forces, place.linear.equation
+        eta = coordinate(equation.model_at(at), self.j, at.omega, forces.active).under(at.level, self._first(place, forces.p))
+        return float(self.part(eta / at.level - 1.0)) / UNIT
+
+    def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        at, forces, equation = place.linear.at, place.linear.forces, place.linear.equation
+        model, p_1, q, owned = equation.model_at(at), self._first(place, forces.p), at.level, equation.model.owned
+        eta = coordinate(model, self.j, at.omega, forces.active)
+        rates = [coordinate_rate(model, self.j, at.omega, forces.active, *d).under(q, p_1) / q for d in ((1.0, 0.0), (0.0, 1.0))]
+        n_nu = self.part(np.array([eta.per_load - eta.under(q, p_1) / q, *rates])) * place.scaling.parameters
+        first, n_U = model.harmonics.columns(1), np.zeros(place.U.shape)
+        mine = (forces.active >= owned.start) & (forces.active < owned.stop)
+        by_p = np.zeros((int(mine.sum()), 3, model.N_H))
+        by_p[..., first] = np.moveaxis(
+            self.part(np.array([1.0, -1j])[:, None, None] * eta.by_pairs.reshape(-1, 3)[mine] / q), 0, -1
+        )
+        rows = np.einsum("aij,ai->aj", place.linear.P, by_p.reshape(len(by_p), 3 * model.N_H))
+        n_U[forces.active_owned] = rows.reshape(by_p.shape)
+        return n_U * (place.scaling.U / UNIT), n_nu / UNIT
+
+    @staticmethod
+    def _first(place: Place, p: np.ndarray) -> np.ndarray:
+        """Return the complex amplitude of harmonic 1 of forces (3 n_active, N_H), (3 n_active,)."""
+        return to_complex(p[:, place.linear.equation.harmonics.columns(1)])[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearMode(ProblemBase):
+    """A nonlinear mode; parameters are ln q, omega [rad/s] and sigma [1/s].  The model of the equation is led by mode j."""
+
+    j: int
+    omega: float  # rad/s, of the mode while all pairs stick
+    sigma: float  # 1/s, minus its damping then
+
+    @classmethod
+    def of(cls, equation: HarmonicBalance, j: int) -> NonlinearMode:
+        """Return mode j (from 0) of a model, whose loads are left out.  Local.
+
+        Raises
+        ------
+        ConvergenceError : the damped mode of the stuck structure does not vibrate; on every rank
+        """
+        equation = equation.of(led_by(equation.model, j))
+        return cls(equation, j, *damped_mode(equation.model, j))
+
+    @property
+    def units(self) -> tuple[float, ...]:
+        return UNIT * self.omega, UNIT * self.omega
+
+    @property
+    def constraints(self) -> tuple[ModalEquation, ...]:
+        return ModalEquation(self.j, np.real), ModalEquation(self.j, np.imag)
+
+    @property
+    def curve(self) -> KnownCurve:
+        return LinearResponse(self, (self.omega, self.sigma))
+
+    def allows(self, parameters: tuple[float, ...]) -> bool:
+        return parameters[1] > 0.0
+
+    def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        log_q, omega, sigma = parameters
+        return OperatingPoint(omega, float(np.exp(log_q)), sigma)
+
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        return {"level": float(np.exp(parameters[0]))}, {"omega": 1.0}, {"sigma": 1.0}
+
+    def where(self, parameter: float) -> str:
+        return f"modal amplitude {np.exp(parameter):.4g} kg^1/2 m of mode {self.j + 1}"
+
+
+def damped_mode(model: ReducedModel, j: int) -> tuple[float, float]:
+    """Return omega [rad/s] and sigma [1/s] of mode j of the stuck structure, the model being led by it.  Local.
+
+    With damping that couples no modes they are omega_j and -2 zeta_j omega_j.
+    """
+    k, _ = model.index_of(1)
+    modes = model.groups[k].receptance.modes
+    omega_j, damping, none = float(modes.omega_n[j]), modes.damping, np.zeros(0, dtype=int)
+    start = omega_j, -float(damping.diagonal[j] + damping.structural_diagonal[j] / omega_j)
+    if not damping.couples_modes:
+        return start
+
+    def eta(x: np.ndarray) -> np.ndarray:
+        value = coordinate(model.with_damping(x[1]), j, float(x[0]), none).per_load - 1.0
+        return np.array([value.real, value.imag])
+
+    solution = root(eta, start, tol=1e-14)
+    if not np.linalg.norm(eta(solution.x)) < 1e-10 or solution.x[0] <= 0.0:
+        raise ConvergenceError(f"backbone: mode {j + 1} is damped too strongly to vibrate by itself")
+    return float(solution.x[0]), float(solution.x[1])
+
+
+def follow_mode(
+    problem: NonlinearMode,
+    sweep: Sweep,
+    tolerance: float,
+    on_point: Callable[[Point], None] = lambda point: None,
+    until: Callable[[Point], bool] = lambda point: False,
+    steps: ArcLength = STEPS_OF_MODES,
+) -> Branch:
+    """Return the branch of a nonlinear mode over ln q.  Collective.
+
+    Parameters
+    ----------
+    sweep : range of ln q; values in ``at`` are points
+    until : tells of a point whether the branch may end there
+
+    Returns
+    -------
+    branch : ``parameters`` of a point are ln q, omega [rad/s] and sigma [1/s]; why it ends early is in ``failure``
+    """
+    task = BranchTask(problem, AllPairs(), sweep, steps, tolerance)
+    return follow_branch(task, MOST_POINTS, on_point, until=until)
