@@ -284,13 +284,15 @@ def test_inverted_elements_are_named_once():
 
 @pytest.mark.parametrize("kind", ["hex8", "tet10"])
 def test_a_structure_without_supports_has_six_rigid_motions(kind):
-    """They strain nothing; with supports there are none."""
+    """They strain nothing; a base held along x leaves three of them."""
     system, _ = system_of(one_body(kind), settings({"blade": "block"}))
     strained, size = np.abs(multiply(system.K, system.rigid_owned)).max(initial=0.0), diagonal_owned(system.K).max(initial=0.0)
     assert system.rigid_owned.shape == (system.K.getLocalSize()[0], 6) and strained <= 1e-12 * max(comm.allgather(size))
     assert any("is free" in note for note in system.notes)
     held, _ = system_of(one_body(kind), settings({"blade": "block"}, [("base", ["x"])]))
-    assert held.rigid_owned.shape[1] == 0
+    strained = np.abs(multiply(held.K, held.rigid_owned)).max(initial=0.0)
+    assert held.rigid_owned.shape[1] == 3 and strained <= 1e-12 * max(comm.allgather(size))
+    assert any("2 translations and 1 turning motion" in note for note in held.notes)
 
 
 @pytest.mark.parametrize(

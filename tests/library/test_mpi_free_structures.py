@@ -108,15 +108,15 @@ def test_two_free_masses_with_a_slider(tmp_path, level):
 # -- a bar on a plate, both free -----------------------------------------------------------------------------------
 
 
-def exact_amplitudes(structure, omega, zeta):
+def exact_amplitudes(structure, omega, zeta, n_rigid=6):
     """Return the stuck motion of all DOFs under the load, complex (n_omega, n_dof), by all modes of dense matrices."""
     K, M, K_J = dense(structure)
     R, f = structure.linearised.system.R.toarray(), structure.linearised.system.loads.toarray()[:, 0]
     squares, phi = scipy.linalg.eigh(K + R.T @ K_J @ R, M)
-    assert np.abs(squares[:6]).max() < 1e-6 * squares[6]
-    omega_n = np.sqrt(np.where(np.arange(len(squares)) < 6, 0.0, np.abs(squares)))
+    assert np.abs(squares[:n_rigid]).max() < 1e-6 * squares[n_rigid]
+    omega_n = np.sqrt(np.where(np.arange(len(squares)) < n_rigid, 0.0, np.abs(squares)))
     D = omega_n**2 - omega[:, None] ** 2 + 2j * zeta * omega_n * omega[:, None]
-    return (phi.T @ f / D) @ phi.T, omega_n[6:]
+    return (phi.T @ f / D) @ phi.T, omega_n[n_rigid:]
 
 
 STICKS = (("preload = 2.0e7", "preload = 2.0e12"),)
@@ -136,6 +136,22 @@ def test_the_stuck_response_of_a_free_bar(tmp_path, n_modes, limit):
         assert omega[0] < omega_n[0] < omega[-1]
     solved = level.response[:, :, 1] - 1j * level.response[:, :, 2]
     np.testing.assert_allclose(solved / 30.0, outputs, rtol=0, atol=limit * np.abs(outputs).max())
+
+
+@pytest.mark.parametrize("fix, n_rigid, words", [("z", 3, "2 translations and 1 turning motion"), ("yz", 1, "1 translation")])
+def test_supports_that_leave_motions_free(tmp_path, fix, n_rigid, words):
+    """A plate held across, or along two axes: elastic modes and the stuck response are those of dense matrices."""
+    held = f"{support('ground_base', *fix)}\n[damping]"
+    scene = free_bar(comm.bcast(tmp_path), *STICKS, ("[damping]", held), name=fix, harmonics=1, modes=12)
+    with microslip.build(scene, comm) as structure:
+        assert any(words in note for note in structure.linearised.system.notes)
+        (level,) = microslip.respond(structure, error_bars=False).results.levels
+        omega = 2.0 * np.pi * level.frequency
+        exact, omega_n = exact_amplitudes(structure, omega, 0.01, n_rigid)
+        outputs = exact @ structure.linearised.system.outputs.toarray().T
+        np.testing.assert_allclose(structure.modes.omega_n[:5], omega_n[:5], rtol=1e-8)
+    solved = level.response[:, :, 1] - 1j * level.response[:, :, 2]
+    np.testing.assert_allclose(solved / 30.0, outputs, rtol=0, atol=1e-3 * np.abs(outputs).max())
 
 
 @pytest.mark.parametrize("method", ["receptance", "full", "rubin", "craig-bampton", "adaptive"])

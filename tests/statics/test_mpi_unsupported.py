@@ -70,3 +70,9 @@ def test_loads_that_a_free_structure_cannot_bear(folder, statics, message):
     scene = scene_of(comm, folder, statics, FREE)
     with pytest.raises(CaseError, match=message):
         microslip.build(scene, comm)
+
+
+def test_loads_along_a_motion_that_supports_leave_free(folder):
+    held = (BASE, BASE.replace('"x", ', ""))
+    with pytest.raises(CaseError, match="in balance along the rigid-body motions that .* leave free"):
+        microslip.build(scene_of(comm, folder, force(400.0, 0.0, -400.0), held), comm)

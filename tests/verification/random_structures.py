@@ -13,8 +13,11 @@ from scipy.linalg import eigh
 LEVELS = (0.8, 1.5, 3.0, 8.0)  # over the one at which the first pair slips at resonance, each times 0.8 to 1.25
 
 
-def draw(seed: int, number: int) -> dict:
-    """Return a system of scenes.py with its levels and band; the same for the same two numbers."""
+def draw(seed: int, number: int, lift_off: bool = False) -> dict:
+    """Return a system of scenes.py with its levels and band; the same for the same two numbers.
+
+    With ``lift_off`` the levels are over the one at which the first pair slips and the first opens.
+    """
     rng = np.random.default_rng([seed, number])
     n, m = int(rng.integers(2, 13)), int(rng.integers(1, 5))
     M, K = np.diag(_between(rng, 0.5, 2.0, n)), _stiffness(rng, n)
@@ -45,6 +48,8 @@ def draw(seed: int, number: int) -> dict:
     N0 = _between(rng, 0.3, 3.0, m) * np.maximum(shear / mu, 0.3 * press)
     onset = np.min(np.where(shear > 0.0, mu * N0 / np.where(shear > 0.0, shear, 1.0), np.inf))
     onset = onset if np.isfinite(onset) else 1.0
+    if lift_off and (press > 0.0).any():
+        onset = max(onset, np.min(N0[press > 0.0] / press[press > 0.0]))
     gaps = (rng.random(m) < 0.15) & (press > 0.0)  # closed at the third level at the latest
     N0 = np.where(gaps, -_between(rng, 0.1, 1.0, m) * press * LEVELS[1] * onset, N0)
     unit = np.abs(N0).max()  # forces of order 1

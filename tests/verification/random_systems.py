@@ -87,9 +87,9 @@ class Found:
     failures: list[str] = field(default_factory=list)
 
 
-def solve(seed: int, number: int, points: int, solver: dict) -> Found:
+def solve(seed: int, number: int, points: int, solver: dict, lift_off: bool = False) -> Found:
     """Return some points of the curves of a system by the program, and where time integration is to begin."""
-    system, found = draw(seed, number), Found()
+    system, found = draw(seed, number, lift_off), Found()
     output = int(np.argmax(system["output"]))
     with tempfile.TemporaryDirectory() as folder:
         path = write_matrix_scene(

@@ -27,7 +27,7 @@ from .nodal_forces import NodalForces, nodal_forces
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .numbering import number_dofs
 from .output_rows import OutputRow, output_row
-from .rigid_motions import rigid_motions
+from .rigid_motions import free_combinations, rigid_motions
 from .sectors import Sectors
 from .system import System
 
@@ -95,8 +95,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
         return sectors.system(0)
     if constraints is not None:
         system = constrained(system, constraints, whole.part)
-    rigid = np.zeros((system.K.getLocalSize()[0], 0)) if whole.is_held else rigid_motions(dmesh, constraints)
-    return replace(system, rigid_owned=rigid)
+    return replace(system, rigid_owned=rigid_motions(dmesh, constraints, dof, whole.free))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +110,7 @@ class WholeMesh:
     links: Links  # dependences by ties, points and equations
     loose: tuple[np.ndarray, tuple[np.ndarray, ...]]  # tied parts by number, and those held by joints alone
     notes: tuple[str, ...]  # on a structure without supports, on pairs that supports fix on both sides
-    is_held: bool  # whether supports hold the structure
+    free: np.ndarray  # (6, n) combinations of rigid-body motions that nothing holds
 
 
 def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeMesh:
@@ -127,6 +126,10 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
     part, part_names = connected_parts(mesh, tables.body_of)
     # the motions of most nodal diameters strain a disc that nothing holds
     is_held = links.cyclic is not None or check_held(part, part_names, mesh, tables.supports, pairs, links)
+    free = np.eye(6)
+    if is_held:
+        may_be_free = links.cyclic is None and not len(links.grounded) and not (pairs.node2 < 0).any()
+        free = free_combinations(mesh, links, is_fixed) if may_be_free else np.zeros((6, 0))
     return WholeMesh(
         is_fixed=is_fixed,
         part=part,
@@ -138,9 +141,20 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         notes=(
             *(() if is_held else (FREE,)),
             *notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(tables.path)),
+            *(left_free(free) if is_held else ()),
         ),
-        is_held=is_held,
+        free=free,
     )
+
+
+def left_free(free: np.ndarray) -> tuple[str, ...]:
+    """Say which rigid-body motions supports leave free.  Local."""
+    if not free.shape[1]:
+        return ()
+    n_turns = int(np.any(free[3:] != 0.0, axis=0).sum())
+    counts = ((free.shape[1] - n_turns, "translation"), (n_turns, "turning motion"))
+    words = " and ".join(f"{n} {word}{'s' * (n > 1)}" for n, word in counts if n)
+    return (f"WARNING: the [[supports]] leave {words} of the structure free: part of the response, as without supports",)
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, elements.SolidSection]):

@@ -1,4 +1,4 @@
-"""The six rigid-body motions of a structure that nothing supports, on each rank's rows."""
+"""Rigid-body motions that no support of a structure prevents, on each rank's rows: six without supports."""
 
 from __future__ import annotations
 
@@ -9,15 +9,65 @@ import numpy as np
 from ..parallel.ownership import summed
 
 if TYPE_CHECKING:
-    from ..mesh.data import DistributedMesh
+    from ..mesh.data import DistributedMesh, Mesh
+    from ..mesh.links import Links
     from .constraints import Constraints
 
+_PREVENTED = 1e-6  # of a rigid motion, in the mean of what it moves against supports, beyond which they prevent it
 
-def rigid_motions(dmesh: DistributedMesh, constraints: Constraints | None) -> np.ndarray:
-    """Return three unit translations and three unit rotations about the middle of the nodes, (n_dof_owned, 6).
 
-    Collective on ``dmesh.comm``: one sum.  The structure has no supports.  phi^T f are force [N] and moment [N m] of loads f.
+def free_combinations(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> np.ndarray:
+    """Return which combinations of the six motions supports leave free, (6, n), unit translations before all others.
+
+    Local, rank 0.  ``is_fixed`` is (n_places, 3) bool.  Combinations with a rotation move the farthest node by about the size of
+    the mesh; ties, points and equations must take part in them.
     """
+    middle = mesh.points.mean(axis=0)
+    places = [_motions(mesh.points - middle)]
+    for point in links.points:
+        turns = np.hstack([np.zeros((3, 3)), np.eye(3)])
+        places += [_motions(np.array(point.position) - middle)[None], turns[None]]
+    motions = np.concatenate(places).reshape(-1, 6)
+    follow = motions[links.dependent] - links.weights @ motions
+    prevented = np.concatenate([motions[is_fixed.ravel()], follow]) / np.repeat([1.0, mesh.diagonal], 3)
+    limit = _PREVENTED * np.sqrt(max(len(prevented), 1))
+    translations = _null_space(prevented[:, :3], limit)
+    free = _null_space(prevented, limit)
+    n_turns = free.shape[1] - translations.shape[1]
+    translations = np.vstack([translations, np.zeros_like(translations)])
+    turns = np.linalg.svd(free - translations @ (translations.T @ free))[0][:, :n_turns]
+    return np.hstack([translations, turns]) / np.repeat([1.0, mesh.diagonal], 3)[:, None]
+
+
+def _null_space(rows: np.ndarray, limit: float) -> np.ndarray:
+    """Return an orthonormal basis of what rows (m, n) map to less than ``limit``, (n, k); unit vectors where possible."""
+    values, vectors = np.linalg.eigh(rows.T @ rows)
+    basis = vectors[:, values <= limit**2]
+    axes = np.flatnonzero(np.linalg.norm(basis, axis=1) > 1.0 - 1e-12)
+    if len(axes) == basis.shape[1]:
+        return np.eye(len(vectors))[:, axes]
+    return basis
+
+
+def rigid_motions(
+    dmesh: DistributedMesh, constraints: Constraints | None, dof: np.ndarray | None = None, free: np.ndarray | None = None
+) -> np.ndarray:
+    """Return rigid-body motions of this rank's rows, (n_dof_owned, n): unit translations and unit rotations, or ``free``.
+
+    Collective on ``dmesh.comm``: one sum.  The rotations are about the middle of the nodes, phi^T f are force [N] and
+    moment [N m] of loads f.
+
+    Parameters
+    ----------
+    dof : (n_nodes, 3) rows of the nodes in the order of the ranks, -1 where fixed; None: no support
+    free : combinations of the six motions that supports leave free, (6, n); None: all six
+    """
+    motions = _six_motions(dmesh, constraints, dof)
+    return motions if free is None else np.asfortranarray(motions @ free)
+
+
+def _six_motions(dmesh: DistributedMesh, constraints: Constraints | None, dof: np.ndarray | None) -> np.ndarray:
+    """Return the rows of all six motions, (n_dof_owned, 6).  Collective."""
     comm = dmesh.comm
     first, last = dmesh.node_ranges[comm.rank :][:2]
     own = np.zeros((last - first, 3))
@@ -27,7 +77,8 @@ def rigid_motions(dmesh: DistributedMesh, constraints: Constraints | None) -> np
     middle = summed(comm, own.sum(axis=0)) / dmesh.node_ranges[-1]
     arms = own - middle
     if constraints is None:
-        return np.asfortranarray(_motions(arms).reshape(-1, 6))
+        every = _motions(arms).reshape(-1, 6)
+        return np.asfortranarray(every if dof is None else every[dof[first:last].ravel() >= 0])
     row_start, row_end = constraints.row_ranges[comm.rank :][:2]
     motions = np.zeros((row_end - row_start, 6), order="F")
     n_places = len(dmesh.rank_order)

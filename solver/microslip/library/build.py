@@ -181,7 +181,8 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
     for note in (*linearised.factor.info["messages"], factor_in_words(linearised.factor.info)):
         log.note(note)
     if linearised.factor.n_rigid:
-        log.note(rigid_in_words(linearised.factor.n_rigid, linearised.system.rigid_owned is not None))
+        motions_owned = linearised.system.rigid_owned
+        log.note(rigid_in_words(linearised.factor.n_rigid, None if motions_owned is None else motions_owned.shape[1]))
     if linearised.factor.info.get("out_of_core") and parts.reference is None and keeps_to_K_L(settings):
         linearised.let_K_go()  # memory is short
     return linearised
@@ -261,10 +262,11 @@ def correct_soft_modes(linearised: Linearised, modes: Modes, scene: Scene) -> bo
     return linearised.factor.soft_modes is not None
 
 
-def rigid_in_words(n: int, has_six: bool) -> str:
-    """Return what a log says of the rigid-body modes of a structure without supports: solids in space, or matrices.  Local."""
-    fewer = "" if n == 6 or not has_six else "; WARNING: a body free in space has 6, and what holds the others is no support"
-    return f"no supports: {n} rigid-body mode{'s' * (n > 1)}, exact; mode 1 is the first elastic one{fewer}"
+def rigid_in_words(n: int, n_motions: int | None) -> str:
+    """Return what a log says of n rigid-body modes, where supports leave ``n_motions`` free; None: matrices.  Local."""
+    start = "no supports" if n_motions in (None, 6) else "supports leave rigid-body motion free"
+    fewer = f"; WARNING: {n_motions} are free of supports; other parts hold the rest" if n_motions not in (None, n) else ""
+    return f"{start}: {n} rigid-body mode{'s' * (n > 1)}, exact; mode 1 is the first elastic one{fewer}"
 
 
 def factor_in_words(info: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""What constant loads may do to a structure without supports: nothing holds it, so they must be in balance."""
+"""What constant loads may do to a structure that supports leave free: where nothing holds it, they must be in balance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BALANCED = 1e-6  # of the sum of all forces, and of their moments: less is roun
 
 
 def check_unsupported(system: System, settings: StructureTables, forces_owned: np.ndarray, where: str) -> None:
-    """Raise CaseError, on every rank, for constant loads that a structure without supports cannot bear.
+    """Raise CaseError, on every rank, for constant loads that a structure cannot bear along rigid-body motions left free.
 
     Collective: one sum.  ``forces_owned`` (n_dof_owned,) [N].
     """
@@ -28,8 +28,14 @@ def check_unsupported(system: System, settings: StructureTables, forces_owned: n
         ("large_displacements = true", statics.large_displacements),
     ):
         if is_stated:
-            raise CaseError(f"{start} {key} needs [[supports]]: the structure has none, and nothing holds its axis or its turn")
+            lacks = "has none" if motions.shape[1] == 6 else "can still move as a rigid body"
+            raise CaseError(f"{start} {key} needs [[supports]]: the structure {lacks}, and nothing holds its axis or its turn")
     resultant, size = summed(system.comm, np.stack([motions.T @ forces_owned, np.abs(motions).T @ np.abs(forces_owned)]))
+    if motions.shape[1] < 6 and (np.abs(resultant) > _BALANCED * size).any():
+        raise CaseError(
+            f"{start}: constant loads must be in balance along the rigid-body motions that [[supports]] leave free, and push the "
+            "structure along one of them; add [[supports]] that hold it, or what balances it"
+        )
     if (np.abs(resultant) > _BALANCED * size).any():
         force, moment = np.where(np.abs(resultant) > _BALANCED * size, resultant, 0.0).reshape(2, 3)
         raise CaseError(

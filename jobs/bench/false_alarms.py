@@ -1,0 +1,72 @@
+"""Points of random systems that are noted to solve the truncated equations alone, against time integration: false alarms, missed points.
+
+    python jobs/bench/false_alarms.py [--points 1000] [--seed 21] [--harmonics 3] [--without-lift-off]
+
+Draws random systems (tests/verification/random_structures.py) until so many points are judged: 2 to 12 degrees of freedom, 1 to 4
+pairs, by default with levels at which pairs open.  Time integration begins at each point and comes to a steady state, the
+solution of the full equations near the point.  A false alarm is a note at a point that is less than 1 % of the peak off, a missed
+point is off by more than 1.5 bars and 1 % of the peak without a note.  Points beside a fold and those without a steady state are
+counted apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT / "tests")]
+
+from verification.random_systems import FAR, Judged, judge, solve  # noqa: E402  initialises PETSc
+
+WRONG = 1e-2  # of the peak
+BEYOND = 1.5  # bars
+
+
+def kind(point: Judged) -> str:
+    """Return what the note of a point is worth."""
+    if not point.is_steady:
+        return "without a steady state"
+    if "beside a fold" in point.kinds:
+        return "beside a fold, noted" if FAR in point.notes else "beside a fold"
+    if FAR in point.notes:
+        return "false alarms" if point.error < WRONG else "noted and wrong"
+    return "missed" if point.error > max(WRONG, BEYOND * point.bar) else "neither noted nor missed"
+
+
+def main() -> None:
+    """Print a line for each system with a noted or missed point, and the counts."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--points", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=21)
+    parser.add_argument("--harmonics", type=int, default=3)
+    parser.add_argument("--steps", type=int, default=1024, help="of time integration, a period")
+    parser.add_argument("--without-lift-off", action="store_true")
+    given, start = parser.parse_args(), time.process_time()
+    counts: Counter[str] = Counter()
+    opens, n_judged, number = 0, 0, 0
+    while n_judged < given.points:
+        found = solve(given.seed, number, 6, {"harmonics": given.harmonics}, not given.without_lift_off)
+        counts["curves that ended early"] += len(found.failures)
+        for point in judge([found], given.steps):
+            what = kind(point)
+            counts[what] += 1
+            opens, n_judged = opens + ("opens" in point.kinds), n_judged + point.is_steady
+            if FAR in point.notes or what == "missed":
+                print(
+                    f"system {number}, level {point.level:.4g}, omega {point.omega:.6g}: {what}, error {point.error:.1e}, "
+                    f"bar {point.bar:.1e}, {', '.join(point.kinds)}",
+                    flush=True,
+                )
+        number += 1
+    print(
+        f"{n_judged} points of {number} systems judged, {opens} with pairs that open; {time.process_time() - start:.0f} s of the processor"
+    )
+    print(*(f"{name:26} {n}" for name, n in sorted(counts.items())), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
