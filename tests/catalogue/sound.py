@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import meshio
 import numpy as np
 from block_scenes import NODE_PAIRS, in_format
 from block_scenes import write_scene as write_blocks
+from blocks import block
+from discs import sector, write_sector
 from lap_scene import SCENE, write_mesh
 from matrix_scenes import write_matrix_scene
+from msh import write_msh
 from oracles.scenes import chain
 from plain_model import DENSITY, POISSON, YOUNG, bdf, cdb, exodus, inp, plain, tables, unv
 from synthetic_results import branch, two_flanks, write
@@ -27,6 +31,7 @@ def write_sound(folder: Path) -> None:
     write_mesh(folder / "lap.msh")
     (folder / "lap.toml").write_text(SCENE)
     _write_chain(folder)
+    _write_disc(folder)
     _write_blocks(folder / "blocks")
     _write_models(folder)
     _write_results(folder / EARLIER)
@@ -37,6 +42,24 @@ def _write_chain(folder: Path) -> None:
     """Write chain.toml with K.mtx, M.mtx and pairs.csv."""
     system = chain()
     write_matrix_scene(folder, system, [10.0], (500.0, 600.0), outputs=[6], points=8, harmonics=1).rename(folder / "chain.toml")
+
+
+def _write_disc(folder: Path) -> None:
+    """Write disc.toml with the mesh of a shrouded sector; bent.msh with a node moved, and pie.msh, which reaches the axis."""
+    end = "[damping]\nratio = 0.01\n[response]\nlevels = [10.0]\nfrequencies = [1400.0, 1500.0]\npoints = 8\n"
+    end += "[solver]\nmodes = 8\nharmonics = 1\nerror_bars = false\n"
+    write_sector(folder, 5, end, name="disc", how={"shroud": True})
+    bodies = sector("hex8", 5, shroud=True)
+    points = bodies["disc"].points.copy()
+    points[bodies["disc"].face_nodes("high0")[-1], 2] += 3e-3
+    write_msh(str(folder / "bent.msh"), bodies | {"disc": replace(bodies["disc"], points=points)})
+    a, b = (0.04 * np.array([np.cos(angle), np.sin(angle), 0.0]) for angle in (0.0, 0.4 * np.pi))
+
+    def pie(u, v, w):
+        return u[:, None] * a + v[:, None] * b + w[:, None] * [0.0, 0.0, 0.01]
+
+    core = block("hex8", pie, (1, 1, 1), {"y0": "pie_low", "x0": "pie_high"})
+    write_msh(str(folder / "pie.msh"), bodies | {"core": core})
 
 
 def _write_blocks(folder: Path) -> None:

@@ -1,10 +1,11 @@
-"""The faces at which the sectors of a disc meet: nodes of the high face are those of the low one, turned by one sector.
+"""The faces at which the sectors of a disc meet: the high face is the low one, turned by one sector, and follows it.
 
 docs/theory.md, section 14.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,65 +16,150 @@ from ..messages.errors import MeshError
 from ..messages.words import place
 from ..parallel.ownership import rows_of
 from ..tables.cyclic import Cyclic
+from ..tables.joint import Joint
 from .data import Mesh
-from .surface import outward_faces
+from .projection import Projection, project_on_surface
+from .surface import outward_faces, surface_of
+from .ties import TOUCHING, facet_size, on_facets
 
 TOLERANCE = 1e-5  # of the mesh's diagonal, where the scene states none
-_DIRECTION = 1e-9  # component of a held direction of one face along one that the other leaves free
+OF_FACETS = 0.05  # of the size of the facets, where the faces are not meshed alike
+_WEIGHT = 1e-9  # of held directions in what a node follows: less is none
+_PARTLY = 0.1  # the same of a node on facets some of whose nodes are held
 
 
 @dataclass(frozen=True, eq=False)
 class CyclicFaces:
-    """Nodes of the two faces, one to one: positions high = turn (low - axis_point) + axis_point."""
+    """The nodes of the high face and what they follow: u_high = ``weights`` u for nodal diameter 0."""
 
-    low: np.ndarray  # (n,) nodes of Mesh.points
-    high: np.ndarray  # (n,)
+    high: np.ndarray  # (n,) nodes of Mesh.points
+    weights: sp.csr_matrix  # (3 n, 3 n_nodes), of the low face alone, with the turn of one sector in them
+    joined: np.ndarray  # (2, m) nodes of the low face and of the high one that go together
     turn: np.ndarray  # (3, 3) Q, by one sector in the positive sense about the axis
+    is_matched: bool  # node on node; else nodes on facets
     note: str  # for the log
 
 
 def cyclic_faces(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
-    """Return the nodes of the faces at which sectors meet.  Local, rank 0.
+    """Return the nodes of the faces at which sectors meet: node on node, or the high face on the facets of the low one.
+
+    Local, rank 0.
 
     Raises
     ------
-    MeshError : a node on the axis, nodes without a partner under the turn, faces swapped, or a wrong number of sectors
+    MeshError : a node on the axis, faces that do not meet under the turn, faces swapped, or a wrong number of sectors
     """
     turn = rotation(cyclic.axis, cyclic.angle)
     if cyclic.faces is None:
-        nothing = np.zeros(0, dtype=np.int64)
-        return CyclicFaces(nothing, nothing, turn, f"cyclic: sector 0 of {cyclic.sectors}, which meet in joints alone")
+        none: np.ndarray = np.zeros((2, 0), dtype=np.int64)
+        weights = sp.csr_matrix((0, mesh.points.size))
+        note = f"cyclic: sector 0 of {cyclic.sectors}, which meet in joints alone"
+        return CyclicFaces(none[0], weights, none, turn, True, note)
     low, high = (mesh.node_groups[group] for group in cyclic.faces)
-    where = f"{mesh.path}: [cyclic] faces"
+    _refuse_shared(mesh, cyclic, low, high)
     tolerance = TOLERANCE * mesh.diagonal if cyclic.tolerance is None else cyclic.tolerance
-    _refuse_shared(mesh, cyclic, low, high, where)
     turned = turned_about(mesh.points[low], turn, cyclic.axis_point)
     distance, partner = cKDTree(mesh.points[high]).query(turned)
     back, _ = cKDTree(turned).query(mesh.points[high])
-    lonely = int(np.count_nonzero(distance > tolerance)), int(np.count_nonzero(back > tolerance))
-    if any(lonely):
-        side, at, worst = ((low, cyclic.faces[0]), int(np.argmax(distance)), float(distance.max()))
-        if back.max() > distance.max():
-            side, at, worst = ((high, cyclic.faces[1]), int(np.argmax(back)), float(back.max()))
-        node = side[0][at]
-        raise MeshError(
-            f"{where}: turned by 360/{cyclic.sectors} degrees about the axis, {lonely[0]} of {len(low)} nodes of "
-            f"{cyclic.faces[0]!r} and {lonely[1]} of {len(high)} nodes of {cyclic.faces[1]!r} have no partner within "
-            f"{tolerance:.3g} m; the worst is node {mesh.numbers[node]} of {side[1]!r} at {place(mesh.points[node])} m, "
-            f"{worst:.3g} m from the nearest one{_why(mesh, cyclic, low, high, tolerance)}"
-        )
+    if max(distance.max(), back.max()) > tolerance:
+        return _tied(mesh, cyclic)
     if len(np.unique(partner)) < len(low):
         counts = np.bincount(partner)
         node = high[int(np.argmax(counts))]
         raise MeshError(
-            f"{where}: {counts.max()} nodes of {cyclic.faces[0]!r} come to lie within {tolerance:.3g} m of node "
+            f"{_where(mesh)}: {counts.max()} nodes of {cyclic.faces[0]!r} come to lie within {tolerance:.3g} m of node "
             f"{mesh.numbers[node]} of {cyclic.faces[1]!r}; state a smaller tolerance, or merge the double nodes"
         )
     note = (
         f"cyclic: sector 0 of {cyclic.sectors}; {len(low)} nodes of {cyclic.faces[1]!r} follow those of {cyclic.faces[0]!r}, "
         f"up to {distance.max():.2g} m from their turned places"
     )
-    return CyclicFaces(low, high[partner], turn, note)
+    high = high[partner]
+    unit = sp.csr_matrix((np.ones(len(low)), (np.arange(len(low)), low)), (len(low), len(mesh.points)))
+    return CyclicFaces(high, sp.kron(unit, turn, format="csr"), np.stack([low, high]), turn, True, note)
+
+
+def _tied(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
+    """Return the nodes of a high face that is not meshed as the low one: they follow its turned facets as in a tie (2.6).
+
+    Raises
+    ------
+    MeshError : nodes of either face far from the facets of the other, under the turn
+    """
+    assert cyclic.faces is not None, "with two faces"
+    meeting = _Meeting.of(mesh, cyclic, cyclic.angle)
+    _refuse_distant(mesh, cyclic, meeting)
+    high, projection = meeting.nodes[1], meeting.projections[1]
+    placed, size = in_next_sector(mesh, cyclic.faces[0], cyclic), meeting.size
+    weights = on_facets(placed, projection, mesh.points[high], TOUCHING * size, len(mesh.points))
+    turn = rotation(cyclic.axis, cyclic.angle)
+    of_nodes = sp.kron(sp.eye(len(mesh.points)), turn, format="csr")
+    note = (
+        f"cyclic: sector 0 of {cyclic.sectors}; the faces are not meshed alike: {len(high)} nodes of {cyclic.faces[1]!r} follow "
+        f"the facets of {cyclic.faces[0]!r}, up to {projection.distance.max():.2g} m from their turned places"
+    )
+    lead = weights.tocoo()
+    joined = np.unique(np.stack([lead.col // 3, high[lead.row // 3]]), axis=1)
+    return CyclicFaces(high, (weights @ of_nodes).tocsr(), joined, turn, False, note)
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    """How near the two faces come where the low one is turned by an angle."""
+
+    nodes: tuple[np.ndarray, np.ndarray]  # of the low and of the high face
+    projections: tuple[Projection, Projection]  # of the nodes of each on the facets of the other
+    size: float  # of the larger facets [m]
+
+    @classmethod
+    def of(cls, mesh: Mesh, cyclic: Cyclic, angle: float) -> _Meeting:
+        """Return it for one angle.  Local, rank 0.
+
+        Raises
+        ------
+        MeshError : a group of nodes without a face
+        """
+        assert cyclic.faces is not None, "with two faces"
+        faces = tuple(outward_faces(mesh, group) for group in cyclic.faces)
+        low, high = (np.unique(np.concatenate([of_kind.ravel() for of_kind in each.values()])) for each in faces)
+        points = mesh.points.copy()
+        points[low] = turned_about(points[low], rotation(cyclic.axis, angle), cyclic.axis_point)
+        on_high, on_low = (project_on_surface(points, faces[i], points[(low, high)[1 - i]]) for i in (1, 0))
+        return cls((low, high), (on_high, on_low), max(facet_size(mesh, each) for each in faces))
+
+    @property
+    def distances(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of the nodes of the low and of the high face from the other one [m]."""
+        return self.projections[0].distance, self.projections[1].distance
+
+    def tolerance(self, cyclic: Cyclic) -> float:
+        """How far a node may lie from the facets of the other face [m]."""
+        return OF_FACETS * self.size if cyclic.tolerance is None else cyclic.tolerance
+
+    def is_close(self, cyclic: Cyclic) -> bool:
+        """Return whether the faces lie on each other.  Local."""
+        return max(float(each.max()) for each in self.distances) <= self.tolerance(cyclic)
+
+
+def _refuse_distant(mesh: Mesh, cyclic: Cyclic, meeting: _Meeting) -> None:
+    """Raise MeshError where the faces do not lie on each other under the turn, with the worst node and what it may be."""
+    if meeting.is_close(cyclic):
+        return
+    assert cyclic.faces is not None, "with two faces"
+    tolerance, worst = meeting.tolerance(cyclic), [float(each.max()) for each in meeting.distances]
+    n_far = [int(np.count_nonzero(each > tolerance)) for each in meeting.distances]
+    side = int(worst[1] > worst[0])
+    node = meeting.nodes[side][int(np.argmax(meeting.distances[side]))]
+    raise MeshError(
+        f"{_where(mesh)}: turned by 360/{cyclic.sectors} degrees about the axis, {n_far[0]} of {len(meeting.nodes[0])} nodes of "
+        f"{cyclic.faces[0]!r} and {n_far[1]} of {len(meeting.nodes[1])} nodes of {cyclic.faces[1]!r} lie farther than "
+        f"{tolerance:.3g} m from the other face; the worst is node {mesh.numbers[node]} of {cyclic.faces[side]!r} at "
+        f"{place(mesh.points[node])} m, {worst[side]:.3g} m from it{_why(mesh, cyclic)}"
+    )
+
+
+def _where(mesh: Mesh) -> str:
+    return f"{mesh.path}: [cyclic] faces"
 
 
 def rotation(axis, angle: float) -> np.ndarray:
@@ -102,46 +188,69 @@ def in_next_sector(mesh: Mesh, group: str, cyclic: Cyclic) -> Mesh:
     return replace(mesh, points=points)
 
 
-def _refuse_shared(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray, where: str) -> None:
+def _refuse_shared(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray) -> None:
     """Raise MeshError for nodes that both faces have: on the axis they are one node of all sectors."""
     shared = np.intersect1d(low, high)
     if len(shared) == 0:
         return
-    assert cyclic.faces is not None, "groups of nodes"
-    node = shared[np.argmin(mesh.numbers[shared])]
     assert cyclic.faces is not None, "with two faces"
+    node = shared[np.argmin(mesh.numbers[shared])]
+    turned = turned_about(mesh.points[node], rotation(cyclic.axis, np.pi), cyclic.axis_point)
+    is_on_axis = float(np.linalg.norm(turned - mesh.points[node])) <= TOLERANCE * mesh.diagonal
+    remedy = (
+        "a node on the axis belongs to all sectors at once and cannot follow: leave a small bore about the axis"
+        if is_on_axis
+        else "a node off the axis lies on one of the two faces: take these nodes out of the other group"
+    )
     raise MeshError(
-        f"{where}: {cyclic.faces[0]!r} and {cyclic.faces[1]!r} share {len(shared)} nodes, the first is node "
-        f"{mesh.numbers[node]} at {place(mesh.points[node])} m; a node on the axis belongs to all sectors at once and cannot "
-        "follow: leave a small bore about the axis, or take other nodes out of one group"
+        f"{_where(mesh)}: {cyclic.faces[0]!r} and {cyclic.faces[1]!r} share {len(shared)} nodes, the first is node "
+        f"{mesh.numbers[node]} at {place(mesh.points[node])} m; {remedy}"
     )
 
 
-def _why(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray, tolerance: float) -> str:
-    """Return a text on what the faces may be: swapped, of another number of sectors, or meshed differently."""
+def check_joints_beside(mesh: Mesh, cyclic: Cyclic, joints: Sequence[Joint]) -> None:
+    """Raise MeshError where faces at which sectors are one body belong to a joint.  Local, rank 0."""
+    for group in cyclic.faces or ():
+        is_member = np.zeros(len(mesh.points), dtype=bool)
+        is_member[mesh.node_groups[group]] = True
+        for joint in joints:
+            for surface in joint.groups if joint.node_pairs is None else ():
+                both = sum(int(is_member[nodes].all(axis=1).sum()) for nodes in outward_faces(mesh, surface).values())
+                if both:
+                    raise MeshError(
+                        f"{_where(mesh)}: {both} faces of {group!r} are faces of {surface!r} of joint {joint.name!r}, too: there "
+                        "the sectors are one body, which cannot slip; take them out of one of the two groups (sectors that meet "
+                        "in joints alone have no faces)"
+                    )
 
-    def fits(angle: float) -> bool:
-        turned = turned_about(mesh.points[low], rotation(cyclic.axis, angle), cyclic.axis_point)
-        return len(low) == len(high) and float(cKDTree(mesh.points[high]).query(turned)[0].max()) <= tolerance
 
-    if fits(-cyclic.angle):
+def _why(mesh: Mesh, cyclic: Cyclic) -> str:
+    """Return a text on what the faces may be: swapped, of another number of sectors, or no turned copies."""
+    if _Meeting.of(mesh, cyclic, -cyclic.angle).is_close(cyclic):
         return (
             "; turned the other way they fit: swap the two faces (the high one lies in the positive sense about the axis, by "
             "the right-hand rule), or reverse the axis"
         )
-    angle = _angle_between(mesh, cyclic, low, high)
-    if abs(angle) > 1e-6 and fits(angle):
+    angle = _angle_between(mesh, cyclic)
+    if abs(angle) > 1e-6 and _Meeting.of(mesh, cyclic, angle).is_close(cyclic):
         fitting = f"{abs(2.0 * np.pi / angle):.6g} sectors" + (", with the two faces swapped" if angle < 0.0 else "")
         return f"; they lie {np.degrees(abs(angle)):.6g} degrees apart, which is that of {fitting}"
-    return "; mesh the two faces alike (one a turned copy of the other), check axis and axis_point, or state a larger tolerance"
+    return "; make one face a turned copy of the other, check axis and axis_point, or state a larger tolerance"
 
 
-def _angle_between(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray) -> float:
+def _angle_between(mesh: Mesh, cyclic: Cyclic) -> float:
     """Return the angle from the centre of the low face to that of the high one about the axis, in -pi to pi."""
+    assert cyclic.faces is not None, "with two faces"
     axis = np.asarray(cyclic.axis, dtype=float) / np.linalg.norm(cyclic.axis)
-    a, b = (mesh.points[nodes].mean(axis=0) - cyclic.axis_point for nodes in (low, high))
+    a, b = (_centre(mesh, group) - cyclic.axis_point for group in cyclic.faces)
     a, b = a - (a @ axis) * axis, b - (b @ axis) * axis
     return float(np.arctan2(axis @ np.cross(a, b), a @ b))
+
+
+def _centre(mesh: Mesh, group: str) -> np.ndarray:
+    """Return the centre of a face, that of its area and not that of its nodes."""
+    side = surface_of(mesh, group)
+    return side.areas @ mesh.points[side.nodes] / side.areas.sum()
 
 
 def followers(
@@ -157,12 +266,9 @@ def followers(
     """
     _refuse_followers(mesh, faces, dependent, weights)
     _refuse_other_supports(mesh, faces, is_fixed)
-    n, n_dof = len(faces.high), weights.shape[1]
-    row = np.broadcast_to(rows_of(faces.high).reshape(n, 3, 1), (n, 3, 3))
-    column = np.broadcast_to(rows_of(faces.low).reshape(n, 1, 3), (n, 3, 3))
-    value = np.broadcast_to(faces.turn, (n, 3, 3))
-    whole = sp.csr_matrix((value.ravel(), (row.ravel(), column.ravel())), (n_dof, n_dof))
-    follow = np.sort(rows_of(faces.high)[~is_fixed[faces.high].ravel()])
+    n_dof, rows, of_high = weights.shape[1], rows_of(faces.high), faces.weights.tocoo()
+    whole = sp.csr_matrix((of_high.data, (rows[of_high.row], of_high.col)), (n_dof, n_dof))
+    follow = np.sort(rows[~is_fixed[faces.high].ravel()])
     stays = np.ones(n_dof)
     stays[dependent] = 0.0
     onward = sp.csr_matrix((np.ones(len(dependent)), (dependent, np.arange(len(dependent)))), (n_dof, len(dependent))) @ weights
@@ -185,16 +291,16 @@ def _refuse_followers(mesh: Mesh, faces: CyclicFaces, dependent: np.ndarray, wei
 
 def _refuse_other_supports(mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray) -> None:
     """Raise MeshError where supports hold a node of one face in other directions than its partner, turned."""
-    across = abs(faces.turn) > _DIRECTION
-    at_low, at_high = is_fixed[faces.low], is_fixed[faces.high]
-    unlike = (at_low[:, None, :] != at_high[:, :, None]) & across
-    wrong = np.flatnonzero(unlike.any(axis=(1, 2)))
+    size, held, is_held = abs(faces.weights), is_fixed.ravel(), is_fixed[faces.high].ravel()
+    by_held = np.asarray(size @ held[: size.shape[1]]).ravel() / np.asarray(size.sum(axis=1)).ravel()
+    wrong = np.flatnonzero(abs(by_held - is_held) > (_WEIGHT if faces.is_matched else _PARTLY))
     if len(wrong) == 0:
         return
-    low, high = faces.low[wrong[0]], faces.high[wrong[0]]
-    held = ["".join(np.array(list("xyz"))[is_fixed[node]]) or "nothing" for node in (low, high)]
+    high, n_wrong = faces.high[wrong[0] // 3], len(np.unique(wrong // 3))
+    low = int(size.indices[size.indptr[wrong[0]] : size.indptr[wrong[0] + 1]][0]) // 3
+    words = ["".join(np.array(list("xyz"))[is_fixed[node]]) or "nothing" for node in (low, high)]
     raise MeshError(
-        f"{mesh.path}: [[supports]] break the symmetry of [cyclic] at {len(wrong)} pairs of nodes of the two faces: node "
-        f"{mesh.numbers[low]} at {place(mesh.points[low])} m is held along {held[0]}, its partner {mesh.numbers[high]} along "
-        f"{held[1]}; hold both, all around or along the axis (a direction that turns with the sectors cannot be held alone)"
+        f"{mesh.path}: [[supports]] break the symmetry of [cyclic] at {n_wrong} pairs of nodes of the two faces: node "
+        f"{mesh.numbers[low]} at {place(mesh.points[low])} m is held along {words[0]}, its partner {mesh.numbers[high]} along "
+        f"{words[1]}; hold both, all around or along the axis (a direction that turns with the sectors cannot be held alone)"
     )

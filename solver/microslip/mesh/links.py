@@ -14,7 +14,7 @@ from ..messages.words import place
 from ..tables.structure import Point
 from ..tables.structure_tables import StructureTables
 from .attached import Attached, attach
-from .cyclic import CyclicFaces, cyclic_faces, followers
+from .cyclic import CyclicFaces, check_joints_beside, cyclic_faces, followers
 from .data import Mesh
 from .equations import solve_equations, translations
 from .locate import find_node
@@ -83,6 +83,7 @@ def _with_sectors(mesh: Mesh, tables: StructureTables, links: Links) -> Links:
     """Return the same links with the nodes of the high face following those of the low one."""
     assert tables.cyclic is not None, "a disc"
     faces, is_fixed = cyclic_faces(mesh, tables.cyclic), fixed_places(mesh, tables, links)
+    check_joints_beside(mesh, tables.cyclic, tables.joints)
     dependent, weights = followers(mesh, faces, is_fixed, links.dependent, links.weights)
     dependent, weights = np.concatenate([links.dependent, dependent]), sp.vstack([links.weights, weights]).tocsr()
     order = np.argsort(dependent)
@@ -91,7 +92,7 @@ def _with_sectors(mesh: Mesh, tables: StructureTables, links: Links) -> Links:
         dependent=dependent[order],
         weights=weights[order],
         notes=(*links.notes, faces.note),
-        more_joined=(*links.more_joined, np.stack([faces.low, faces.high])),
+        more_joined=(*links.more_joined, faces.joined),
         cyclic=faces,
     )
 

@@ -15,7 +15,7 @@ from ..messages.words import place
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint
 from .contact_points import ContactPoints, heaviest
-from .cyclic import in_next_sector
+from .cyclic import cyclic_faces, in_next_sector
 from .data import ContactPairs, Mesh
 from .ground import grounded
 from .listed import listed_nodes
@@ -43,13 +43,15 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint], cyclic: Cyclic | None = N
     """
     if not joints:
         return _no_pairs()
+    if cyclic is not None and any(joint.next_sector for joint in joints):
+        cyclic_faces(mesh, cyclic)  # where they are wrong, the next sector is elsewhere
     parts, faces, notes, n_pairs, faults = [], [], [], 0, Faults()
     with faults.collected():
         _check_faces(mesh, joints)
     for joint in joints:
         with faults.collected():
             placed = in_next_sector(mesh, joint.groups[1], cyclic) if joint.next_sector and cyclic is not None else mesh
-            points = contact_points(placed, joint)
+            points = contact_points(placed, joint) if placed is mesh else _with_next_sector(placed, joint)
             penetration = check_penetration(placed, joint, points)
             parts.append(_columns(placed, joint, points))
             faces += [face + n_pairs for face in points.faces]
@@ -113,6 +115,18 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
         except NotMatching:
             return overlapping_faces(mesh, joint.with_keys(pairing=MORTAR), first, second)
     return PAIRINGS[joint.pairing](mesh, joint, first, second)
+
+
+def _with_next_sector(placed: Mesh, joint: Joint) -> ContactPoints:
+    """Return the same of a joint to the next sector, whose surface is ``placed`` there.  Local, rank 0."""
+    try:
+        return contact_points(placed, joint)
+    except MeshError as fault:
+        first, second = joint.groups
+        raise MeshError(
+            f"{fault}; {second!r} is taken from the next sector, turned in the positive sense about the axis of [cyclic]: "
+            f"surfaces = [of this sector at its high side, of the next one], here perhaps [{second!r}, {first!r}]"
+        ) from fault
 
 
 def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:

@@ -58,13 +58,13 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int, taken: np.ndarray) -> Follower:
     )
     is_shared, is_taken = np.isin(nodes, slave_nodes), taken[nodes]
     projection = project_on_surface(mesh.points, second, mesh.points[nodes])
-    size = _facet_size(mesh, second)
+    size = facet_size(mesh, second)
     tolerance = TOLERANCE * size if tie.tolerance is None else tie.tolerance
     is_near = projection.distance <= tolerance
     _check_near(mesh, tie, nodes, projection, is_near, tolerance)
     follows = is_near & ~is_shared & ~is_taken
     n_beyond, tied = int(np.count_nonzero(~is_near)), projection.of(np.flatnonzero(follows))
-    weights = _on_facets(mesh, tied, mesh.points[nodes[follows]], TOUCHING * size, n_places)
+    weights = on_facets(mesh, tied, mesh.points[nodes[follows]], TOUCHING * size, n_places)
     joined = np.stack([np.repeat(nodes[follows], tied.nodes.shape[1]), tied.nodes.ravel()])
     counts = f"{len(tied.nodes)} of {len(nodes)}" if len(tied.nodes) < len(nodes) else f"{len(nodes)}"
     note = (
@@ -77,7 +77,7 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int, taken: np.ndarray) -> Follower:
         (np.count_nonzero(is_near & is_taken & ~is_shared), "follow another tie"),
     ):
         note += f"; {n} {why}" if n else ""
-    if _facet_size(mesh, first) > COARSER * size:
+    if facet_size(mesh, first) > COARSER * size:
         note += "; the coarser surface follows the finer one: swapped, the stresses next to the tie are more accurate"
     glued = (
         (first, second)
@@ -97,13 +97,13 @@ def _under(faces: Faces, projection: Projection) -> Faces:
     return {kind: corners[np.unique(projection.face[projection.kind == kind])] for kind, corners in faces.items()}
 
 
-def _facet_size(mesh: Mesh, faces: Faces) -> float:
+def facet_size(mesh: Mesh, faces: Faces) -> float:
     """Return the mean of the roots of the facets' areas [m]."""
     areas = [elements.face_nodal_areas(kind, mesh.points[nodes]).sum(axis=1) for kind, nodes in faces.items()]
     return float(np.sqrt(np.concatenate(areas)).mean())
 
 
-def _on_facets(mesh: Mesh, projection: Projection, points: np.ndarray, touching: float, n_places: int) -> sp.csr_matrix:
+def on_facets(mesh: Mesh, projection: Projection, points: np.ndarray, touching: float, n_places: int) -> sp.csr_matrix:
     """Return the weights of the nodes of the facets, (3 n, 3 n_places): docs/theory.md, eq. (2.6).
 
     A point off its foot moves with it as if a rigid arm led there, so that turning both surfaces strains nothing.

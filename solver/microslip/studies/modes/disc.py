@@ -101,7 +101,11 @@ def diameters_of(scene: Scene, stated: tuple[int, ...]) -> tuple[int, ...]:
     most = scene.cyclic.sectors // 2
     wrong = [d for d in stated if d > most]
     if wrong:
-        raise CaseError(f"--diameters: {scene.cyclic.sectors} sectors have nodal diameters 0 to {most}, and {wrong[0]} is stated")
+        N = scene.cyclic.sectors
+        raise CaseError(
+            f"--diameters: {N} sectors have nodal diameters 0 to {most}, and {wrong[0]} is stated; at the sectors it is that of "
+            f"{alias(wrong[0], N)}: state that"
+        )
     return stated or tuple(range(most + 1))
 
 

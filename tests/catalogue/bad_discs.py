@@ -1,0 +1,96 @@
+"""Discs of sectors that are none: faces, numbers of sectors, waves, supports, joints to the next sector."""
+
+from __future__ import annotations
+
+from .case import Case, appended, edited
+
+RUN = "run disc.toml --out out"
+FACES, WAVE, SHROUDS = 'faces = ["low0", "high0"]', "engine_order = 1", '"shroud_high", "shroud_low"]'
+TABLE = f"[cyclic]\nsectors = 5\naxis = [0.0, 0.0, 1.0]\n{FACES}\n{WAVE}\n"
+CORE = '[bodies.core]\ngroup = "core"\nmaterial = "steel"\n[[supports]]'
+LAWS = "friction = 0.3\ntangential_stiffness = 5.0e11\nnormal_stiffness = 1.0e12\npreload = 2.0e6\n"
+
+
+def disc(name: str, old: str, new: str, *words: str) -> Case:
+    """Return the scene of the disc with one text replaced."""
+    return Case(name, RUN, words, edited("disc.toml", old, new))
+
+
+def faces(low: str, high: str) -> str:
+    return f'faces = ["{low}", "{high}"]'
+
+
+FIT = [
+    disc("faces swapped", FACES, faces("high0", "low0"), "[cyclic] faces: turned by 360/5", "swap the two faces"),
+    disc("axis reversed", "axis = [0.0, 0.0, 1.0]", "axis = [0.0, 0.0, -1.0]", "swap the two faces", "or reverse the axis"),
+    disc("sectors that do not fit", "sectors = 5", "sectors = 6", "they lie 72 degrees apart, which is that of 5 sectors"),
+    disc("faces of two kinds", FACES, faces("low0", "shroud_high"), "the worst is node 1 of 'low0' at (0.05, 0, 0) m"),
+    disc("axis elsewhere", FACES, FACES + "\naxis_point = [0.01, 0.0, 0.0]", "the worst is node", "check axis and axis_point"),
+    disc("face with a node moved", "disc.msh", "bent.msh", "1 of 4 nodes of 'high0'", "the worst is node 16 of 'high0'"),
+    disc("faces that share nodes", FACES, faces("low0", "bore"), "share 2 nodes", "a node off the axis lies on one of the two"),
+    Case(
+        "nodes on the axis",
+        RUN,
+        ("share 2 nodes, the first is node 41 at (0, 0, 0) m", "leave a small bore"),
+        edited("disc.toml", "disc.msh", "pie.msh", "[[supports]]", CORE, FACES, faces("pie_low", "pie_high")),
+    ),
+    disc("a face of no group", FACES, faces("low0", "hihg0"), "[cyclic] faces = 'hihg0'", "nearest is 'high0'"),
+    disc("the same face twice", FACES, faces("low0", "low0"), "two groups of the mesh, [low, high]"),
+]
+
+WAVES = [
+    disc("engine order without sectors", TABLE, WAVE + "\n", "engine_order: unknown key; [cyclic]"),
+    disc("no number of sectors", "sectors = 5\n", "", "[cyclic] sectors is missing"),
+    disc("one sector", "sectors = 5", "sectors = 1", "a whole number of at least 2"),
+    disc("no wave", WAVE, "", "exactly one of engine_order, nodal_diameter"),
+    disc("two waves", WAVE, WAVE + "\nnodal_diameter = 1", "found engine_order and nodal_diameter"),
+    disc("engine order of a half", WAVE, "engine_order = 1.5", "[cyclic] engine_order = 1.5", "a whole number"),
+    disc(
+        "nodal diameter above half", WAVE, "nodal_diameter = 3", "above half of 5", "that of 2, the wave in the other direction"
+    ),
+    disc("nodal diameter beyond", WAVE, "nodal_diameter = 7", "above half of 5", "that of 2, the same wave"),
+    disc("wave without a direction", WAVE, "nodal_diameter = 2", "wave is missing", '"backward"', '"forward"'),
+    disc("wave of another word", WAVE, 'nodal_diameter = 2\nwave = "back"', '[cyclic] wave = "back"'),
+    disc("wave of an engine order", WAVE, WAVE + '\nwave = "forward"', "wave belongs to nodal_diameter"),
+    Case(
+        "modes of a nodal diameter above half", "modes disc.toml --out out --diameters 3", ("nodal diameters 0 to 2", "that of 2")
+    ),
+    disc("a base of a disc", "[damping]", "[[loads]]\nbase_acceleration = [1.0, 0.0, 0.0]\n[damping]", "no wave of the sectors"),
+]
+
+HELD = [
+    disc(
+        "support of the low face", '"bore"', '"low0"', "break the symmetry", "node 1", "along xyz, its partner 13 along nothing"
+    ),
+    disc("support of the dependent face", '"bore"', '"high0"', "break the symmetry", "along nothing, its partner 13 along xyz"),
+    disc("support along one axis", '["x", "y", "z"]', '["x"]', "break the symmetry", "is held along x, its partner 13 along x"),
+    Case(
+        "point on the dependent face",
+        RUN,
+        ("4 nodes of the high face of [cyclic] belong to a tie, a point or an equation",),
+        appended("disc.toml", '[[points]]\nname = "p"\nposition = [0.0, 0.0, 0.0]\ngroup = "high0"\n'),
+    ),
+]
+
+JOINTS = [
+    disc("next sector without a disc", TABLE, "", '[[joints]] 2 ("shrouds") next_sector: there is no table [cyclic]'),
+    disc(
+        "next sector without a neighbour", SHROUDS, '"shroud_high", "left0"]', "joint 'shrouds'", "is taken from the next sector"
+    ),
+    disc("next sector the wrong way", SHROUDS, '"shroud_low", "shroud_high"]', "perhaps ['shroud_high', 'shroud_low']"),
+    disc("next sector of the ground", SHROUDS, '"shroud_high"]\nagainst = "ground"', "next_sector = true: the next sector is"),
+    Case(
+        "joint on the faces of sectors",
+        RUN,
+        ("1 faces of 'low0' are faces of 'low0' of joint 'cut'", "the sectors are one body"),
+        appended("disc.toml", f'[[joints]]\nname = "cut"\nsurfaces = ["high0", "low0"]\nnext_sector = true\n{LAWS}'),
+    ),
+    Case(
+        "sectors that nothing joins",
+        RUN,
+        ("[cyclic] faces is missing", "no joint has next_sector"),
+        edited("disc.toml", FACES, "", SHROUDS, '"left0"]\nagainst = "ground"', "next_sector = true\n", ""),
+    ),
+]
+
+CASES = [*FIT, *WAVES, *HELD, *JOINTS]
