@@ -73,12 +73,13 @@ def turned(N: int, s: int, direction) -> list[float]:
 LOAD, OUTPUT = [0.6, 1.0, 0.3], [0.2, 1.0, 0.5]
 
 
-def load(N: int, s: int = 0, phase: float = 0.0) -> str:
-    return table("[loads]", position=at(N, s), direction=turned(N, s, LOAD), phase=phase)
+def load(N: int, s: int = 0, phase: float = 0.0, factor: float = 1.0) -> str:
+    direction = [factor * component for component in turned(N, s, LOAD)]
+    return table("[loads]", position=at(N, s), direction=direction, phase=phase)
 
 
-def output(N: int) -> str:
-    return table("[outputs]", name="tip", position=at(N, 0, w=0.0), direction=OUTPUT)
+def output(N: int, s: int = 0) -> str:
+    return table("[outputs]", name=f"tip{s or ''}", position=at(N, s, w=0.0), direction=turned(N, s, OUTPUT))
 
 
 def cyclic(N: int, **keys) -> str:
@@ -111,13 +112,20 @@ def write_sector(folder: Path, N: int, end: str, kind: str = "hex8", name: str =
     return path
 
 
-def write_ring(folder: Path, N: int, end: str, kind: str = "hex8", name: str = "ring", h: int = 1, how=None, **body) -> Path:
-    """Write mesh and scene of the whole ring under a wave of loads: sector s leads sector 0 by h s alpha."""
+def write_ring(
+    folder: Path, N: int, end: str, kind: str = "hex8", name: str = "ring", h: int = 1, how=None, loads=None, n_outputs=1, **body
+) -> Path:
+    """Write mesh and scene of the whole ring under a wave of loads: sector s leads sector 0 by h s alpha.
+
+    ``loads`` (N,) are factors of the loads of the sectors; the first ``n_outputs`` sectors have outputs.
+    """
     bodies = ring(kind, N, **(how or {}))
     write_msh(str(folder / f"{name}.msh"), bodies)
     path = folder / f"{name}.toml"
     if (how or {}).get("shroud"):
         body["shrouds"] = "# all of them"
-    loads = "".join(load(N, s, 2.0 * np.pi * h * s / N) for s in range(N))
-    path.write_text(body_text(f"{name}.msh", bodies, **body) + loads + output(N) + end)
+    factors = np.ones(N) if loads is None else loads
+    wave = "".join(load(N, s, 2.0 * np.pi * h * s / N, float(factors[s])) for s in range(N))
+    outputs = "".join(output(N, s) for s in range(n_outputs))
+    path.write_text(body_text(f"{name}.msh", bodies, **body) + wave + outputs + end)
     return path

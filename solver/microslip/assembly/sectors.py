@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from ..fourier.amplitudes import to_complex, to_real
 from .constrained import constrained
 from .constraints import Constraints
-from .system import System
+from .system import Disc, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,3 +71,32 @@ class Sectors:
     def destroy(self) -> None:
         """Free the matrices of the sector; once more does nothing.  Collective."""
         self.sector.destroy()
+
+
+@dataclass(frozen=True, eq=False)
+class AllSectors:
+    """A disc whose motion has a row for each DOF of a sector and each sector, the sectors of a DOF one after the other."""
+
+    disc: Disc
+    turns: np.ndarray  # (N, 3, 3) of the sectors about the axis
+
+    @property
+    def n_sectors(self) -> int:
+        """The number of sectors."""
+        return self.disc.n_sectors
+
+    def system(self, d: int) -> System:
+        """Return the system of nodal diameter d.  Collective."""
+        return self.disc.system(d)
+
+    def at_nodes(self, w: np.ndarray) -> np.ndarray:
+        """Return the motion of the nodes, sector after sector, (N n_nodes, 3, N_H), for w (n_dof N, N_H).  Local."""
+        assert isinstance(self.disc, Sectors), "what makes the systems"
+        N, N_H = self.n_sectors, w.shape[1]
+        u = self.disc.constraints.at_nodes(w.reshape(-1, N * N_H)).reshape(-1, 3, N, N_H)
+        u[self.disc.high] = np.roll(u[self.disc.high], -1, axis=2)  # nodes of the low face of the next sector
+        return np.einsum("sij,njsh->snih", self.turns, u).reshape(-1, 3, N_H)
+
+    def destroy(self) -> None:
+        """Free the matrices of the sector.  Collective."""
+        self.disc.destroy()

@@ -21,6 +21,7 @@ from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
+from ..mesh.sector_factors import factors_of, pairs_of_all_sectors
 from ..modes.eigen import Modes
 from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
@@ -32,6 +33,8 @@ from ..reduction.choose_modes import choose_modes
 from ..reduction.memory_of_modes import memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
 from ..reduction.stuck import Factored, OnDemand, StuckStructure, static_response
+from ..reduction.whole_disc import WholeDisc, of_all_sectors
+from ..results.whole_disc import turns, whole_mesh
 from ..scene.schema import Scene
 from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
@@ -88,6 +91,11 @@ class Structure(StuckStructure):
 
     def __exit__(self, *_) -> None:
         self.close()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WholeStructure(WholeDisc, Structure):
+    """The stuck structure of a scene whose disc has sectors that may differ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +208,8 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
     cyclic = parts.scene.cyclic
     if cyclic is None:
         return _stuck(parts, log)
+    if cyclic.whole:
+        return whole_disc(parts, log)
     groups: PerGroup[Structure] = PerGroup(
         lambda d: of_diameter(parts, d, groups, log),  # type: ignore[arg-type]  # its groups are whole numbers
         cyclic.diameter,
@@ -223,6 +233,39 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
     log.note(f"nodal diameter {d}")
     system = system if d == 0 else system.sectors.system(d)
     return _stuck(replace(parts, rest=replace(parts.rest, system=system)), log, groups=groups, group=d)
+
+
+def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
+    """Return the structure of a disc whose sectors may differ, from those of all nodal diameters of alike ones.  Collective.
+
+    The modes of each diameter are chosen as if the loads excited it.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank
+    """
+    scene, cyclic = parts.scene, parts.scene.cyclic
+    assert cyclic is not None, "a disc"
+    factors = on_root(parts.rest.system.comm, factors_of, cyclic, scene.path)
+
+    def alike(d: int) -> Structure:
+        wave = cyclic.with_keys(engine_order=d, nodal_diameter=None, wave=None, whole=False)
+        groups = PerGroup(diameters.of_group, wave.diameter, wave.diameters)
+        return of_diameter(replace(parts, scene=scene.with_keys(cyclic=wave)), d, groups, log)
+
+    diameters: PerGroup[Structure] = PerGroup(alike)  # type: ignore[arg-type]  # its groups are whole numbers
+    tuned = [diameters.of_group(d) for d in range(cyclic.sectors // 2 + 1)]
+    assert parts.rest.system.dof is not None, "of a mesh"
+    whole = pairs_of_all_sectors(parts.rest.pairs, len(parts.rest.system.dof), cyclic, factors, scene.path)
+    leads = np.array([load.harmonic * cyclic.wave_number for load in scene.loads for _ in load.phases])
+    return WholeStructure(
+        **of_all_sectors(tuned, whole, leads, factors.load),
+        turns=turns(cyclic),
+        diameter=min(cyclic.diameter(1), cyclic.diameter(-1)),
+        scene=scene,
+        has_mesh=tuned[0].has_mesh,
+        numbers=None if parts.mesh is None else whole_mesh(parts.mesh, cyclic).numbers,
+    )
 
 
 def _stuck(parts: Assembled, log: RunLog, **of_group: Any) -> Structure:

@@ -68,7 +68,7 @@ def prepare(structure: Structure, scene: Scene | None = None, has_bars: bool | N
     model = ReducedModel.of(reduction.structure, excitation(scene), settings.damping)
     of_response = response_settings(scene)
     law = structure.pairs.law.followed(of_response.follows_path)
-    response = response_problem(of_response, model, law, reduction.selection, structure.omega_n, enriched)
+    response = response_problem(of_response, model, law, reduction.selection, structure.excited.omega_n, enriched)
     return Prepared(scene, structure, reduction, response, seconds)
 
 

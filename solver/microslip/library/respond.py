@@ -19,6 +19,7 @@ from ..receptance.per_group import PerGroup
 from ..reduction.choose_modes import choose_modes
 from ..reduction.settings import ReductionSettings
 from ..reduction.stuck import OnDemand
+from ..reduction.whole_disc import WholeDisc
 from ..scene import schema
 from ..scene.read import changed
 from ..scene.schema import Scene
@@ -231,6 +232,11 @@ def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: Con
     with_pairs = structure if is_same else replace(structure, pairs=pairs)
     if _of_modes(settings) == _of_modes(reduction_settings(structure.scene)):
         return with_pairs, ""
+    if isinstance(structure, WholeDisc):
+        raise CaseError(
+            "respond: the modes of a whole disc are chosen for each nodal diameter when it is built; change the scene and "
+            "build again"
+        )
     refuse_too_many(settings.modes, structure.n_dof, settings.where)
     key: tuple = ("modes", *_of_modes(settings))
     if settings.modes is None:

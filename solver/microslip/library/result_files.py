@@ -18,7 +18,7 @@ from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin
 from ..results.record import STATIC_TABLES, LinearCurve, ResultFile, StaticTable, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
-from ..results.whole_disc import whole_mesh, whole_motion, whole_shapes
+from ..results.whole_disc import turns, whole_mesh, whole_motion, whole_shapes
 from ..results.writer import ResultWriter
 from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..statics.bolts import BoltsAtRest
@@ -26,7 +26,7 @@ from ..system.versions import commit, program_hash, versions
 from ..version import __version__
 from .origin_of_run import origin_of
 from .prepare import Prepared
-from .settings import asks_for_bars, asks_for_fields, reduction_settings, units_of
+from .settings import asks_for_bars, asks_for_fields, output_names, reduction_settings, units_of
 
 
 def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
@@ -41,8 +41,8 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
         scene_text=scene.text,
         options=tuple(options),
         versions={"microslip": __version__, "commit": commit(), "program": program_hash(), **versions()},
-        outputs=tuple(output.name for output in scene.outputs),
-        mode_frequency=structure.omega_n / (2.0 * np.pi),
+        outputs=output_names(scene),
+        mode_frequency=structure.excited.omega_n / (2.0 * np.pi),
         joint=joint_of(prepared.pairs, structure.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         at_rest=_tables(structure.balance, structure.bolts),
@@ -109,7 +109,8 @@ def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
         return None
     structure, system = prepared.structure, prepared.structure.system
     structure.refuse_closed()
-    modes = node_fields(system, structure.modes.phi_owned)
+    shown = structure.excited
+    modes = node_fields(shown.system, shown.modes.phi_owned)
     rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
     if rest is not None and system.moved is not None:
         rest = rest + system.moved[:, :, None]
@@ -131,7 +132,7 @@ def write_shapes(
     if shapes is not None:
         structure = prepared.structure
         mesh, modes, peaks = _on_whole_disc(prepared, shapes) if prepared.scene.cyclic else _on_mesh(prepared, shapes)
-        write_modes(str(folder / "modes.vtkhdf"), mesh, structure.omega_n, modes)
+        write_modes(str(folder / "modes.vtkhdf"), mesh, structure.excited.omega_n, modes)
         motions: dict[str, np.ndarray] = {}
         for number, motion in peaks.items():
             branch = branches[number]
@@ -150,11 +151,12 @@ def _on_mesh(prepared: Prepared, shapes: Shapes) -> tuple[Mesh, np.ndarray, Mapp
 
 def _on_whole_disc(prepared: Prepared, shapes: Shapes) -> tuple[Mesh, np.ndarray, Mapping[int, Motion]]:
     """Return the same of all sectors of a disc; modes at the instant 0.  Rank 0."""
-    cyclic, group = prepared.scene.cyclic, prepared.structure.group
+    cyclic, group = prepared.scene.cyclic, prepared.structure.excited.group
     mesh, modes, peaks = _on_mesh(prepared, shapes)
     assert cyclic is not None and isinstance(group, int), "a disc"
     modes = np.moveaxis(whole_shapes(np.moveaxis(modes, 0, -1), cyclic, group), -1, 0)
-    peaks = {number: Motion(motion.point, whole_motion(motion.u, cyclic)) for number, motion in peaks.items()}
+    if not cyclic.whole:
+        peaks = {number: Motion(motion.point, whole_motion(motion.u, cyclic)) for number, motion in peaks.items()}
     return whole_mesh(mesh, cyclic), modes, peaks
 
 
@@ -167,4 +169,9 @@ def _places(prepared: Prepared) -> tuple[tuple[int, ...], np.ndarray]:
         if output.direction is not None and output.point is None and output.joint is None:
             nodes[i] = mesh.numbers[find_node(mesh, position=output.position, node=output.node)[0]]
             directions[i] = output.direction
+    cyclic = prepared.scene.cyclic
+    if cyclic is not None and cyclic.whole:
+        stride = int(mesh.numbers.max(initial=0)) + 1
+        nodes = np.concatenate([np.where(nodes < 0, -1, nodes + s * stride) for s in range(cyclic.sectors)])
+        directions = np.concatenate([directions @ turn.T for turn in turns(cyclic)])
     return tuple(map(int, nodes)), directions

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from ..continuation.settings import ResponseSettings
@@ -34,8 +35,13 @@ def reduction_settings(scene: Scene) -> ReductionSettings:
 
 
 def excitation(scene: Scene) -> Excitation:
-    """Return how the loads of a scene vary in time, and its harmonics.  Local."""
-    shapes = ((load.harmonic, phase) for load in scene.loads for phase in load.phases)
+    """Return how the loads of a scene vary in time, and its harmonics.  Local.
+
+    Of a whole disc each load has two shapes, a quarter of a cycle apart: docs/theory.md, eq. (15.3).
+    """
+    shapes = [(load.harmonic, phase) for load in scene.loads for phase in load.phases]
+    if scene.cyclic is not None and scene.cyclic.whole:
+        shapes = [(n, phase + more) for n, phase in shapes for more in (0.0, 0.5 * math.pi)]
     return Excitation(tuple(shapes), Harmonics.up_to(scene.harmonics))
 
 
@@ -107,7 +113,20 @@ class Units:
 def units_of(scene: Scene) -> Units:
     """Return the units of a scene's results.  Local."""
     of_loads = {load.unit for load in scene.loads}
-    return Units(tuple(output.unit for output in scene.outputs), of_loads.pop() if len(of_loads) == 1 else "1")
+    return Units(
+        tuple(output.unit for output in scene.outputs) * n_sectors_of(scene), of_loads.pop() if len(of_loads) == 1 else "1"
+    )
+
+
+def n_sectors_of(scene: Scene) -> int:
+    """Return how many sectors have outputs: all of a whole disc, else 1.  Local."""
+    return scene.cyclic.sectors if scene.cyclic is not None and scene.cyclic.whole else 1
+
+
+def output_names(scene: Scene) -> tuple[str, ...]:
+    """Return the names of the outputs, of a whole disc with the number of each sector, sector after sector.  Local."""
+    names, n = tuple(output.name for output in scene.outputs), n_sectors_of(scene)
+    return names if n == 1 else tuple(f"{name} {s}" for s in range(n) for name in names)
 
 
 def band(scene: Scene) -> Band:

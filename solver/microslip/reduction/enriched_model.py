@@ -20,6 +20,7 @@ from .modal_structure import damping_beyond, reduce_structure, stuck_receptance
 from .reduction import Reduction
 from .settings import ModalDamping, ReductionSettings
 from .stuck import StuckStructure, owned_product, projection_rows
+from .whole_disc import WholeDisc, truncated_of_all
 
 
 def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: ReductionSettings) -> EnrichedModel:
@@ -34,7 +35,10 @@ def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: Red
 
     def truncated_of(of_group: StuckStructure) -> TruncatedModes | None:
         key = "truncated modes", of_group.projected, of_group.n_modes, damping
-        return of_group.once(key, lambda: truncated_modes(of_group, stuck_receptance(of_group, damping), damping))
+        receptance = stuck_receptance(of_group, damping)
+        if isinstance(of_group, WholeDisc):
+            return of_group.once(key, lambda: truncated_of_all(of_group, list(map(truncated_of, of_group.tuned)), receptance))
+        return of_group.once(key, lambda: truncated_modes(of_group, receptance, damping))
 
     truncated: PerGroup[TruncatedModes | None] = stuck.per_group.mapped(truncated_of)
     truncated.of(1)

@@ -163,6 +163,11 @@ class StuckStructure:
         return self.projected.omega_n[: self.n_modes]
 
     @property
+    def excited(self) -> StuckStructure:
+        """The structure whose modes a range of the response counts, and results show."""
+        return self
+
+    @property
     def n_elastic(self) -> int:
         """The number of elastic modes there are, some of them without mass."""
         return self.n_dof - (0 if self.rigid is None else len(self.rigid.b))

@@ -408,11 +408,35 @@ def _disc(scene: Scene) -> list[str]:
         mistakes.append(
             f"[cyclic] faces is missing: expected {type(cyclic).model_fields['faces'].description}, and no joint has next_sector"
         )
+    mistakes += _whole_disc(scene) if cyclic.whole else []
     loaded = {min(d := cyclic.diameter(load.harmonic), cyclic.sectors - d) for load in scene.loads}
     if len(loaded) > 1 and scene.solver.modes is None:
         mistakes.append(
             f"[solver] modes is missing: the loads excite the nodal diameters {listed(map(str, sorted(loaded)))} of [cyclic], "
             "whose modes accuracy picks one by one under loads in one of them; state a number"
+        )
+    return mistakes
+
+
+def _whole_disc(scene: Scene) -> list[str]:
+    """Return mistakes: what a disc with the pairs of all sectors cannot have."""
+    cyclic, damping, mistakes = scene.cyclic, scene.damping, []
+    assert cyclic is not None, "a disc"
+    unknown = [name for name in cyclic.blades or () if name not in scene.bodies]
+    if unknown:
+        mistakes.append(f"[cyclic] blades: there is no body {unknown[0]!r}{hint(unknown[0], scene.bodies)}")
+    if scene.solver.method != "receptance":
+        mistakes.append(f'[solver] method = "{scene.solver.method}": with [cyclic] whole = true take "receptance"')
+    if damping is not None and (damping.ratios or damping.modes or damping.structural):
+        key = next(key for key in ("ratios", "modes", "structural") if getattr(damping, key))
+        mistakes.append(
+            f"[damping] {key}: with [cyclic] whole = true the modes of all nodal diameters are those of one disc; state ratio, "
+            "or rayleigh"
+        )
+    if scene.solver.modes is None and any(load.harmonic != 1 for load in scene.loads):
+        mistakes.append(
+            "[solver] modes is missing: with [cyclic] whole = true accuracy picks the modes of all nodal diameters for loads in "
+            "harmonic 1; state a number for each"
         )
     return mistakes
 

@@ -22,6 +22,8 @@ def named_files(scene: Scene) -> list[tuple[str, str]]:
         for key in ("pairs", "node_pairs", "parameters")
     ]
     named += [(f"[[loads]] {i} forces", load.forces) for i, load in enumerate(scene.loads, 1)]
+    if scene.cyclic is not None:
+        named.append(("[cyclic] table", scene.cyclic.table))
     if scene.statics is not None:
         temperatures = enumerate(scene.statics.temperatures, 1)
         named += [(f"[[statics.temperatures]] {i} file", temperature.file) for i, temperature in temperatures]

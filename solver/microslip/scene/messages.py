@@ -11,6 +11,7 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from ..messages.words import hint, listed, nearest
+from ..tables.cyclic import Scatter, SectorFactors
 from .schema import (
     Body,
     Bolt,
@@ -52,7 +53,9 @@ _NESTED: dict[tuple[str, str], type[Table]] = {  # [[statics.forces]]
     ("statics", "temperatures"): Temperature,
     ("statics", "bolts"): Bolt,
     ("statics", "displacements"): MovedSupport,
+    ("cyclic", "sector"): SectorFactors,
 }
+_INLINE: dict[tuple[str, str], type[Table]] = {("cyclic", "scatter"): Scatter}  # [cyclic] scatter = { ... }
 _LONGEST = 60  # characters of a value that a message shows
 
 
@@ -107,6 +110,8 @@ def _depth(loc: tuple[int | str, ...]) -> int:
         return 0
     if len(loc) > 2 and loc[:2] in _NESTED:
         return 3
+    if len(loc) > 2 and loc[:2] in _INLINE:
+        return 2
     return min(len(loc), 2 if loc[0] in _NAMED or loc[0] in _LISTED else 1)
 
 
@@ -122,6 +127,8 @@ def _model(table: tuple[int | str, ...]) -> type[Table]:
     name = str(table[0])
     if len(table) > 1 and table[:2] in _NESTED:
         return _NESTED[table[:2]]  # type: ignore[index]
+    if len(table) > 1 and table[:2] in _INLINE:
+        return _INLINE[table[:2]]  # type: ignore[index]
     if name in _NAMED or name in _LISTED:
         return {**_NAMED, **_LISTED}[name]
     return next(kind for kind in _alternatives(Scene.model_fields[name].annotation) if issubclass(kind, Table))
@@ -138,6 +145,8 @@ def _header(table: tuple[int | str, ...], raw: Mapping[str, Any]) -> str:
     name = str(table[0])
     if len(table) > 2 and table[:2] in _NESTED:
         return _entry(f"{name}.{table[1]}", int(table[2]), raw[name][table[1]])
+    if len(table) > 1 and table[:2] in _INLINE:
+        return f"[{name}] {table[1]}"
     if name in _NAMED:
         return f"[{name}.{table[1]}]" if len(table) > 1 else f"[{name}]"
     if name not in _LISTED:

@@ -1,4 +1,4 @@
-"""The table [cyclic]: a disc of alike sectors, of which the model is one."""
+"""The table [cyclic]: a disc of alike sectors, of which the model is one, or one whose sectors differ by factors."""
 
 from __future__ import annotations
 
@@ -7,7 +7,39 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from .table import Direction, Positive, Table, Vector
+from .table import Direction, NotNegative, Number, Positive, Ratio, Table, Vector
+
+QUANTITIES = ("friction", "preload", "gap", "contact_stiffness", "stiffness", "density", "load")  # what a factor multiplies
+
+
+class SectorFactors(Table):
+    """[[cyclic.sector]]: what the values of one sector are over those of the model."""
+
+    number: Number = Field(description="the number of the sector, from 0, that of the model")
+    friction: NotNegative = Field(1.0, description="a factor of the friction coefficients, a number of at least 0")
+    preload: NotNegative = Field(1.0, description="a factor of the preloads, a number of at least 0")
+    gap: NotNegative = Field(1.0, description="a factor of the gaps, a number of at least 0")
+    contact_stiffness: Positive = Field(1.0, description="a factor of the contact stiffnesses, a number above 0")
+    stiffness: Positive = Field(1.0, description="a factor of Young's modulus of the blade, a number above 0")
+    density: Positive = Field(1.0, description="a factor of the density of the blade, a number above 0")
+    load: float = Field(1.0, description="a factor of the loads, a number")
+
+
+class Scatter(Table):
+    """[cyclic] scatter: standard deviations of the factors of the sectors, which are drawn from normal distributions about 1."""
+
+    friction: Ratio = Field(0.0, description="the standard deviation of the factors of friction, a number from 0 to below 1")
+    preload: Ratio = Field(0.0, description="the standard deviation of the factors of preload, a number from 0 to below 1")
+    gap: Ratio = Field(0.0, description="the standard deviation of the factors of gaps, a number from 0 to below 1")
+    contact_stiffness: Ratio = Field(
+        0.0, description="the standard deviation of the factors of contact stiffness, a number from 0 to below 1"
+    )
+    stiffness: Ratio = Field(
+        0.0, description="the standard deviation of the factors of Young's modulus, a number from 0 to below 1"
+    )
+    density: Ratio = Field(0.0, description="the standard deviation of the factors of density, a number from 0 to below 1")
+    load: Ratio = Field(0.0, description="the standard deviation of the factors of the loads, a number from 0 to below 1")
+    seed: Number = Field(description="the seed of the random numbers, a whole number of at least 0")
 
 
 class Cyclic(Table):
@@ -33,6 +65,19 @@ class Cyclic(Table):
     nodal_diameter: int | None = Field(None, ge=0, description="the nodal diameter of the excitation, 0 to half of the sectors")
     wave: Literal["backward", "forward"] | None = Field(
         None, description='"backward": sector 1 leads sector 0, as under a field at rest; or "forward": it lags'
+    )
+    whole: bool = Field(
+        False, description="true or false: whether the pairs of all sectors are unknowns; sectors may then differ"
+    )
+    sector: tuple[SectorFactors, ...] = Field((), description="tables, each headed [[cyclic.sector]], with number and factors")
+    table: str | None = Field(
+        None, min_length=1, description="the path of a CSV file with factors of each sector, relative to the scene's folder"
+    )
+    scatter: Scatter | None = Field(
+        None, description="standard deviations of factors drawn at random, as { stiffness = 0.02, friction = 0.3, seed = 1 }"
+    )
+    blades: tuple[str, ...] | None = Field(
+        None, description="the bodies that factors of stiffness and density change, a list of names; all bodies without it"
     )
 
     @property
@@ -83,4 +128,21 @@ class Cyclic(Table):
             )
         if self.wave is None and 0 < 2 * d < N:
             raise ValueError(f"wave is missing: expected {Cyclic.model_fields['wave'].description}")
+        return self
+
+    @model_validator(mode="after")
+    def _sectors_that_differ(self):
+        stated = [key for key in ("sector", "table", "scatter") if getattr(self, key)]
+        if stated and not self.whole:
+            raise ValueError(f"{stated[0]} says how sectors differ, and [cyclic] computes one for all: state whole = true")
+        if len(stated) > 1:
+            raise ValueError(f"exactly one of sector, table, scatter says how sectors differ, found {' and '.join(stated)}")
+        numbers = [each.number for each in self.sector]
+        if len(set(numbers)) < len(numbers):
+            twice = next(number for number in numbers if numbers.count(number) > 1)
+            raise ValueError(f"sector {twice} is stated twice")
+        if numbers and max(numbers) >= self.sectors:
+            raise ValueError(f"sector {max(numbers)} is stated; {self.sectors} sectors have the numbers 0 to {self.sectors - 1}")
+        if self.blades is not None and not self.whole:
+            raise ValueError("blades belongs to whole = true")
         return self

@@ -13,12 +13,14 @@ from typing import Any, Protocol
 
 from ...assembly.system import System
 from ...points.selection import Selection
+from .. import whole_disc
 from ..expand import displacements
 from ..facts import Facts
 from ..modal_structure import reduce_structure
-from ..reduction import Reduction
+from ..reduction import Expansion, Reduction
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
+from ..whole_disc import WholeDisc
 from . import adaptive, adaptive_energy, craig_bampton, full, joint_interface_modes, receptance, rubin, trial_vectors
 
 
@@ -82,6 +84,8 @@ def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Redu
         stuck.bring_K_back()
     if settings.method in REDUCTIONS:
         return REDUCTIONS[settings.method](stuck, settings)
-    expand = partial(displacements, stuck)
+    expand: Expansion = partial(displacements, stuck)
+    if isinstance(stuck, WholeDisc):
+        expand = partial(whole_disc.displacements, stuck)
     selection = SELECTIONS[settings.method](settings)
     return Reduction(reduce_structure(stuck, settings.damping), selection, expand, leaves_out="modes")

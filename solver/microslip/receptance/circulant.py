@@ -1,0 +1,147 @@
+"""A tuned disc in the coordinates of its sectors: what each nodal diameter has, transformed over the sectors.
+
+Any linear map A of a disc of alike sectors is block circulant: from sector t to sector s it is
+
+    A_st = 1/N sum_d exp(i d (s - t) alpha) A(d),                                                                    (15.1)
+
+the inverse discrete Fourier transform of the maps of the diameters, and real.  ``of_diameters`` are those of d = 0, 1, ...,
+N // 2; N - d has the conjugate of d.  docs/theory.md, section 15.  NumPy only; everything is local.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .modes import ProjectedModes
+from .static_columns import StaticColumns
+
+
+@dataclass(frozen=True)
+class Waves:
+    """The transforms over the sectors of a disc."""
+
+    n_sectors: int
+
+    @property
+    def diameters(self) -> range:
+        """The nodal diameters, each once."""
+        return range(self.n_sectors // 2 + 1)
+
+    def is_real(self, d: int) -> bool:
+        """Return whether a diameter is its own conjugate: 0, and half of the sectors."""
+        return 2 * d % self.n_sectors == 0
+
+    def blocks(self, of_diameters: Sequence[np.ndarray]) -> np.ndarray:
+        """Return C, (N, a, b): the block from sector t to sector s is C[(s - t) mod N].  eq. (15.1)."""
+        return np.fft.irfft(np.array(of_diameters), n=self.n_sectors, axis=0)
+
+    def response(self, of_diameters: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarray:
+        """Return motions (N a, k) of all sectors under k forces that act in sector t ``weights`` (N, k) times: maps (a, k)."""
+        spectrum = np.fft.rfft(weights, axis=0)
+        product = np.fft.irfft(np.array(of_diameters) * spectrum[:, None, :], n=self.n_sectors, axis=0)
+        return product.reshape(-1, product.shape[-1])
+
+    def work(self, of_diameters: Sequence[np.ndarray], left: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Return the product (j, k) of maps (j, k) with ``left`` (N, j) and ``right`` (N, k) weights of the sectors."""
+        motion = self.response(of_diameters, right).reshape(self.n_sectors, *of_diameters[0].shape)
+        return np.einsum("sj,sjk->jk", left, motion)
+
+    def dense(self, of_diameters: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the map between rows and columns of all sectors, (N a, N b)."""
+        C, N = self.blocks(of_diameters), self.n_sectors
+        of_sectors = C[(np.arange(N)[:, None] - np.arange(N)) % N]  # (s, t, a, b)
+        return of_sectors.swapaxes(1, 2).reshape(N * C.shape[1], N * C.shape[2])
+
+    def rows(self, of_diameters: Sequence[np.ndarray]) -> np.ndarray:
+        """Return rows of the real modes of the disc, (N a, M), from complex rows (a, m) of the modes of each diameter.
+
+        Each complex mode is two real ones, sqrt(2/N) Re and Im of exp(i d s alpha) times it, one after the other by diameter:
+        eq. (15.2).
+        """
+        return np.hstack([self._rows(d, rows) for d, rows in zip(self.diameters, of_diameters)])
+
+    def _rows(self, d: int, rows: np.ndarray) -> np.ndarray:
+        N = self.n_sectors
+        turned = np.exp(2j * np.pi * d / N * np.arange(N))[:, None, None] * rows
+        if self.is_real(d):
+            return turned.real.reshape(-1, rows.shape[1]) / np.sqrt(N)
+        turned = turned.reshape(-1, rows.shape[1]) * np.sqrt(2.0 / N)
+        return np.hstack([turned.real, turned.imag])
+
+    def counts(self, of_diameters: Sequence[int]) -> list[int]:
+        """Return the number of real modes of each diameter, from those of its complex ones."""
+        return [m if self.is_real(d) else 2 * m for d, m in zip(self.diameters, of_diameters)]
+
+    def spectrum(self, q: np.ndarray, n_modes: Sequence[int]) -> list[np.ndarray]:
+        """Return the coordinates (m, k) of the modes of each diameter whose transform back is that of real modes q (M, k).
+
+        The motion of the sectors is the inverse transform of phi(d) times these.
+        """
+        parts = np.split(q, np.cumsum(self.counts(n_modes))[:-1])
+        return [
+            np.sqrt(self.n_sectors) * part if self.is_real(d) else np.sqrt(0.5 * self.n_sectors) * (part[:m] - 1j * part[m:])
+            for d, m, part in zip(self.diameters, n_modes, parts)
+        ]
+
+    def modes(self, of_diameters: Sequence[ProjectedModes], weights: np.ndarray) -> ProjectedModes:
+        """Return the real modes of the disc projected on pairs, loads and outputs of all sectors, by diameter.
+
+        ``weights`` (N, n_loads) say how often each load acts in each sector.
+        """
+        omega_n = np.concatenate(
+            [np.tile(modes.omega_n, 1 if self.is_real(d) else 2) for d, modes in zip(self.diameters, of_diameters)]
+        )
+        forces = self.rows([modes.b.conj().T for modes in of_diameters]).reshape(self.n_sectors, -1, len(omega_n))
+        return ProjectedModes(
+            omega_n=omega_n,
+            R_phi=self.rows([modes.R_phi for modes in of_diameters]),
+            b=np.einsum("sl,slm->ml", weights, forces),
+            o=self.rows([modes.o for modes in of_diameters]),
+            C=self._damping(of_diameters),
+        )
+
+    def _damping(self, of_diameters: Sequence[ProjectedModes]) -> np.ndarray | None:
+        """Return phi^T C phi between the real modes; None without a damping matrix."""
+        if of_diameters[0].C is None:
+            return None
+        ends = np.concatenate([[0], np.cumsum(self.counts([len(modes.omega_n) for modes in of_diameters]))])
+        C = np.zeros((ends[-1], ends[-1]))
+        for d, modes, first, last in zip(self.diameters, of_diameters, ends, ends[1:]):
+            assert modes.C is not None, "all diameters have dampers"
+            of_d = modes.C
+            if not self.is_real(d):
+                of_d = np.block([[of_d.real, of_d.imag], [-of_d.imag, of_d.real]])
+            C[first:last, first:last] = of_d.real
+        return C
+
+
+class CirculantColumns(StaticColumns):
+    """G_static of a tuned disc: all columns are known, those of sector t being those of sector 0, turned.
+
+    Of a column j of sector 0 the rows in the sectors 0, 1, ..., N - 1, 0, 1, ... lie in memory one after the other; a column of
+    sector t is a window of them that begins with sector N - t.  The memory is that of two columns for N.
+
+    Parameters
+    ----------
+    blocks : (N, 3 n, 3 n) static response of sector k under forces in sector 0 [m/N]
+    owned : the pairs of this rank, of those of all sectors
+    """
+
+    def __init__(self, blocks: np.ndarray, owned: slice):
+        N, n_rows, _ = blocks.shape
+        super().__init__(N * n_rows // 3, owned.stop - owned.start, _no_solve)
+        columns = np.empty((n_rows, 2 * N, n_rows))
+        columns[:, :N] = columns[:, N:] = blocks.transpose(2, 0, 1)
+        self._held = [columns]
+        start = (N - np.arange(N)) % N * n_rows + 3 * owned.start
+        address = columns.ctypes.data + columns.strides[0] * np.arange(n_rows)
+        self._places = (8 * start[:, None] + address).astype(np.intp).reshape(-1, 3)
+        self._largest = np.tile(np.abs(blocks).max(axis=(0, 1), initial=0.0).reshape(-1, 3).max(axis=1), N)
+        self.known[:] = self.stored[:] = True
+
+
+def _no_solve(pairs: np.ndarray) -> np.ndarray:
+    raise AssertionError("all columns of a tuned disc are known")

@@ -1,0 +1,216 @@
+"""A disc whose sectors may differ, with the pairs of all sectors, from the structures of the nodal diameters of alike ones.
+
+Loads, outputs and pairs are those of all sectors, and everything is real.  Motions over the DOFs have a row for each DOF of a
+sector and each sector, the sectors of a DOF one after the other.  docs/theory.md, section 15.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..assembly.sectors import AllSectors
+from ..fourier.harmonics import Harmonics
+from ..mesh.data import ContactPairs
+from ..parallel.ownership import split_evenly
+from ..receptance.circulant import CirculantColumns, Waves
+from ..receptance.modes import ProjectedModes
+from ..receptance.motions import ActingForces
+from ..receptance.observed import Observed
+from ..receptance.receptance import Receptance
+from ..receptance.reduced_model import ReducedModel
+from ..receptance.static_response import StaticResponse
+from ..receptance.truncated_modes import TruncatedModes, of_samples
+from .stuck import StuckStructure
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+
+    from ..assembly.system import System
+
+_KEY = 21  # of the random phases of the diameters
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WholeDisc(StuckStructure):
+    """The stuck structure of a whole disc: one real group of harmonics."""
+
+    tuned: tuple[StuckStructure, ...]  # of the nodal diameters 0, 1, ..., N // 2 of alike sectors
+    weights: np.ndarray  # (N, n_loads) how often each load acts in each sector
+    of_tuned: np.ndarray  # (M, M) its modes in coordinates of the tuned ones, which are in the order of the diameters
+    turns: np.ndarray  # (N, 3, 3) of the sectors about the axis
+    diameter: int  # that the loads excite in harmonic 1, 0 to N // 2
+
+    @property
+    def waves(self) -> Waves:
+        """The transforms over its sectors."""
+        return Waves(len(self.weights))
+
+    @property
+    def excited(self) -> StuckStructure:
+        """The structure of the nodal diameter that the loads excite, with alike sectors."""
+        return self.tuned[self.diameter]
+
+    @property
+    def computed_groups(self) -> dict[Hashable, StuckStructure]:
+        """The structures of the nodal diameters.  Local."""
+        return dict(enumerate(self.tuned))
+
+    @property
+    def system(self) -> System:
+        """The system of nodal diameter 0, with the motion of the nodes of all sectors."""
+        system = self.tuned[0].system
+        assert system.sectors is not None, "of a disc"
+        return replace(system, sectors=AllSectors(system.sectors, self.turns))
+
+
+def of_all_sectors(
+    tuned: Sequence[StuckStructure], pairs: ContactPairs, leads: np.ndarray, factors: np.ndarray
+) -> dict[str, Any]:
+    """Return the fields of the stuck structure of a disc of alike sectors.  Collective: gathers of the static columns.
+
+    Parameters
+    ----------
+    tuned : of the nodal diameters 0, 1, ..., N // 2
+    pairs : of all sectors
+    leads : (n_loads,) n h of each load: by n h s alpha it leads in sector s
+    factors : (N,) of the loads of each sector
+    """
+    N, first = len(factors), tuned[0]
+    waves, weights = Waves(N), load_weights(leads, factors)
+    projected = waves.modes(
+        [replace(each.projected.first(each.n_modes), b=_twice(each.projected.b[: each.n_modes])) for each in tuned], weights
+    )
+    order = np.argsort(projected.omega_n, kind="stable")
+    return {
+        "comm": first.comm,
+        "n_dof": N * first.n_dof,
+        "pairs": pairs,
+        "statics": _statics(tuned, waves, weights),
+        "projected": in_coordinates(projected, projected.omega_n[order], np.eye(len(order))[:, order]),
+        "n_modes": len(order),
+        "n_proved": len(order),
+        "observed": _observed(first.observed, N, weights.shape[1]),
+        "factored": first.factored,
+        "tuned": tuple(tuned),
+        "weights": weights,
+        "of_tuned": np.eye(len(order))[:, order],
+    }
+
+
+def load_weights(leads: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """Return how often the two real shapes of each load act in each sector, (N, 2 n_loads): eq. (15.3).  Local.
+
+    cos(x + b) = cos b cos x + sin b cos(x + pi / 2), b = n h s alpha.
+    """
+    N = len(factors)
+    lead = 2.0 * np.pi / N * ((np.arange(N)[:, None] * np.asarray(leads, dtype=int)) % N)
+    return factors[:, None] * np.stack([np.cos(lead), np.sin(lead)], axis=-1).reshape(N, -1)
+
+
+def _twice(of_loads: np.ndarray) -> np.ndarray:
+    """Return columns of loads (a, n_loads) for their two real shapes, (a, 2 n_loads).  Local."""
+    return np.repeat(of_loads, 2, axis=1)
+
+
+def _statics(tuned: Sequence[StuckStructure], waves: Waves, weights: np.ndarray) -> StaticResponse:
+    """Return the static response of all sectors.  Collective: static columns of all pairs, gathered."""
+    statics, comm = [each.statics for each in tuned], tuned[0].comm
+    columns = [_all_columns(each) for each in tuned]
+    n_pairs = waves.n_sectors * len(columns[0]) // 3
+    first, last = (int(pair) for pair in split_evenly(n_pairs, comm.size)[comm.rank : comm.rank + 2])
+    loads = [_twice(each.load_static) for each in statics]
+    return StaticResponse(
+        G_static=CirculantColumns(waves.blocks(columns), slice(first, last)),
+        du_static=waves.response([_twice(each.du_static) for each in statics], weights),
+        out_static=waves.response([_twice(each.out_static) for each in statics], weights),
+        out_R=waves.dense([each.out_R for each in statics]),
+        load_static=waves.work([np.repeat(each, 2, axis=0) for each in loads], weights, weights),
+        outputs_static=np.tile(waves.blocks([each.outputs_static for each in statics])[0], waves.n_sectors),
+    )
+
+
+def _all_columns(stuck: StuckStructure) -> np.ndarray:
+    """Return G_static of all pairs of a sector, (3 n, 3 n), on every rank.  Collective."""
+    owned = stuck.statics.G_static.transposed(np.arange(stuck.pairs.n_pairs)).T
+    return np.concatenate(stuck.comm.allgather(owned))  # rank order is row order
+
+
+def _observed(of_sector: Observed | None, N: int, n_loads: int) -> Observed | None:
+    """Return the map from rows to outputs of all sectors; None if all are displacements.  Local."""
+    if of_sector is None:
+        return None
+    n_outputs = len(of_sector.order)
+    return Observed(np.tile(of_sector.order, N), np.kron(np.eye(N), of_sector.of_p), np.zeros((N * n_outputs, n_loads)))
+
+
+def in_coordinates(modes: ProjectedModes, omega_n: np.ndarray, X: np.ndarray) -> ProjectedModes:
+    """Return the motions X (M, M) of some modes as modes of frequencies ``omega_n``.  Local."""
+    C = None if modes.C is None else X.T @ modes.C @ X
+    return ProjectedModes(omega_n, modes.R_phi @ X, X.T @ modes.b, modes.o @ X, C)
+
+
+# -- error bars ----------------------------------------------------------------------------------------------------
+
+
+def truncated_of_all(disc: WholeDisc, parts: Sequence[TruncatedModes | None], receptance: Receptance) -> TruncatedModes | None:
+    """Return the truncated modes of a whole disc from those of its nodal diameters; None if there are none.  Local.
+
+    The samples of each diameter get a random phase, so that those of different sectors are independent: eq. (15.5).
+    """
+    known = [part for part in parts if part is not None]
+    if not known:
+        return None
+    waves, weights, N = disc.waves, disc.weights, disc.waves.n_sectors
+    empty = replace(known[0], **{name: np.zeros_like(getattr(known[0], name)) for name in _ARRAYS})
+    every = [part or empty for part in parts]
+    n_samples, random = known[0].of_pairs.shape[1], np.random.default_rng(_KEY)
+    turn = [
+        random.choice([-1.0, 1.0], n_samples) if waves.is_real(d) else np.exp(2j * np.pi * random.random(n_samples))
+        for d in waves.diameters
+    ]
+
+    def of_sectors(name: str) -> np.ndarray:
+        blocks = waves.blocks([getattr(part, name) * phase for part, phase in zip(every, turn)])
+        return np.sqrt(N) * blocks
+
+    pairs, outputs, loads = (of_sectors(name) for name in ("of_pairs", "of_outputs", "of_loads"))
+    of_loads = np.einsum("sl,slq->lq", weights, np.repeat(loads, 2, axis=1))
+    spectrum = np.abs(np.fft.rfft(weights, axis=0)) ** 2
+    drive_point = np.fft.irfft(spectrum * np.repeat([part.drive_point for part in every], 2, axis=1), n=N, axis=0)[0]
+    direct = waves.response([_twice(part.direct) for part in every], weights)
+    rows = np.concatenate([*pairs, *outputs, of_loads])
+    whole = of_samples(receptance, rows, direct, np.maximum(drive_point, 0.0), known[0].damping, None)
+    return replace(whole, omega=min(part.omega for part in known), highest=min(part.highest for part in known))
+
+
+_ARRAYS = ("of_pairs", "of_outputs", "of_loads", "direct", "drive_point")
+
+
+# -- fields --------------------------------------------------------------------------------------------------------
+
+
+def displacements(disc: WholeDisc, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
+    """Return the harmonics of u of all sectors on this rank's rows at some points, (n_owned N, N_H) each [m].
+
+    Collective: static solves, as many for each nodal diameter as a point has coefficients.
+    """
+    return [_displacement(disc, model.with_harmonics(Harmonics.full(point.p.shape[-1])), point) for point in points]
+
+
+def _displacement(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> np.ndarray:
+    waves, N, f = disc.waves, disc.waves.n_sectors, point.level * model.f
+    N_H = model.N_H
+    (group,), (c,) = model.groups, model.flexibilities(point.omega)
+    n_modes = [each.n_modes for each in disc.tuned]
+    eta = waves.spectrum(disc.of_tuned @ c.apply(group.receptance.modal_forces(f, point.p)), n_modes)
+    of_sectors = (disc.weights[:, :, None] * f).reshape(N, -1, 2, N_H).sum(axis=2)
+    f_d, p_d = np.fft.rfft(of_sectors, axis=0), np.fft.rfft(point.p.reshape(N, -1, N_H), axis=0)
+    fields = []
+    for each, f_each, p_each, eta_each in zip(disc.tuned, f_d, p_d, eta):
+        static = each.solve(each.load_forces(f_each) - each.pair_forces(p_each))
+        fields.append(static + each.modes.phi_owned @ eta_each)
+    return np.fft.irfft(np.array(fields), n=N, axis=0).swapaxes(0, 1).reshape(-1, N_H)

@@ -1,0 +1,131 @@
+"""A disc with the pairs of all sectors, [cyclic] whole, beside the ring in full with the same differences; on any number of ranks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from discs import write_ring, write_sector
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from microslip.library.build import build
+from microslip.library.follow_response import follow
+from microslip.library.prepare import prepare
+from microslip.library.response import Response
+from microslip.parallel.agree import on_root
+from microslip.results.fields import read_fields
+from microslip.results.read import read_results
+from microslip.scene.read import read_scene
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+N_DOF, N_SHROUDED = 54, 90  # of a sector of hex8, without and with shrouds
+
+
+def end(modes, level, frequency, **solver):
+    """Return the tables of what is solved for at one frequency."""
+    more = "".join(
+        f"{key} = {str(value).lower()}\n"
+        for key, value in ({"harmonics": 3, "error_bars": False, "tolerance": 1e-10, "samples": 120} | solver).items()
+    )
+    return (
+        f"[damping]\nratio = 0.01\n[response]\nlevels = [{level}]\nfrequencies = [{0.995 * frequency}, {1.005 * frequency}]\n"
+        f"at = [{frequency}]\npoints = 8\n[solver]\nmodes = {modes}\n{more}"
+    )
+
+
+def built(write, folder, *args, **how):
+    """Return the structure of a scene that rank 0 writes.  Collective."""
+    return build(read_scene(on_root(COMM, lambda: write(folder, *args, **how))), COMM)
+
+
+def at_frequency(structure, level, frequency):
+    """Return the coefficients of the outputs, the number of pairs that slip, and p, at a frequency."""
+    prepared = prepare(structure)
+    branch = Response(prepared, follow(prepared.response)).level(level)
+    assert not branch.failure
+    i = int(np.argmin(np.abs(branch.frequency - frequency)))
+    assert branch.frequency[i] == pytest.approx(frequency, rel=1e-12)
+    return branch.response[i], int((branch.state[i] == 1).sum()), branch.p[i]
+
+
+def sector_factors(**columns):
+    """Return the tables of sectors."""
+    n = len(next(iter(columns.values())))
+    rows = [
+        "[[cyclic.sector]]\n" + f"number = {s}\n" + "".join(f"{key} = {values[s]}\n" for key, values in columns.items())
+        for s in range(n)
+    ]
+    return "".join(rows)
+
+
+ALIKE = [(5, 2, 1420.0, 20.0, 0.05), (6, 7, 1436.0, 20.0, 0.05)]
+
+
+@pytest.mark.parametrize(("N", "h", "frequency", "level", "friction"), ALIKE)
+def test_alike_sectors_are_those_of_one_sector(shared_path, N, h, frequency, level, friction):
+    how = {"friction": friction, "wave": {"engine_order": h}}
+    one = built(write_sector, shared_path, N, end(N_DOF, level, frequency), name="one", **how)
+    of_one, n_slip, _ = at_frequency(one, level, frequency)
+    how["wave"] = how["wave"] | {"whole": True}
+    whole = built(write_sector, shared_path, N, end(N_DOF, level, frequency), name="whole", **how)
+    of_whole, n_slip_of_whole, _ = at_frequency(whole, level, frequency)
+    assert n_slip_of_whole == N * n_slip > 0
+    size = np.abs(of_one).max()
+    np.testing.assert_allclose(of_whole[0], of_one[0], atol=1e-8 * size)
+    c, lead = of_whole[:, 1] - 1j * of_whole[:, 2], np.exp(2j * np.pi * h * np.arange(N) / N)
+    np.testing.assert_allclose(c, c[0] * lead, atol=1e-8 * size)
+    one.close()
+    whole.close()
+
+
+DIFFER = [0.7, 1.1, 0.9, 1.25, 1.0, 0.85]
+
+
+def of_sectors(ring, whole):
+    """Return the pair of the whole disc that lies where each pair of the ring does, and its sector."""
+    distance, at = cKDTree(whole.pairs.position).query(ring.pairs.position)
+    assert distance.max() < 1e-12 and len(np.unique(at)) == whole.pairs.n_pairs == ring.pairs.n_pairs
+    return at, at // (whole.pairs.n_pairs // len(whole.weights))
+
+
+def test_sectors_that_differ_are_those_of_the_ring(shared_path):
+    """Friction, preload and load of the sectors have factors."""
+    N, h, frequency, level, random = 6, 1, 1436.0, 20.0, np.random.default_rng(5)
+    factors = {name: random.uniform(0.8, 1.2, N) for name in ("friction", "preload", "load")}
+    solved = end(N_DOF, level, frequency) + sector_factors(**factors)
+    whole = built(write_sector, shared_path, N, solved, wave={"engine_order": h, "whole": True}, friction=0.05)
+    solved = end(N * N_DOF, level, frequency)
+    ring = built(write_ring, shared_path, N, solved, h=h, n_outputs=N, loads=factors["load"], friction=0.05)
+    at, sector = of_sectors(ring, whole)
+    mu, N0 = ring.pairs.mu * factors["friction"][sector], ring.pairs.N0 * factors["preload"][sector]
+    ring = replace(ring, pairs=replace(ring.pairs, mu=mu, N0=N0))
+    of_ring, n_slip_of_ring, p_of_ring = at_frequency(ring, level, frequency)
+    of_whole, n_slip, p = at_frequency(whole, level, frequency)
+    assert n_slip == n_slip_of_ring > N
+    np.testing.assert_allclose(of_whole, of_ring, atol=1e-6 * np.abs(of_ring).max())
+    np.testing.assert_allclose(p[at], p_of_ring, atol=1e-6 * np.abs(p).max())
+    ring.close()
+    whole.close()
+
+
+def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
+    """At rest of neither sector nor phase: fields are those of the outputs, and fit where sectors meet."""
+    N, frequency = 5, 1420.0
+    text = end(8, 0.01, frequency, samples=32) + sector_factors(load=[1.0, 0.2, 1.5, -0.3, 0.8])
+    path = on_root(COMM, lambda: write_sector(shared_path, N, text, wave={"engine_order": 2, "whole": True}))
+    status, _, said = program("run", str(path), "--out", str(shared_path / "out"))
+    assert status == 0, said
+    COMM.barrier()
+    results, fields = read_results(str(shared_path / "out" / "results.h5")), read_fields(str(shared_path / "out" / "results.h5"))
+    assert results.outputs == tuple(f"tip {s}" for s in range(N))
+    (motion,), (level,) = fields.peaks.values(), results.levels
+    u = motion.u[:, :, 1] - 1j * motion.u[:, :, 2]
+    at = np.searchsorted(fields.mesh.numbers, fields.output_node)
+    told = np.einsum("si,si->s", fields.output_direction, u[at])
+    response = level.response[motion.point]
+    np.testing.assert_allclose(told, response[:, 1] - 1j * response[:, 2], rtol=1e-6)
+    disc = np.unique(np.concatenate([each.nodes.ravel() for each in fields.mesh.elements if each.group == "disc"]))
+    close = cKDTree(fields.mesh.points[disc]).query_pairs(1e-9, output_type="ndarray")
+    assert len(close) == 4 * N  # where sectors meet
+    np.testing.assert_allclose(u[disc[close[:, 0]]], u[disc[close[:, 1]]], atol=1e-6 * np.abs(u).max())
