@@ -73,7 +73,7 @@ class ModalEquation:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearMode(ProblemBase):
-    """A nonlinear mode; parameters are ln q, omega [rad/s] and sigma [1/s].  The model of the equation is led by mode j."""
+    """A nonlinear mode, eq. (15.1); parameters are ln q, omega [rad/s] and sigma [1/s].  The model of the equation is led by mode j."""
 
     j: int
     omega: float  # rad/s, of the mode while all pairs stick
@@ -119,7 +119,7 @@ class NonlinearMode(ProblemBase):
 def damped_mode(model: ReducedModel, j: int) -> tuple[float, float]:
     """Return omega [rad/s] and sigma [1/s] of mode j of the stuck structure, the model being led by it.  Local.
 
-    With damping that couples no modes they are omega_j and -2 zeta_j omega_j.
+    With damping that couples no modes eq. (15.4) gives omega_j and -2 zeta_j omega_j.
     """
     k, _ = model.index_of(1)
     modes = model.groups[k].receptance.modes

@@ -23,7 +23,10 @@ from .reduced_model import ReducedModel
 
 
 def led_by(model: ReducedModel, j: int) -> ReducedModel:
-    """Return the model under omega_j^2 M phi_j [N per kg^1/2 m] in place of its loads, led by mode j (from 0).  Local."""
+    """Return the model under omega_j^2 M phi_j [N per kg^1/2 m] in place of its loads, led by mode j (from 0), eq. (15.2).
+
+    Local.
+    """
     group_1 = model.receptances.group_of(1)
 
     def led(group: Hashable) -> Receptance:
@@ -72,7 +75,7 @@ class Coordinate(NamedTuple):
 
 
 def coordinate(model: ReducedModel, j: int, omega: float, pairs: np.ndarray) -> Coordinate:
-    """Return the coordinate of the leading mode j at a frequency [rad/s], and by the forces of some ``pairs``.  Local."""
+    """Return the coordinate of the leading mode j, eq. (15.3), at a frequency [rad/s], and by the forces of some ``pairs``.  Local."""
     k, i = model.index_of(1)
     modes, c = model.groups[k].receptance.modes, model.flexibilities(omega)[k]
     row = c.row(j, i) + np.eye(len(modes.omega_n))[j] / modes.omega_n**2
