@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from .version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from .library.backbone import Backbone, backbone
     from .library.build import Structure, build
     from .library.respond import respond
     from .library.response import Curves, Response
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from .scene.schema import Scene
 
 __all__ = [
+    "Backbone",
     "CaseError",
     "ConvergenceError",
     "Curves",
@@ -37,6 +39,7 @@ __all__ = [
     "Response",
     "Scene",
     "Structure",
+    "backbone",
     "build",
     "read",
     "read_results",
@@ -49,10 +52,12 @@ _FROM = {
     "ConvergenceError": ".messages.errors",
     "MicroslipError": ".messages.errors",
     "ResourceError": ".messages.errors",
+    "Backbone": ".library.backbone",
     "Curves": ".library.response",
     "Response": ".library.response",
     "Scene": ".scene.schema",
     "Structure": ".library.build",
+    "backbone": ".library.backbone",
     "build": ".library.build",
     "read": ".scene.read:read_scene",
     "read_results": ".results.read",

@@ -232,7 +232,8 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
 
 
 def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
-    """Modes, comparison, verification, trade or export of a scene, into the folder ``out``.  Collective on ``comm``."""
+    """Modes, nonlinear mode, comparison, verification, trade or export of a scene, into a folder.  Collective on ``comm``."""
+    from .studies.backbone import story as backbone
     from .studies.compare import story as compare
     from .studies.export import story as export
     from .studies.modes import story as modes
@@ -242,6 +243,8 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     if command.name == "modes":
         of_modes = modes.Request(command.count, command.speeds, command.diameters, command.orders)
         modes.modes(scene, comm, out, of_modes, command.petsc)
+    elif command.name == "backbone":
+        backbone.study(scene, comm, out, backbone.Request(command.mode or 1, command.farthest, command.levels), command.petsc)
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":

@@ -10,7 +10,7 @@ def line(name: str, text: str, *words: str, spoil=None, **more) -> Case:
 
 
 COMMANDS = [
-    line("no command", "", "a command is missing: run, modes, compare"),
+    line("no command", "", "a command is missing: run, modes, backbone"),
     line("unknown command", "rnu lap.toml", "unknown command 'rnu'; nearest is run"),
     line("no scene", "run", "SCENE.toml", "try: microslip run --help"),
     line("scene for a command", "lap.toml", "unknown command 'lap.toml'"),
@@ -65,6 +65,8 @@ COMMANDS = [
     line("verify at no frequency", "verify lap.toml --out out --at 99,x", "'99,x' are not numbers above 0"),
     line("verify outside the range", "verify lap.toml --out out --at 5000", "--at", "5000 Hz"),
     line("odd number of steps", "verify lap.toml --out out --steps 33", "'33' is not an even number of at least 16"),
+    line("backbone of no such mode", "backbone lap.toml --out out --mode 9", "there is no mode 9: 5 were computed"),
+    line("backbone that ends before it begins", "backbone lap.toml --out out --farthest 0.5", "'0.5' is not a number above 1"),
     line("export by an unknown method", "export lap.toml --out out --method rubbin", "rubbin", "rubin"),
     line("new of a scene", "new lap.toml", "lap.toml is a scene; new takes the model file"),
     line("new of no file", "new none.inp", "none.inp: there is no such file"),

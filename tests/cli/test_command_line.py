@@ -27,6 +27,11 @@ from microslip.program.command_line import Command, parse
             "compare fan.toml --methods rubin,full --out here",
             Command("compare", "fan.toml", Path("here"), methods=("rubin", "full")),
         ),
+        ("backbone fan.toml", Command("backbone", "fan.toml")),
+        (
+            "backbone fan.toml --mode 2 --farthest 30 --levels 5,10 --out b -- -hb_snes_max_it 9",
+            Command("backbone", "fan.toml", Path("b"), ("-hb_snes_max_it", "9"), mode=2, farthest=30.0, levels=(5.0, 10.0)),
+        ),
         ("verify fan.toml", Command("verify", "fan.toml")),
         (
             "verify fan.toml --at 99.5,100 --levels 5 --harmonics 7 --samples 512 --steps 64 --from-rest --out v -- -hb_snes_max_it 9",
@@ -78,11 +83,11 @@ def test_what_is_asked_arrives(line, command):
     [
         (
             "",
-            "a command is missing: run, modes, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor",
+            "a command is missing: run, modes, backbone, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor",
         ),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, modes, compare, verify, trade, export, check, new, plot, report, "
+            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, compare, verify, trade, export, check, new, plot, report, "
             "convert, diff and doctor",
         ),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),

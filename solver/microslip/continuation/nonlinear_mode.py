@@ -20,7 +20,7 @@ from ..messages.errors import ConvergenceError
 from ..points.branch import Branch, Point
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
-from ..receptance.leading_mode import coordinate, coordinate_rate, led_by
+from ..receptance.leading_mode import coordinate, coordinate_rate, led_by, pushed_by
 from ..receptance.reduced_model import ReducedModel
 from .constraint_rows import Place, Scaling
 from .follow import follow_branch
@@ -30,6 +30,7 @@ from .task import BranchTask
 
 UNIT = 0.1  # of the mode's frequency: the unit of omega and sigma in the norm of steps
 STEPS_OF_MODES = ArcLength(ds=0.15, ds_min=1e-5, ds_max=0.3)
+STEPS_OF_PUSHES = ArcLength(ds=0.02, ds_min=1e-5, ds_max=0.02)  # of the range of ln q: a constant motion has no length
 MOST_POINTS = 1000
 
 
@@ -73,7 +74,7 @@ class ModalEquation:
 
 @dataclass(frozen=True, eq=False)
 class NonlinearMode(ProblemBase):
-    """A nonlinear mode, eq. (15.1); parameters are ln q, omega [rad/s] and sigma [1/s].  The model of the equation is led by mode j."""
+    """A nonlinear mode, eq. (15.1), of a model that mode j leads; parameters are ln q, omega [rad/s] and sigma [1/s]."""
 
     j: int
     omega: float  # rad/s, of the mode while all pairs stick
@@ -159,3 +160,30 @@ def follow_mode(
     """
     task = BranchTask(problem, AllPairs(), sweep, steps, tolerance)
     return follow_branch(task, MOST_POINTS, on_point, until=until)
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiStaticMode(ProblemBase):
+    """The static response to omega_j^2 q' M phi_j over ln q', each load from rest in one straight step; eq. (15.5)."""
+
+    @classmethod
+    def of(cls, equation: HarmonicBalance, j: int) -> QuasiStaticMode:
+        """Return that of mode j (from 0) of a model, whose loads are left out.  Local."""
+        return cls(HarmonicBalance(pushed_by(equation.model, j), equation.law, 1))
+
+    def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        return OperatingPoint(1.0, float(np.exp(parameters[0])))
+
+    def allows(self, parameters: tuple[float, ...]) -> bool:
+        return True
+
+    def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        return ({"level": float(np.exp(parameters[0]))},)
+
+    def where(self, parameter: float) -> str:
+        return f"a static modal amplitude of {np.exp(parameter):.4g} kg^1/2 m"
+
+
+def follow_pushes(problem: QuasiStaticMode, sweep: Sweep, tolerance: float) -> Branch:
+    """Return the static responses over a range of ln q'.  Collective."""
+    return follow_branch(BranchTask(problem, AllPairs(), sweep, STEPS_OF_PUSHES, tolerance), MOST_POINTS)

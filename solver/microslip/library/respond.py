@@ -25,7 +25,7 @@ from ..scene.read import changed
 from ..scene.schema import Scene
 from .build import Structure, at_another_rest
 from .follow_response import follow
-from .prepare import prepare
+from .prepare import Prepared, prepare
 from .response import Response
 from .settings import reduction_settings
 
@@ -117,8 +117,15 @@ def respond(
     ConvergenceError : no rest with this friction and preload; on every rank
     ResourceError : not enough memory; on every rank
     """
+    prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys)
+    return Response(prepared, follow(prepared.response, observers, n_groups), notes)
+
+
+def prepared_with(
+    structure: Structure, of_joints: Mapping[str, OfJoints | None], keys: Mapping[str, Any], has_bars: bool | None = None
+) -> tuple[Prepared, tuple[str, ...]]:
+    """Return a structure prepared with other keys, friction and preload, and notes.  Collective; :func:`respond`."""
     structure.refuse_closed()
-    of_joints = {"friction": friction, "preload": preload}
     scene = scene_with(structure.scene, keys, of_joints)
     if structure.scene.statics is None or all(values is None for values in of_joints.values()):
         pairs = pairs_with(structure.pairs, of_joints)
@@ -126,8 +133,7 @@ def respond(
         notes = [why]
     else:
         of_scene, notes = at_rest_with(structure, scene, of_joints)
-    prepared = prepare(of_scene, scene)
-    return Response(prepared, follow(prepared.response, observers, n_groups), tuple(filter(None, notes)))
+    return prepare(of_scene, scene, has_bars), tuple(filter(None, notes))
 
 
 def at_rest_with(structure: Structure, scene: Scene, of_joints: Mapping[str, OfJoints | None]) -> tuple[Structure, list[str]]:

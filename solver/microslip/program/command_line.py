@@ -13,7 +13,7 @@ from ..parallel.petsc import PREFIXES
 from ..system.walltime import seconds_of
 from ..version import __version__
 
-_SOLVE = ("run", "modes", "compare", "verify", "trade", "export")  # commands that PETSc options are for
+_SOLVE = ("run", "modes", "backbone", "compare", "verify", "trade", "export")  # commands that PETSc options are for
 _SCENE = (*_SOLVE, "check")  # commands that read a scene
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -29,11 +29,13 @@ SIGUSR1 saves and goes on; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 sho
 class Command:
     """What the command line asks for."""
 
-    name: str  # run, modes, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor
+    name: str  # run, modes, backbone, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor
     file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
     count: int | None = None  # of modes; None: as the scene states
+    mode: int | None = None  # of a backbone; None: the first
+    farthest: float | None = None  # amplitude over that of first slip
     speeds: tuple[float, ...] = ()  # rad/s
     diameters: tuple[int, ...] = ()  # of a disc; empty: all
     orders: tuple[int, ...] = ()  # engine orders; empty: the default of the command
@@ -191,6 +193,14 @@ def _above_zero(text: str) -> float:
     return number
 
 
+def _above_one(text: str) -> float:
+    """Return a number above 1."""
+    number = _above_zero(text)
+    if number <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 1")
+    return number
+
+
 def _time(text: str) -> float:
     """Return a time in seconds."""
     seconds = seconds_of(text)
@@ -247,6 +257,7 @@ _FOLDER = "the folder of the result file"
 _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, what it reads, the default of --out
     "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
     "modes": ("natural frequencies and shapes with all joints stuck: table and pictures", "SCENE.toml", "results/NAME_modes"),
+    "backbone": ("frequency and damping of a mode against its amplitude, without a load", "SCENE.toml", "results/NAME_backbone"),
     "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
     "verify": ("time integration at points of the curves, compared with harmonic balance", "SCENE.toml", "results/NAME_verify"),
     "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
@@ -330,6 +341,21 @@ _OPTIONS = (
         "engine orders (default: 1 to 6, of a disc 1 to the number of sectors)",
         type=_orders,
         default=(),
+    ),
+    _option("backbone", "--mode", "N", "its number among the modes with all joints stuck (default: 1)", type=_count),
+    _option(
+        "backbone",
+        "--farthest",
+        "X",
+        "the last amplitude over that of first slip (default: to gross slip, where the damping has passed its largest value)",
+        type=_above_one,
+    ),
+    _option(
+        "backbone",
+        "--levels",
+        "A,B,...",
+        "forced responses at levels in N, by the mode alone beside the computed curves (default: none)",
+        **_NUMBERS,
     ),
     _option("compare", "--methods", "A,B,...", "their names, with commas (default: all)", **_LIST),
     _option(

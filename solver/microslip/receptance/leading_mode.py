@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..fourier.harmonics import Harmonics
 from ..parallel.ownership import rows_of
 from .per_group import PerGroup
 from .receptance import Receptance
@@ -27,26 +28,36 @@ def led_by(model: ReducedModel, j: int) -> ReducedModel:
 
     Local.
     """
-    group_1 = model.receptances.group_of(1)
+    return _under_mode(model, j, 1)
 
-    def led(group: Hashable) -> Receptance:
-        return _led(model.receptances.of_group(group), j if group == group_1 else None)
+
+def pushed_by(model: ReducedModel, j: int) -> ReducedModel:
+    """Return the model under the constant load omega_j^2 M phi_j in place of its loads, with the mean alone.  Local."""
+    return _under_mode(replace(model, f=np.zeros_like(model.f)).with_harmonics(Harmonics((0,))), j, 0)
+
+
+def _under_mode(model: ReducedModel, j: int, n: int) -> ReducedModel:
+    """Return the model under the load of mode j in harmonic n alone; above the mean the mode leads."""
+    of_mode = model.receptances.group_of(1)
+
+    def under(group: Hashable) -> Receptance:
+        return _of_group(model.receptances.of_group(group), j if group == of_mode else None, leads=n > 0)
 
     f = np.zeros((1, model.N_H))
-    f[0, model.harmonics.columns(1).start] = 1.0
+    f[0, model.harmonics.columns(n).start] = 1.0
     observed = model.observed and replace(model.observed, of_base=np.zeros((model.n_outputs, 1)))
-    receptances = PerGroup(led, model.receptances.group_of, model.receptances.groups)
+    receptances = PerGroup(under, model.receptances.group_of, model.receptances.groups)
     return replace(model, receptances=receptances, f=f, observed=observed)
 
 
-def _led(receptance: Receptance, j: int | None) -> Receptance:
-    """Return a receptance under that load, led by mode j; None: of harmonics in which it does not lead."""
+def _of_group(receptance: Receptance, j: int | None, leads: bool) -> Receptance:
+    """Return a receptance under that load; None: of a group that does not have the mode."""
     modes, static, rigid = receptance.modes, receptance.static, receptance.rigid
     chosen = np.zeros(len(modes.omega_n)) if j is None else np.eye(len(modes.omega_n))[j]
     springs = chosen * modes.omega_n**2
     return replace(
         receptance,
-        modes=replace(modes, b=springs[:, None], springs=None if j is None else springs),
+        modes=replace(modes, b=springs[:, None], springs=springs if leads else None),
         static=replace(
             static,
             du_static=(modes.R_phi @ chosen)[:, None],
@@ -75,7 +86,7 @@ class Coordinate(NamedTuple):
 
 
 def coordinate(model: ReducedModel, j: int, omega: float, pairs: np.ndarray) -> Coordinate:
-    """Return the coordinate of the leading mode j, eq. (15.3), at a frequency [rad/s], and by the forces of some ``pairs``.  Local."""
+    """Return the coordinate of the leading mode j, eq. (15.3), by the forces of some ``pairs``, at omega [rad/s].  Local."""
     k, i = model.index_of(1)
     modes, c = model.groups[k].receptance.modes, model.flexibilities(omega)[k]
     row = c.row(j, i) + np.eye(len(modes.omega_n))[j] / modes.omega_n**2

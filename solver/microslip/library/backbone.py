@@ -1,0 +1,441 @@
+"""Nonlinear modes of a structure built once: frequency, damping and shape against amplitude (docs/theory.md, section 15)."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from ..contact.law import STICK
+from ..continuation.nonlinear_mode import NonlinearMode, QuasiStaticMode, follow_mode, follow_pushes
+from ..fourier.amplitudes import to_complex
+from ..fourier.harmonics import Harmonics
+from ..harmonic.balance import HarmonicBalance
+from ..harmonic.operating_point import OperatingPoint
+from ..messages.errors import CaseError
+from ..points.branch import Point
+from ..points.sweep import Sweep
+from ..receptance.motions import modal_motion
+from ..receptance.reduced_model import ReducedModel
+from .build import Structure
+from .prepare import Prepared
+from .respond import OfJoints, prepared_with
+from .settings import refuse_statics, units_of
+
+FARTHEST = 1e4  # times the amplitude of first slip: as far as a mode is followed where its joint comes to no gross slip
+SLIPS_FROM = 1e-3  # of the amplitude at which a pair is at its limit, where a law slips from the first motion on
+PAST = 0.5  # of the largest damping ratio by friction, to which it has fallen where a mode is followed no further
+BETWEEN, LOWEST = 20, 1e-3  # of synthesised responses: amplitudes from point to point, and the lowest over that of first slip
+BEYOND = 10.0  # times the amplitude at which the last pair left sticking, the same
+
+
+@dataclass(frozen=True, eq=False)
+class ModePoint:
+    """A point of a nonlinear mode; the same on every rank."""
+
+    amplitude: float  # kg^1/2 m, q
+    omega: float  # rad/s
+    sigma: float  # 1/s
+    response: np.ndarray  # (n_outputs, N_H)
+    energy: np.ndarray  # (n_pairs,) J
+    state: np.ndarray  # (n_pairs,)
+    friction: float  # J a cycle
+    supplied: float  # J a cycle, by the self-excitation
+    per_level: complex  # modal force of the loads at unit level in the shape of the mode, phi^H f / q [N per kg^1/2 m]
+
+    @property
+    def damping_by_friction(self) -> float:
+        """The part of the damping ratio that friction makes [-]."""
+        return self.friction / self.supplied * -self.sigma / (2.0 * self.omega) if self.supplied > 0.0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiStatic:
+    """The same mode by statics and Masing's rules, eq. (15.5)."""
+
+    amplitude: np.ndarray  # (n,) kg^1/2 m
+    frequency: np.ndarray  # (n,) Hz
+    damping: np.ndarray  # (n,) -
+    seconds: float
+
+    def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return frequency [Hz] and damping ratio at amplitudes; NaN outside.  Local."""
+        x = np.log(self.amplitude)
+        frequency, damping = (np.interp(np.log(amplitude), x, y, np.nan, np.nan) for y in (self.frequency, self.damping))
+        return frequency, damping
+
+
+@dataclass(frozen=True, eq=False)
+class Synthesis:
+    """The forced response to the loads at a level, by the nonlinear mode alone, eq. (15.6)."""
+
+    level: float  # N
+    frequency: np.ndarray  # (n,) Hz, up one side of the peak and down the other
+    coefficients: np.ndarray  # (n, n_outputs) complex amplitude of harmonic 1
+    peak: np.ndarray  # (n_outputs,) amplitude at phase resonance; NaN beyond the amplitudes of the mode
+    resonance: float  # Hz
+
+
+@dataclass(frozen=True, eq=False)
+class Backbone:
+    """A nonlinear mode, point by point of rising arc; the same on every rank."""
+
+    mode: int  # from 1
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    level_unit: str
+    linear_frequency: float  # Hz, all pairs stuck
+    linear_damping: float  # -
+    first_slip: float  # kg^1/2 m, the amplitude at which the first pair slips; infinite if the mode moves no pair
+    points: tuple[ModePoint, ...]
+    quasi_static: QuasiStatic | None
+    meetings: tuple[Meeting, ...]
+    seconds: float
+    failure: str | None
+    notes: tuple[str, ...] = ()
+    joints: tuple[str, ...] = field(default=(), repr=False)  # of each pair
+
+    def _of(self, name: str) -> np.ndarray:
+        return np.array([getattr(point, name) for point in self.points])
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """Modal amplitude q, (n,) [kg^1/2 m]."""
+        return self._of("amplitude")
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """(n,) [Hz]."""
+        return self._of("omega") / (2.0 * np.pi)
+
+    @property
+    def damping(self) -> np.ndarray:
+        """Damping ratio of all damping, eq. (15.1), (n,) [-]."""
+        return -self._of("sigma") / (2.0 * self._of("omega"))
+
+    @property
+    def damping_by_friction(self) -> np.ndarray:
+        """The part of it that friction makes, (n,) [-]."""
+        return self._of("damping_by_friction")
+
+    @property
+    def response(self) -> np.ndarray:
+        """Motion of the outputs, (n, n_outputs, N_H) in their units."""
+        return self._of("response")
+
+    @property
+    def shape(self) -> np.ndarray:
+        """Complex amplitudes of harmonic 1 of the outputs per modal amplitude, (n, n_outputs)."""
+        response = self.response
+        return (response[..., 1] - 1j * response[..., 2]) / self.amplitude[:, None]
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Friction loss of each pair, (n, n_pairs) [J per cycle]."""
+        return self._of("energy")
+
+    @property
+    def state(self) -> np.ndarray:
+        """State of each pair, 0 sticks, 1 slips, 2 opens, (n, n_pairs)."""
+        return self._of("state")
+
+    @property
+    def slipping(self) -> np.ndarray:
+        """Number of pairs that slip or open, (n,)."""
+        return np.count_nonzero(self.state != STICK, axis=1)
+
+    @property
+    def level(self) -> np.ndarray:
+        """Level of the scene's loads whose phase resonance has this amplitude, (n,); infinite if they do not act on the mode."""
+        with np.errstate(divide="ignore"):
+            return -self._of("sigma") * self._of("omega") * self.amplitude / np.abs(self._of("per_level"))
+
+    def forced(self, level: float) -> Synthesis:
+        """Return the forced response at a level, synthesised from the mode.  Local.
+
+        Each amplitude is met at two frequencies, on both sides of the phase resonance, at which the amplitude is largest.
+        """
+        q, omega, sigma, per_level, shape = self._dense()
+        zeta, force = -sigma / (2.0 * omega), level * per_level
+        with np.errstate(invalid="ignore"):
+            half = np.sqrt((np.abs(force) / q) ** 2 - (sigma * omega) ** 2 * (1.0 - zeta**2))
+        sides = []
+        for way in (-1.0, 1.0):
+            with np.errstate(invalid="ignore"):
+                at = np.sqrt(omega**2 * (1.0 - 2.0 * zeta**2) + way * half)
+                eta = force / (omega**2 - at**2 - 1j * sigma * at)
+            sides.append((at[np.isfinite(at)] / (2.0 * np.pi), (eta[:, None] * shape)[np.isfinite(at)]))
+        (low, a_low), (high, a_high) = sides
+        peak, resonance = self._resonance(level)
+        amplitudes = np.concatenate([a_low, a_high[::-1]])
+        return Synthesis(level, np.concatenate([low, high[::-1]]), amplitudes, peak, resonance)
+
+    def _dense(self) -> list[np.ndarray]:
+        """Return q, omega, sigma, the force per level and the shape, close together along the branch and below first slip."""
+        n = len(self.points)
+        of_points = np.log(self.amplitude), self._of("omega"), self._of("sigma"), self._of("per_level"), self.shape
+        along = np.linspace(0.0, n - 1.0, BETWEEN * (n - 1) + 1)
+        log_q, *others = (_between(y, along) if n > 1 else y for y in of_points)
+        below = log_q[0] + np.linspace(np.log(LOWEST), 0.0, 10 * BETWEEN, endpoint=False)
+        stuck = (np.repeat(y[:1], len(below), axis=0) for y in others)
+        return [np.exp(np.concatenate([below, log_q])), *(np.concatenate(each) for each in zip(stuck, others))]
+
+    def _resonance(self, level: float) -> tuple[np.ndarray, float]:
+        """Return the amplitudes of the outputs and the frequency [Hz] at phase resonance; NaN where no point brackets it."""
+        levels, sizes = self.level, np.abs(self.shape) * self.amplitude[:, None]
+        ahead = np.flatnonzero((levels[:-1] <= level) & (level < levels[1:]))
+        if level < levels[0]:
+            return sizes[0] * level / levels[0], float(self.frequency[0])
+        if len(ahead) == 0:
+            return np.full(sizes.shape[1], np.nan), float("nan")
+        i = int(ahead[0])
+        share = np.log(level / levels[i]) / np.log(levels[i + 1] / levels[i])
+        peak = sizes[i] * (sizes[i + 1] / sizes[i]) ** share
+        return peak, float(self.frequency[i] + share * (self.frequency[i + 1] - self.frequency[i]))
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """A superharmonic resonance: harmonic n of the mode meets another mode of the stuck structure."""
+
+    harmonic: int
+    mode: int  # from 1, of the modes of that harmonic
+    amplitude: float  # kg^1/2 m, q
+    frequency: float  # Hz, of the nonlinear mode
+
+
+def backbone(
+    structure: Structure,
+    mode: int = 1,
+    *,
+    farthest: float | None = None,
+    quasi_static: bool = True,
+    friction: OfJoints | None = None,
+    preload: OfJoints | None = None,
+    **keys: Any,
+) -> Backbone:
+    """Return a nonlinear mode of a structure, from the amplitude of first slip to gross slip.
+
+    Collective on ``structure.comm``; the same on every rank.
+
+    The loads of the scene do not act; they say at which level a forced response has its phase resonance there.
+
+    Parameters
+    ----------
+    mode : its number from 1, of the modes with all pairs stuck; of a disc those of the nodal diameter of harmonic 1
+    farthest : the last amplitude over that of first slip; None: gross slip, where the damping by friction has passed its largest
+        value and fallen to half of it, or ten times the amplitude at which the last pair leaves sticking; at most 1e4
+    quasi_static : whether the mode is computed by statics, too; not of a disc
+    friction, preload, keys : as for :func:`respond`
+
+    Raises
+    ------
+    CaseError : no such mode, nothing that vibrates, no joint or no friction, a constant load; on every rank
+    ConvergenceError, ResourceError : on every rank; a branch that ends early says why in ``failure``
+    """
+    prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys, has_bars=False)
+    refuse_what_has_none(prepared, mode)
+    start = time.perf_counter()
+    equation = HarmonicBalance.of_all(prepared.model, prepared.response.law, prepared.response.settings.samples)
+    problem = NonlinearMode.of(equation, mode - 1)
+    first = first_slip(prepared, mode - 1)
+    if not np.isfinite(first):
+        return _line(prepared, problem, mode, notes)
+    points = list[ModePoint]()
+
+    def record(point: Point) -> None:
+        points.append(mode_point(problem, prepared.model, point))
+
+    def is_gross(point: Point) -> bool:
+        return farthest is None and comes_to_gross_slip([*points, mode_point(problem, prepared.model, point)])
+
+    low = float(np.log(first))
+    sweep, tolerance = Sweep(low, low + float(np.log(farthest or FARTHEST))), prepared.response.settings.tolerance
+    branch = follow_mode(problem, sweep, tolerance, record, is_gross)
+    seconds = time.perf_counter() - start
+    quasi = None
+    if quasi_static and structure.scene.cyclic is None and len(points) > 1:
+        quasi = by_statics(equation, problem, points)
+    return _backbone(prepared, problem, mode, first, tuple(points), quasi, seconds, branch.failure, notes)
+
+
+def comes_to_gross_slip(points: list[ModePoint]) -> bool:
+    """Tell whether friction is past its largest damping ratio, or all pairs have slipped for long, at the last point.  Local."""
+    by_friction = [point.damping_by_friction for point in points]
+    sticking = [point.amplitude for point in points if (point.state == STICK).any()]
+    return by_friction[-1] < PAST * max(by_friction) or points[-1].amplitude > BEYOND * max(sticking, default=np.inf)
+
+
+def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
+    """Raise CaseError where a scene has no nonlinear mode of this number.  Local; the same on every rank."""
+    scene, model, pairs = prepared.scene, prepared.model, prepared.pairs
+    where = f"{scene.path}: backbone"
+    refuse_statics(scene, "backbone")
+    k, _ = model.index_of(1)
+    n = len(model.groups[k].receptance.modes.omega_n)
+    if not 1 <= mode <= n:
+        raise CaseError(f"{where}: there is no mode {mode}: {n} were computed; --mode takes 1 to {n}, or raise [solver] modes")
+    if pairs.n_pairs == 0:
+        raise CaseError(f"{where}: the scene has no [[joints]]: frequency and damping do not depend on the amplitude")
+    if any(load.harmonic == 0 for load in scene.loads):
+        raise CaseError(
+            f"{where}: [[loads]] with harmonic = 0 changes the rest about which a mode vibrates; state it in [statics], or leave "
+            "it out (loads that vibrate do no harm: they do not act)"
+        )
+    if not np.isfinite(prepared.response.law.utilisation(np.ones((pairs.n_pairs, 3)))).any():
+        raise CaseError(f"{where}: no pair has friction: nothing sticks, and no amplitude is the first to slip")
+
+
+def first_slip(prepared: Prepared, j: int) -> float:
+    """Return the modal amplitude at which the first pair leaves sticking, or for laws without one a small one.  Local.
+
+    Exact for a preload without shear; infinite where the mode moves no pair.
+    """
+    k, _ = prepared.model.index_of(1)
+    moved = np.abs(prepared.model.groups[k].receptance.modes.R_phi[:, j]).reshape(-1, 3)
+    moved = np.where(moved > 1e-12 * moved.max(initial=0.0), moved, 0.0)
+    law = prepared.response.law
+    with np.errstate(divide="ignore"):
+        at_limit = 1.0 / law.utilisation(moved)
+    most = law.slip_safety(moved)
+    usual = float(np.min(at_limit[at_limit > 0.0], initial=np.inf))
+    return float(max(np.min(most, initial=np.inf), SLIPS_FROM * usual)) if np.isfinite(usual) else np.inf
+
+
+def supply(problem: NonlinearMode, point: Point) -> float:
+    """Return what the self-excitation supplies to the modes, pi omega (-sigma) sum n^2 |eta_n|^2 [J per cycle].  Local."""
+    at = problem.at(point.parameters)
+    model = problem.equation.model_at(at)
+    p = _forces(model, point)
+    squares = [
+        np.sum(group.harmonics.numbers**2 * np.abs(eta) ** 2)
+        for group, eta in zip(model.groups, modal_motion(model, at.level, at.omega, p))
+    ]
+    return -np.pi * at.omega * at.sigma * float(sum(squares))
+
+
+def _forces(model: ReducedModel, point: Point) -> np.ndarray:
+    """Return the forces of all pairs at a point in the harmonics of a model, (3 n_pairs, N_H) [N]."""
+    return Harmonics.full(point.p.shape[-1]).carry(point.p, model.harmonics).reshape(-1, model.N_H)
+
+
+def mode_point(problem: NonlinearMode, loaded: ReducedModel, point: Point) -> ModePoint:
+    """Return the record of a point; ``loaded`` is the model with the loads of the scene.  Local."""
+    at = problem.at(point.parameters)
+    return ModePoint(
+        at.level,
+        at.omega,
+        at.sigma,
+        point.response,
+        point.energy,
+        point.state,
+        point.friction,
+        supply(problem, point),
+        modal_force(problem, at, loaded, point),
+    )
+
+
+def modal_force(problem: NonlinearMode, at: OperatingPoint, loaded: ReducedModel, point: Point) -> complex:
+    """Return phi^H f of the loads of harmonic 1 at unit level in the shape of the mode at a point [N per kg^1/2 m].  Local."""
+    model = problem.equation.model_at(at)
+    p, (k, i) = _forces(model, point), model.index_of(1)
+    receptance, group = loaded.groups[k].receptance, model.groups[k]
+    eta = modal_motion(model, at.level, at.omega, p)[k][:, i]
+    p_1, f_1 = (to_complex(each[:, group.columns])[:, i] for each in (p, loaded.f))
+    modes, static = receptance.modes, receptance.static
+    flexible = eta + (modes.R_phi.conj().T @ p_1) / modes.omega_n**2
+    y = modes.b.conj().T @ flexible - static.du_static.conj().T @ p_1
+    return complex(np.vdot(y, f_1) / at.level)
+
+
+def by_statics(equation: HarmonicBalance, problem: NonlinearMode, points: list[ModePoint]) -> QuasiStatic:
+    """Return the mode by statics and Masing's rules, eq. (15.5), over the amplitudes of the points.  Collective."""
+    start, j = time.perf_counter(), problem.j
+    modes = equation.model.groups[equation.model.index_of(1)[0]].receptance.modes
+    R_j, omega_j = modes.R_phi[:, j], float(modes.omega_n[j])
+    last = max(points, key=lambda point: point.amplitude)
+    stop = last.amplitude * (last.omega / omega_j) ** 2
+    sweep = Sweep(float(np.log(points[0].amplitude)), float(np.log(max(stop, 1.01 * points[0].amplitude))))
+    statics = QuasiStaticMode.of(equation, j)
+    branch = follow_pushes(statics, sweep, 1e-8)
+    pushed = (
+        [(np.exp(point.parameters[0]), R_j @ point.p[:, :, 0].ravel()) for point in branch.points]
+        if equation.comm.rank == 0
+        else []
+    )
+    load, lost = np.array(equation.comm.bcast(pushed)).T  # q', minus the force that slip takes away
+    q = load - lost / omega_j**2
+    less = -lost  # omega_j^2 q - alpha
+    omega = np.sqrt(omega_j**2 * load / q)
+    loss = 8.0 * (0.5 * less * q - np.concatenate([[0.0], np.cumsum(_areas(q, less))]))
+    loss[loss < 0.0] = np.nan  # no loop that Masing's rules know: the normal forces vary too much
+    damping = loss / (2.0 * np.pi * (omega * q) ** 2) - problem.sigma / (2.0 * omega)
+    return QuasiStatic(q, omega / (2.0 * np.pi), damping, time.perf_counter() - start)
+
+
+def _between(y: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Return values y (n, ...) between their places 0 to n - 1, by monotone cubics."""
+    parts = [PchipInterpolator(np.arange(len(y)), part)(along) for part in (y.real, y.imag)]
+    return parts[0] + 1j * parts[1] if np.iscomplexobj(y) else parts[0]
+
+
+def _areas(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the integrals of y between neighbouring x, by a monotone cubic."""
+    total = PchipInterpolator(x, y).antiderivative()
+    return np.diff(total(x))
+
+
+def meetings_of(model: ReducedModel, j: int, points: tuple[ModePoint, ...]) -> tuple[Meeting, ...]:
+    """Return where a harmonic of mode j (from 0) meets another mode of the stuck structure, by rising amplitude.  Local."""
+    found, own = [], model.index_of(1)[0]
+    for n in (int(n) for n in model.harmonics.above_mean if n > 1):
+        k, _ = model.index_of(n)
+        for number, omega_k in enumerate(model.groups[k].receptance.modes.omega_n, 1):
+            if k == own and number == j + 1:
+                continue
+            for a, b in zip(points, points[1:]):
+                before, after = n * a.omega - omega_k, n * b.omega - omega_k
+                if before * after < 0.0 or (after == 0.0 and before != 0.0):
+                    share = before / (before - after)
+                    q = a.amplitude * (b.amplitude / a.amplitude) ** share
+                    found.append(Meeting(n, number, float(q), float(omega_k / n / (2.0 * np.pi))))
+    return tuple(sorted(found, key=lambda meeting: meeting.amplitude))
+
+
+def _line(prepared: Prepared, problem: NonlinearMode, mode: int, notes: tuple[str, ...]) -> Backbone:
+    """Return the backbone of a mode that moves no pair."""
+    why = f"mode {mode} moves no pair of a joint: its frequency and damping are the same at any amplitude"
+    return _backbone(prepared, problem, mode, np.inf, (), None, 0.0, None, (*notes, why))
+
+
+def _backbone(
+    prepared: Prepared,
+    problem: NonlinearMode,
+    mode: int,
+    first: float,
+    points: tuple[ModePoint, ...],
+    quasi: QuasiStatic | None,
+    seconds: float,
+    failure: str | None,
+    notes: tuple[str, ...],
+) -> Backbone:
+    units = units_of(prepared.scene)
+    return Backbone(
+        mode=mode,
+        outputs=tuple(output.name for output in prepared.scene.outputs),
+        units=units.outputs,
+        level_unit=units.level,
+        linear_frequency=problem.omega / (2.0 * np.pi),
+        linear_damping=-problem.sigma / (2.0 * problem.omega),
+        first_slip=first,
+        points=points,
+        quasi_static=quasi,
+        meetings=meetings_of(prepared.model, problem.j, points),
+        seconds=seconds,
+        failure=failure,
+        notes=notes,
+        joints=tuple(prepared.pairs.joint),
+    )

@@ -1,0 +1,298 @@
+"""A nonlinear mode as a table, backbone.csv, backbone.h5, backbone.png and synthesis.png.  Rank 0 only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.lines import Line2D
+
+from ...contact.law import OPEN, SLIP
+from ...library.backbone import Backbone, Synthesis
+from ...observe.screen_table import screen_table
+from ...points.peak import Peak
+from ...results.layout import log_scale
+from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, plain, some, with_prefix
+from ...system.files import atomic_write, make_folder
+from ...system.hdf5 import written_hdf5
+from ..records import cell, write_csv
+
+_ROWS = 14  # of the table on the screen
+_WIDE = 30.0  # ratio of damping ratios beyond which their axis is logarithmic
+_ACCENT, _SECOND = "#0072b2", "#d55e00"
+
+
+@dataclass(frozen=True, eq=False)
+class Forced:
+    """The forced response at a level, by the mode alone and in full."""
+
+    level: float  # N
+    by_mode: Synthesis
+    frequency: np.ndarray  # (n,) Hz
+    amplitude: np.ndarray  # (n, n_outputs) complex, harmonic 1
+    peaks: Sequence[Peak]
+    failure: str | None
+
+    @property
+    def peak(self) -> float:
+        """The largest amplitude of the first output, computed in full."""
+        of_points = float(np.abs(self.amplitude[:, 0]).max(initial=0.0))
+        return max([of_points, *(abs(peak.amplitude) for peak in self.peaks if peak.output == 0)])
+
+    @property
+    def error(self) -> float:
+        """Error of the peak by the mode alone, over the peak; NaN where the mode does not reach it."""
+        return float(self.by_mode.peak[0]) / self.peak - 1.0
+
+
+def write_backbone(result: Backbone, forced: Sequence[Forced], scene: Titled, folder: Path) -> str:
+    """Write the files of a nonlinear mode; return the table for the screen.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    make_folder(str(folder))
+    rows = records(result)
+    if rows:
+        write_csv(str(folder / "backbone.csv"), rows[0], rows)
+        write_arrays(result, str(folder / "backbone.h5"))
+        with matplotlib.rc_context(RC):
+            draw_backbone(result, scene, str(folder / "backbone.png"))
+            if forced:
+                draw_forced(result, forced, scene, str(folder / "synthesis.png"))
+    if forced:
+        lines = synthesis_records(result, forced)
+        write_csv(str(folder / "synthesis.csv"), lines[0], lines)
+    return "\n".join([*on_screen(result), *in_words(result), *map(_forced_in_words, forced)])
+
+
+def records(result: Backbone) -> list[dict[str, Any]]:
+    """Return a record a point, by the names of the columns of backbone.csv."""
+    columns: dict[str, np.ndarray] = {
+        "modal_amplitude": result.amplitude,
+        "frequency_Hz": result.frequency,
+        "damping_ratio": result.damping,
+        "damping_ratio_friction": result.damping_by_friction,
+        "friction_J": np.array([point.friction for point in result.points]),
+        "slipping": np.count_nonzero(result.state == SLIP, axis=-1),
+        "open": np.count_nonzero(result.state == OPEN, axis=-1),
+        f"level_{result.level_unit}": result.level if result.points else np.zeros(0),
+    }
+    if result.points:
+        for k, (name, unit) in enumerate(zip(result.outputs, result.units)):
+            motion = result.shape[:, k] * result.amplitude
+            columns |= {f"{name}_{unit}": np.abs(motion), f"{name}_phase_rad": np.angle(motion)}
+    if result.quasi_static is not None:
+        frequency, damping = result.quasi_static.at(result.amplitude)
+        columns |= {"quasi_static_frequency_Hz": frequency, "quasi_static_damping_ratio": damping}
+    return [{name: _plain_number(values[i]) for name, values in columns.items()} for i in range(len(result.points))]
+
+
+def _plain_number(value: Any) -> float | int:
+    return int(value) if isinstance(value, np.integer) else float(value)
+
+
+def write_arrays(result: Backbone, path: str) -> None:
+    """Write all arrays of a nonlinear mode to an HDF5 file.  Local."""
+    arrays = {
+        "amplitude": (result.amplitude, "kg^1/2 m"),
+        "frequency": (result.frequency, "Hz"),
+        "damping": (result.damping, "1"),
+        "damping_by_friction": (result.damping_by_friction, "1"),
+        "response": (result.response, ", ".join(result.units)),
+        "shape": (result.shape, ", ".join(f"{unit}/(kg^1/2 m)" for unit in result.units)),
+        "energy": (result.energy, "J"),
+        "state": (result.state, "0 sticks, 1 slips, 2 opens"),
+        "level": (result.level, result.level_unit),
+    }
+    if result.quasi_static is not None:
+        for name, unit in (("amplitude", "kg^1/2 m"), ("frequency", "Hz"), ("damping", "1")):
+            arrays[f"quasi_static/{name}"] = getattr(result.quasi_static, name), unit
+    with atomic_write(path) as unfinished, written_hdf5(str(unfinished)) as file:
+        for name, (values, unit) in arrays.items():
+            file.create_dataset(name, data=values).attrs["unit"] = unit
+        file.attrs["mode"] = result.mode
+        file.attrs["linear_frequency_Hz"], file.attrs["linear_damping"] = result.linear_frequency, result.linear_damping
+        file.attrs["outputs"], file.attrs["joints"] = list(result.outputs), list(result.joints)
+
+
+def on_screen(result: Backbone) -> list[str]:
+    """Return the table for the screen: points evenly spread."""
+    rows = some(records(result), _ROWS)
+    if not rows:
+        return []
+    output = f"{result.outputs[0]}_{result.units[0]}"
+    head: list[str] = [
+        f"{result.outputs[0]} {result.units[0]}",
+        "frequency Hz",
+        "damping %",
+        "by friction %",
+        "slip",
+        "open",
+        "level",
+    ]
+    keys: tuple[str, ...] = (
+        output,
+        "frequency_Hz",
+        "damping_ratio",
+        "damping_ratio_friction",
+        "slipping",
+        "open",
+        f"level_{result.level_unit}",
+    )
+    digits: tuple[int, ...] = (4, 7, 4, 4, 0, 0, 4)
+    if result.quasi_static is not None:
+        head += ["quasi-static Hz", "%"]
+        keys, digits = (*keys, "quasi_static_frequency_Hz", "quasi_static_damping_ratio"), (*digits, 7, 4)
+    table = [
+        (
+            0,
+            [
+                cell(row[key] * (100.0 if "ratio" in key else 1.0), n) if isinstance(row[key], float) else str(row[key])
+                for key, n in zip(keys, digits)
+            ],
+        )
+        for row in rows
+    ]
+    says = f"nonlinear mode {result.mode}: amplitude of {result.outputs[0]}; level of the loads whose phase resonance is there"
+    return [screen_table(says, head, table)]
+
+
+def in_words(result: Backbone) -> list[str]:
+    """Return lines on a nonlinear mode: where it begins, its largest damping, its cost, resonances on the way."""
+    if not result.points:
+        return [f"mode {result.mode}: {result.linear_frequency:.6g} Hz, damping {100.0 * result.linear_damping:.4g} %, a line"]
+    top = int(np.argmax(result.damping))
+    size = np.abs(result.shape[:, 0]) * result.amplitude
+    unit, name = result.units[0], result.outputs[0]
+    lines = [
+        f"mode {result.mode}, all pairs stuck: {result.linear_frequency:.7g} Hz, damping {100.0 * result.linear_damping:.4g} %; "
+        f"the first pair leaves sticking at {size[0]:.4g} {unit} of {name}",
+        f"largest damping {100.0 * result.damping[top]:.4g} % at {size[top]:.4g} {unit}, {result.frequency[top]:.7g} Hz; "
+        f"{len(result.points)} points in {result.seconds:.3g} s",
+    ]
+    if result.quasi_static is not None:
+        frequency, damping = result.quasi_static.at(result.amplitude)
+        shift = np.nanmax(np.abs(frequency - result.frequency)) / max(np.ptp(result.frequency), 1e-300)
+        lines.append(
+            f"by statics and Masing's rules: frequency within {100.0 * shift:.2g} % of the shift, damping within "
+            f"{100.0 * np.nanmax(np.abs(damping - result.damping)) / result.damping.max():.2g} % of the largest, "
+            f"in {result.quasi_static.seconds:.2g} s"
+        )
+    for meeting in result.meetings:
+        at = float(np.exp(np.interp(np.log(meeting.amplitude), np.log(result.amplitude), np.log(size))))
+        lines.append(
+            f"superharmonic resonance: {meeting.harmonic} x {meeting.frequency:.6g} Hz meets mode {meeting.mode} of the stuck "
+            f"structure at about {at:.3g} {unit} of {name}"
+        )
+    return lines
+
+
+def _forced_in_words(forced: Forced) -> str:
+    if not np.isfinite(forced.error):
+        return f"level {forced.level:g}: peak {forced.peak:.5g}; the computed amplitudes of the mode do not reach it"
+    return (
+        f"level {forced.level:g}: peak {forced.peak:.5g}, by the mode alone {forced.by_mode.peak[0]:.5g} "
+        f"({100.0 * forced.error:+.2g} %) at {forced.by_mode.resonance:.6g} Hz"
+    )
+
+
+def synthesis_records(result: Backbone, forced: Sequence[Forced]) -> list[dict[str, Any]]:
+    """Return a record a point of the synthesised responses, by the names of the columns of synthesis.csv."""
+    return [
+        {f"level_{result.level_unit}": each.level, "frequency_Hz": float(frequency)}
+        | {f"{name}_{unit}": float(abs(a)) for name, unit, a in zip(result.outputs, result.units, amplitudes)}
+        for each in forced
+        for frequency, amplitudes in zip(each.by_mode.frequency, each.by_mode.coefficients)
+    ]
+
+
+def draw_backbone(result: Backbone, scene: Titled, path: str) -> None:
+    """Draw frequency and damping ratio over the amplitude of the first output.  Local."""
+    size = np.abs(result.shape[:, 0]) * result.amplitude
+    factor, unit = with_prefix(size, result.units[0])
+    quasi = result.quasi_static
+    handles = [Line2D([], [], color=_ACCENT, marker="o", ms=3.0, label="nonlinear mode")]
+    if quasi is not None:
+        handles.append(Line2D([], [], color=_SECOND, ls="--", label="by statics and Masing's rules"))
+    handles += [
+        Line2D([], [], color=FAINT, lw=0.8, ls=":", label="all pairs stuck"),
+        *(
+            [Line2D([], [], color=INK, marker="v", lw=0, ms=5.0, mfc="none", label="superharmonic resonance")]
+            if result.meetings
+            else []
+        ),
+    ]
+    says = f"nonlinear mode {result.mode}: frequency and damping ratio over the amplitude of {plain(result.outputs[0], 24)}"
+    page = Page(scene, says, WIDTH, 2.9, handles)
+    left, right = page.grid(1, 2).subplots()
+    for axes, values, of_stuck, label, of_quasi in (
+        (left, result.frequency, result.linear_frequency, "frequency [Hz]", None if quasi is None else quasi.frequency),
+        (
+            right,
+            100.0 * result.damping,
+            100.0 * result.linear_damping,
+            "damping ratio [%]",
+            None if quasi is None else 100.0 * quasi.damping,
+        ),
+    ):
+        axes.axhline(of_stuck, color=FAINT, lw=0.8, ls=":")
+        if quasi is not None and of_quasi is not None:
+            within = quasi.amplitude <= result.amplitude.max()
+            at = np.exp(np.interp(np.log(quasi.amplitude[within]), np.log(result.amplitude), np.log(size * factor)))
+            axes.plot(at, of_quasi[within], color=_SECOND, ls="--", zorder=3)
+        axes.plot(size * factor, values, color=_ACCENT, marker="o", ms=2.5)
+        for meeting in result.meetings:
+            at_q = np.log(meeting.amplitude)
+            axes.plot(
+                np.exp(np.interp(at_q, np.log(result.amplitude), np.log(size * factor))),
+                np.interp(at_q, np.log(result.amplitude), values),
+                "v",
+                color=INK,
+                ms=5.0,
+                mfc="none",
+            )
+        log_scale(axes, "x")
+        axes.set(xlabel=f"amplitude of {plain(result.outputs[0], 24)} [{unit}]", ylabel=label)
+    if result.damping.max() > _WIDE * result.damping.min() > 0.0:
+        log_scale(right, "y")
+    else:
+        right.set_ylim(bottom=0.0)
+    page.save(path)
+
+
+def draw_forced(result: Backbone, forced: Sequence[Forced], scene: Titled, path: str) -> None:
+    """Draw forced responses by the mode alone and in full, with the phase resonances.  Local."""
+    size = np.abs(result.shape[:, 0]) * result.amplitude
+    factor, unit = with_prefix(np.concatenate([np.abs(each.amplitude[:, 0]) for each in forced]), result.units[0])
+    colours = level_colours(len(forced))
+    handles = [Line2D([], [], color=c, label=f"{each.level:g} {result.level_unit}") for c, each in zip(colours, forced)]
+    handles += [
+        Line2D([], [], color=INK, ls="--", label="by the mode alone"),
+        Line2D([], [], color=FAINT, lw=0.9, label="phase resonance"),
+    ]
+    page = Page(
+        scene,
+        f"forced responses of {plain(result.outputs[0], 24)}, in full and by nonlinear mode {result.mode} alone",
+        WIDTH,
+        3.4,
+        handles,
+    )
+    axes = page.grid(1, 1).subplots()
+    shown = np.concatenate([each.frequency for each in forced])
+    axes.plot(result.frequency, size * factor, color=FAINT, lw=0.9)
+    for colour, each in zip(colours, forced):
+        axes.plot(each.frequency, np.abs(each.amplitude[:, 0]) * factor, color=colour)
+        axes.plot(each.by_mode.frequency, np.abs(each.by_mode.coefficients[:, 0]) * factor, color=INK, ls="--", lw=0.9)
+        axes.plot(each.by_mode.resonance, each.by_mode.peak[0] * factor, "o", color=INK, ms=3.5, mfc="white")
+    highest = max(float(np.abs(each.amplitude[:, 0]).max(initial=0.0)) for each in forced)
+    lowest = min(float(np.abs(each.amplitude[:, 0]).min(initial=np.inf)) for each in forced)
+    axes.set(xlim=(shown.min(), shown.max()), ylim=(0.7 * lowest * factor, 1.6 * highest * factor))
+    log_scale(axes, "y")
+    axes.set(xlabel="frequency [Hz]", ylabel=f"amplitude [{unit}]")
+    page.save(path)

@@ -1,0 +1,161 @@
+"""microslip.backbone: from a scene to frequency and damping over amplitude, files and messages; on any number of ranks."""
+
+import csv
+
+import h5py
+import numpy as np
+import pytest
+from matrix_scenes import write_matrix_scene
+from mpi4py import MPI
+from oracles import exact, scenes
+
+import microslip
+from microslip.messages.errors import CaseError
+from microslip.parallel.agree import on_root
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+
+
+def one_mass(**changes):
+    """Return the mass on a Jenkins element of docs/validation.md: m = k = k_t = mu N = 1, c = 0.02."""
+    system = scenes.jenkins_mass()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    return system | changes
+
+
+def two_masses():
+    """Two masses that do not touch, of which the first alone has a joint."""
+    return scenes.make_system(
+        "two masses",
+        np.eye(2),
+        np.diag([1.0, 9.0]),
+        [[0, -1, -1, -1, -1, -1]],
+        mu=1.0,
+        N0=1.0,
+        k_t=1.0,
+        k_n=0.0,
+        C=0.02 * np.eye(2),
+        loads=[{"vector": [1.0, 1.0], "harmonic": 1, "phase": 0.0}],
+        output=[1.0, 0.0],
+        omega=(0.5, 2.0),
+        levels={},
+    )
+
+
+@pytest.fixture
+def scene_file(shared_path):
+    """Return what writes a scene and returns its path.  Collective."""
+
+    def write(system, frequencies=(0.5, 2.0), levels=(0.4,), **solver):
+        solver = {"harmonics": 1, "samples": 512, "tolerance": 1e-9} | solver
+        return on_root(COMM, lambda: write_matrix_scene(shared_path, system, levels, frequencies, **solver))
+
+    return write
+
+
+@pytest.fixture
+def structure(scene_file):
+    """Return what builds one.  Collective."""
+    built = []
+
+    def build(*args, **how):
+        built.append(microslip.build(microslip.read(scene_file(*args, **how)), COMM))
+        return built[-1]
+
+    yield build
+    for each in built:
+        each.close()
+
+
+def test_frequency_damping_and_friction_are_those_of_the_closed_form(structure):
+    mode = microslip.backbone(structure(one_mass()))
+    assert mode.failure is None and mode.first_slip == pytest.approx(1.0)
+    assert mode.linear_frequency == pytest.approx(np.sqrt(2.0) / (2.0 * np.pi))
+    assert mode.linear_damping == pytest.approx(0.01 / np.sqrt(2.0))
+    assert mode.damping[-1] < mode.damping.max()
+    for point, X, shape in zip(mode.points, mode.amplitude, mode.shape):
+        a1, b1, _ = exact.jenkins_harmonic(X, 1.0, 1.0)
+        assert shape[0] == pytest.approx(1.0)
+        assert point.omega == pytest.approx(np.sqrt(1.0 + a1 / X), rel=1e-5)
+        assert -point.sigma == pytest.approx(0.02 + b1 / X / point.omega, rel=1e-4)
+        assert point.energy.sum() == pytest.approx(np.pi * b1 * X, rel=1e-4, abs=1e-4)
+        assert point.friction == pytest.approx(point.energy.sum())
+        assert point.supplied == pytest.approx(point.friction + np.pi * 0.02 * point.omega * X**2)
+
+
+def test_phase_resonance_and_synthesis_are_forced_responses(structure):
+    """With one mode the synthesis is the truth, but for the damping, which friction has at the frequency of the mode."""
+    built = structure(one_mass(), points=40)
+    mode, response = microslip.backbone(built), microslip.respond(built, peaks=True, error_bars=False)
+    (peak,) = [peak for peak in response.peaks[0.4] if peak.output == 0]
+    by_mode = mode.forced(0.4)
+    assert by_mode.peak[0] == pytest.approx(abs(peak.amplitude), rel=0.01)
+    assert by_mode.resonance == pytest.approx(peak.omega / (2.0 * np.pi), rel=0.01)
+    assert np.abs(by_mode.coefficients).max() == pytest.approx(by_mode.peak[0], rel=0.01)
+    curve = response.level(0.4)
+    size = np.hypot(*curve.response[:, 0, 1:3].T)
+    inside = (by_mode.frequency.min() < curve.frequency) & (curve.frequency < by_mode.frequency.max())
+    order = np.argsort(by_mode.frequency)
+    near = np.interp(curve.frequency[inside], by_mode.frequency[order], np.abs(by_mode.coefficients[order, 0]))
+    assert near == pytest.approx(size[inside], rel=0.1)
+    assert np.isnan(mode.forced(1e9).peak[0])
+
+
+def test_statics_and_masings_rules_are_the_secant_and_the_loop(structure):
+    """Of one Jenkins element: alpha = k X + mu N, loss 4 mu N (X - 1)."""
+    quasi = microslip.backbone(structure(one_mass())).quasi_static
+    X = quasi.amplitude[quasi.amplitude > 1.0]
+    omega = 2.0 * np.pi * quasi.frequency[quasi.amplitude > 1.0]
+    assert omega == pytest.approx(np.sqrt(1.0 + 1.0 / X), rel=1e-6)
+    by_friction = 4.0 * (X - 1.0) / (2.0 * np.pi * (omega * X) ** 2)
+    assert quasi.damping[quasi.amplitude > 1.0] == pytest.approx(by_friction + 0.01 / omega, rel=1e-2)
+
+
+def test_a_mode_that_moves_no_pair_is_a_line(structure):
+    mode = microslip.backbone(structure(two_masses()), mode=2)
+    assert mode.points == () and np.isinf(mode.first_slip)
+    assert mode.linear_frequency == pytest.approx(3.0 / (2.0 * np.pi))
+    assert "moves no pair of a joint" in mode.notes[-1]
+
+
+def test_a_harmonic_that_meets_another_mode_is_said(structure):
+    """1.414 rad/s falls to 1: with mode 2 at 3.6 rad/s the third harmonic meets it at 1.2 rad/s."""
+    system = two_masses()
+    system["K"] = np.diag([1.0, 3.6**2])
+    mode = microslip.backbone(structure(system, harmonics=3))
+    (meeting,) = mode.meetings
+    assert (meeting.harmonic, meeting.mode) == (3, 2)
+    assert meeting.frequency == pytest.approx(1.2 / (2.0 * np.pi))
+    assert np.interp(meeting.amplitude, mode.amplitude, mode.frequency) == pytest.approx(meeting.frequency, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("system", "mode", "says"),
+    [
+        (one_mass(), 2, "there is no mode 2: 1 were computed"),
+        (one_mass(mu=np.zeros(1)), 1, "no pair has friction"),
+        (one_mass(loads=[{"vector": [1.0], "harmonic": n, "phase": 0.0} for n in (0, 1)]), 1, "[[loads]] with harmonic = 0"),
+    ],
+)
+def test_what_has_no_nonlinear_mode_is_refused(structure, system, mode, says):
+    with pytest.raises(CaseError) as caught:
+        microslip.backbone(structure(system), mode=mode)
+    assert says in str(caught.value)
+
+
+@pytest.mark.pictures
+def test_the_command_writes_table_arrays_and_pictures(scene_file, program, shared_path):
+    path = scene_file(one_mass(), points=30)
+    status, out, err = program("backbone", path, "--out", shared_path / "out", "--levels", "0.4", "--farthest", "5")
+    assert (status, err) == (0, "")
+    if COMM.rank == 0:
+        with open(shared_path / "out" / "backbone.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert float(rows[0]["0_m"]) == pytest.approx(1.0) and float(rows[-1]["0_m"]) == pytest.approx(5.0)
+        with h5py.File(shared_path / "out" / "backbone.h5") as file:
+            assert file["frequency"][:] == pytest.approx([float(row["frequency_Hz"]) for row in rows])
+            assert file["energy"].shape == (len(rows), 1) and file["energy"].attrs["unit"] == "J"
+        assert {"backbone.png", "synthesis.png", "synthesis.csv"} <= {each.name for each in (shared_path / "out").iterdir()}
+        assert "level 0.4: peak" in out and "by statics and Masing's rules" in out
