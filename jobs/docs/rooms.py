@@ -32,6 +32,7 @@ ROOMS = {
     "formats": ("model files: FileModel", 0.0, 4),
     "mesh": ("Mesh, ContactPairs", 0.0, 5),
     "points": ("Point, Branch", 1.0, 3),
+    "stability": ("multipliers", 2.0, 4),
     "transient": ("motion in time", 2.0, 10),
     "harmonic": ("HarmonicBalance: r", 2.0, 3),
     "error_estimate": ("error bars", 2.0, 4),

@@ -12,6 +12,8 @@ cdef extern from "return_map.h" nogil:
         const unsigned char *separate
     void return_steps(const spring_pairs *pairs, Py_ssize_t n_points, const double *du, const double *before, Py_ssize_t stride,
                       double *p, double *L, unsigned char *state)
+    void vary_period(const spring_pairs *pairs, const Py_ssize_t *motion, Py_ssize_t n_steps, Py_ssize_t n_sub, const double *du,
+                     Py_ssize_t most_periods, double *M, unsigned char *sticks)
 
 
 cdef class SpringPairs:
@@ -35,3 +37,10 @@ def steps(SpringPairs pairs, const double[:, :, ::1] du, const double[:, :, ::1]
         with nogil:
             return_steps(&pairs.c, du.shape[0], &du[0, 0, 0], &before[0, 0, 0], before.shape[2], &p[0, 0, 0], &L[0, 0, 0, 0],
                          &state[0, 0])
+
+
+def vary(SpringPairs pairs, const Py_ssize_t[::1] motion, const double[:, :, ::1] du, Py_ssize_t n_sub, Py_ssize_t most_periods,
+         double[:, :, :, ::1] M, unsigned char[::1] sticks):
+    """Write M (n, n_steps, 3, 16) and sticks (n,) of pairs that follow the periodic motions du (.., n_steps n_sub, 3)."""
+    with nogil:
+        vary_period(&pairs.c, &motion[0], M.shape[1], n_sub, &du[0, 0, 0], most_periods, &M[0, 0, 0, 0], &sticks[0])

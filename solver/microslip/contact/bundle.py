@@ -16,6 +16,7 @@ from ..fourier.coefficients import synthesise
 from ..fourier.harmonics import Harmonics
 from .elastic_coulomb import ElasticCoulomb
 from .law import SLIP, STICK, ContactCycle
+from .sliders import Sliders
 
 _MOST_DERIVATIVES = 2**24  # numbers of dp/dU of elements that are held at a time
 
@@ -39,6 +40,12 @@ class OfElements:
     def n_memory(self) -> int:
         """Numbers of a pair that a step of time remembers beside p: the forces of its elements."""
         return self.bundle.n_memory
+
+    @property
+    def sliders(self) -> tuple[Sliders, ...]:
+        """The sliders of the pairs: the elements."""
+        pairs = np.repeat(np.arange(self.bundle.n_pairs), self.bundle.size)
+        return tuple(sliders.of_pairs(pairs) for sliders in self.bundle.elements.sliders)
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,11 @@ class Bundle:
     def stiffness(self) -> np.ndarray:
         """Tangential stiffness of the elements, (n, size) [N/m]."""
         return self.elements.k_t.reshape(-1, self.size)
+
+    @cached_property
+    def springs_of_gaps(self) -> np.ndarray:
+        """Tangential stiffness of the elements that are open at rest, whose p lacks it, (n,) [N/m]."""
+        return np.where(self.has_gap, self.stiffness, 0.0).sum(axis=1)
 
     def of_elements(self, values: np.ndarray) -> np.ndarray:
         """Return what belongs to each element as (..., n, size)."""

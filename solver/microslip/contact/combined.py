@@ -10,6 +10,7 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from .law import ContactCycle, Law
+from .sliders import Sliders
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,18 @@ class CombinedLaw:
                 du[..., pairs, :], before[..., pairs, :used]
             )
         return after, L, state
+
+    @property
+    def sliders(self) -> tuple[Sliders, ...]:
+        """The sliders of the pairs, part by part."""
+        return tuple(sliders.of_pairs(pairs) for pairs, law in self.parts for sliders in law.sliders)
+
+    def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
+        """Return d p / d du of the part of p that remembers nothing, component by component, (..., n, 3) [N/m].  Local."""
+        rate = np.empty(du.shape)
+        for pairs, law in self.parts:
+            rate[..., pairs, :] = law.memoryless_rate(du[..., pairs, :])
+        return rate
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local."""

@@ -19,6 +19,7 @@ from ._elastic_coulomb import Pairs, Sampling, leaves, march
 from ._return_map import SpringPairs, steps
 from .law import ContactCycle
 from .parameters import column_with, not_among, preload_with, with_mean
+from .sliders import Sliders
 
 _ONE_SIDED = 1e-6  # of a force or a motion: step of the difference where a friction coefficient or a stiffness is 0
 
@@ -332,6 +333,20 @@ class ElasticCoulomb:
     @cached_property
     def _for_steps(self) -> SpringPairs:
         return SpringPairs(self._mu_xy, self._k_xy, self.w0, self.N0, self.k_n, self.separate.view(np.uint8))
+
+    @property
+    def sliders(self) -> tuple[Sliders, ...]:
+        """The sliders: a pair is one."""
+        return (Sliders(self._for_steps, self._k_xy, np.arange(self.n_pairs)),)
+
+    def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
+        """Return d p / d du of the part of p that remembers nothing, (..., n, 3) [N/m]: the normal one, and springs of (3.8).
+
+        Local.  ``du`` is (..., n, 3).
+        """
+        rate = np.zeros(du.shape)
+        rate[..., 2] = np.where(self.N0 - self.k_n * du[..., 2] <= 0.0, -self.k_n, 0.0)
+        return rate + np.where(self.open_at_rest[:, None], self.springs, 0.0)
 
     # -- its limits --------------------------------------------------------------------------------------------
 

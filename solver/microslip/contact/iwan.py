@@ -122,6 +122,10 @@ class Iwan(OfElements):
         after = np.concatenate([force, np.zeros_like(force[..., :1]), memory], axis=-1)
         return after, L, np.where(slips, SLIP, STICK).astype(np.uint8)
 
+    def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
+        """Return d p / d du of the part of p that remembers nothing, (..., n, 3) [N/m]: there is none.  Local."""
+        return np.zeros(du.shape)
+
     # -- its parameters ----------------------------------------------------------------------------------------
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Iwan:

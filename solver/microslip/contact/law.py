@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
+from .sliders import Sliders
 
 STICK, SLIP, OPEN = 0, 1, 2
 
@@ -88,6 +89,13 @@ class Law(Protocol):
         Shapes: du (..., n, 3) [m]; p with the memory, before the step and after it, (..., n, 3 + n_memory) [N]; derivative
         d p / d du (..., n, 3, 3) [N/m]; states (..., n).
         """
+
+    @property
+    def sliders(self) -> tuple[Sliders, ...]:
+        """The sliders of the pairs, the part of p_t that remembers: those of each kind of pairs."""
+
+    def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
+        """Return d p / d du of the part of p that remembers nothing, component by component, (..., n, 3) [N/m], at ``du``."""
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n)."""

@@ -63,3 +63,89 @@ void return_steps(const spring_pairs *pairs, index_t n_points, const double *du,
         for (index_t i = 0; i < pairs->n; i++, du += 3, before += stride, p += 3, L += 9, state++)
             return_step(pairs, i, du, before, p, L, state);
 }
+
+enum { FROM_MEMORY = 4, FROM_MOTION = 6, OF_STEP = FROM_MEMORY + 2 * FROM_MOTION };
+
+/* a = D a for a (2, n) and D (2, 2). */
+static void advance(const double D[4], double *a, index_t n)
+{
+    for (index_t j = 0; j < n; j++) {
+        const double x = D[0] * a[j] + D[1] * a[n + j], y = D[2] * a[j] + D[3] * a[n + j];
+        a[j] = x;
+        a[n + j] = y;
+    }
+}
+
+/* Marches the i-th pair from p (2,) [N] through n_t samples du (n_t, 3) [m] of a period, from the one after the first to the first
+   again; returns whether it only sticks. */
+static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, const double *du, double p[2])
+{
+    double now[3], L[9];
+    unsigned char state;
+    int sticks = 1;
+    for (index_t j = 1; j <= n_t; j++) {
+        return_step(pairs, i, du + 3 * (j < n_t ? j : 0), p, now, L, &state);
+        p[0] = now[0];
+        p[1] = now[1];
+        sticks = sticks && state == STICK;
+    }
+    return sticks;
+}
+
+/* How p_t of pairs changes with itself and with the motion in each of n_steps steps of a periodic motion: docs/theory.md, section 16.
+
+   The motion of the i-th pair is du[motion[i]] (n_steps n_sub, 3) [m]; the sliders stand where most_periods of it, at most, have
+   left them.  Within a step a change of motion is linear, d0 at its begin and d1 at its end.  M (n, n_steps, 3, 16) has for the
+   p_t at the end of a step, for its mean over the step and for its mean weighted with the time, 0 ... 1, the derivatives by p_t
+   at the begin (2, 2) [-], by d0 and by d1 (2, 3) [N/m].  sticks (n,) is 1, and M unset, where a pair never leaves sticking. */
+void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_steps, index_t n_sub, const double *du,
+                 index_t most_periods, double *M, unsigned char *sticks)
+{
+    const index_t n_t = n_steps * n_sub;
+    const double part = 1.0 / (double)n_sub;
+    for (index_t i = 0; i < pairs->n; i++, M += 3 * OF_STEP * n_steps) {
+        const double *samples = du + 3 * n_t * motion[i], *k = pairs->k_t + 2 * i;
+        double p[2] = {0.0, 0.0}, before[2];
+        sticks[i] = 0;
+        for (index_t period = 0; period < most_periods; period++) {
+            memcpy(before, p, sizeof p);
+            sticks[i] = (unsigned char)follow_period(pairs, i, n_t, samples, p);
+            if (sticks[i] || hypot(p[0] - before[0], p[1] - before[1]) <= 1e-12 * hypot(p[0], p[1]))
+                break;
+        }
+        if (sticks[i])
+            continue;
+        double *of_step = M;
+        for (index_t step = 0; step < n_steps; step++, of_step += 3 * OF_STEP) {
+            double now[3], L[9], a[OF_STEP] = {1.0, 0.0, 0.0, 1.0}; /* by p_t, d0, d1 */
+            unsigned char state;
+            for (index_t m = 0; m < OF_STEP; m++) {
+                of_step[OF_STEP + m] = 0.5 * part * a[m];
+                of_step[2 * OF_STEP + m] = part * part / 6.0 * a[m];
+            }
+            for (index_t j = 1; j <= n_sub; j++) {
+                const index_t at = step * n_sub + j;
+                const double time = part * (double)j;
+                return_step(pairs, i, samples + 3 * (at < n_t ? at : 0), p, now, L, &state);
+                p[0] = now[0];
+                p[1] = now[1];
+                const double D[4] = {k[0] > 0.0 ? 1.0 + L[0] / k[0] : 1.0, k[1] > 0.0 ? L[1] / k[1] : 0.0,
+                                     k[0] > 0.0 ? L[3] / k[0] : 0.0, k[1] > 0.0 ? 1.0 + L[4] / k[1] : 1.0};
+                advance(D, a, 2);
+                advance(D, a + FROM_MEMORY, 3);
+                advance(D, a + FROM_MEMORY + FROM_MOTION, 3);
+                for (index_t m = 0; m < FROM_MOTION; m++) {
+                    a[FROM_MEMORY + m] += (1.0 - time) * L[m];
+                    a[FROM_MEMORY + FROM_MOTION + m] += time * L[m];
+                }
+                const double mean = j < n_sub ? part : 0.5 * part;
+                const double first = j < n_sub ? part * time : part * (0.5 - part / 6.0);
+                for (index_t m = 0; m < OF_STEP; m++) {
+                    of_step[OF_STEP + m] += mean * a[m];
+                    of_step[2 * OF_STEP + m] += first * a[m];
+                }
+            }
+            memcpy(of_step, a, sizeof a);
+        }
+    }
+}

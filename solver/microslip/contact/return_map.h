@@ -15,5 +15,7 @@ typedef struct {                     /* the parameters of n pairs, by pair; x an
 
 void return_steps(const spring_pairs *pairs, index_t n_points, const double *du, const double *before, index_t stride, double *p,
                   double *L, unsigned char *state);
+void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_steps, index_t n_sub, const double *du,
+                 index_t most_periods, double *M, unsigned char *sticks);
 
 #endif

@@ -201,6 +201,16 @@ class Rough(OfElements):
         state = np.where(N <= 0.0, OPEN, np.where(slips, SLIP, STICK)).astype(np.uint8)
         return np.concatenate([force, p_z[..., None], memory], axis=-1), L, state
 
+    def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
+        """Return d p / d du of the part of p that remembers nothing, (..., n, 3) [N/m]: the normal one, and springs of gaps.
+
+        Local.  ``du`` is (..., n, 3).
+        """
+        rate, K_J = np.empty(du.shape), self.stiffness
+        rate[..., :2] = (self.bundle.springs_of_gaps - np.where(self.is_open, K_J[:, 0], 0.0))[:, None]
+        rate[..., 2] = self.normal_force(du[..., 2])[1] - K_J[:, 2]
+        return rate
+
     # -- its parameters ----------------------------------------------------------------------------------------
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Rough:

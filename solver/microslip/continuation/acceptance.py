@@ -14,7 +14,7 @@ from .accuracy import Accuracy, Memory, Resolution
 from .constraint_rows import Plane
 from .corrector import Correction
 from .iterate import PointState
-from .point_record import Unbalanced, point_record
+from .point_record import Unbalanced, point_record, with_stability
 from .point_solver import PointSolver, Solution
 from .state import BranchState
 from .task import BranchTask
@@ -71,6 +71,8 @@ def accept(
         if not better:
             break
         solution, solver = better
+    if task.has_stability and not on_the_way:
+        point = with_stability(solver.problem, solution[0].iterate, point)
     missed = (MISSED,) if max(ratios.values(), default=0.0) > 1.0 else ()
     force, is_linear = force_at(solver, solution[0], point), solver.is_linear and solution[0].is_linear
     next_one = replace(solver.resolution, tolerance=max(solver.tolerance, task.tolerance))

@@ -31,7 +31,7 @@ from .grid import going_on
 from .iterate import Iterate
 from .linear_levels import is_linear, sticks_up_to
 from .peaks import peaks_of
-from .point_record import point_record
+from .point_record import point_record, with_stability
 from .problems import ForcedResponse
 from .resonances import unresolved_peaks
 from .settings import ResponseSettings
@@ -159,6 +159,7 @@ def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point:
         there = Iterate(equation.linear_motion(problem.at((omega,))), (float(omega),), equation.harmonics)
         solution = Correction(there, 0, 0, 0.0, None), equation.every_pair
         point, _ = point_record(problem, AllPairs(), solution, omega in sweep.at, task.estimator)
+        point = with_stability(problem, there, point) if task.has_stability else point
         now = time.perf_counter()
         point, clock = replace(point, seconds=now - clock), now
         on_point(point)
@@ -283,7 +284,9 @@ def _follow_one_way(
     """Follow a level in one direction, with the requested accuracy; without pairs nothing is solved.  Collective."""
     problem, settings, steps = of.at_level(level), of.settings, of.steps
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
-    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator)
+    task = BranchTask(
+        problem, of.selection, of.sweep, steps, settings.tolerance, estimator, has_stability=settings.stability
+    )
     if of.model.n_pairs == 0:
         n_points = settings.points
         if problem.is_constant:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..contact.energy import contact_work, pair_energy
@@ -13,7 +15,9 @@ from ..points.branch import Point
 from ..points.selection import Selection
 from ..receptance.motions import load_motion, modal_motion, output_motion
 from ..receptance.reduced_model import ReducedModel
+from ..stability.multipliers import multipliers_at
 from .corrector import Correction
+from .iterate import Iterate
 from .point_solver import Solution
 from .problems import Problem
 
@@ -82,6 +86,14 @@ def point_record(
         error_corrected=None if estimate is None else estimate.remaining,
     )
     return point, moves
+
+
+def with_stability(problem: Problem, there: Iterate, point: Point) -> Point:
+    """Return the record of a point with its multipliers.  Collective."""
+    at = problem.at(there.parameters)
+    found = multipliers_at(problem.equation.under(at), at, there.U)
+    parts = np.stack([found.values.real, found.values.imag], axis=-1)
+    return replace(point, multipliers=parts, neutral=np.array(found.n_neutral))
 
 
 def quadratures(amplitudes: np.ndarray) -> np.ndarray:

@@ -27,4 +27,5 @@ class ResponseSettings:
     keeps: frozenset[str] = frozenset()  # of harmonics, samples, solver: what is stated beside the accuracy
     chooses_steps: bool = True  # whether steps follow from the accuracy
     peaks: bool = False  # whether maxima of the outputs are solved for
+    stability: bool = False  # whether the multipliers of every point are computed
     loaded: int = 1  # highest harmonic of the loads, at least 1

@@ -30,6 +30,7 @@ class BranchTask:
     estimator: ErrorEstimator | None = None
     accuracy: Accuracy | None = None
     is_linear: bool = False  # known to stay on the linear curve: scaled, not solved
+    has_stability: bool = False  # whether the multipliers of every point are computed
     may_hold: bool = True  # the mean slip, by springs
     is_homotopy: bool = False  # on the way to a first point
 

@@ -57,6 +57,7 @@ class Keys(TypedDict, total=False):
     at: float | Sequence[float]
     direction: Literal["up", "down"]
     peaks: bool
+    stability: bool
     fields: bool
     method: str
     accuracy: float | None

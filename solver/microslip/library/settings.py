@@ -63,6 +63,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
         keeps=frozenset(part for part, key in KEYS.items() if not scene.chooses(key)),
         chooses_steps="points" not in response.model_fields_set,
         peaks=response.peaks,
+        stability=response.stability,
         loaded=max((load.harmonic for load in scene.loads), default=1) or 1,
     )
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..contact.law import OPEN, SLIP, STICK
 from ..fourier.coefficients import amplitude, phase
 from .error_parts import PARTS, SAFETY, total
+from .multipliers import is_stable
 from .peak import Peak
 from .quantities import TEXT, Column, Quantity, declared, hertz, number
 
@@ -46,6 +47,15 @@ _SEGMENT = f"{_ENDS}, where the first ended early"
 _HARMONICS = "the highest that it was solved with; arrays are as wide as the most, with zeros"
 _COS_SIN = "cosine and sine of harmonic 1 with the correction that the error bar knows of"
 _PARTS = "parts of the error bar, in the order of the attribute `parts`"
+_STABLE = "1 where the motion is stable, 0 where a small disturbance grows; empty without `stability`"
+_OF_LARGEST = "Floquet multiplier of largest modulus, beside those of sliders that never slip"
+_MULTIPLIERS = (
+    Column("largest_multiplier", f"modulus of the {_OF_LARGEST}", lambda values: np.hypot(*values[0])),
+    Column("multiplier_real", f"the {_OF_LARGEST}", lambda values: values[0, 0]),
+    Column("multiplier_imaginary", f"the {_OF_LARGEST}", lambda values: values[0, 1]),
+)
+_LARGEST = "Floquet multipliers by falling modulus, beside those of sliders that never slip"
+_NEUTRAL = "sliders that never slip, whose multipliers are 1 and no instability"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +96,12 @@ class Point:
         np.ndarray | None,
         Quantity("error_corrected_m", "outputs", "m", _REMAINING, columns=(Column("error_corrected_m", _REMAINING, digits=4),)),
     ] = None
+    multipliers: Annotated[
+        np.ndarray | None,
+        number("stable", "1", _STABLE, "u1", stored=is_stable),
+        Quantity("multipliers", "multipliers complex", "1", _LARGEST, columns=_MULTIPLIERS),
+    ] = None
+    neutral: Annotated[np.ndarray | None, number("neutral_sliders", "1", _NEUTRAL, "i8")] = None  # () of integers
 
 
 QUANTITIES = declared(Point)

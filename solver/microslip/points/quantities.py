@@ -9,9 +9,10 @@ from typing import Any, get_type_hints
 import numpy as np
 
 from .error_parts import PARTS
+from .multipliers import N_MULTIPLIERS
 
 QUADRATURES = ("cos", "sin")
-LABELS = {"parts": PARTS, "quadratures": QUADRATURES}  # of the axes whose entries have names
+LABELS = {"parts": PARTS, "quadratures": QUADRATURES, "complex": ("real", "imaginary")}  # of the axes whose entries have names
 TEXT = "O"  # the type of texts
 
 
@@ -107,6 +108,8 @@ def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
         "quadratures": len(QUADRATURES),
         "coefficients": N_H,
         "parts": len(PARTS),
+        "multipliers": N_MULTIPLIERS,
+        "complex": 2,
     }
 
 

@@ -12,9 +12,8 @@ from ..points.branch import QUANTITIES, Branch, Point
 from ..points.quantities import Column
 from ..system.files import atomic_write, file_errors
 
-_AFTER_UNIT = [
-    quantity for quantity in QUANTITIES if quantity.field in ("corrected", "error_corrected")
-]  # columns are added at the end
+_LATER = ("corrected", "error_corrected", "multipliers", "neutral")  # columns are added at the end
+_AFTER_UNIT = [quantity for quantity in QUANTITIES if quantity.field in _LATER]
 _FIRST, *_REST = (
     quantity for quantity in QUANTITIES if quantity not in _AFTER_UNIT
 )  # the frequency stands before the name of the output

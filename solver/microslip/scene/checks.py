@@ -33,6 +33,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_points(scene),
         *_bars(scene),
         *_peaks(scene),
+        *_stability(scene),
         *_mode(scene),
         *_disc(scene),
         *sort(scene),
@@ -358,6 +359,23 @@ def _bars(scene: Scene) -> list[str]:
     if scene.solver.error_bars or not (scene.chooses("harmonics") or scene.chooses("samples")):
         return []
     return ["[solver] error_bars = false: accuracy chooses harmonics and samples by them; leave error_bars out, or state both"]
+
+
+def _stability(scene: Scene) -> list[str]:
+    """Return mistakes: stability of what does not vibrate, of one sector of a disc, or with what has no equivalent in time."""
+    if not scene.response.stability:
+        return []
+    begin = "[response] stability = true: "
+    if scene.is_static:
+        return [f"{begin}with harmonics = 0 nothing vibrates, and there is no cycle to be disturbed; leave stability out"]
+    if scene.cyclic is not None:
+        return [f"{begin}a disturbance need not be a wave, and one sector knows no other; mesh all sectors, or leave stability out"]
+    if scene.damping is not None and scene.damping.structural:
+        return [
+            f"{begin}a loss factor, [damping] structural, is defined for steady vibration alone and has no equivalent in time; "
+            "state ratio in its place, of about half the loss factor, or leave stability out"
+        ]
+    return []
 
 
 def _peaks(scene: Scene) -> list[str]:

@@ -37,6 +37,7 @@ class Response(Table):
     )
     direction: Literal["up", "down"] = Field("up", description='the direction of the sweep, "up" or "down"')
     peaks: bool = Field(False, description="true or false: solve for every maximum of every output as a point of its own")
+    stability: bool = Field(False, description="true or false: say of every point whether it is stable, by Floquet multipliers")
     fields: bool = Field(True, description="true or false: write modes and the motion at the peaks on the mesh")
 
     @model_validator(mode="after")

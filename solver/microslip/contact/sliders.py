@@ -1,0 +1,61 @@
+"""Sliders of pairs, and how their forces vary along a periodic motion: the memory in the map of one cycle.
+
+docs/theory.md, section 16.  Whatever the law, what it remembers are forces of elastic-Coulomb elements, one or several a pair.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ._return_map import SpringPairs, vary
+
+MOST_PERIODS = 20  # after which a slider that still moves on is taken as it stands
+_BY_MEMORY, _BY_FIRST, _BY_LAST = slice(0, 4), slice(4, 10), slice(10, 16)
+
+
+@dataclass(frozen=True, eq=False)
+class SliderVariation:
+    """d p_t of n sliders that slip in a cycle by their own p_t and by the motion of their pairs, step by step.
+
+    docs/theory.md, eq. (16.2).  Along the axis of three stand p_t (2,) at the end of a step, its mean over the step and its mean
+    weighted with the time in the step, 0 to 1.
+    """
+
+    pair: np.ndarray  # (n,) whose slider it is
+    stiffness: np.ndarray  # (n, 2) [N/m]
+    by_memory: np.ndarray  # (n, n_steps, 3, 2, 2) by p_t at the begin of the step [-]
+    by_first: np.ndarray  # (n, n_steps, 3, 2, 3) by the motion at the begin [N/m]
+    by_last: np.ndarray  # (n, n_steps, 3, 2, 3) by the motion at the end [N/m]
+    n_stuck: int  # sliders that never slip, which are left out
+
+
+@dataclass(frozen=True, eq=False)
+class Sliders:
+    """Elastic-Coulomb elements of pairs: p_t of a pair is the sum of theirs, and of what remembers nothing."""
+
+    parameters: SpringPairs  # for the compiled march
+    stiffness: np.ndarray  # (n, 2) [N/m]
+    pair: np.ndarray  # (n,) whose slider it is
+
+    def of_pairs(self, pairs: np.ndarray) -> Sliders:
+        """Return the same sliders, whose pairs have other numbers: ``pairs`` (n_pairs,).  Local."""
+        return replace(self, pair=pairs[self.pair])
+
+    def variation(self, du: np.ndarray, n_steps: int) -> SliderVariation:
+        """Return how p_t varies in each of ``n_steps`` steps of a periodic motion ``du`` (n_pairs, n_samples, 3) [m].  Local.
+
+        Each step is followed through n_samples / n_steps samples; a variation of the motion is linear within a step.
+        """
+        n = len(self.pair)
+        M, sticks = np.zeros((n, n_steps, 3, _BY_LAST.stop)), np.zeros(n, dtype=np.uint8)
+        if n > 0:
+            pair, du = np.ascontiguousarray(self.pair, dtype=np.intp), np.ascontiguousarray(du)
+            vary(self.parameters, pair, du, du.shape[1] // n_steps, MOST_PERIODS, M, sticks)
+        slips = np.flatnonzero(sticks == 0)
+        by_memory, by_first, by_last = (
+            M[slips][..., part].reshape(len(slips), n_steps, 3, 2, (part.stop - part.start) // 2)
+            for part in (_BY_MEMORY, _BY_FIRST, _BY_LAST)
+        )
+        return SliderVariation(self.pair[slips], self.stiffness[slips], by_memory, by_first, by_last, n - len(slips))

@@ -1,0 +1,119 @@
+"""Floquet multipliers against exact ones and differences of integrated maps; every test runs on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import branch, forced, reduced
+from mpi4py import MPI
+from oracles import scenes
+from oracles.shooting import Point as Shooting
+from scipy.optimize import root
+
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.contact.law import ContactCycle
+from microslip.continuation.peaks import iterate_of
+from microslip.fourier.coefficients import analysis_matrix, synthesis_matrix
+from microslip.fourier.harmonics import Harmonics
+from microslip.stability.multipliers import multipliers_at
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+
+
+def at_point(system, level, omega, H=15, n_samples=512, **steps):
+    """Return the point of a curve at a frequency, and its multipliers."""
+    system = system | {"loads": [{"phase": 0.0} | load | {"vector": np.array(load["vector"])} for load in system["loads"]]}
+    found = branch(system, COMM, level, H=H, n_samples=n_samples, at=(omega,), points=20)
+    (point,) = [point for point in found.points if point.requested]
+    problem = forced(*reduced(system, COMM, H), n_samples, level)
+    there = iterate_of(point, problem, Harmonics.up_to(H))
+    return point, multipliers_at(problem.equation, problem.at(there.parameters), there.U, **steps)
+
+
+def one_mass(**damping):
+    load = {"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}
+    place = {"loads": [load], "output": [1.0], "omega": (0.6, 2.0), "levels": {}}
+    return scenes.make_system("one", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=1.0, N0=1.0, k_t=1.0, k_n=0.0, separate=True, **place, **damping)
+
+
+def test_a_jenkins_oscillator_that_slips_in_every_cycle():
+    """0.34678 +- 0.27561 i; tangents of the moment instead of the slider's memory say 1.76."""
+    _, found = at_point(one_mass(C=np.array([[0.02]])), 0.8, 1.25)
+    assert found.n_neutral == 0
+    assert abs(found.values[0].real - 0.34678) < 1e-3
+    assert abs(abs(found.values[0].imag) - 0.27561) < 1e-3
+    assert np.abs(found.values[2:]).max() < 1e-9  # a slider that slips in each cycle forgets
+
+
+def test_a_slider_that_never_slips_is_neutral():
+    point, found = at_point(one_mass(C=np.array([[0.02]])), 0.02, 1.25)
+    exact = np.exp(np.roots([1.0, 0.02, 2.0]) * 2.0 * np.pi / point.omega)
+    assert found.n_neutral == 1
+    assert np.allclose(np.sort_complex(found.values[:2]), np.sort_complex(exact), atol=1e-12)
+
+
+@pytest.mark.parametrize("name, regime", [("spatial", "slip"), ("spatial", "lift-off"), ("chain", "micro"), ("chain", "gross")])
+def test_multipliers_are_those_of_the_map_of_an_independent_integration(name, regime):
+    system = scenes.SCENES[name]()
+    level, omega, _ = system["levels"][regime]
+    _, found = at_point(system, level, omega, H=15, n_samples=256)
+    values = None
+    if COMM.rank == 0:
+        shooting = Shooting(system, level, omega)
+        steady = shooting.steady(np.zeros(2 * shooting.n + 2 * shooting.m), 1024)
+        values = np.linalg.eigvals(shooting.derivative(steady.x, 1024) + np.eye(len(steady.x)))
+    values = COMM.bcast(values)
+    values = np.abs(values[np.argsort(-np.abs(values))][:4])
+    assert np.abs(found.values[:4]) == pytest.approx(values, abs=5e-3)
+
+
+class Cubic:
+    """A spring of force k x^3 beside the pairs: no memory, smooth.  Its cycle says which pairs have it."""
+
+    n_memory, order, elements_order = 0, 2, 0
+
+    def __init__(self, k):
+        self.k, self.n_pairs = k, len(k)
+        self.stiffness = self.springs = np.zeros((self.n_pairs, 3))
+        none = np.zeros(0)
+        self.sliders = ElasticCoulomb(none, none, none, none, none.astype(bool)).sliders
+
+    def take(self, indices):
+        return Cubic(self.k[indices])
+
+    def cycle(self, U, n_samples, tangents=True, harmonics=None):
+        E, F = synthesis_matrix(harmonics, n_samples), analysis_matrix(harmonics, n_samples)
+        p = np.zeros_like(U)
+        p[:, 0] = self.k[:, None] * (U[:, 0] @ E.T) ** 3 @ F.T
+        everything = np.arange(len(U))
+        return ContactCycle(p, np.ones(len(U), np.uint8), everything, None, np.zeros(len(U), bool))
+
+    def memoryless_rate(self, du):
+        rate = np.zeros(du.shape)
+        rate[..., 0] = 3.0 * self.k * du[..., 0] ** 2
+        return rate
+
+
+def test_duffing_to_1e_7():
+    """x'' + 0.1 x' + x + 0.2 x^3 = 3 cos 0.8 t: 0.4642564, 0.9820826."""
+    harmonics = Harmonics.up_to(25)
+    system = one_mass(C=np.array([[0.1]])) | {"k_t": np.zeros(1)}
+    problem = forced(reduced(system, COMM, harmonics)[0], Cubic(np.array([0.2])), 256, 3.0)
+    at = problem.at((0.8,))
+    n = np.repeat(np.arange(26), 2)[1:]
+    E, F = synthesis_matrix(harmonics, 256), analysis_matrix(harmonics, 256)
+    load = np.zeros(51)
+    load[1] = 3.0
+
+    def residual(x):
+        turned = np.zeros(51)
+        turned[1::2], turned[2::2] = x[2::2], -x[1::2]
+        return (1.0 - (0.8 * n) ** 2) * x + 0.1 * 0.8 * n * turned + 0.2 * F @ (E @ x) ** 3 - load
+
+    x = root(residual, load / 0.4, tol=1e-13).x
+    U = np.zeros((1, 3, 51))
+    U[0, 0] = x
+    U = U[problem.equation.model.owned]
+    coarse, fine, finest = (np.sort(multipliers_at(problem.equation, at, U, n_steps, 1).values[:2].real) for n_steps in (128, 256, 512))
+    once, twice = (4.0 * fine - coarse) / 3.0, (4.0 * finest - fine) / 3.0
+    assert (16.0 * twice - once) / 15.0 == pytest.approx([0.4642564, 0.9820826], abs=1e-7)
+    assert np.abs(finest - twice).max() < 0.26 * np.abs(fine - once).max()  # of second order
