@@ -19,7 +19,7 @@ _BY_MEMORY, _BY_FIRST, _BY_LAST = slice(0, 4), slice(4, 10), slice(10, 16)
 class SliderVariation:
     """d p_t of n sliders that slip in a cycle by their own p_t and by the motion of their pairs, step by step.
 
-    docs/theory.md, eq. (16.2).  Along the axis of three stand p_t (2,) at the end of a step, its mean over the step and its mean
+    docs/theory.md, section 16.  Along the axis of three stand p_t (2,) at the end of a step, its mean over the step and its mean
     weighted with the time in the step, 0 to 1.
     """
 
@@ -46,7 +46,8 @@ class Sliders:
     def variation(self, du: np.ndarray, n_steps: int) -> SliderVariation:
         """Return how p_t varies in each of ``n_steps`` steps of a periodic motion ``du`` (n_pairs, n_samples, 3) [m].  Local.
 
-        Each step is followed through n_samples / n_steps samples; a variation of the motion is linear within a step.
+        docs/theory.md, eq. (16.2).  Each step is followed through n_samples / n_steps samples; in it a variation of the motion is
+        linear.
         """
         n = len(self.pair)
         M, sticks = np.zeros((n, n_steps, 3, _BY_LAST.stop)), np.zeros(n, dtype=np.uint8)

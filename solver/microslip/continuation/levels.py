@@ -284,9 +284,7 @@ def _follow_one_way(
     """Follow a level in one direction, with the requested accuracy; without pairs nothing is solved.  Collective."""
     problem, settings, steps = of.at_level(level), of.settings, of.steps
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
-    task = BranchTask(
-        problem, of.selection, of.sweep, steps, settings.tolerance, estimator, has_stability=settings.stability
-    )
+    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, has_stability=settings.stability)
     if of.model.n_pairs == 0:
         n_points = settings.points
         if problem.is_constant:

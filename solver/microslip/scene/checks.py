@@ -369,7 +369,9 @@ def _stability(scene: Scene) -> list[str]:
     if scene.is_static:
         return [f"{begin}with harmonics = 0 nothing vibrates, and there is no cycle to be disturbed; leave stability out"]
     if scene.cyclic is not None:
-        return [f"{begin}a disturbance need not be a wave, and one sector knows no other; mesh all sectors, or leave stability out"]
+        return [
+            f"{begin}a disturbance need not be a wave, and one sector knows no other; mesh all sectors, or leave stability out"
+        ]
     if scene.damping is not None and scene.damping.structural:
         return [
             f"{begin}a loss factor, [damping] structural, is defined for steady vibration alone and has no equivalent in time; "

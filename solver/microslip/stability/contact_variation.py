@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.law import Law
-from ..contact.sliders import SliderVariation
 from ..fourier.coefficients import synthesise
 from ..fourier.harmonics import Harmonics
 
@@ -38,6 +37,7 @@ class ContactVariation:
 
     @property
     def n_steps(self) -> int:
+        """Steps of a cycle."""
         return len(self.by_memory)
 
 
@@ -122,6 +122,9 @@ def _moments_of_rate(rate: np.ndarray, n_steps: int, n_within: int) -> tuple[np.
 
 
 def _as_courses(values: np.ndarray) -> np.ndarray:
-    """Return value at the end, begin and end of the linear course, from value at the end, mean and first moment: axis 1."""
+    """Return value at the end, begin and end of the linear course, from value at the end, mean and first moment: axis 1.
+
+    docs/theory.md, eq. (16.3).
+    """
     mean, moment = values[:, 1], values[:, 2]
     return np.stack([values[:, 0], 4.0 * mean - 6.0 * moment, 6.0 * moment - 2.0 * mean], axis=1)

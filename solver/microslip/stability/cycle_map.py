@@ -43,28 +43,26 @@ class CycleMap:
     """
 
     def __init__(
-        self,
-        omega: float,
-        omega_n: np.ndarray,
-        damping: Damping,
-        R_phi: np.ndarray,
-        G: np.ndarray,
-        contact: ContactVariation,
+        self, omega: float, omega_n: np.ndarray, damping: Damping, R_phi: np.ndarray, G: np.ndarray, contact: ContactVariation
     ):
         self.contact, self.R_phi, self.G, self.omega_n, self.damping = contact, R_phi, G, omega_n, damping
         self.period = 2.0 * np.pi / omega
         self.step = ModalStep(omega_n, damping, self.period / contact.n_steps)
         self.R = R_phi / omega_n  # of Omega eta
-        self.root = np.sqrt(np.where(contact.stiffness > 0.0, contact.stiffness, 1.0)).ravel()  # memory over it: root of an energy
+        self.root = np.sqrt(
+            np.where(contact.stiffness > 0.0, contact.stiffness, 1.0)
+        ).ravel()  # memory over it: root of an energy
         m, n = len(contact.pairs), len(contact.slider_pair)
         self.sum = scipy.sparse.csr_array((np.ones(n), (contact.slider_pair, np.arange(n))), shape=(m, n))
 
     @property
     def n_modes(self) -> int:
+        """Modes, of two numbers each."""
         return len(self.omega_n)
 
     @property
     def n_memory(self) -> int:
+        """Numbers that the sliders remember."""
         return 2 * len(self.contact.slider_pair)
 
     # -- forces of the pairs ----------------------------------------------------------------------------------------
@@ -110,7 +108,10 @@ class CycleMap:
     # -- the map ------------------------------------------------------------------------------------------------------
 
     def apply(self, x: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return modes (2, n_modes, k) and memory (n_memory, k) after a cycle, both in the root of an energy.  Local."""
+        """Return modes (2, n_modes, k) and memory (n_memory, k) after a cycle, both in the root of an energy.
+
+        Local.  docs/theory.md, eq. (16.1).
+        """
         c, k = self.contact, x.shape[-1]
         p_t = (memory * self.root[:, None]).reshape(-1, 2, k)
         d = self._begin(x, p_t)
@@ -149,9 +150,10 @@ class CycleMap:
     # -- its multipliers ----------------------------------------------------------------------------------------------
 
     def multipliers(self) -> np.ndarray:
-        """Return the multipliers of modes and sliders, (n,) complex by falling modulus; those that are 0 may be left out.  Local.
+        """Return the multipliers of modes and sliders, (n,) complex by falling modulus; those that are 0 may be left out.
 
-        Of the memory what a cycle makes of the modes is a basis, with what the next cycles make of that.
+        Local.  docs/theory.md, eq. (16.4).  Of much memory what a cycle makes of the modes is a basis, with what the next ones
+        make of that.
         """
         m = self.n_modes
         if len(self.contact.pairs) == 0:
