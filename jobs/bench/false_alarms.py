@@ -1,6 +1,6 @@
 """Points of random systems that are noted to solve the truncated equations alone, against time integration: false alarms, missed points.
 
-    python jobs/bench/false_alarms.py [--points 1000] [--seed 21] [--harmonics 3] [--without-lift-off]
+    python jobs/bench/false_alarms.py [--points 1000] [--seed 21] [--first 0] [--harmonics 3] [--without-lift-off]
 
 Draws random systems (tests/verification/random_structures.py) until so many points are judged: 2 to 12 degrees of freedom, 1 to 4
 pairs, by default with levels at which pairs open.  Time integration begins at each point and comes to a steady state, the
@@ -42,12 +42,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--points", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=21)
+    parser.add_argument("--first", type=int, default=0, help="number of the first system")
     parser.add_argument("--harmonics", type=int, default=3)
-    parser.add_argument("--steps", type=int, default=1024, help="of time integration, a period")
+    parser.add_argument("--steps", type=int, default=512, help="of time integration, a period")
     parser.add_argument("--without-lift-off", action="store_true")
     given, start = parser.parse_args(), time.process_time()
     counts: Counter[str] = Counter()
-    opens, n_judged, number = 0, 0, 0
+    opens, n_judged, number = 0, 0, given.first
     while n_judged < given.points:
         found = solve(given.seed, number, 6, {"harmonics": given.harmonics}, not given.without_lift_off)
         counts["curves that ended early"] += len(found.failures)
@@ -62,8 +63,9 @@ def main() -> None:
                     flush=True,
                 )
         number += 1
+        print(f"{n_judged} points up to system {number - 1}", flush=True)
     print(
-        f"{n_judged} points of {number} systems judged, {opens} with pairs that open; {time.process_time() - start:.0f} s of the processor"
+        f"{n_judged} points of {number - given.first} systems judged, {opens} with pairs that open; {time.process_time() - start:.0f} s of the processor"
     )
     print(*(f"{name:26} {n}" for name, n in sorted(counts.items())), sep="\n")
 

@@ -2,16 +2,20 @@
 
     python jobs/real/table.py [--folder DIR] [--page docs/real_models.md] [--only WORD]
 
-Fetches the packages of jobs/real/models.toml by their clients (pip; apt-get for Debian's, where it is there) into DIR, by default
-a temporary folder, and checks every file of them as `microslip check` does.  Packages that are there stay.  Models in public
-repositories are read where DIR/OWNER+NAME holds a copy.  The models of the list are then solved as a user would: `microslip new`,
-the edited lines of the list, `microslip modes`.  Targets of CalculiX' set are the eigenvalues that come with it.
+Fetches the packages of jobs/real/models.toml by their clients (pip; apt-get for Debian's, where it is there; git for public
+repositories) into DIR, by default a temporary folder, and checks every file of them as `microslip check` does.  What is in DIR
+already stays: packages by their names, repositories as OWNER+NAME.  Compressed inputs are unpacked beside themselves.  Models
+of manuals that have no mesh file are built (built.py).  The models of the list are then solved as a user would:
+`microslip new`, the edited lines of the list, `microslip modes` or `microslip run`.  Targets of CalculiX' set are the eigenvalues
+that come with it.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import csv
+import gzip
 import io
 import re
 import shutil
@@ -29,6 +33,7 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "jobs" / "bench")]
 
+from built import BUILT  # noqa: E402
 from calculix_set import stored  # noqa: E402  initialises PETSc
 from mpi4py import MPI  # noqa: E402
 from page_tables import put, table  # noqa: E402
@@ -38,7 +43,8 @@ from microslip.studies.check.model_file import check_model  # noqa: E402
 
 MODELS = Path(__file__).with_name("models.toml")
 N_MODES = 6
-LONGEST = 600.0  # s of a command
+CURVES = ("model", "program", "edited lines", "pairs", "level", "highest point", "error bar", "slip, open", "target", "ratio")
+LONGEST = 7200.0  # s of a command
 
 
 @dataclass(frozen=True)
@@ -57,24 +63,40 @@ def fetched(package: dict, folder: Path) -> Path | None:
     """Return the folder of a package, fetched if it is not there; None where it cannot be."""
     client, name = package["fetch"]
     place = folder / re.sub(r"[^\w.=-]", "+", name)
-    if place.exists() or client == "folder":
-        return place if place.exists() else None
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    if client == "built":
+        place.mkdir(exist_ok=True)
+        for file, text in BUILT.items():
+            (place / file).write_text(text(), encoding="utf-8")
+    elif not place.exists():
         try:
-            if client == "apt":
-                subprocess.run(["apt-get", "download", "-q", name], cwd=scratch, check=True, timeout=LONGEST, capture_output=True)
-                (archive,) = Path(scratch).glob("*.deb")
-                subprocess.run(["dpkg-deb", "-x", str(archive), str(place)], check=True, timeout=LONGEST)
-            else:
-                sources = ["--no-binary", ":all:"] if client == "pip-source" else []
-                command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", *sources, "-d", scratch, name]
-                subprocess.run(command, check=True, timeout=LONGEST, capture_output=True)
-                (archive,) = Path(scratch).iterdir()
-                shutil.unpack_archive(archive, place, "gztar" if archive.name.endswith(".gz") else "zip")
+            _fetch(client, name, place)
         except (OSError, subprocess.SubprocessError) as problem:
             print(f"{name}: not fetched ({problem})", flush=True)
             return None
+    for packed in place.rglob("*.inp.gz"):
+        packed.with_suffix("").write_bytes(gzip.decompress(packed.read_bytes()))
     return place
+
+
+def _fetch(client: str, name: str, place: Path) -> None:
+    """Fetch a package or a repository into a folder."""
+
+    def run(*command: str) -> None:
+        subprocess.run(command, cwd=scratch, check=True, timeout=LONGEST, capture_output=True)
+
+    with tempfile.TemporaryDirectory(dir=place.parent) as scratch:
+        if client == "git":
+            run("git", "clone", "-q", "--depth", "1", f"https://github.com/{name}", "copy")
+            Path(scratch, "copy").rename(place)
+        elif client == "apt":
+            run("apt-get", "download", "-q", name)
+            (archive,) = Path(scratch).glob("*.deb")
+            run("dpkg-deb", "-x", str(archive), str(place))
+        else:
+            sources = ["--no-binary", ":all:"] if client == "pip-source" else []
+            run(sys.executable, "-m", "pip", "download", "-q", "--no-deps", *sources, "-d", scratch, name)
+            (archive,) = Path(scratch).iterdir()
+            shutil.unpack_archive(archive, place, "gztar" if archive.name.endswith(".gz") else "zip")
 
 
 def files_of(package: dict, place: Path) -> list[Path]:
@@ -109,8 +131,8 @@ def reason(message: str, path: Path) -> str:
 
 def package_row(package: dict, found: list[Checked] | None) -> list[str]:
     """Return the row of a package."""
-    name = f"`{package['fetch'][1]}`" if package["fetch"][0] != "folder" else f"github.com/{package['fetch'][1]}"
-    client = {"pip": "PyPI", "pip-source": "PyPI, source", "apt": "Debian", "folder": "repository"}[package["fetch"][0]]
+    name = f"`{package['fetch'][1]}`" if package["fetch"][0] != "git" else f"github.com/{package['fetch'][1]}"
+    client = {"pip": "PyPI", "pip-source": "PyPI, source", "apt": "Debian", "git": "repository"}[package["fetch"][0]]
     counts = Counter(one.outcome for one in found or ())
     numbers = (
         [str(len(found)), str(counts["read"]), str(counts["refused"]), str(counts["stopped"])] if found is not None else ["–"] * 4
@@ -131,26 +153,42 @@ def reason_rows(package: dict, found: list[Checked]) -> list[list[str]]:
 def edited(scene: Path, model: dict) -> int:
     """Apply the edited lines of a model to its scene, and return how many there are."""
     text = scene.read_text(encoding="utf-8")
-    for old, new in model.get("replace", ()):
+    edits = [(old, new.splitlines()) for old, new in model.get("replace", ())]
+    for old, new in edits:
         if f"{old}\n" not in text:
             raise ValueError(f"{scene.name}: new writes no line {old!r}")
-        text = text.replace(f"{old}\n", f"{new}\n", 1)
+        text = text.replace(f"{old}\n", "\n".join(new) + "\n", 1)
     added = [line for line in model.get("add", "").splitlines() if line.strip()]
     scene.write_text(text + "\n" + "\n".join(added) + "\n", encoding="utf-8")
-    return len(added) + len(model.get("replace", ()))
+    return len(added) + sum(len([line for line in new if line != old]) for old, new in edits)
 
 
-def frequencies(path: Path, model: dict, scratch: Path) -> tuple[np.ndarray | None, int, str]:
-    """Return the lowest frequencies [Hz] of a model as a user gets them, the edited lines, and why there are none."""
-    scene, out, n = scratch / f"{path.stem}.toml", scratch / f"{path.stem}_modes", 0
-    for command in (["new", str(path), "--out", str(scene)], ["modes", str(scene), "--count", str(N_MODES), "--out", str(out)]):
-        if command[0] == "modes":
+def solved(path: Path, model: dict, command: list[str], scratch: Path) -> tuple[Path, int, str]:
+    """Return the folder of results of a model as a user gets them, the edited lines, and why there are no results."""
+    name = re.sub(r"\W", "_", f"{path.stem}_{model.get('case', '')}").strip("_")
+    scene, out, n = scratch / f"{name}.toml", scratch / f"{name}_out", 0
+    steps = [["new", str(path), "--out", str(scene)], [command[0], str(scene), *command[1:], "--out", str(out)]]
+    if path.suffix == ".toml":  # a scene, of matrices
+        steps = [[command[0], str(path), "--out", str(out)]]
+    for words in steps:
+        if words[0] != "new" and len(steps) > 1:
             n = edited(scene, model)
-        program = [sys.executable, "-m", "microslip", *command]
-        done = subprocess.run(program, capture_output=True, text=True, timeout=LONGEST, cwd=scratch)
+        done = subprocess.run(
+            [sys.executable, "-m", "microslip", *words], capture_output=True, text=True, timeout=LONGEST, cwd=scratch
+        )
         if done.returncode:
-            return None, n, reason(done.stderr.strip().splitlines()[-1].removeprefix("microslip: error: "), path)
-    return np.loadtxt(out / "modes.csv", delimiter=",", skiprows=1, ndmin=2)[:, 1], n, ""
+            return out, n, reason(done.stderr.strip().splitlines()[-1].removeprefix("microslip: error: "), path)
+    return out, n, ""
+
+
+def frequencies(out: Path, model: dict) -> np.ndarray:
+    """Return what is compared: the lowest frequencies [Hz], those of family 1 at several speeds, or a critical speed [rpm]."""
+    if "critical" in model:
+        rows = csv.DictReader((out / "crossings.csv").open(encoding="utf-8"))
+        return np.array([float(row["speed_rpm"]) for row in rows if int(row["family"]) == model["family"]])
+    if "speeds" in model:
+        return np.loadtxt(out / "campbell.csv", delimiter=",", skiprows=1, ndmin=2)[:, 2]
+    return np.loadtxt(out / "modes.csv", delimiter=",", skiprows=1, ndmin=2)[:, 1]
 
 
 def model_row(path: Path, model: dict, program: str, scratch: Path) -> list[str]:
@@ -158,13 +196,43 @@ def model_row(path: Path, model: dict, program: str, scratch: Path) -> list[str]
     target, source = np.array(model.get("target", ())), model.get("source", "")
     if "CalculiX" in model["package"] and not len(target):
         target, source = np.sqrt(np.maximum(stored(path.parent, path.stem), 0.0)) / (2.0 * np.pi), "its .dat.ref"
-    found, n, why = frequencies(path, model, scratch)
-    if found is None:
-        return [path.name, program, f"no: {why}", str(n), f"{_numbers(target)} ({source})", "–", "–"]
+    command = ["modes", "--count", str(model.get("count", N_MODES))]
+    if "speeds" in model:
+        command += ["--speeds", ",".join(map(str, model["speeds"])), "--orders", str(model.get("critical", 1))]
+    out, n, why = solved(path, model, command, scratch)
+    name = path.name + (f", {model['case']}" if "case" in model else "")
+    unit = model.get("unit", "")
+    if why:
+        return [name, program, f"no: {why}", str(n), f"{_numbers(target)}{unit} ({source})", "–", "–"]
+    found = frequencies(out, model)[model.get("skip", 0) :]
     ratios = found[: len(target)] / target[: len(found)]
-    said = f"{ratios.min():.7f} to {ratios.max():.7f}" if len(target) else "–"
-    goal = f"{_numbers(target)} ({source})" if len(target) else source
-    return [path.name, program, "yes", str(n), goal, _numbers(found), said]
+    digits = 7 if "CalculiX" in source else 4
+    ends = [f"{value:.{digits}f}" for value in (ratios.min(), ratios.max())] if len(ratios) else ["–"]
+    said = " to ".join(dict.fromkeys(ends))
+    goal = f"{_numbers(target)}{unit} ({source})" if len(target) else source
+    return [name, program, "yes", str(n), goal, _numbers(found[: max(len(target), 1)]), said]
+
+
+def curve_rows(path: Path, model: dict, program: str, scratch: Path) -> list[list[str]]:
+    """Return the rows of a model's curves: edited lines, pairs, level, highest point with its bar, pairs that slip or open."""
+    out, n, why = solved(path, model, ["run"], scratch)
+    name = path.name + (f", {model['case']}" if "case" in model else "")
+    if why:
+        return [[name, program, str(n), "–", "–", f"no: {why}", *["–"] * 4]]
+    points = list(csv.DictReader((out / "frf.csv").open(encoding="utf-8")))
+    levels = list(dict.fromkeys(point["level_N"] for point in points))
+    rows = []
+    for level in levels:
+        top = max((point for point in points if point["level_N"] == level), key=lambda point: float(point["amplitude_m"]))
+        size, bar = float(top["amplitude_m"]), f"{100.0 * float(top['error_m']) / float(top['amplitude_m']):.2g} %"
+        pairs = sum(int(top[state]) for state in ("sticking", "slipping", "open"))
+        moving = f"{top['slipping']}, {top['open']}"
+        goal, ratio = model.get("source", "–"), "–"
+        if "peak" in model:
+            ratio = f"{size / model['peak'][0]:.4f} at {float(top['frequency_Hz']) / model['peak'][1]:.4f}"
+        found = f"{size:.5g} m at {float(top['frequency_Hz']):.5g} Hz"
+        rows.append([name, program, str(n), str(pairs), f"{float(level):g} N", found, bar, moving, goal, ratio])
+    return rows
 
 
 def _numbers(values: np.ndarray) -> str:
@@ -181,24 +249,30 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="real_") as scratch:
         folder = Path(scratch, "packages") if asked.folder is None else asked.folder
         folder.mkdir(parents=True, exist_ok=True)
-        packages, reasons, solved = [], [], []
+        packages, reasons = [], []
+        rows: list[list[str]] = []
+        curves: list[list[str]] = []
         for package in listed["packages"]:
             if asked.only not in package["name"]:
                 continue
             place = fetched(package, folder.absolute())
             files = [] if place is None else files_of(package, place)
-            found = [checked(path) for path in files]
-            packages.append(package_row(package, None if place is None else found))
-            reasons += reason_rows(package, found)
-            print(*packages[-1], sep=" | ", flush=True)
+            if package["fetch"][0] != "built":
+                found = [checked(path) for path in files]
+                packages.append(package_row(package, None if place is None else found))
+                reasons += reason_rows(package, found)
+                print(*packages[-1], sep=" | ", flush=True)
             for model in listed["models"]:
                 paths = [path for path in files if model["package"] == package["name"] and path.name == model["file"]]
-                solved += [model_row(path, model, package["program"], Path(scratch)) for path in paths[:1]]
-                if paths:
-                    print(*solved[-1], sep=" | ", flush=True)
+                for path in paths[:1]:
+                    what = (path, model, model.get("program", package["program"]), Path(scratch))
+                    new = curve_rows(*what) if model.get("curves") else [model_row(*what)]
+                    (curves if model.get("curves") else rows).extend(new)
+                    print(*(" | ".join(row) for row in new), sep="\n", flush=True)
     if not asked.only:
         tables = {
-            "models": table(("model", "program", "read", "edited lines", "target, Hz (source)", "found, Hz", "ratio"), solved, 7),
+            "models": table(("model", "program", "read", "edited lines", "target, Hz (source)", "found, Hz", "ratio"), rows, 7),
+            "curves": table(CURVES, curves, 10),
             "packages": table(("collection", "source", "licence", "program", "files", "read", "refused", "defects"), packages, 4),
             "reasons": table(("collection", "reason", "for example", "files"), reasons, 3),
         }

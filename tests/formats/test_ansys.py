@@ -89,7 +89,7 @@ def test_what_the_commands_say_becomes_the_scene(tmp_path):
         ("WOBBLE,1", "WOBBLE: not known to this program"),
         ("MP,EY,1,1.0e9", "MP: EY of material 1: it is not isotropic"),
         ("MP,EX,1,1.0e9,1.0e6", "MP: EX of material 1 depends on the temperature"),
-        ("CE,1,0,102,UX,1.0,103,ROTX,-1.0", "CE: an equation with ROTX"),
+        ("CE,1,0,102,UX,1.0,103,ROTX,-1.0", "CE: an equation with a rotation of a node that leads no others"),
         ("EBLOCK,10", "EBLOCK: a block in the format of elements that are no solids"),
     ],
 )
@@ -149,6 +149,20 @@ def test_a_leading_node_has_the_mass_and_the_supports_of_the_file(tmp_path):
     (point,) = found.connected
     assert (point.mass, point.inertia, found.masses) == (0.25, (1.0, 2.0, 3.0), ())
     assert [support.fix for support in found.supports if support.point == point.name] == [("z", "rx")]
+
+
+def test_rigid_regions_follow_each_other_and_equations_turn(tmp_path):
+    model = plain()
+    a, b, c = map(int, model.numbers[:3])
+    more = ("CERIG,5000,BAR_BOTTOM", f"CERIG,5001,{c}", "CERIG,5001,5000", "CE,1,0,5000,ROTX,1,5001,ROTX,-1")
+    lines = cdb(model, more).splitlines()
+    end = lines.index("N,R5.3,LOC,       -1,")
+    lines[end:end] = [f"{n:9d}{0:9d}{0:9d}{0.02:21.13E}{y:21.13E}{0.1:21.13E}" for n, y in ((5000, 0.0), (5001, 0.3))]
+    size = f"NBLOCK,6,SOLID,{model.numbers[-1]},{len(model.points)}"
+    text = "\n".join(lines).replace(size, f"NBLOCK,6,SOLID,5001,{len(model.points) + 2}")
+    found = read_model(written(tmp_path, text=text))
+    assert sorted(point.name for point in found.connected) == ["CERIG node 5000", "CERIG node 5001"]
+    assert len(found.equations.where) == 7 and found.equations.axes[-2:].tolist() == [3, 3]
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,43 @@ def test_rigid_elements_springs_and_equations(tmp_path):
     assert found.equations.coefficients.tolist() == [1.0, -1.0] and found.equations.axes.tolist() == [0, 0]
 
 
+def rows_of(equations):
+    """Return the coefficients of each equation, a dense row over (point, axis 0 to 5), (n, n_points, 6)."""
+    rows = np.zeros((len(equations.where), len(equations.points), 6))
+    np.add.at(rows, (equations.equation, -1 - equations.nodes, equations.axes), equations.coefficients)
+    return rows
+
+
+def test_rigid_elements_follow_each_other_and_equations_turn(tmp_path):
+    """A chain of two rigid elements leaves one rigid body: its six motions, and no other, satisfy the equations."""
+    model = plain()
+    a, b, c, d, e, f = map(int, model.numbers[:6])
+    more = ("GRID,5000,,0.1,0.0,0.03", "GRID,5001,,0.3,0.2,-0.1", "GRID,5002,,0.0,0.5,0.0")
+    more += (f"RBE2,901,5000,123456,{a},{b}", f"RBE2,902,5001,123456,5000,{c},{d}", f"RBE3,903,,5002,123456,1.0,123,{e},{f}")
+    more += ("MPC,7,5002,6,1.0,5001,6,-2.0",)
+    found = read_model(written(tmp_path, model, *more, case=("MPC = 7",)))
+    groups = {point.name: found.groups[point.group].nodes.tolist() for point in found.connected}
+    assert groups == {"RBE2 901": [0, 1], "RBE2 902": [2, 3], "RBE3 903": [4, 5]}
+    rows, names = rows_of(found.equations), found.equations.points
+    *chain, turn = rows
+    assert turn[names.index("RBE3 903")].tolist() == [0, 0, 0, 0, 0, 1.0]
+    assert turn[names.index("RBE2 902")].tolist() == [0, 0, 0, 0, 0, -2.0]
+    positions = {point.name: np.array(point.position) for point in found.connected}
+    moves = np.zeros((6, len(names), 6))
+    for i, name in enumerate(names):
+        moves[:, i, :3] = np.vstack([np.eye(3), np.cross(np.eye(3), positions[name])])
+        moves[3:, i, 3:] = np.eye(3)
+    chain = np.array(chain).reshape(6, -1)
+    assert np.abs(chain @ moves.reshape(6, -1).T).max() < 1e-15 and np.linalg.matrix_rank(chain) == 6
+
+
+def test_an_equation_with_a_rotation_of_a_solid_is_left_out(tmp_path):
+    model = plain()
+    a, b = map(int, model.numbers[:2])
+    found = read_model(written(tmp_path, model, f"MPC,7,{a},4,1.0,{b},1,-1.0", case=("MPC = 7",)))
+    assert found.equations is None and any("rotation" in finding.effect and finding.changes for finding in found.findings)
+
+
 def test_leading_grid_points_have_springs_and_belong_to_their_solids(tmp_path):
     model = plain()
     a, b, c, d = map(int, model.numbers[:4])

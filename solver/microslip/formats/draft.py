@@ -14,7 +14,7 @@ from ..tables.table import Vector
 from .model import KINDS, Cells, Equations, Finding, Group, held_alike, index_of
 
 NAMES = ("x", "y", "z", "rx", "ry", "rz")  # of the directions of a node with rotations
-Term = tuple[int, int, float]  # position of a node, axis 0 to 2, coefficient
+Term = tuple[int, int, float]  # position of a node, axis 0 to 2, of a point also 3 to 5, coefficient
 
 
 def vector(values: Iterable[float]) -> Vector:
@@ -68,6 +68,16 @@ class Terms:
             self.terms += terms
             self.where.append(where)
             self.is_support.append(is_support)
+
+    def follow_rigidly(self, follower: str, leader: str, arm: np.ndarray, where: str) -> None:
+        """Let a point follow another as a rigid body: u = u_l + theta_l x r, theta = theta_l; ``arm`` r (3,)."""
+        follows, leads = self.point(follower), self.point(leader)
+        x, y, z = arm.tolist()
+        turned = ((4, -z), (5, y)), ((5, -x), (3, z)), ((3, -y), (4, x))  # minus theta_l x r
+        for axis, terms in enumerate(turned):
+            self.add([(follows, axis, 1.0), (leads, axis, -1.0), *((leads, i, value) for i, value in terms)], where)
+        for axis in (3, 4, 5):
+            self.add([(follows, axis, 1.0), (leads, axis, -1.0)], where)
 
     def equations(self) -> Equations | None:
         """Return the equations; None without any."""
@@ -137,6 +147,24 @@ class Draft:
         position = vector(self.points[node])
         self.leaders[node] = Point.of_file(name=name, position=position, group=self.group(name, nodes), connection=connection)
 
+    def chain(self, word: str) -> None:
+        """Let leading nodes follow those whose rigid bodies ``word`` they are part of, by equations between their points."""
+        for node, point in self.leaders.items():
+            nodes = self.groups[point.group].nodes
+            followers = [n for n in nodes.tolist() if n in self.leaders and n != node and not self.of_solids[n]]
+            if not followers or point.connection != "rigid":
+                continue
+            solid = np.setdiff1d(nodes, followers)
+            if not len(solid):
+                self.findings.add(
+                    word, point.name or "", "a rigid body of nodes that lead others, without any of a solid", part="points"
+                )
+                continue
+            self.groups[point.group].nodes = solid
+            for other in followers:
+                arm = self.points[other] - self.points[node]
+                self.terms.follow_rigidly(self.leaders[other].name, point.name, arm, f"{point.name}, which leads another")
+
     def add_mass(self, word: str, where: str, node: int, mass: float, inertia: Sequence[float]) -> None:
         """Add a mass to the point that a node leads, with its inertia (xx, yy, zz, xy, yz, zx); otherwise to the node alone."""
         point = self.leaders.get(node)
@@ -175,14 +203,22 @@ class Draft:
             fix = tuple(NAMES[axis] for axis in directions)
             self.supports.append(Support.of_file(group=self.group(f"{word} {''.join(fix)}", nodes), fix=fix))
 
+    def is_point(self, node: int) -> bool:
+        """Return whether a node leads others and belongs to no solid."""
+        return node in self.leaders and not bool(self.of_solids[node])
+
     def add_equation(self, word: str, where: str, terms: list[Term]) -> None:
-        """Add an equation in the axes of the nodes; those that lead and belong to no solid are points."""
+        """Add an equation in the axes of the nodes; those that lead and belong to no solid are points, which turn, too."""
         made: list[Term] = []
         for node, axis, value in terms:
-            axes, is_point = self.axes(node), node in self.leaders and not self.of_solids[node]
-            row = np.eye(3)[axis] if axes is None else axes[axis]
+            axes, (turns, along), is_point = self.axes(node), divmod(axis, 3), self.is_point(node)
+            if turns and not is_point:
+                effect = "an equation with a rotation of a node that leads no others, or is of a solid"
+                self.findings.add(word, where, effect, part="equations")
+                return
+            row = np.eye(3)[along] if axes is None else axes[along]
             at = self.terms.point(self.leaders[node].name) if is_point else node
-            made += [(at, i, float(value * row[i])) for i in range(3)]
+            made += [(at, i + 3 * turns, float(value * row[i])) for i in range(3)]
         self.terms.add(made, where if where.startswith(word) else f"{word}, {where}")
 
 

@@ -23,18 +23,8 @@ def take_equations(model: InputModel) -> None:
             _take_equations(model, scope, card)
     for leader, node, where in model.coupled:
         if leader in model.points and node in model.points:
-            _follow_rigidly(model, leader, node, where)
-
-
-def _follow_rigidly(model: InputModel, leader: int, node: int, where: str) -> None:
-    """Let a reference node follow another as a rigid body: u = u_l + theta_l x r, theta = theta_l."""
-    follows, leads = (model.terms.point(model.points[each].name) for each in (node, leader))
-    x, y, z = (model.mesh.points[node] - model.mesh.points[leader]).tolist()
-    turned = ((4, -z), (5, y)), ((5, -x), (3, z)), ((3, -y), (4, x))  # minus theta_l x r
-    for axis, terms in enumerate(turned):
-        model.terms.add([(follows, axis, 1.0), (leads, axis, -1.0), *((leads, i, value) for i, value in terms)], where)
-    for axis in (3, 4, 5):
-        model.terms.add([(follows, axis, 1.0), (leads, axis, -1.0)], where)
+            arm = model.mesh.points[node] - model.mesh.points[leader]
+            model.terms.follow_rigidly(model.points[node].name, model.points[leader].name, arm, where)
 
 
 def _take_equations(model: InputModel, scope: Scope, card: Card) -> None:

@@ -72,3 +72,4 @@ def take_rigid_regions(content: Content) -> None:
     for where, leader, followers in content.constraints.rigid:
         (node,) = content.find([leader], f"{where}: CERIG").tolist()
         content.lead(f"CERIG node {leader}", node, content.known(np.array(followers)))
+    content.chain("CERIG")

@@ -13,6 +13,7 @@ from .commands import Command
 
 _AXES = {"UX": 0, "UY": 1, "UZ": 2}
 _TURNS = {"ROTX": 3, "ROTY": 4, "ROTZ": 5}  # of nodes that lead rigid regions; those of solids have none
+_DIRECTIONS = _AXES | _TURNS
 
 
 @dataclass
@@ -49,8 +50,8 @@ def take_support(
         restraints.left_out(command, f"a displacement {label} = {value} other than 0", "supports")
         return
     for axis in labels:
-        if axis in _AXES or axis in _TURNS:
-            restraints.held.setdefault({**_AXES, **_TURNS}[axis], set()).update(nodes.tolist())
+        if axis in _DIRECTIONS:
+            restraints.held.setdefault(_DIRECTIONS[axis], set()).update(nodes.tolist())
         else:
             restraints.left_out(command, f"a support of {axis}, which is no displacement", "supports")
 
@@ -98,11 +99,11 @@ def _extend(restraints: Restraints, command: Command, terms: list[Term], fields:
         if not fields[i]:
             break
         label = fields[i + 1].upper()
-        if label not in _AXES:
+        if label not in _DIRECTIONS:
             restraints.left_out(command, f"an equation with {label}, which is no displacement", "equations")
             terms.clear()
             return False
-        terms.append((int(shifted.number(i)), _AXES[label], shifted.number(i + 2)))
+        terms.append((int(shifted.number(i)), _DIRECTIONS[label], shifted.number(i + 2)))
     return True
 
 
@@ -114,7 +115,7 @@ def take_coupling(restraints: Restraints, command: Command) -> None:
         )
         return
     label = command.field(1).upper()
-    if label not in (*_AXES, "ALL"):
+    if label not in (*_DIRECTIONS, "ALL"):
         restraints.left_out(command, f"coupled nodes in {label}, which is no displacement", "equations")
         return
     _, _, nodes = restraints.coupled.setdefault(command.field(0), (command.where, label, []))
@@ -162,7 +163,7 @@ def take_constraints(restraints: Restraints, draft: Draft) -> None:
     draft.hold("D", held)
     rows = [("CE", where, terms) for where, terms in restraints.equations]
     for where, label, followers in restraints.coupled.values():
-        for axis in range(3) if label == "ALL" else [_AXES[label]]:
+        for axis in range(3) if label == "ALL" else [_DIRECTIONS[label]]:
             rows += [("CP", where, [(node, axis, 1.0), (followers[0], axis, -1.0)]) for node in followers[1:]]
     for word, where, terms in rows:
         nodes = draft.find([node for node, _, _ in terms], f"{where}: {word}").tolist()

@@ -18,6 +18,7 @@ def take_connections(content: Content) -> None:
             _take_rigid(content, number, element)
         elif element.type == "RBE3":
             _take_distributing(content, number, element)
+    content.chain("RBE2")
     for number, mass in content.cards.masses.items():
         if mass.type == "CONM2":
             _take_mass(content, number, mass)

@@ -59,8 +59,8 @@ def _chosen(content: Content, word: str, part: str, sets: dict, added: dict) -> 
 def take_equations(content: Content) -> None:
     """Take the equations of MPC.  Local."""
     for card in _chosen(content, "MPC", "equations", content.cards.mpcs, content.cards.mpcadds):
-        if any(str(component) not in "123" for component in card.components):
-            content.left_out("MPC", int(card.conid), "an equation with a rotation or a scalar point", "equations")
+        if any(str(component) not in "123456" for component in card.components):
+            content.left_out("MPC", int(card.conid), "an equation with a scalar point", "equations")
             continue
         nodes = content.find(map(int, card.nodes), "MPC").tolist()
         terms: list[Term] = [
