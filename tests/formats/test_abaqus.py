@@ -12,6 +12,7 @@ from plain_model import bdf, inp, plain, tables
 
 from microslip import elements
 from microslip.assembly.assemble import assemble
+from microslip.formats.model import FileSectors
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.linear.joint_springs import linearise
@@ -756,6 +757,7 @@ def test_a_cyclic_sector_names_the_table_that_answers_it(tmp_path):
     finding = next(each for each in model.findings if each.word == "*CYCLIC SYMMETRY MODEL")
     assert "sectors = 12, axis = [0.0, 0.0, 2.0], axis_point = [0.0, 0.0, 5.0]" in finding.effect
     assert {each.part for each in model.findings if "CYCLIC" in each.word} == {"cyclic"}
+    assert model.cyclic == FileSectors(sectors=12, axis=(0.0, 0.0, 2.0), axis_point=(0.0, 0.0, 5.0), faces=("CROWN", "FEET"))
     joined = {
         "loads": ({"node": 5, "direction": (0.0, 0.0, 1.0)},),
         "outputs": ({"name": "o", "node": 5, "direction": (0.0, 0.0, 1.0)},),
@@ -771,6 +773,7 @@ def test_a_cyclic_sector_names_the_table_that_answers_it(tmp_path):
     [
         ("*CYCLIC SYMMETRY MODEL, N=1\n", "N=1: expected a number of sectors, at least 2"),
         ("*CYCLIC SYMMETRY MODEL, N=12\n0., 0., 1.\n", "expected six coordinates of two points of the axis"),
+        ("*CYCLIC SYMMETRY MODEL, N=12\n0., 0., 1., 0., 0., 1.\n", "the two points of the axis are one"),
     ],
 )
 def test_a_damaged_cyclic_sector_is_refused(tmp_path, card, said):

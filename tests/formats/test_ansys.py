@@ -101,6 +101,30 @@ def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, command
     complete(scene_of(tables("model.cdb", ignore=(word,)), tmp_path / "s.toml"), read_model(path))
 
 
+@pytest.mark.parametrize(
+    "commands, sectors, axis, point",
+    [
+        (("CYCLIC,24",), 24, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)),
+        (("CYCLIC,,15,5",), 24, (0.0, 1.0, 0.0), (0.0, 0.0, 0.0)),
+        (("LOCAL,11,1,0.1,0.2,0.3,0.0,90.0,0.0", "CYCLIC,8,,11"), 8, (0.0, -1.0, 0.0), (0.1, 0.2, 0.3)),
+        (("CYCLIC,NSECT",), None, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)),
+        (("CYCLIC,OFF",), None, None, None),
+    ],
+)
+def test_a_cyclic_sector_and_its_components(tmp_path, commands, sectors, axis, point):
+    """The components end in M01L and M01H; a scene with [cyclic] answers the command."""
+    path = written(tmp_path, plain(), *commands)
+    path.write_text(path.read_text().replace("BAR_BOTTOM", "CYC_M01L").replace("PLATE_TOP", "CYC_M01H"))
+    model = read_model(path)
+    assert model.cyclic.faces == ("CYC_M01L", "CYC_M01H") and model.cyclic.sectors == sectors
+    found = [finding for finding in model.findings if finding.word == "CYCLIC"]
+    assert len(found) == (axis is not None)
+    if axis is not None:
+        np.testing.assert_allclose(model.cyclic.axis, axis, atol=1e-15)
+        np.testing.assert_allclose(model.cyclic.axis_point, point)
+        assert found[0].part == "cyclic" and 'faces = ["CYC_M01L", "CYC_M01H"]' in found[0].effect
+
+
 def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):
     model = plain()
     a, b, c = map(int, model.numbers[:3])

@@ -121,6 +121,16 @@ class LoadsAtRest:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FileSectors:
+    """The cyclic symmetric sector that a file states, in its own units; None where it does not say."""
+
+    sectors: int | None = None
+    axis: Vector | None = None
+    axis_point: Vector | None = None
+    faces: tuple[str, str] | None = None  # groups, the high one in the positive sense about the axis
+
+
+@dataclass(frozen=True, kw_only=True)
 class FileStep:
     """What a step of a file states, in words, and what of it is taken over."""
 
@@ -167,10 +177,23 @@ class FileModel:
     equations: Equations | None = None
     bolts: tuple[Bolt, ...] = ()
     statics: LoadsAtRest | None = None
+    cyclic: FileSectors | None = None
     steps: tuple[FileStep, ...] = ()  # the model itself first; none: the format has no steps, or the file none
     step: int = 0  # whose conditions are taken over; 0: the file has no steps
     findings: tuple[Finding, ...] = ()
     facts: tuple[str, ...] = ()  # what `microslip check` lists with it: the file's title, parts, instances, systems
+
+
+def sectors_in_words(sectors: FileSectors) -> str:
+    """Return what a scene has to state of a sector, for a message.  Local."""
+    n, (low, high) = "..." if sectors.sectors is None else sectors.sectors, sectors.faces or ("LOW", "HIGH")
+    if sectors.axis is None or sectors.axis_point is None:
+        return f"state [cyclic] with sectors = {n}, its axis, faces and engine_order"
+    axis, point = ([float(f"{value:.9g}") for value in values] for values in (sectors.axis, sectors.axis_point))
+    return (
+        f"state [cyclic] with sectors = {n}, axis = {axis}, axis_point = {point} (here in the file's unit of length, there in "
+        f'm), faces = ["{low}", "{high}"] and engine_order'
+    )
 
 
 def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:

@@ -79,6 +79,11 @@ def cyclic_faces(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
     return CyclicFaces(high, sp.kron(unit, turn, format="csr"), np.stack([low, high]), turn, True, note)
 
 
+def faces_fit(mesh: Mesh, cyclic: Cyclic) -> bool:
+    """Return whether the high face is the low one, turned by one sector; both are groups of faces.  Local, rank 0."""
+    return _Meeting.of(mesh, cyclic, cyclic.angle).is_close(cyclic)
+
+
 def _tied(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
     """Return the nodes of a high face that is not meshed as the low one: they follow its turned facets as in a tie (2.6).
 

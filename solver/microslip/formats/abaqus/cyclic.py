@@ -1,11 +1,12 @@
-"""*CYCLIC SYMMETRY MODEL and its *TIE of CalculiX: what a scene has to state as [cyclic]."""
+"""*CYCLIC SYMMETRY MODEL and its *TIE of CalculiX: the sector, and what a scene has to state as [cyclic]."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ...messages.errors import MeshError
-from ..model import Finding
+from ..draft import vector
+from ..model import FileSectors, Finding, sectors_in_words
 from .cards import Card, number
 from .findings import CYCLIC, PART
 from .input_model import InputModel
@@ -29,37 +30,35 @@ def take_cyclic(model: InputModel) -> None:
     }
     for scope, card in model.cards:
         if card.keyword == WORD:
-            effect = CYCLIC + _table(model, scope, card, faces)
+            model.sectors = _sectors(model, scope, card, faces)
+            effect = f"{CYCLIC}; {sectors_in_words(model.sectors)}"
             model.findings.take(Finding(word=f"*{WORD}", where=card.where, effect=effect, changes=True, part=PART))
 
 
-def _table(model: InputModel, scope: Scope, card: Card, faces: dict[str, list[str]]) -> str:
-    """Return the table of a scene, for a message."""
+def _sectors(model: InputModel, scope: Scope, card: Card, faces: dict[str, list[str]]) -> FileSectors:
+    """Return what a card says: sectors, axis, and the faces of its tie."""
     n_sectors = number(card.parameters.get("N", ""))
     if n_sectors is None or n_sectors < 2 or n_sectors != int(n_sectors):
         raise MeshError(
             f"{card.where}: *{card.keyword}: N={card.parameters.get('N', '')}: expected a number of sectors, at least 2"
         )
     ends = [number(word) for words, _ in card.lines() for word in words if word.strip()]
+    names = faces.get(card.parameters.get("TIE", ""), next(iter(faces.values()), []))
     if not ends:
-        return f"; state [cyclic] with sectors = {int(n_sectors)}, its axis, faces and engine_order"
+        return FileSectors(sectors=int(n_sectors))
     if len(ends) != 6 or None in ends:
         raise MeshError(f"{card.where}: *{card.keyword}: expected six coordinates of two points of the axis below it")
     first, last = np.array(ends[:3], dtype=float), np.array(ends[3:], dtype=float)
-    names = faces.get(card.parameters.get("TIE", ""), next(iter(faces.values()), ["LOW", "HIGH"]))
-    low, high = _in_order(model, scope, names, first, last - first)
-    axis, point = ([float(f"{value:.9g}") for value in values] for values in (last - first, first))
-    return (
-        f"; state [cyclic] with sectors = {int(n_sectors)}, axis = {axis}, axis_point = {point} (here in the file's "
-        f"unit of length, there in m), "
-        f'faces = ["{low}", "{high}"] and engine_order'
-    )
+    if not np.linalg.norm(last - first) > 0.0:
+        raise MeshError(f"{card.where}: *{card.keyword}: the two points of the axis are one")
+    low_high = _in_order(model, scope, names, first, last - first) if len(names) == 2 else None
+    return FileSectors(sectors=int(n_sectors), axis=vector(last - first), axis_point=vector(first), faces=low_high)
 
 
 def _in_order(model: InputModel, scope: Scope, names: list[str], point: np.ndarray, axis: np.ndarray) -> tuple[str, str]:
     """Return low and high face: the high one lies in the positive sense about the axis, by the shorter way."""
     known = [scope.named(name) if scope.named(name) in model.grouped.groups else name for name in names]
-    if not all(name in model.grouped.groups for name in known) or not np.linalg.norm(axis) > 0.0:
+    if not all(name in model.grouped.groups for name in known):
         return known[0], known[1]
     unit = axis / np.linalg.norm(axis)
     a, b = (model.mesh.points[model.grouped.nodes_of(name)].mean(axis=0) - point for name in known)

@@ -12,7 +12,7 @@ from ...tables.constant_loads import Bolt
 from ...tables.joint import Joint
 from ...tables.structure import Body, Mass, Material, Orientation, Point, Spring, Support, Tie
 from ..draft import Findings, Term, Terms
-from ..model import LoadsAtRest
+from ..model import FileSectors, LoadsAtRest
 from .cards import Card
 from .groups import Grouped
 from .mesh import FileMesh
@@ -86,6 +86,7 @@ class InputModel:
     bolts: list[Bolt] = field(default_factory=list)
     cuts: dict[str, str] = field(default_factory=dict)  # name of the bolt that a node tightens, by the word for the node
     statics: LoadsAtRest | None = None
+    sectors: FileSectors | None = None
     loading: set[Card] = field(default_factory=set)  # cards of steps that become the statics
     axes: dict[int, np.ndarray] = field(default_factory=dict)  # node: (3, 3) rows of its own axes, *TRANSFORM
     attached: set[int] = field(default_factory=set)  # nodes that masses, springs or equations have

@@ -163,6 +163,7 @@ def _composed(model: InputModel) -> FileModel:
         equations=model.terms.equations(),
         bolts=tuple(model.bolts),
         statics=model.statics,
+        cyclic=model.sectors,
         steps=tuple(table_of_steps(model)),
         step=0 if model.step is None else model.step.number,
         findings=model.findings.all(),

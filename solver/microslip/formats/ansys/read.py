@@ -17,6 +17,7 @@ from .commands import Command, commands
 from .constraints import take_constraints
 from .content import Content, report_loads, take_commands
 from .counts import check_held
+from .cyclic import sectors_of
 from .elements import add_elements, cells_and_bodies
 from .input_file import as_archived
 
@@ -94,6 +95,7 @@ def model_of(blocks: Blocks, commands_read: tuple[Command, ...]) -> FileModel:
     take_rigid_regions(content)
     take_attached(blocks, content)
     take_constraints(content.constraints, content)
+    cyclic = sectors_of(content, commands_read)
     report_loads(content)
     return FileModel(
         content.points,
@@ -108,6 +110,7 @@ def model_of(blocks: Blocks, commands_read: tuple[Command, ...]) -> FileModel:
         masses=tuple(content.masses),
         springs=tuple(content.springs),
         equations=content.terms.equations(),
+        cyclic=cyclic,
         findings=content.findings.all(),
         facts=content.facts,
     )

@@ -16,13 +16,16 @@ from .picture import Mark
 
 
 def marks_of_scene(mesh: Mesh, settings: StructureTables) -> list[Mark]:
-    """Return joints, ties, bolts, supports, points, loads and outputs of a scene.  Local, rank 0."""
+    """Return joints, ties, faces of a sector, bolts, supports, points, loads and outputs of a scene.  Local, rank 0."""
     marks = [Mark(label=f"joint {joint.name}", faces=_faces(mesh, joint.groups)) for joint in settings.joints]
     if settings.ties:
         named = settings.ties[0].label if len(settings.ties) == 1 else f"{len(settings.ties)} of them"
         marks.append(
             Mark(label=f"ties: {named}", faces=[faces for tie in settings.ties for faces in _faces(mesh, tie.surfaces[:1])])
         )
+    if settings.cyclic is not None and settings.cyclic.faces is not None:
+        turns = (f"low face: {settings.cyclic.faces[0]}", f"high face: {settings.cyclic.faces[1]}")
+        marks += [Mark(label=label, faces=_faces(mesh, (face,))) for label, face in zip(turns, settings.cyclic.faces)]
     bolts = () if settings.statics is None else settings.statics.bolts
     for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
         marks.append(Mark(label=f"cut of {bolt.label}", points=mesh.points[cut.nodes], marker="s"))

@@ -11,6 +11,7 @@ from ...tables.structure_tables import StructureTables
 from .bolts import Shank
 from .candidate import Candidate
 from .places import Place
+from .sectors import Sector
 
 MOST_APART = 10  # joints of surfaces with room between them, as comments
 
@@ -31,6 +32,7 @@ class First:
     held: list[str]  # groups
     may_be_held: list[str]
     place: Place
+    sector: Sector | None  # of a disc
 
     @property
     def joints(self) -> list[Candidate]:
@@ -69,6 +71,7 @@ class First:
             for finding in self.file.findings
             if finding.changes
             and not (finding.surfaces and frozenset(finding.surfaces) in joined)
+            and not (finding.part == "cyclic" and self.sector is not None)
             and not (finding.part == "statics" and (self.states_bolts or finding.word in answered))
         ]
 

@@ -21,6 +21,7 @@ def text_of(first: First) -> str:
         _model(first),
         _materials(first),
         _bodies(first),
+        _cyclic(first),
         _supports(first),
         *(joint_text(joint, first) for joint in first.joints),
         *(glued_text(candidate) for candidate in first.glued),
@@ -105,6 +106,25 @@ def _bodies(first: First) -> str:
     for name, body in first.settings.bodies.items():
         lines += [f"[bodies.{key_text(name)}]", key_line("group", quoted(body.group)), key_line("material", '"steel"'), ""]
     return "\n".join(lines)
+
+
+def _cyclic(first: First) -> str:
+    """Return the table [cyclic], as comments where only the shape of two faces suggests it."""
+    if first.sector is None:
+        return ""
+    cyclic, sector = first.sector.cyclic, first.sector
+    lines = [
+        "[cyclic]",
+        key_line("sectors", str(cyclic.sectors), "as in the file" if sector.of_file else "as one face fits the other, turned"),
+        key_line("axis", value_text(cyclic.axis)),
+        key_line("axis_point", value_text(cyclic.axis_point), "m"),
+        key_line("faces", value_text(cyclic.faces), "[low, high] in the positive sense about the axis"),
+        "#> engine_order = 1             # how often the excitation repeats in one revolution",
+    ]
+    if sector.is_likely:
+        return "\n".join(["# A sector of a disc, which vibrates in nodal diameters:", *lines, ""])
+    heading = f"# Two faces fit by a turn of {360.0 / cyclic.sectors:.6g} degrees: where this is a sector of a disc, remove '#| '"
+    return "\n".join([heading, *(f"#| {line}" for line in lines), ""])
 
 
 def named(supports: Iterable[Support]) -> str:

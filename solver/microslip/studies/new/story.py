@@ -23,6 +23,7 @@ from .candidates import candidates_and_bolts
 from .first import First
 from .places import farthest, held_groups, supports_of_joints
 from .scene_text import named, text_of
+from .sectors import sector_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -97,6 +98,7 @@ def _first(model: str, out: Path, file: FileModel) -> First:
         held=held,
         may_be_held=may_be,
         place=farthest(mesh, file, held),
+        sector=sector_of(mesh, file, settings),
     )
 
 
@@ -130,6 +132,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         f"new        {out}, for {model}: {len(first.mesh.points)} nodes, {first.mesh.diagonal:.4g} m across ({units})",
         *table("bodies", list(first.settings.bodies)),
         *table("joints", joints or ["no surfaces of different bodies lie on each other"]),
+        *table("disc", [first.sector.text] if first.sector is not None else []),
         *table("glued", [one.text for one in first.glued], 10),
         *table("or", others, 10),
         *table("bolts", bolts),
