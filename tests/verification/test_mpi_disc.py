@@ -8,9 +8,11 @@ from blocks import block, join
 from discs import write_ring, write_sector
 from mpi4py import MPI
 from msh import write_msh
+from oracles.exact import jenkins_harmonic
 from scene_text import joint, steel, table
 from scipy.spatial import cKDTree
 
+from microslip.library.backbone import backbone
 from microslip.library.build import build
 from microslip.library.respond import respond
 from microslip.mesh.cyclic import cyclic_faces
@@ -217,6 +219,23 @@ def test_a_chain_with_friction_between_neighbours_has_its_closed_form(shared_pat
     at = np.argmin(np.abs(branch.frequency - omega / (2.0 * np.pi)))
     assert branch.frequency[at] == pytest.approx(omega / (2.0 * np.pi), rel=1e-12)
     assert np.hypot(*branch.response[at, 0, 1:3]) == pytest.approx(amplitude, rel=1e-6)
+    structure.close()
+
+
+@pytest.mark.parametrize("h", (1, 6))
+def test_a_nonlinear_mode_of_the_chain_has_its_closed_form(shared_path, h):
+    """A travelling wave, with s = 2 sin(pi h / 12), Y = s X of the joint: omega^2 = 1 + s^2 / 4 + s^2 a1 / Y."""
+    structure = built(write_chain, shared_path, h, 0.1, 1.0)
+    mode = backbone(structure, farthest=20.0, samples=512)
+    s = 2.0 * np.sin(np.pi * h / 12)
+    assert mode.failure is None and mode.quasi_static is None
+    assert mode.first_slip * s == pytest.approx(1.0, rel=1e-9)
+    for point in mode.points[1::3]:
+        Y = s * point.amplitude
+        a1, b1, loss = jenkins_harmonic(Y, 1.0, 1.0)
+        assert point.omega**2 == pytest.approx(1.0 + 0.25 * s**2 + s**2 * a1 / Y, rel=2e-5)
+        assert -point.sigma == pytest.approx(0.02 + s**2 * b1 / Y / point.omega, rel=1e-4)
+        assert point.friction == pytest.approx(loss, rel=1e-4, abs=1e-4)
     structure.close()
 
 
