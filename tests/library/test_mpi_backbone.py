@@ -85,6 +85,19 @@ def test_frequency_damping_and_friction_are_those_of_the_closed_form(structure):
         assert point.supplied == pytest.approx(point.friction + np.pi * 0.02 * point.omega * X**2)
 
 
+def test_changes_with_twice_the_samples_are_the_error(structure):
+    """Three quarters of the error by samples, which falls with their square; harmonics above 1 change nothing of one."""
+    mode = microslip.backbone(structure(one_mass(), samples=64), quasi_static=False)
+    assert len(mode.checks) == 6
+    for check in mode.checks[1:]:
+        point = mode.points[check.point]
+        a1, b1, _ = exact.jenkins_harmonic(point.amplitude, 1.0, 1.0)
+        omega = np.sqrt(1.0 + a1 / point.amplitude)
+        error = mode.damping[check.point] - (0.02 + b1 / point.amplitude / omega) / (2.0 * omega)
+        assert abs(check.damping) < 0.05 * mode.damping[check.point]
+        assert abs(check.damping) > 0.3 * abs(error)
+
+
 def test_phase_resonance_and_synthesis_are_forced_responses(structure):
     """With one mode the synthesis is the truth, but for the damping, which friction has at the frequency of the mode."""
     built = structure(one_mass(), points=40)
@@ -147,7 +160,7 @@ def test_what_has_no_nonlinear_mode_is_refused(structure, system, mode, says):
 
 @pytest.mark.pictures
 def test_the_command_writes_table_arrays_and_pictures(scene_file, program, shared_path):
-    path = scene_file(one_mass(), points=30)
+    path = scene_file(one_mass(), points=8, samples=64)
     status, out, err = program("backbone", path, "--out", shared_path / "out", "--levels", "0.4", "--farthest", "5")
     assert (status, err) == (0, "")
     if COMM.rank == 0:

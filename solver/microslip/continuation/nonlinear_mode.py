@@ -6,7 +6,7 @@ omega and sigma; the two rows in addition to that of the step are the equation o
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import root
 
 from ..fourier.amplitudes import to_complex
+from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import OperatingPoint, Rates
 from ..messages.errors import ConvergenceError
@@ -24,6 +25,8 @@ from ..receptance.leading_mode import coordinate, coordinate_rate, led_by, pushe
 from ..receptance.reduced_model import ReducedModel
 from .constraint_rows import Place, Scaling
 from .follow import follow_branch
+from .iterate import Iterate
+from .point_solver import PointSolver, Workspace
 from .problems import KnownCurve, LinearResponse, ProblemBase
 from .steps import ArcLength
 from .task import BranchTask
@@ -160,6 +163,29 @@ def follow_mode(
     """
     task = BranchTask(problem, AllPairs(), sweep, steps, tolerance)
     return follow_branch(task, MOST_POINTS, on_point, until=until)
+
+
+def resolved_again(
+    problem: NonlinearMode, points: Sequence[Point], harmonics: Harmonics, n_samples: int, tolerance: float
+) -> np.ndarray:
+    """Return omega and sigma of points at the same amplitudes with other harmonics and samples, (n, 2); NaN where none is found.
+
+    Collective.  ``points`` are of the branch of the problem; their motion is on rank 0.
+    """
+    equation, pairs = problem.equation.resolved(harmonics, n_samples), AllPairs()
+    again, workspace = problem.with_equation(equation), Workspace(equation, n_parameters=1 + len(problem.units))
+    results = []
+    try:
+        for point in points:
+            U = equation.comm.bcast(point.U if equation.comm.rank == 0 else None)
+            U = Harmonics.full(U.shape[-1]).carry(U, harmonics)[equation.model.owned]
+            solver = PointSolver(again, pairs, Sweep(point.parameters[0], point.parameters[0] + 1.0), tolerance, workspace)
+            guess = Iterate(U, point.parameters, harmonics)
+            solution, _ = solver.solve_at(guess, solver.norm(U), equation.every_pair)
+            results.append(solution.iterate.parameters[1:] if solution.failure is None else (np.nan, np.nan))
+    finally:
+        workspace.destroy()
+    return np.array(results).reshape(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)

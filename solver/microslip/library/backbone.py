@@ -10,13 +10,13 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ..contact.law import STICK
-from ..continuation.nonlinear_mode import NonlinearMode, QuasiStaticMode, follow_mode, follow_pushes
+from ..continuation.nonlinear_mode import NonlinearMode, QuasiStaticMode, follow_mode, follow_pushes, resolved_again
 from ..fourier.amplitudes import to_complex
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import OperatingPoint
 from ..messages.errors import CaseError
-from ..points.branch import Point
+from ..points.branch import Branch, Point
 from ..points.sweep import Sweep
 from ..receptance.motions import modal_motion
 from ..receptance.reduced_model import ReducedModel
@@ -28,6 +28,7 @@ from .settings import refuse_statics, units_of
 FARTHEST = 1e4  # times the amplitude of first slip: as far as a mode is followed where its joint comes to no gross slip
 SLIPS_FROM = 1e-3  # of the amplitude at which a pair is at its limit, where a law slips from the first motion on
 PAST = 0.5  # of the largest damping ratio by friction, to which it has fallen where a mode is followed no further
+CHECKED = 6  # points that are solved again for their error
 BETWEEN, LOWEST = 20, 1e-3  # of synthesised responses: amplitudes from point to point, and the lowest over that of first slip
 BEYOND = 10.0  # times the amplitude at which the last pair left sticking, the same
 
@@ -93,6 +94,7 @@ class Backbone:
     points: tuple[ModePoint, ...]
     quasi_static: QuasiStatic | None
     meetings: tuple[Meeting, ...]
+    checks: tuple[Check, ...]
     seconds: float
     failure: str | None
     notes: tuple[str, ...] = ()
@@ -113,7 +115,7 @@ class Backbone:
 
     @property
     def damping(self) -> np.ndarray:
-        """Damping ratio of all damping, eq. (15.1), (n,) [-]."""
+        """Damping ratio of all damping, (n,) [-]."""
         return -self._of("sigma") / (2.0 * self._of("omega"))
 
     @property
@@ -198,6 +200,15 @@ class Backbone:
 
 
 @dataclass(frozen=True)
+class Check:
+    """A point solved again with twice the harmonics and samples; its changes estimate their error."""
+
+    point: int  # number of it, from 0
+    frequency: float  # Hz, change
+    damping: float  # -, change of the damping ratio
+
+
+@dataclass(frozen=True)
 class Meeting:
     """A superharmonic resonance: harmonic n of the mode meets another mode of the stuck structure."""
 
@@ -213,6 +224,7 @@ def backbone(
     *,
     farthest: float | None = None,
     quasi_static: bool = True,
+    error_bars: bool = True,
     friction: OfJoints | None = None,
     preload: OfJoints | None = None,
     **keys: Any,
@@ -229,6 +241,7 @@ def backbone(
     farthest : the last amplitude over that of first slip; None: gross slip, where the damping by friction has passed its largest
         value and fallen to half of it, or ten times the amplitude at which the last pair leaves sticking; at most 1e4
     quasi_static : whether the mode is computed by statics, too; not of a disc
+    error_bars : whether some points are solved again with twice the harmonics and samples
     friction, preload, keys : as for :func:`respond`
 
     Raises
@@ -256,10 +269,11 @@ def backbone(
     sweep, tolerance = Sweep(low, low + float(np.log(farthest or FARTHEST))), prepared.response.settings.tolerance
     branch = follow_mode(problem, sweep, tolerance, record, is_gross)
     seconds = time.perf_counter() - start
+    checks = checked(problem, branch, points, tolerance) if error_bars else ()
     quasi = None
     if quasi_static and structure.scene.cyclic is None and len(points) > 1:
         quasi = by_statics(equation, problem, points)
-    return _backbone(prepared, problem, mode, first, tuple(points), quasi, seconds, branch.failure, notes)
+    return _backbone(prepared, problem, mode, first, tuple(points), quasi, checks, seconds, branch.failure, notes)
 
 
 def comes_to_gross_slip(points: list[ModePoint]) -> bool:
@@ -351,6 +365,23 @@ def modal_force(problem: NonlinearMode, at: OperatingPoint, loaded: ReducedModel
     return complex(np.vdot(y, f_1) / at.level)
 
 
+def checked(problem: NonlinearMode, branch: Branch, points: list[ModePoint], tolerance: float) -> tuple[Check, ...]:
+    """Return some points with slip, solved again with twice the harmonics and samples.  Collective."""
+    slipping = [i for i, point in enumerate(points) if point.friction > 0.0]
+    chosen = [slipping[k] for k in np.unique(np.linspace(0, len(slipping) - 1, CHECKED).round().astype(int))] if slipping else []
+    equation = problem.equation
+    finer = Harmonics.up_to(2 * equation.harmonics.highest)
+    values = resolved_again(problem, [branch.points[i] for i in chosen], finer, 2 * equation.n_samples, tolerance)
+    return tuple(
+        Check(
+            i,
+            (float(omega) - points[i].omega) / (2.0 * np.pi),
+            float(-sigma / (2.0 * omega) + points[i].sigma / (2.0 * points[i].omega)),
+        )
+        for i, (omega, sigma) in zip(chosen, values)
+    )
+
+
 def by_statics(equation: HarmonicBalance, problem: NonlinearMode, points: list[ModePoint]) -> QuasiStatic:
     """Return the mode by statics and Masing's rules, eq. (15.5), over the amplitudes of the points.  Collective."""
     start, j = time.perf_counter(), problem.j
@@ -408,7 +439,7 @@ def meetings_of(model: ReducedModel, j: int, points: tuple[ModePoint, ...]) -> t
 def _line(prepared: Prepared, problem: NonlinearMode, mode: int, notes: tuple[str, ...]) -> Backbone:
     """Return the backbone of a mode that moves no pair."""
     why = f"mode {mode} moves no pair of a joint: its frequency and damping are the same at any amplitude"
-    return _backbone(prepared, problem, mode, np.inf, (), None, 0.0, None, (*notes, why))
+    return _backbone(prepared, problem, mode, np.inf, (), None, (), 0.0, None, (*notes, why))
 
 
 def _backbone(
@@ -418,6 +449,7 @@ def _backbone(
     first: float,
     points: tuple[ModePoint, ...],
     quasi: QuasiStatic | None,
+    checks: tuple[Check, ...],
     seconds: float,
     failure: str | None,
     notes: tuple[str, ...],
@@ -434,6 +466,7 @@ def _backbone(
         points=points,
         quasi_static=quasi,
         meetings=meetings_of(prepared.model, problem.j, points),
+        checks=checks,
         seconds=seconds,
         failure=failure,
         notes=notes,

@@ -90,6 +90,11 @@ def records(result: Backbone) -> list[dict[str, Any]]:
     if result.quasi_static is not None:
         frequency, damping = result.quasi_static.at(result.amplitude)
         columns |= {"quasi_static_frequency_Hz": frequency, "quasi_static_damping_ratio": damping}
+    if result.checks:
+        at = [check.point for check in result.checks]
+        for name, of in (("frequency_error_Hz", "frequency"), ("damping_ratio_error", "damping")):
+            columns[name] = np.full(len(result.points), np.nan)
+            columns[name][at] = [abs(getattr(check, of)) for check in result.checks]
     return [{name: _plain_number(values[i]) for name, values in columns.items()} for i in range(len(result.points))]
 
 
@@ -183,6 +188,12 @@ def in_words(result: Backbone) -> list[str]:
             f"by statics and Masing's rules: frequency within {100.0 * shift:.2g} % of the shift, damping within "
             f"{100.0 * np.nanmax(np.abs(damping - result.damping)) / result.damping.max():.2g} % of the largest, "
             f"in {result.quasi_static.seconds:.2g} s"
+        )
+    if result.checks:
+        lines.append(
+            f"with twice the harmonics and samples, at {len(result.checks)} points: frequency within "
+            f"{np.nanmax([abs(check.frequency) for check in result.checks]):.2g} Hz, damping within "
+            f"{np.nanmax([abs(check.damping) / result.damping[check.point] for check in result.checks]) * 100.0:.2g} % of itself"
         )
     for meeting in result.meetings:
         at = float(np.exp(np.interp(np.log(meeting.amplitude), np.log(result.amplitude), np.log(size))))
