@@ -91,7 +91,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
         cyclic, none = tables.cyclic, np.zeros((n_dof, 0))  # no nodal diameter's motion is that of a free body
         R_next = next_pair_map(pairs, links.cyclic.turn, dof_of_mesh, n_dof)
         of_sector = replace(system, rigid_owned=none)
-        sectors = Sectors(cyclic.sectors, cyclic.wave_number, of_sector, R_next, constraints, whole.part, links.cyclic.high)
+        sectors = Sectors.of(cyclic.sectors, cyclic.wave_number, of_sector, R_next, constraints, whole.part, links.cyclic.high)
         return sectors.system(0)
     if constraints is not None:
         system = constrained(system, constraints, whole.part)

@@ -16,7 +16,7 @@ from ..messages.errors import MeshError
 from ..messages.words import place
 from ..tables.structure import Point
 from .numbering import number_dofs
-from .real_form import real_matrix, real_rows
+from .real_form import real_matrix
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -192,19 +192,17 @@ def _of_rows(constraints: Constraints, values: sp.csr_matrix, comm: MPI.Comm) ->
     return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=comm)
 
 
-def reduced(
-    matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_places: sp.csr_matrix | None = None, keeps: bool = False
-) -> PETSc.Mat:
-    """Return T^H A T plus the matrices of points, masses and springs; symmetric, in real form if T is complex.
+def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_places: sp.csr_matrix | None = None) -> PETSc.Mat:
+    """Return T^T A T plus the matrices of points, masses and springs; symmetric.
 
-    Collective; destroys ``matrix`` unless it ``keeps`` it.  ``blocks`` (n_points, 6, 6) are those of the points, ``on_places``
+    Collective; destroys ``matrix``.  ``blocks`` (n_points, 6, 6) are those of the points, ``on_places``
     (3 n_places, 3 n_places) those of the others.
     """
     comm = matrix.comm.tompi4py()
-    projected = (_projected_in_real_form if np.iscomplexobj(constraints.T) else _projected)(matrix, constraints, comm, keeps)
+    projected = _projected(matrix, constraints, comm)
     added = added_by_points(constraints, blocks)
     if on_places is not None:
-        added = tidy(added + constraints.at_places.conj().T @ on_places @ constraints.at_places)
+        added = tidy(added + constraints.at_places.T @ on_places @ constraints.at_places)
     if added.nnz:
         more = _of_rows(constraints, added, comm)
         projected.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
@@ -214,39 +212,15 @@ def reduced(
     return projected
 
 
-def _projected(matrix: PETSc.Mat, constraints: Constraints, comm: MPI.Comm, keeps: bool) -> PETSc.Mat:
+def _projected(matrix: PETSc.Mat, constraints: Constraints, comm: MPI.Comm) -> PETSc.Mat:
     """Return T^T A T, A of the nodes.  Collective."""
     T = _distributed(constraints, constraints.T, comm)
     right = matrix.matMult(T)  # two products take a quarter of the time of PETSc's one, MatPtAP
-    if not keeps:
-        matrix.destroy()
+    matrix.destroy()
     projected = T.transposeMatMult(right)
     for operand in (T, right):
         operand.destroy()
     return projected
-
-
-def _projected_in_real_form(matrix: PETSc.Mat, constraints: Constraints, comm: MPI.Comm, keeps: bool) -> PETSc.Mat:
-    """Return T^H A T in real form, T = P + i Q: P^T A P + Q^T A Q + i (P^T A Q - Q^T A P).  Collective."""
-    P, Q = (_distributed(constraints, part, comm) for part in (constraints.T.real, constraints.T.imag))
-    AP, AQ = matrix.matMult(P), matrix.matMult(Q)
-    if not keeps:
-        matrix.destroy()
-    real, more, imaginary = P.transposeMatMult(AP), Q.transposeMatMult(AQ), P.transposeMatMult(AQ)
-    real.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    other = imaginary.transpose(PETSc.Mat())
-    imaginary.axpy(-1.0, other, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    owned = real_rows(*(tidy(_owned_rows(part)) for part in (real, imaginary)))
-    for operand in (P, Q, AP, AQ, real, more, imaginary, other):
-        operand.destroy()
-    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
-    return PETSc.Mat().createAIJ(((owned.shape[0], None), (owned.shape[0], None)), csr=csr, comm=comm)
-
-
-def _owned_rows(matrix: PETSc.Mat) -> sp.csr_matrix:
-    """Return this rank's rows of a matrix, (n_owned, n).  Local."""
-    starts, columns, values = matrix.getValuesCSR()
-    return sp.csr_matrix((values, columns, starts), (len(starts) - 1, matrix.getSize()[1]))
 
 
 def added_by_points(constraints: Constraints, blocks: np.ndarray) -> sp.csr_matrix:

@@ -6,28 +6,54 @@ u_high = exp(i d alpha) Q u_low: u = T(d) w, K(d) = T(d)^H K T(d) and M(d) are H
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Hashable
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from petsc4py import PETSc
 
 from ..fourier.amplitudes import to_complex, to_real
-from .constrained import constrained
+from .constrained import constrained, reduced_matrices
 from .constraints import Constraints
 from .system import Disc, System
+from .wave_matrix import Unfolding, WaveMatrix, projected
 
 
 @dataclass(frozen=True, eq=False)
 class Sectors:
-    """One sector with both faces free, and what makes the system of each nodal diameter of it."""
+    """One sector with both faces free, and what makes the system of each nodal diameter of it.
+
+    K and M of ``sector`` have a row for each row of ``unfolding``, its maps a column for each row of T of the ``constraints``.
+    """
 
     n_sectors: int
     wave_number: int  # h: sector s + 1 leads sector s by h alpha in harmonic 1
-    sector: System  # K, M and maps with a row or a column for each row of T
+    sector: System
     R_next: sp.csr_matrix  # (3 n_pairs, n) of second sides in the next sector, which are not in R of ``sector``
     constraints: Constraints  # of nodal diameter 0
     part: np.ndarray  # (n_nodes,) connected part of each node
     high: np.ndarray  # (n_high,) nodes of the high face
+    unfolding: Unfolding  # from the rows of a nodal diameter to those of the sector with both faces
+    T: sp.csr_matrix  # (n, n_v) u = T v of the sector with both faces
+    shared: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what all nodal diameters have in common, by key
+
+    @classmethod
+    def of(
+        cls,
+        n_sectors: int,
+        wave_number: int,
+        sector: System,
+        R_next: sp.csr_matrix,
+        constraints: Constraints,
+        part: np.ndarray,
+        high: np.ndarray,
+    ) -> Sectors:
+        """Return the sectors of a sector whose K and M have the rows of its nodes.  Collective; destroys these."""
+        unfolding, T = _unfolded(constraints, high)
+        K, M = reduced_matrices(sector, replace(constraints, T=T, row_ranges=unfolding.v_ranges))
+        return cls(n_sectors, wave_number, replace(sector, K=K, M=M), R_next, constraints, part, high, unfolding, T)
 
     def phase(self, d: int) -> complex:
         """Return exp(i d alpha): what leads in sector 1 before sector 0.  Local."""
@@ -44,14 +70,18 @@ class Sectors:
         ------
         CaseError : nothing can move, or a load moves nothing; on every rank
         """
-        phase, constraints = self.phase(d), self.constraints
-        factors: np.ndarray = np.ones(constraints.T.shape[0], dtype=type(phase))
-        rows = constraints.dof[self.high].ravel()
-        factors[rows[rows >= 0]] = phase
-        T = (sp.diags(factors) @ constraints.T).tocsr()
-        sector = replace(self.sector, R=self.sector.R - phase * self.R_next)
-        system = constrained(sector, replace(constraints, T=T), self.part, keeps=True)
-        return replace(system, sectors=self)
+        phase, sector = self.phase(d), self.sector
+        T = (self.T @ self.unfolding.at(phase)).tocsr()
+        of_d = replace(sector, R=sector.R - phase * self.R_next)
+        matrices = self._matrix(sector.K, phase), self._matrix(sector.M, phase)
+        return replace(constrained(of_d, replace(self.constraints, T=T), self.part, matrices), sectors=self, phase=phase)
+
+    def _matrix(self, A: PETSc.Mat, phase: complex) -> PETSc.Mat:
+        """Return P(d)^H A P(d), in real form and as products with A where the phase is complex.  Collective."""
+        if np.iscomplexobj(phase):
+            return WaveMatrix.matrix(A, self.unfolding, phase)
+        assert isinstance(phase, float)
+        return projected(A, self.unfolding, phase)
 
     def diameter(self, n: int) -> int:
         """Return the sector index of harmonic n, 0 to ``n_sectors`` - 1.  Local."""
@@ -69,8 +99,12 @@ class Sectors:
         return u
 
     def destroy(self) -> None:
-        """Free the matrices of the sector; once more does nothing.  Collective."""
+        """Free the matrices of the sector, and what its nodal diameters share; once more does nothing.  Collective."""
+        for item in self.shared.values():
+            item.destroy()
+        self.shared.clear()
         self.sector.destroy()
+        self.unfolding.destroy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,3 +134,24 @@ class AllSectors:
     def destroy(self) -> None:
         """Free the matrices of the sector.  Collective."""
         self.disc.destroy()
+
+
+def _unfolded(constraints: Constraints, high: np.ndarray) -> tuple[Unfolding, sp.csr_matrix]:
+    """Return P_0 and P_1 of eq. (14.6), and T of the sector with both faces, (n, n_v).  Local; the same on every rank."""
+    T, w_ranges, nodal_ranges = constraints.T.tocsr(), constraints.row_ranges, constraints.nodal_ranges
+    rows = constraints.dof[high].ravel()
+    rows = np.sort(rows[rows >= 0])
+    counts = np.diff(np.searchsorted(rows, nodal_ranges))
+    v_ranges = w_ranges + np.concatenate([[0], np.cumsum(counts)])
+    n, n_w, n_v = T.shape[0], int(w_ranges[-1]), int(v_ranges[-1])
+    columns, rank = np.arange(n_w), np.repeat(np.arange(len(counts)), np.diff(w_ranges))
+    of_w = columns + (v_ranges - w_ranges)[rank]
+    of_high = np.arange(len(rows)) + w_ranges[1:][np.repeat(np.arange(len(counts)), counts)]
+    P_0 = sp.csr_matrix((np.ones(n_w), (of_w, columns)), (n_v, n_w))
+    E = sp.csr_matrix((np.ones(len(rows)), (rows, of_high)), (n, n_v))
+    is_high: np.ndarray = np.zeros(n)
+    is_high[rows] = 1.0
+    P_1 = (E.T @ T).tocsr()
+    sided = (sp.diags(1.0 - is_high) @ T @ P_0.T + E).tocsr()
+    sided.eliminate_zeros()
+    return Unfolding((P_0, P_1), w_ranges, v_ranges), sided

@@ -62,6 +62,7 @@ class System:
     rigid_owned: np.ndarray | None = None  # (n_dof_owned, 6) rigid-body motions; (n_dof_owned, 0) with supports; None: not known
     moved: np.ndarray | None = None  # (n_nodes, 3) m, how far supports are moved at rest, in the order of dof; None: they rest
     sectors: Disc | None = None  # where it is one nodal diameter of a disc
+    phase: complex = 1.0  # exp(i d alpha) of it
 
     @property
     def n_dof(self) -> int:

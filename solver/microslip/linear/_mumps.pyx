@@ -32,6 +32,10 @@ cdef extern from "dmumps_c.h" nogil:
         int *isol_loc
         int *irhs_loc
         int nrhs, lrhs, nz_rhs, lsol_loc, nloc_rhs, lrhs_loc
+        int size_schur, lredrhs
+        int *listvar_schur
+        double *schur
+        double *redrhs
         int info[80]
         int infog[80]
         double rinfo[40]
@@ -148,6 +152,19 @@ cdef class Instance:
         self.c.id.perm_in = &positions[0] if positions.shape[0] else NULL
         self.c.id.blkptr = &starts[0] if starts.shape[0] else NULL
         self.c.id.nblk = max(starts.shape[0] - 1, 0)
+
+    def set_schur(self, int[::1] rows, double[::1, :] S):
+        """State the unknowns that are not eliminated, from 1, and where their Schur complement goes, (m, m); m = 0 off rank 0."""
+        self.arrays["schur"] = rows, S
+        self.c.id.size_schur = rows.shape[0]
+        self.c.id.listvar_schur = &rows[0] if rows.shape[0] else NULL
+        self.c.id.schur = &S[0, 0] if S.shape[0] else NULL
+
+    def set_reduced(self, double[::1, :] B):
+        """State where reduced right-hand sides go, or reduced solutions come from, (m, n); m = 0 off rank 0."""
+        self.arrays["reduced"] = B
+        self.c.id.redrhs = &B[0, 0] if B.shape[0] and B.shape[1] else NULL
+        self.c.id.lredrhs = max(B.shape[0], 1)
 
     def set_dense(self, double[::1, :] B):
         """State the right-hand sides that the solution takes the place of, (n, m); m = 0 off rank 0 where they are not there."""

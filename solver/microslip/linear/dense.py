@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..assembly.real_form import complex_columns, real_columns
+from ..assembly.wave_matrix import WaveMatrix
 from ..parallel.ownership import summed
 
 
@@ -28,6 +30,9 @@ def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
 
     Collective on A's communicator: one matrix product.
     """
+    wave = wave_matrix(A)
+    if wave is not None:
+        return wave.multiply(X_owned) if np.iscomplexobj(X_owned) else real_columns(wave.multiply(complex_columns(X_owned)))
     if np.iscomplexobj(X_owned):
         return complex_columns(multiply(A, real_columns(X_owned)))
     if X_owned.shape[1] == 0:
@@ -38,6 +43,28 @@ def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     AX.destroy()
     X.destroy()
     return AX_owned
+
+
+def wave_matrix(A: PETSc.Mat) -> WaveMatrix | None:
+    """Return what a matrix of one nodal diameter is made of; None of a matrix with entries.  Local."""
+    return A.getPythonContext() if A.getType() == "python" else None
+
+
+def explicit(A: PETSc.Mat) -> PETSc.Mat:
+    """Return a matrix with its entries, which the caller destroys if it is not A itself.  Collective."""
+    wave = wave_matrix(A)
+    return A if wave is None else wave.explicit()
+
+
+def entries_owned(A: PETSc.Mat) -> float:
+    """Return the number of entries of a matrix on this rank, in memory; none of products with another one.  Local."""
+    return 0.0 if wave_matrix(A) is not None else A.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
+
+
+def frobenius_norm(A: PETSc.Mat) -> float:
+    """Return the norm of a matrix, of one nodal diameter that of the sector.  Collective."""
+    wave = wave_matrix(A)
+    return (A if wave is None else wave.A).norm(PETSc.NormType.FROBENIUS)
 
 
 def gram(comm: MPI.Comm, X_owned: np.ndarray, Y_owned: np.ndarray) -> np.ndarray:
@@ -56,3 +83,25 @@ def diagonal_owned(A: PETSc.Mat) -> np.ndarray:
     diagonal = vector.getArray().copy()
     vector.destroy()
     return diagonal
+
+
+def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
+    """Return K plus a small symmetric matrix known on every rank, as a new AIJ matrix flagged as SPD.
+
+    Collective on K's communicator.
+    """
+    K_L = K.duplicate(copy=True)
+    add_to(K_L, springs)
+    K_L.setOption(PETSc.Mat.Option.SPD, True)
+    return K_L
+
+
+def add_to(K: PETSc.Mat, springs: sp.csr_matrix) -> None:
+    """Add a small symmetric matrix known on every rank to K.  Collective on K's communicator."""
+    owned = springs[slice(*K.getOwnershipRange())]
+    owned.sort_indices()
+    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
+    S = PETSc.Mat().createAIJ(K.getSizes(), csr=csr, comm=K.comm)
+    K.axpy(1.0, S, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    S.destroy()
+    K.setOption(PETSc.Mat.Option.SYMMETRIC, True)

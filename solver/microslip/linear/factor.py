@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -12,7 +13,7 @@ from petsc4py import PETSc
 from ..messages.errors import CaseError, ConvergenceError, ResourceError
 from ..parallel.ownership import summed
 from ..system.watchdog import moved
-from .dense import column_norms, diagonal_owned, multiply
+from .dense import column_norms, diagonal_owned, explicit, multiply
 from .direct import DirectSolver, factorise
 from .free_motion import explain_singular, free_as_a_whole, is_singular
 from .mumps import SINGULAR
@@ -75,6 +76,7 @@ class Factor:
         later: Callable[[FactorMemory], float] | None = None,
         cache: FactorCache | None = None,
         M: PETSc.Mat | None = None,
+        direct: Callable[[], tuple[DirectSolver, dict[str, Any]]] | None = None,
     ):
         """Factor A.
 
@@ -89,6 +91,7 @@ class Factor:
         later : returns the bytes that this rank needs in addition to the factor, from the size of the factor
         cache : a factor stored by an earlier run, which passed all tests
         M : mass matrix, with which the whole structure may be free; None: it may not
+        direct : returns factor and report where these are not those of A by itself: of a nodal diameter
 
         Raises
         ------
@@ -104,6 +107,7 @@ class Factor:
         self.rigid = None if M is None or motions_owned is None else rigid_modes(A, M, motions_owned)
         if self.rigid is None and cache is not None and self._takes(cache):
             return
+        self._direct = direct
         is_definite = self._factorise(last, later)
         if not is_definite and M is not None and motions_owned is None:  # matrices, of which no supports are known
             self.destroy()
@@ -111,14 +115,15 @@ class Factor:
             is_definite = self._factorise(last, later)
         if not is_definite:
             self.destroy()
-            explain_singular(A, system, what)
+            explain_singular(explicit(A), system, what)
         self.info["messages"] = (*(cache.messages if cache is not None else ()), *self.info["messages"])
 
     def _factorise(self, last: np.ndarray | None, later: Callable[[FactorMemory], float] | None) -> bool:
         """Factor A, with springs where it has rigid-body modes; return whether that can be had.  Collective."""
 
         def factorised(A: PETSc.Mat) -> DirectSolver:
-            solver, self.info = factorise(A, PREFIX, self.what, elimination=Elimination(last), later=later)
+            made = self._direct or partial(factorise, A, PREFIX, self.what, elimination=Elimination(last), later=later)
+            solver, self.info = made()
             if self.info["code"] in SINGULAR or self.info["negative"] > 0:
                 solver.destroy()
                 raise _NotDefiniteError

@@ -9,14 +9,18 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..assembly.sectors import Sectors
 from ..assembly.system import System
+from ..assembly.wave_matrix import WaveMatrix
 from ..guards.memory import refuse_beyond
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
 from ..parallel.petsc import free
 from .analysis import FactorMemory
+from .dense import add_springs, add_to, entries_owned, frobenius_norm
 from .factor import Factor, FactorCache
 from .mumps import ADVICE
+from .sector_factor import DiameterFactor, SectorFactor
 
 STIFFEST = 1e9  # a spring of a joint over the norm of the stiffness matrix
 
@@ -53,7 +57,7 @@ class Linearised:
         if not self.system.K:
             assert self.springs is not None, "K_L as linearise() makes it"
             self.K_L.copy(result=self.system.K)
-            _add(self.system.K, -self.springs)
+            add_to(self.system.K, -self.springs)
             self.system.K.setOption(PETSc.Mat.Option.SPD, False)
 
     def destroy(self) -> None:
@@ -85,11 +89,13 @@ def linearise(
         raise CaseError(f"R has {system.R.shape[0]} rows for {pairs.n_pairs} pairs; it needs three a pair")
     if system.is_complex:
         system, K_J = system.in_real_form, np.repeat(K_J, 2)
-    size = {name: matrix.norm(PETSc.NormType.FROBENIUS) for name, matrix in (("stiffness", system.K), ("mass", system.M))}
+    size = {name: frobenius_norm(matrix) for name, matrix in (("stiffness", system.K), ("mass", system.M))}
     for name, norm in size.items():
         if not np.isfinite(norm):
             raise CaseError(f"the {name} matrix has entries that are not finite numbers; check the material data and the mesh")
     _refuse_too_stiff(pairs.law.stiffness.ravel(), pairs, size["stiffness"], where)
+    if system.sectors is not None:
+        return _at_diameter(system, joint_stiffness(pairs), where)
     refuse_beyond(system.comm, memory_before_factor(system.K), "K_L, the stiffness with all pairs stuck", ADVICE)
     springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
     K_L = add_springs(system.K, springs)
@@ -101,9 +107,31 @@ def linearise(
         raise CaseError(f"{where}: {problem}" if where else str(problem)) from problem
 
 
+def _at_diameter(system: System, K_J: np.ndarray, where: str) -> Linearised:
+    """Return the stuck structure of a nodal diameter, whose factor is that of the sector.  Collective; raises as linearise()."""
+    sectors, maps = system.sectors, system.maps
+    assert isinstance(sectors, Sectors), "a disc"
+    key = "factor", K_J.tobytes()
+    if key not in sectors.shared:
+        sectors.shared[key] = SectorFactor(sectors, K_J)
+    of_sector: SectorFactor = sectors.shared[key]
+    if maps.is_complex:
+        between = of_sector.springs_between(maps)
+        K_L, springs = WaveMatrix.matrix(of_sector.K_L, sectors.unfolding, maps.phase, between), None
+    else:
+        springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
+        K_L = add_springs(system.K, springs)
+    try:
+        factor = Factor(K_L, system, M=system.M, direct=lambda: DiameterFactor.of(of_sector, maps))
+    except CaseError as problem:
+        K_L.destroy()
+        raise CaseError(f"{where}: {problem}" if where else str(problem)) from problem
+    return Linearised(system, K_L, system.M, factor, springs)
+
+
 def memory_before_factor(K: PETSc.Mat) -> float:
     """Return the largest memory of K_L and the analysis of its factor on this rank [bytes].  Local."""
-    return analysis_of(K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"], K.comm.size)
+    return analysis_of(entries_owned(K), K.comm.size)
 
 
 def analysis_of(entries_owned: float, n_ranks: int) -> float:
@@ -138,25 +166,3 @@ def _refuse_too_stiff(K_J: np.ndarray, pairs: ContactPairs, size: float, where: 
             f"structure's stiffness matrix a norm of {size:.1e} N/m: next to the spring it is lost in rounding; state at most "
             f"{STIFFEST * size / K_J[worst]:.0e} of that stiffness"
         )
-
-
-def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
-    """Return K plus a small symmetric matrix known on every rank, as a new AIJ matrix flagged as SPD.
-
-    Collective on K's communicator.
-    """
-    K_L = K.duplicate(copy=True)
-    _add(K_L, springs)
-    K_L.setOption(PETSc.Mat.Option.SPD, True)
-    return K_L
-
-
-def _add(K: PETSc.Mat, springs: sp.csr_matrix) -> None:
-    """Add a small symmetric matrix known on every rank to K.  Collective on K's communicator."""
-    owned = springs[slice(*K.getOwnershipRange())]
-    owned.sort_indices()
-    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
-    S = PETSc.Mat().createAIJ(K.getSizes(), csr=csr, comm=K.comm)
-    K.axpy(1.0, S, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    S.destroy()
-    K.setOption(PETSc.Mat.Option.SYMMETRIC, True)

@@ -21,7 +21,7 @@ from .analysis import count, factor_memory
 from .bridge import VARIABLE, within_int32
 from .dense import diagonal_owned
 from .inverse_entries import inverse_entries
-from .ordering import Elimination, Order, elimination_order
+from .ordering import Elimination, Order, elimination_order, last_of_all
 from .out_of_core import disks, room_on_disk, usual_folder, write_to_disk
 from .to_owners import ToOwners
 
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from .analysis import FactorMemory, Reports
 
 _ON_DISK = 22  # ICNTL: 1: so
+_SCHUR = 19  # ICNTL: 1: on rank 0
+_REDUCES, _EXPANDS = 1, 2  # ICNTL(26)
 ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
 _GIVEN, _BY_BLOCKS = 1, 1  # ICNTL(7): the order is ours; ICNTL(15): rows of one pattern are analysed as one, half the work
@@ -67,6 +69,8 @@ class MumpsFactor:
     ranges: np.ndarray  # (size + 1,) rows of the ranks
     prefix: str
     order: Order | None = None
+    S: np.ndarray | None = None  # (m, m) Schur complement on the rows not eliminated, its upper triangle, on rank 0; None: none
+    units: np.ndarray | None = None  # (m,) powers of two by which rows and columns of S are scaled; None: 1
     _to_owners: ToOwners | None = field(default=None, repr=False)
 
     @property
@@ -120,11 +124,8 @@ class MumpsFactor:
 
         MUMPS then skips the branches of its elimination tree that B does not touch.
         """
-        within_int32(B.nnz + 1, "entries of right-hand sides")
-        B = sp.csc_matrix(B) if self.comm.rank == 0 else sp.csc_matrix((B.shape[0], 0))
-        m = self.comm.bcast(B.shape[1])
-        starts = (B.indptr + 1).astype(np.int32) if self.comm.rank == 0 else np.empty(0, np.int32)
-        self.mumps.set_sparse(m, starts, (B.indices + 1).astype(np.int32), B.data.astype(float))
+        m = B.shape[1]
+        self._state_sparse(B)
         if self.comm.size > 1:
             return self._distributed(m, kind=1)
         X = np.zeros((self.n_owned, m), order="F")
@@ -132,9 +133,65 @@ class MumpsFactor:
         self._run_solve(kind=1)
         return X
 
+    def _state_sparse(self, B: sp.csc_matrix) -> None:
+        """State sparse right-hand sides, the same on every rank.  Local."""
+        within_int32(B.nnz + 1, "entries of right-hand sides")
+        here, m = self.comm.rank == 0, B.shape[1]
+        B = sp.csc_matrix(B) if here else sp.csc_matrix((B.shape[0], 0))
+        starts = (B.indptr + 1).astype(np.int32) if here else np.empty(0, np.int32)
+        self.mumps.set_sparse(m, starts, (B.indices + 1).astype(np.int32), B.data.astype(float))
+
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
         """Return some entries of A^-1 on rank 0; collective: :func:`.inverse_entries.inverse_entries`."""
         return inverse_entries(self.mumps, self.comm, int(self.ranges[-1]), rows, columns)
+
+    def reduced(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
+        """Return right-hand sides less the forces of the rows that are eliminated, (m, q) on rank 0, (0, q) elsewhere.
+
+        Collective.  B is sparse (n_dof, q), the same on every rank, or this rank's rows.  :meth:`expanded` must come next.
+        """
+        q, size = B.shape[1], self.comm.size
+        if sp.issparse(B):
+            self._state_sparse(B)
+            kind = 1
+        else:
+            kind = 10 if size > 1 else 0
+        if size == 1:
+            X = np.zeros((self.n_owned, q), order="F") if sp.issparse(B) else np.array(B, order="F", dtype=float)
+            self.mumps.set_dense(X)
+        else:
+            if not sp.issparse(B):
+                rows = np.arange(self.ranges[self.comm.rank] + 1, self.ranges[self.comm.rank + 1] + 1, dtype=np.int32)
+                self.mumps.set_distributed(rows, np.array(B, order="F", dtype=float))
+            n_here = self.mumps.info(23)
+            self._rows_here, X = np.zeros(n_here, dtype=np.int32), np.zeros((n_here, q), order="F")
+            self.mumps.set_solution(self._rows_here, X)
+        self._X = X
+        assert self.S is not None, "with a Schur complement"
+        self._reduced = np.zeros((len(self.S), q), order="F")
+        self.mumps.set_reduced(self._reduced)
+        self._half_solve(_REDUCES, kind)
+        return self._reduced
+
+    def expanded(self, x: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of the solution, ``x`` (m, q) in the rows that are not eliminated, on rank 0.  Collective."""
+        self._reduced[:] = x
+        self._half_solve(_EXPANDS, self.mumps.icntl(20))
+        self.mumps.drop_sides()
+        if self.comm.size == 1:
+            return self._X
+        if self._to_owners is None:
+            self._to_owners = ToOwners(self.comm, self.ranges, self._rows_here.astype(np.int64) - 1)
+        return self._to_owners.send(self._X)
+
+    def _half_solve(self, half: int, kind: int) -> None:
+        """Eliminate, or substitute back.  Collective."""
+        self.mumps.set_icntl(20, kind)
+        self.mumps.set_icntl(26, half)
+        code = self.mumps.run(SOLVE)
+        self.mumps.set_icntl(26, 0)
+        if code < 0:
+            raise failure(code, self.mumps.infog(2), "a solve with the factor", self.prefix, int(self.ranges[-1]))
 
     def _distributed(self, m: int, kind: int) -> np.ndarray:
         """Solve; return this rank's rows from where MUMPS leaves them.  Collective."""
@@ -164,6 +221,7 @@ def factorise(
     elimination: Elimination = Elimination(),  # noqa: B008  frozen
     shift: tuple[float, PETSc.Mat] | None = None,
     later: Callable[[FactorMemory], float] | None = None,
+    schur: np.ndarray | None = None,
 ) -> tuple[MumpsFactor, dict[str, Any]]:
     """Factor A, symmetric and positive definite, without pivoting, or find the signs of the pivots of A - sigma M.
 
@@ -178,6 +236,7 @@ def factorise(
     shift : (sigma, M): A - sigma M is factored as L D L^T, every negative pivot counted, those of the last front too, and nothing
         else kept
     later : returns the bytes that this rank needs in addition to the factor, from the size of the factor
+    schur : (m,) rows that are not eliminated, rising: their Schur complement is S of the factor
 
     Returns
     -------
@@ -190,7 +249,7 @@ def factorise(
     CaseError : MUMPS refused its options, or is not the version that this program was built for
     """
     start = perf_counter()
-    factor = analysed(A, prefix, what, elimination=elimination, shift=shift)
+    factor = analysed(A, prefix, what, elimination=elimination, shift=shift, schur=schur)
     try:
         info = _factored(factor, what, later or (lambda _: 0.0))
     except BaseException:
@@ -263,6 +322,7 @@ def analysed(
     *,
     elimination: Elimination = Elimination(),  # noqa: B008  frozen
     shift: tuple[float, PETSc.Mat] | None = None,
+    schur: np.ndarray | None = None,
 ) -> MumpsFactor:
     """Hand a matrix to MUMPS and let it be analysed.  Collective; arguments as of :func:`factorise`."""
     comm = A.comm.tompi4py()
@@ -273,10 +333,18 @@ def analysed(
         starts, columns, entries = on_each(comm, _handed_over, A, shift, scale, what)
         order = elimination.order if mumps.icntl(7) == _GIVEN else None
         if mumps.icntl(7) == _GIVEN and order is None:
-            order = elimination_order(
-                comm, (starts, columns), np.empty(0, dtype=int) if elimination.last is None else elimination.last
-            )
+            last = elimination.last if schur is None else schur
+            order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if last is None else last, schur is None)
         del starts, columns
+        if schur is not None:
+            order = None if order is None else last_of_all(order, schur)
+            S: np.ndarray | None = np.zeros((len(schur) * (comm.rank == 0),) * 2, order="F")
+            units_of_rows = scale[schur] if len(scale) else None
+            mumps.set_schur((schur + 1).astype(np.int32), S)
+            mumps.set_icntl(_SCHUR, 1)
+            mumps.set_icntl(15, 0)
+        else:
+            S = units_of_rows = None
         if order is not None:
             mumps.set_order(order.places, order.starts)
         elif mumps.icntl(15) == _BY_BLOCKS:
@@ -287,7 +355,7 @@ def analysed(
     except BaseException:
         mumps.end()
         raise
-    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order)
+    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order, S, units_of_rows)
 
 
 def _started(comm: MPI.Comm, sym: int) -> Instance:

@@ -34,7 +34,7 @@ class Elimination:
     order: Order | None = None  # the whole order, from a factor of a matrix with the same pattern
 
 
-def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
+def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray, is_bounded: bool = True) -> Order:
     """Return the order of elimination.
 
     Collective on ``comm``: one gather of a third of the pattern.
@@ -43,7 +43,7 @@ def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
     ----------
     rows : pattern of this rank's rows of a symmetric matrix
     last : (m,) global rows that come after all others, unless they are so many that the front of them would be larger than
-        those of a solid: n^(2/3)
+        those of a solid, n^(2/3), and ``is_bounded``
     """
     gathered = comm.gather((len(rows[0]) - 1, *_groups(*rows)))
 
@@ -56,7 +56,7 @@ def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
         group = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, n)))
         graph = _graph_of_groups(group, np.concatenate(counts), np.concatenate(columns))
         is_last = np.zeros(len(firsts), dtype=bool)
-        is_last[group[last if len(last) <= n ** (2.0 / 3.0) else []]] = True
+        is_last[group[last if len(last) <= n ** (2.0 / 3.0) or not is_bounded else []]] = True
         place = np.empty(len(firsts), dtype=np.int64)
         place[np.concatenate([_dissected(graph, np.flatnonzero(~is_last)), np.flatnonzero(is_last)])] = np.arange(len(firsts))
         positions = np.empty(n, dtype=np.int32)
@@ -65,6 +65,19 @@ def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
 
     nothing = np.empty(0, dtype=np.int32)
     return on_root(comm, order, share=False) or Order(nothing, nothing)
+
+
+def last_of_all(order: Order, rows: np.ndarray) -> Order:
+    """Return the order with some rows at its end, (m,), as they come; without groups.  Local."""
+    n = len(order.places)
+    if n == 0:
+        return order
+    sequence = np.argsort(order.places)
+    is_last: np.ndarray = np.zeros(n, dtype=bool)
+    is_last[rows] = True
+    places = np.empty(n, dtype=np.int32)
+    places[np.concatenate([sequence[~is_last[sequence]], rows])] = np.arange(1, n + 1)
+    return Order(places, np.empty(0, dtype=np.int32))
 
 
 def _groups(starts: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

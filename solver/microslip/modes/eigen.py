@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..linear.dense import column_norms, gram, multiply
+from ..linear.sector_factor import DiameterFactor
 from ..messages.errors import CaseError, ConvergenceError
 from .inertia import count_below, find_gap
 from .lapack import dense_modes
@@ -121,7 +122,15 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int, copies: int 
 def _count_below(linearised: Linearised, sigma: float) -> int:
     """Return how many elastic modes have omega_n^2 below ``sigma`` [rad2/s2].  Collective: one factorisation."""
     factor = linearised.factor
+    if isinstance(factor.solver, DiameterFactor):
+        return factor.solver.count_below(sigma)
     return count_below(linearised.K_L, linearised.M, sigma, factor.solver.order) - factor.n_rigid
+
+
+def _shifts(linearised: Linearised) -> tuple[float, ...]:
+    """Return the shifts at which counts come cheap.  Local."""
+    solver = linearised.factor.solver
+    return solver.of_sector.shifts if isinstance(solver, DiameterFactor) else ()
 
 
 def _proof(n_below: int, sigma: float) -> dict[str, Any]:
@@ -149,7 +158,7 @@ def _solve(
             )
         if not verify or info.get("complete"):
             return theta, phi_owned, info
-        n_below, sigma = find_gap(1.0 / theta, n_modes)
+        n_below, sigma = find_gap(1.0 / theta, n_modes, _shifts(linearised))
         missing = _count_below(linearised, sigma) - n_below
         if missing == 0:
             return theta, phi_owned, info | _proof(n_below, sigma)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from petsc4py import PETSc
 
@@ -13,12 +15,17 @@ from ..messages.errors import ConvergenceError
 _GAP = 1e-6  # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
 
 
-def find_gap(eigenvalues: np.ndarray, n_wanted: int) -> tuple[int, float]:
+def find_gap(eigenvalues: np.ndarray, n_wanted: int, shifts: Sequence[float] = ()) -> tuple[int, float]:
     """Return (n_below, sigma): a count of n_below modes below sigma proves that the first ``n_wanted`` are the lowest.  Local.
 
     Sigma lies in the first gap above them.  If they end in a cluster without an end in sight, it lies just below the
-    cluster: any of its modes are as good as others.  ``eigenvalues`` (n,) omega_n^2 rising, [rad2/s2].
+    cluster: any of its modes are as good as others.  ``eigenvalues`` (n,) omega_n^2 rising, [rad2/s2].  One of some ``shifts`` is
+    preferred where it lies in a gap above the wanted modes.
     """
+    for sigma in shifts:
+        n_below = int(np.searchsorted(eigenvalues, sigma))
+        if n_wanted <= n_below < len(eigenvalues) and np.abs(eigenvalues - sigma).min() > _GAP * sigma:
+            return n_below, sigma
     is_gap = np.append(np.diff(eigenvalues) > _GAP * eigenvalues[1:], False)
     above = np.flatnonzero(is_gap[n_wanted - 1 :])
     if len(above):

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 from petsc4py import PETSc
 
+from ..linear.dense import explicit
 from ..messages.errors import CaseError
 from ..parallel.agree import on_root
 
@@ -73,13 +74,16 @@ def _rank(M: np.ndarray) -> int:
 
 def gathered(A: PETSc.Mat) -> np.ndarray | None:
     """Return a small matrix as a full array on rank 0, None elsewhere.  Collective."""
+    A_with_entries = explicit(A)
     n = A.getSize()[0]
     everything = np.arange(n if A.comm.rank == 0 else 0, dtype=PETSc.IntType)
     rows = PETSc.IS().createGeneral(everything, comm=PETSc.COMM_SELF)
-    (local,) = A.createSubMatrices(rows, rows)
+    (local,) = A_with_entries.createSubMatrices(rows, rows)
     indptr, columns, values = local.getValuesCSR()
     full = np.zeros((len(everything), len(everything)))
     full[np.repeat(np.arange(len(everything)), np.diff(indptr)), columns] = values
     local.destroy()
     rows.destroy()
+    if A_with_entries is not A:
+        A_with_entries.destroy()
     return full if A.comm.rank == 0 else None

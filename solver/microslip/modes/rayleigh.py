@@ -14,7 +14,8 @@ import numpy as np
 import scipy.linalg
 from petsc4py import PETSc
 
-from ..linear.dense import gram, multiply
+from ..assembly.real_form import complex_columns
+from ..linear.dense import gram, multiply, wave_matrix
 from ..parallel.ownership import summed
 from ._energies import energies
 
@@ -61,7 +62,17 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
         return eigenvalues
     eigenvalues = eigenvalues.copy()
     X_owned = phi_owned[:, noisy]
-    eigenvalues[noisy] = sum(comm.allgather(_energies(linearised.K_L, X_owned, np.concatenate(comm.allgather(X_owned)))))
+    wave = wave_matrix(linearised.K_L)
+    if wave is None:
+        eigenvalues[noisy] = sum(comm.allgather(_energies(linearised.K_L, X_owned, np.concatenate(comm.allgather(X_owned)))))
+        return eigenvalues
+    Z_owned = complex_columns(X_owned)
+    V_owned = wave.unfolded(Z_owned)
+    of_sector = sum(
+        np.sum(comm.allgather(_energies(wave.A, part, np.concatenate(comm.allgather(part)))), axis=0)
+        for part in (V_owned.real, V_owned.imag)
+    )
+    eigenvalues[noisy] = of_sector + wave.added_energy(Z_owned)
     return eigenvalues
 
 

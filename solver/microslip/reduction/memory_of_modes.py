@@ -6,6 +6,7 @@ from petsc4py import PETSc
 
 from ..guards.memory import refuse_beyond
 from ..linear.analysis import FactorMemory
+from ..linear.dense import entries_owned
 from ..linear.joint_springs import Linearised
 from ..modes.shift_invert import basis_size
 from .settings import ReductionSettings
@@ -27,7 +28,7 @@ def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMem
     n_owned, n_dof = K.getLocalSize()[0], K.getSize()[0]
     n_modes = min(settings.modes or PICKED, n_dof)
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
-    entries = K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
+    entries = entries_owned(K)
     proof = 0.0 if factor is None or not settings.verify_modes else of_proof(entries, factor.out_of_core)
     return vectors + max(proof, SHARPENED)
 

@@ -1,0 +1,229 @@
+"""Matrices of one nodal diameter as products with the matrix of a sector, K(d) = P(d)^H K P(d) (docs/theory.md, eq. 14.6).
+
+The sector's matrix has the rows of both faces; P(d) = P_0 + exp(i d alpha) P_1 makes the high face follow the low one.  Nothing
+of the size of the sector is made for a nodal diameter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+from petsc4py import PETSc
+
+from .real_form import complex_columns, real_columns, real_matrix, real_rows
+
+
+@dataclass(frozen=True, eq=False)
+class Unfolding:
+    """P_0 and P_1: the rows of a sector with both faces, (n_v,), from those without the high one, (n_w,).
+
+    On each rank the rows of the sector are those of w, and then its rows of the high face.
+    """
+
+    P: tuple[sp.csr_matrix, sp.csr_matrix]  # (n_v, n_w) both, the same on every rank
+    w_ranges: np.ndarray  # (size + 1,) rows of the ranks without the high face
+    v_ranges: np.ndarray  # (size + 1,) and with it
+    _matrices: dict[str, PETSc.Mat] = field(default_factory=dict, repr=False)
+
+    def at(self, phase: complex) -> sp.csr_matrix:
+        """Return P(d), complex where the phase is.  Local."""
+        return (self.P[0] + phase * self.P[1]).tocsr()
+
+    def rows_of_w(self, columns: np.ndarray) -> np.ndarray:
+        """Return the rows of the sector of some rows of w.  Local."""
+        rank = np.searchsorted(self.w_ranges, columns, side="right") - 1
+        return columns + (self.v_ranges - self.w_ranges)[rank]
+
+    def follow(self, comm, W_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of the high face of P_1 W, real.  Collective."""
+        return _times(self._of_high(comm), W_owned)
+
+    def lead(self, comm, H_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of P_1^T applied to rows of the high face, real.  Collective."""
+        self._of_high(comm)
+        return _times(self._matrices["lead"], H_owned)
+
+    def _of_high(self, comm) -> PETSc.Mat:
+        """Return the high rows of P_1; made once, with the transpose.  Collective where it is new."""
+        if not self._matrices:
+            w, v = self.w_ranges, self.v_ranges
+            r = comm.rank
+            high = np.concatenate([np.arange(v[k] + w[k + 1] - w[k], v[k + 1]) for k in range(comm.size)]).astype(int)
+            n_before = (v - w).astype(int)
+            rows = self.P[1][high]
+            self._matrices["follow"] = _distributed(rows[n_before[r] : n_before[r + 1]], int(w[r + 1] - w[r]), comm)
+            self._matrices["lead"] = _distributed(rows.T.tocsr()[w[r] : w[r + 1]], int(n_before[r + 1] - n_before[r]), comm)
+        return self._matrices["follow"]
+
+    def destroy(self) -> None:
+        """Free PETSc's matrices.  Collective."""
+        for matrix in self._matrices.values():
+            matrix.destroy()
+        self._matrices.clear()
+
+
+class WaveMatrix:
+    """P(d)^H A P(d) + B with a complex phase, in real form: the context of a PETSc matrix of type "python".
+
+    Parameters
+    ----------
+    A : (n_v, n_v) symmetric, of the sector
+    added : (n_w, n_w) Hermitian B, the same on every rank: springs to the next sector; None: none
+    """
+
+    def __init__(self, A: PETSc.Mat, unfolding: Unfolding, phase: complex, added: sp.csr_matrix | None = None):
+        self.A, self.unfolding, self.phase = A, unfolding, phase
+        self.comm = A.comm.tompi4py()
+        first, last = unfolding.w_ranges[self.comm.rank : self.comm.rank + 2]
+        self._n_owned = int(last - first)
+        self._added = None if added is None or not added.nnz else added
+        if self._added is not None:
+            self._seen = np.unique(self._added.indices)
+            self._added_owned = self._added[first:last][:, self._seen]
+            self._seen_owned = (self._seen >= first) & (self._seen < last)
+            self._places = self._seen[self._seen_owned] - first
+
+    @classmethod
+    def matrix(cls, A: PETSc.Mat, unfolding: Unfolding, phase: complex, added: sp.csr_matrix | None = None) -> PETSc.Mat:
+        """Return it as a PETSc matrix (2 n_w, 2 n_w).  Collective."""
+        context = cls(A, unfolding, phase, added)
+        sizes = (2 * context._n_owned, 2 * int(unfolding.w_ranges[-1]))
+        matrix = PETSc.Mat().createPython((sizes, sizes), context, comm=A.comm)
+        matrix.setUp()
+        return matrix
+
+    def unfolded(self, X_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of P(d) X, complex (n_v_owned, m).  Collective."""
+        of_high = _complex(self.unfolding.follow(self.comm, np.hstack([X_owned.real, X_owned.imag])))
+        return np.vstack([X_owned, self.phase * of_high])
+
+    def folded(self, Y_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of P(d)^H Y, complex (n_w_owned, m).  Collective."""
+        of_high = np.conj(self.phase) * Y_owned[self._n_owned :]
+        return Y_owned[: self._n_owned] + _complex(self.unfolding.lead(self.comm, np.hstack([of_high.real, of_high.imag])))
+
+    def multiply(self, X_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of the product with complex columns (n_w_owned, m).  Collective."""
+        V_owned = self.unfolded(X_owned)
+        product = self.folded(_complex(_times(self.A, np.hstack([V_owned.real, V_owned.imag]))))
+        return product if self._added is None else product + self._added_owned @ self._of_all(X_owned)
+
+    def _of_all(self, X_owned: np.ndarray) -> np.ndarray:
+        """Return the rows of X that B sees, of all ranks.  Collective: a sum."""
+        rows: np.ndarray = np.zeros((len(self._seen), X_owned.shape[1]), dtype=complex)
+        rows[self._seen_owned] = X_owned[self._places]
+        return self.comm.allreduce(rows)
+
+    def added_energy(self, X_owned: np.ndarray) -> np.ndarray:
+        """Return x^H B x of the columns, (m,), the same on every rank.  Collective: a sum."""
+        if self._added is None:
+            return np.zeros(X_owned.shape[1])
+        X = self._of_all(X_owned)
+        return np.einsum("im,im->m", X.conj(), self._added[self._seen][:, self._seen] @ X).real
+
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Multiply a vector in real form: what PETSc calls.  Collective."""
+        y.setArray(real_columns(self.multiply(complex_columns(x.getArray()[:, None])))[:, 0])
+
+    multTranspose = mult
+
+    def getDiagonal(self, matrix: PETSc.Mat, diagonal: PETSc.Vec) -> None:  # noqa: N802  PETSc's name
+        """Write the diagonal, at the faces without the coupling of the two faces of one sector.  Collective."""
+        of_sector = self.A.getDiagonal()
+        values = of_sector.getArray()
+        here = values[: self._n_owned, None].copy()
+        here += _times(self._of_squares(), values[self._n_owned :, None])
+        of_sector.destroy()
+        if self._added is not None:
+            first = self.unfolding.w_ranges[self.comm.rank]
+            here[:, 0] += self._added.diagonal().real[first : first + self._n_owned]
+        diagonal.setArray(np.repeat(here[:, 0], 2))
+
+    def _of_squares(self) -> PETSc.Mat:
+        """Return the squares of the entries of P_1^T.  Collective."""
+        squared = self.unfolding._matrices.get("squared")
+        if squared is None:
+            self.unfolding._of_high(self.comm)
+            lead = self.unfolding._matrices["lead"]
+            starts, columns, values = lead.getValuesCSR()
+            squared = PETSc.Mat().createAIJ(lead.getSizes(), csr=(starts, columns, values**2), comm=lead.comm)
+            self.unfolding._matrices["squared"] = squared
+        return squared
+
+    def explicit(self) -> PETSc.Mat:
+        """Return the matrix in real form with all of its entries, for small structures and for messages.  Collective."""
+        P = self.unfolding.at(self.phase)
+        r = self.comm.rank
+        owned = P[self.unfolding.v_ranges[r] : self.unfolding.v_ranges[r + 1]]
+        real, imaginary = (_distributed(part.tocsr(), self._n_owned, self.comm) for part in (owned.real, owned.imag))
+        return _projected_in_real_form(self.A, real, imaginary, self._added, self.comm)
+
+
+def _projected_in_real_form(A: PETSc.Mat, P: PETSc.Mat, Q: PETSc.Mat, added: sp.csr_matrix | None, comm) -> PETSc.Mat:
+    """Return T^H A T + B in real form, T = P + i Q: P^T A P + Q^T A Q + i (P^T A Q - Q^T A P).  Collective; destroys P and Q."""
+    AP, AQ = A.matMult(P), A.matMult(Q)
+    real, more, imaginary = P.transposeMatMult(AP), Q.transposeMatMult(AQ), P.transposeMatMult(AQ)
+    real.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    other = imaginary.transpose(PETSc.Mat())
+    imaginary.axpy(-1.0, other, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    owned = real_rows(*(_owned_rows(part) for part in (real, imaginary)))
+    if added is not None:
+        first, last = real.getOwnershipRange()
+        owned = (owned + real_matrix(added[first:last])).tocsr()
+        owned.sort_indices()
+    for operand in (P, Q, AP, AQ, real, more, imaginary, other):
+        operand.destroy()
+    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
+    explicit = PETSc.Mat().createAIJ(((owned.shape[0], None), (owned.shape[0], None)), csr=csr, comm=comm)
+    explicit.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    return explicit
+
+
+def projected(A: PETSc.Mat, unfolding: Unfolding, phase: float) -> PETSc.Mat:
+    """Return P(d)^T A P(d) of a real phase, (n_w, n_w).  Collective."""
+    comm = A.comm.tompi4py()
+    r, (w, v) = comm.rank, (unfolding.w_ranges, unfolding.v_ranges)
+    P = _distributed(unfolding.at(phase)[v[r] : v[r + 1]], int(w[r + 1] - w[r]), comm)
+    right = A.matMult(P)
+    product = P.transposeMatMult(right)
+    for operand in (P, right):
+        operand.destroy()
+    for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
+        product.setOption(option, True)
+    return product
+
+
+def _owned_rows(matrix: PETSc.Mat) -> sp.csr_matrix:
+    """Return this rank's rows of a matrix, (n_owned, n), columns rising.  Local."""
+    starts, columns, values = matrix.getValuesCSR()
+    rows = sp.csr_matrix((values, columns, starts), (len(starts) - 1, matrix.getSize()[1]))
+    rows.eliminate_zeros()
+    rows.sort_indices()
+    return rows
+
+
+def _distributed(owned: sp.csr_matrix, n_columns_owned: int, comm) -> PETSc.Mat:
+    """Return the matrix of which these are this rank's rows.  Collective."""
+    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data.astype(float))
+    return PETSc.Mat().createAIJ(((owned.shape[0], None), (n_columns_owned, None)), csr=csr, comm=comm)
+
+
+def _complex(X: np.ndarray) -> np.ndarray:
+    """Return complex columns from the real parts of all and then the imaginary ones.  Local."""
+    m = X.shape[1] // 2
+    return X[:, :m] + 1j * X[:, m:]
+
+
+def _times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
+    """Return this rank's rows of A X, real (n_owned, m).  Collective."""
+    n_owned, m = X_owned.shape
+    block = np.asfortranarray(X_owned, dtype=float)
+    X = PETSc.Mat().createDense(((n_owned, None), (None, m)), array=block, comm=A.comm)
+    X.assemble()
+    AX = A.matMult(X)
+    product = np.array(AX.getDenseArray(), order="F")
+    AX.destroy()
+    X.destroy()
+    return product

@@ -1,0 +1,381 @@
+"""The factor of a sector between its faces, which all nodal diameters of a disc share (docs/theory.md, eqs. 14.6 to 14.9).
+
+The rows between the faces are eliminated once.  The Schur complement S on both faces is real; that of a nodal diameter is
+P(d)^H S P(d), a complex Hermitian matrix of the size of one face.  The rows of a joint are eliminated last, from S, so that
+static columns of its pairs are products of small matrices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from petsc4py import PETSc
+from scipy.linalg import lapack
+
+from ..assembly.sectors import Sectors
+from ..guards.memory import refuse_beyond
+from ..messages.errors import CaseError, ConvergenceError
+from ..parallel.agree import on_root
+from ..parallel.petsc import free
+from . import bridge, mumps
+from .dense import add_springs
+from .ordering import Order
+
+if TYPE_CHECKING:
+    from ..assembly.system import System
+
+_PREFIX, _OF_INERTIA = "static_", "modes_inertia_"  # of the PETSc options
+_LARGE = "the two faces of [cyclic] with {} degrees of freedom"
+_FEWER = "mesh the faces of the sector more coarsely, or lay them where the sector is thinner"
+
+
+@dataclass(frozen=True, eq=False)
+class Boundary:
+    """The rows of a sector that are not eliminated; ``joint`` come first, then ``faces``, both rising, of the sector's rows."""
+
+    faces: np.ndarray  # (n_f,) both faces, and the pairs between sectors
+    joint: np.ndarray  # (n_j,) of pairs within the sector, where they are few
+    leading: np.ndarray  # (n_wf,) rows of w that the faces depend on
+    P: tuple[sp.csr_matrix, sp.csr_matrix]  # (n_f, n_wf) of eq. (14.6)
+
+    @classmethod
+    def of(cls, sectors: Sectors, K_J: np.ndarray) -> Boundary:
+        """Return the boundary of a sector, for springs ``K_J`` (3 n_pairs,) of its pairs.  Local; the same on every rank."""
+        unfolding, R, R_next = sectors.unfolding, (sectors.sector.R @ sectors.T).tocsr(), (sectors.R_next @ sectors.T).tocsr()
+        P_0, P_1 = unfolding.P
+        between = np.diff(R_next.indptr) > 0
+        of_pairs = np.union1d(R[between].indices, R_next.indices)
+        followed = unfolding.rows_of_w(np.unique(P_1.indices))
+        high = np.flatnonzero(np.diff(P_1.indptr))
+        is_of_high = np.zeros(P_0.shape[0], dtype=bool)
+        is_of_high[np.flatnonzero(np.diff(P_0.indptr) == 0)] = True  # fixed at the other face, too
+        faces = np.unique(np.concatenate([of_pairs, followed, high, np.flatnonzero(is_of_high)])).astype(int)
+        joint = np.setdiff1d(R[~between].indices, faces)
+        joint = joint if len(joint) <= P_0.shape[0] ** (2.0 / 3.0) else joint[:0]
+        leading = np.unique(np.concatenate([P_0[faces].indices, P_1[faces].indices]))
+        return cls(faces, joint, leading, (P_0[faces][:, leading].tocsr(), P_1[faces][:, leading].tocsr()))
+
+    @property
+    def rows(self) -> np.ndarray:
+        """All of them, (n_j + n_f,)."""
+        return np.concatenate([self.joint, self.faces])
+
+    def at(self, phase: complex) -> sp.csr_matrix:
+        """Return P(d) of the faces, (n_f, n_wf).  Local."""
+        return (self.P[0] + phase * self.P[1]).tocsr()
+
+
+class SectorFactor:
+    """K_L of a sector with both faces free: its factor between the boundary, and the Schur complement on that.
+
+    All methods are collective.
+
+    Attributes
+    ----------
+    K_L : PETSc.Mat (n_v, n_v), with the springs of the pairs within the sector
+    info : MUMPS' report
+    """
+
+    def __init__(self, sectors: Sectors, K_J: np.ndarray):
+        """Factor.  Collective.
+
+        Raises
+        ------
+        CaseError : MUMPS cannot be called
+        ResourceError : not enough memory; on every rank
+        """
+        self.sectors, self.K_J, system = sectors, K_J, sectors.sector
+        self.comm = system.comm
+        if not bridge.is_there(self.comm):
+            raise CaseError("[cyclic]: without the bridge to MUMPS discs are not computed; install microslip with MUMPS' headers")
+        R, is_within = (system.R @ sectors.T).tocsr(), np.diff(sectors.R_next.indptr) == 0
+        self.K_L = add_springs(system.K, (R.T @ sp.diags(K_J * is_within) @ R).tocsr())
+        self.boundary = Boundary.of(sectors, K_J)
+        n_f, n_j = len(self.boundary.faces), len(self.boundary.joint)
+        room = 8.0 * (3.0 * (n_f + n_j) ** 2) * (self.comm.rank == 0)
+        refuse_beyond(self.comm, room, _LARGE.format(n_f), _FEWER)
+        self.interior: _Interior = _interior(self.K_L, self.boundary.rows, None)
+        self.info = self.interior.info
+        self.is_definite = self.info["code"] == 0 and self.info["negative"] == 0 and self._eliminate_joint(n_j)
+        self._counts: dict[float, _Inertia] = {}
+
+    def _eliminate_joint(self, n_j: int) -> bool:
+        """Eliminate the rows of the joint from S; return whether they are definite.  Collective."""
+
+        def eliminated() -> tuple[Any, ...] | None:
+            S = self.interior.S
+            try:
+                L = scipy.linalg.cholesky(S[:n_j, :n_j]).T if n_j else np.zeros((0, 0))
+            except np.linalg.LinAlgError:
+                return None
+            X = _substituted(L, S[:n_j, n_j:])
+            return L, X, _both_triangles(S[n_j:, n_j:]) - X.T @ X
+
+        self.dense = on_root(self.comm, eliminated, share=False)
+        return bool(self.comm.bcast(self.dense is not None))
+
+    def count_below(self, sigma: float, system: System) -> int:
+        """Return how many eigenvalues of a nodal diameter lie below ``sigma``: one factorisation for each new sigma.  Collective.
+
+        Raises
+        ------
+        ConvergenceError : sigma is an eigenvalue to working precision; on every rank
+        """
+        if sigma not in self._counts:
+            self._counts[sigma] = _Inertia(self, sigma)
+        return self._counts[sigma].count(system)
+
+    @property
+    def shifts(self) -> tuple[float, ...]:
+        """The shifts that there is a factor for."""
+        return tuple(self._counts)
+
+    def springs_between(self, system: System) -> sp.csr_matrix:
+        """Return the springs to the next sector at a nodal diameter, (n_w, n_w) Hermitian.  Local."""
+        of_pairs = self.K_J * (np.diff(self.sectors.R_next.indptr) > 0)
+        return (system.R.conj().T @ sp.diags(of_pairs) @ system.R).tocsr()
+
+    def destroy(self) -> None:
+        """Free the factors and K_L.  Collective."""
+        self.interior.destroy()
+        free(self.K_L)
+
+
+@dataclass(eq=False)
+class _Interior:
+    """The factor between the boundary, or only the signs of its pivots, and the Schur complement; without any rows, S alone."""
+
+    S: np.ndarray  # on rank 0: the upper triangle
+    info: dict[str, Any]
+    factor: mumps.MumpsFactor | None
+    order: Order | None = None
+
+    def destroy(self) -> None:
+        """Free the factor.  Collective."""
+        if self.factor is not None:
+            self.factor.destroy()
+
+
+def _interior(A: PETSc.Mat, boundary: np.ndarray, shift: tuple[float, PETSc.Mat] | None) -> _Interior:
+    """Eliminate all rows but those of the boundary from A, or from A - sigma M, scaled by powers of two.  Collective."""
+    if len(boundary) == A.getSize()[0]:
+        return _Interior(*_without_interior(A, boundary, shift), None)
+    prefix, what = (_PREFIX, "K_L of the sector") if shift is None else (_OF_INERTIA, "K_L - sigma M of the sector")
+    factor, info = mumps.factorise(A, prefix, what, shift=shift, schur=boundary)
+    assert factor.S is not None, "with a Schur complement"
+    S, units = factor.S, factor.units
+    return _Interior(S if units is None or not len(S) else S / units[:, None] / units, info, factor)
+
+
+def _without_interior(
+    A: PETSc.Mat, boundary: np.ndarray, shift: tuple[float, PETSc.Mat] | None
+) -> tuple[np.ndarray, dict[str, Any]]:
+    """Return A, or A - sigma M, where its faces are all of it, and a report.  Collective."""
+
+    def dense(matrix: PETSc.Mat) -> np.ndarray:
+        starts, columns, values = matrix.getValuesCSR()
+        rows = matrix.comm.tompi4py().gather(sp.csr_matrix((values, columns, starts), (len(starts) - 1, matrix.getSize()[1])))
+        return np.zeros((0, 0)) if rows is None else sp.vstack(rows).toarray()[np.ix_(boundary, boundary)]
+
+    S = dense(A) if shift is None else dense(A) - shift[0] * dense(shift[1])
+    none = {
+        "code": 0,
+        "negative": 0,
+        "null": 0,
+        "entries": 0,
+        "ordering": "none",
+        "memory_MB": 0,
+        "memory_max_MB": 0,
+        "flops": 0.0,
+    }
+    return np.asfortranarray(S), none | {"package": "mumps", "seconds": 0.0, "out_of_core": False, "messages": ()}
+
+
+class _Inertia:
+    """Negative pivots of K_L - sigma M of a sector between its faces, and the Schur complement, for all nodal diameters."""
+
+    def __init__(self, of_sector: SectorFactor, sigma: float):
+        """Eliminate.  Collective: one factorisation."""
+        self.of_sector, self.sigma = of_sector, sigma
+        interior = _interior(of_sector.K_L, of_sector.boundary.faces, (sigma, of_sector.sectors.sector.M))
+        interior.destroy()
+        if interior.info["code"] in mumps.SINGULAR or interior.info["null"] > 0:
+            raise ConvergenceError(
+                f"modes: K_L - sigma M of the sector is singular at sigma = {sigma:.6e} rad2/s2, so that its negative pivots "
+                "prove nothing; ask for one [solver] mode more or less"
+            )
+        self.n_between, self.S = interior.info["negative"], _both_triangles(interior.S)
+
+    def count(self, system: System) -> int:
+        """Return the number of eigenvalues below sigma at a nodal diameter.  Collective."""
+        of_sector, phase = self.of_sector, system.phase
+        between = of_sector.springs_between(system)
+
+        def negative() -> int:
+            S = _of_diameter(self.S, of_sector.boundary, phase, between)
+            scale = np.exp2(-np.round(0.5 * np.log2(np.maximum(np.abs(S.diagonal()), np.finfo(float).tiny))))
+            return negative_eigenvalues(scale[:, None] * S * scale)
+
+        return self.n_between + on_root(of_sector.comm, negative)
+
+
+def _substituted(L: np.ndarray, B: np.ndarray, trans: int = 0) -> np.ndarray:
+    """Return L^-1 B of a lower triangle, or L^-T B; LAPACK refuses those without rows.  Local."""
+    return scipy.linalg.solve_triangular(L, B, lower=True, trans=trans) if len(L) else B
+
+
+def _both_triangles(S: np.ndarray) -> np.ndarray:
+    """Return a symmetric matrix from its upper triangle.  Local."""
+    return np.triu(S) + np.triu(S, 1).T
+
+
+def _of_diameter(S: np.ndarray, boundary: Boundary, phase: complex, between: sp.csr_matrix) -> np.ndarray:
+    """Return P(d)^H S P(d) with the springs to the next sector, (n_wf, n_wf), eq. (14.8).  Local."""
+    P = boundary.at(phase)
+    right = (P.T @ S.T).T  # S is symmetric
+    product = P.conj().T @ right
+    if between.nnz:
+        product = product + between[boundary.leading][:, boundary.leading].toarray()
+    return np.asfortranarray(product)
+
+
+def negative_eigenvalues(S: np.ndarray) -> int:
+    """Return how many eigenvalues of a symmetric or Hermitian matrix are negative: the signs of its pivots by LAPACK.  Local."""
+    if len(S) == 0:
+        return 0
+    factor = lapack.zhetrf if np.iscomplexobj(S) else lapack.dsytrf
+    pivots, blocks, _ = factor(S, lower=1)
+    is_single = blocks > 0
+    return int(np.count_nonzero(pivots.diagonal().real[is_single] < 0.0) + np.count_nonzero(~is_single) // 2)
+
+
+@dataclass(eq=False)
+class DiameterFactor:
+    """The factor of K_L(d), a :class:`.direct.DirectSolver`: that of the sector, and of the small Schur complement.
+
+    Rows are those of K_L(d), in real form where the phase is complex.
+    """
+
+    of_sector: SectorFactor
+    system: System  # of the nodal diameter, with its own maps
+    L: np.ndarray | None  # of P(d)^H S P(d), on rank 0
+    order: Order | None = None
+    _is_open: bool = field(default=True, repr=False)
+
+    @classmethod
+    def of(cls, of_sector: SectorFactor, system: System) -> tuple[DiameterFactor, dict[str, Any]]:
+        """Return the factor and its report; "code" is one of MUMPS' where there is none.  Collective."""
+        between = of_sector.springs_between(system)
+
+        def factored() -> np.ndarray | None:
+            assert of_sector.dense is not None, "of a definite matrix"
+            S = _of_diameter(of_sector.dense[2], of_sector.boundary, system.phase, between)
+            try:
+                return scipy.linalg.cholesky(S, lower=True, overwrite_a=True)
+            except np.linalg.LinAlgError:
+                return None
+
+        L = on_root(of_sector.comm, factored, share=False) if of_sector.is_definite else None
+        is_definite = of_sector.is_definite and bool(of_sector.comm.bcast(L is not None))
+        info = dict(of_sector.info) | {"shared": len(of_sector.boundary.leading)}
+        return cls(of_sector, system, L), info | ({"negative": 0} if is_definite else {"code": mumps.SINGULAR[-1]})
+
+    @property
+    def _is_complex(self) -> bool:
+        return self.system.is_complex
+
+    def solve(self, B_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.  Collective."""
+        unfolding, comm = self.of_sector.sectors.unfolding, self.of_sector.comm
+        parts = np.hstack([B_owned[0::2], B_owned[1::2]]) if self._is_complex else B_owned
+        n_high = np.diff(unfolding.v_ranges - unfolding.w_ranges)[comm.rank]
+        return self._solved(np.vstack([parts, np.zeros((n_high, parts.shape[1]))]))
+
+    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
+        """Return the same for sparse B (n_dof, m), the same on every rank.  Collective."""
+        B, unfolding = B.tocsr(), self.of_sector.sectors.unfolding
+        parts = sp.hstack([B[0::2], B[1::2]]) if self._is_complex else B
+        parts = parts.tocoo()
+        rows = unfolding.rows_of_w(parts.row)
+        return self._solved(sp.csc_matrix((parts.data, (rows, parts.col)), (int(unfolding.v_ranges[-1]), parts.shape[1])))
+
+    def _solved(self, F: np.ndarray | sp.csc_matrix) -> np.ndarray:
+        """Return the solution for forces on the sector's rows, real and then imaginary parts.  Collective."""
+        interior, comm = self.of_sector.interior.factor, self.of_sector.comm
+        boundary, unfolding = self.of_sector.boundary, self.of_sector.sectors.unfolding
+        rows = boundary.rows
+        w_owned = int(np.diff(unfolding.w_ranges)[comm.rank])
+        if interior is None:
+            gathered = comm.gather(F) if not sp.issparse(F) else [F.toarray()]
+            x = np.empty((0, F.shape[1]))
+            if comm.rank == 0:
+                of_all = np.concatenate(gathered)
+                x = np.zeros_like(of_all)
+                x[rows] = self._on_boundary(of_all[rows])
+            X_owned = comm.bcast(x)[unfolding.v_ranges[comm.rank] :][:w_owned]
+        else:
+            reduced = interior.reduced(F)
+            X_owned = interior.expanded(self._on_boundary(reduced) if comm.rank == 0 else reduced)[:w_owned]
+        if not self._is_complex:
+            return X_owned
+        m = X_owned.shape[1] // 2
+        real: np.ndarray = np.empty((2 * w_owned, m), order="F")
+        real[0::2], real[1::2] = X_owned[:, :m], X_owned[:, m:]
+        return real
+
+    def _on_boundary(self, F: np.ndarray) -> np.ndarray:
+        """Return the solution on the boundary for forces there, real and then imaginary parts where complex.  Local, rank 0."""
+        if not self._is_complex:
+            return self.solved_on_boundary(F)
+        m = F.shape[1] // 2
+        x = self.solved_on_boundary(F[:, :m] + 1j * F[:, m:])
+        return np.hstack([x.real, x.imag])
+
+    def solved_on_boundary(self, F: np.ndarray) -> np.ndarray:
+        """Return S(d)^-1 on joint and faces, (n_j + n_f, m), eq. (14.9).  Local, rank 0."""
+        assert self.of_sector.dense is not None and self.L is not None, "of a definite matrix"
+        L_j, X, _ = self.of_sector.dense
+        P = self.of_sector.boundary.at(self.system.phase)
+        of_joint = _substituted(L_j, F[: len(L_j)])
+        r = P.conj().T @ (F[len(L_j) :] - X.T @ of_joint)
+        of_faces = P @ scipy.linalg.cho_solve((self.L, True), r)
+        of_joint = _substituted(L_j, of_joint - X @ of_faces, trans=1)
+        return np.concatenate([of_joint, of_faces])
+
+    def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
+        """Return entries of A^-1 on rank 0, (0, 0) elsewhere; None where they belong to eliminated rows.  Collective."""
+        boundary, unfolding = self.of_sector.boundary, self.of_sector.sectors.unfolding
+        copies = 2 if self._is_complex else 1
+        of_boundary = boundary.rows
+        known = np.argsort(of_boundary)
+        seen, of_seen = np.unique(rows // copies, return_inverse=True)
+        forced, of_forced = np.unique(columns // copies, return_inverse=True)
+        at = [np.searchsorted(of_boundary[known], unfolding.rows_of_w(each)) for each in (seen, forced)]
+        for places, each in zip(at, (seen, forced)):
+            inside = np.minimum(places, len(known) - 1)
+            if not len(known) or (of_boundary[known][inside] != unfolding.rows_of_w(each)).any():
+                return None
+
+        def entries() -> np.ndarray:
+            F: np.ndarray = np.zeros((len(of_boundary), len(forced)), dtype=complex if self._is_complex else float)
+            F[known[at[1]], np.arange(len(forced))] = 1.0
+            G = self.solved_on_boundary(F)[known[at[0]]][of_seen][:, of_forced]
+            if not self._is_complex:
+                return G
+            a, b = (rows % 2)[:, None], (columns % 2)[None, :]
+            return np.where(a == b, G.real, np.where(a > b, G.imag, -G.imag))
+
+        found = on_root(self.of_sector.comm, entries, share=False)
+        return np.zeros((0, 0)) if found is None else found
+
+    def count_below(self, sigma: float) -> int:
+        """Return how many eigenvalues of (A, M) lie below ``sigma``, those of a real form twice.  Collective."""
+        return self.of_sector.count_below(sigma, self.system) * (2 if self._is_complex else 1)
+
+    def destroy(self) -> None:
+        """Free what is of this nodal diameter alone.  Collective."""
+        self.L = None
