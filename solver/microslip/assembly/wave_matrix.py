@@ -1,4 +1,4 @@
-"""Matrices of one nodal diameter as products with the matrix of a sector, K(d) = P(d)^H K P(d) (docs/theory.md, eq. 14.6).
+"""Matrices of one nodal diameter as products with the matrix of a sector, K(d) = P(d)^H K P(d) (docs/theory.md, section 14).
 
 The sector's matrix has the rows of both faces; P(d) = P_0 + exp(i d alpha) P_1 makes the high face follow the low one.  Nothing
 of the size of the sector is made for a nodal diameter.
@@ -17,7 +17,7 @@ from .real_form import complex_columns, real_columns, real_matrix, real_rows
 
 @dataclass(frozen=True, eq=False)
 class Unfolding:
-    """P_0 and P_1: the rows of a sector with both faces, (n_v,), from those without the high one, (n_w,).
+    """P_0 and P_1 of eq. (14.6): the rows of a sector with both faces, (n_v,), from those without the high one, (n_w,).
 
     On each rank the rows of the sector are those of w, and then its rows of the high face.
     """
@@ -65,7 +65,7 @@ class Unfolding:
 
 
 class WaveMatrix:
-    """P(d)^H A P(d) + B with a complex phase, in real form: the context of a PETSc matrix of type "python".
+    """P(d)^H A P(d) + B with a complex phase, eq. (14.6), in real form: the context of a PETSc matrix of type "python".
 
     Parameters
     ----------

@@ -191,7 +191,7 @@ def factor_of(parts: Assembled, log: RunLog, cached: FactorCache | None = None, 
     if linearised.factor.n_rigid:
         motions_owned = linearised.system.rigid_owned
         log.note(rigid_in_words(linearised.factor.n_rigid, None if motions_owned is None else motions_owned.shape[1]))
-    if linearised.factor.info.get("out_of_core") and parts.reference is None and keeps_to_K_L(settings):
+    if linearised.factor.info.get("out_of_core") and scene.cyclic is None and parts.reference is None and keeps_to_K_L(settings):
         linearised.let_K_go()  # memory is short
     return linearised
 
@@ -322,9 +322,12 @@ def factor_in_words(info: dict[str, Any]) -> str:
         size = gigabytes(1e6 * info["memory_MB"])
         return f"factor: that of an earlier run, {info['entries']} entries, {size} in {info['restored_from']}"
     foreseen = memory.out_of_core if info["out_of_core"] else memory.in_core
+    shared = (
+        "" if "face" not in info else f"; that of one sector, for all nodal diameters, each with {info['face']} rows of a face"
+    )
     return (
         f"factor{by}: {info['entries']} entries, ordered by {info['ordering']}; memory {info['memory_MB']} MB on all ranks, "
-        f"{info['memory_max_MB']} MB on the largest (foreseen on rank 0: {foreseen / 1e6:.0f} MB)"
+        f"{info['memory_max_MB']} MB on the largest (foreseen on rank 0: {foreseen / 1e6:.0f} MB){shared}"
     )
 
 

@@ -1,4 +1,4 @@
-"""The factor of a sector between its faces, which all nodal diameters of a disc share (docs/theory.md, eqs. 14.6 to 14.9).
+"""The factor of a sector between its faces, which all nodal diameters of a disc share (docs/theory.md, section 14).
 
 The rows between the faces are eliminated once.  The Schur complement S on both faces is real; that of a nodal diameter is
 P(d)^H S P(d), a complex Hermitian matrix of the size of one face.  The rows of a joint are eliminated last, from S, so that
@@ -70,7 +70,7 @@ class Boundary:
 
 
 class SectorFactor:
-    """K_L of a sector with both faces free: its factor between the boundary, and the Schur complement on that.
+    """K_L of a sector with both faces free: its factor between the boundary, and the Schur complement on that, eq. (14.7).
 
     All methods are collective.
 
@@ -281,7 +281,7 @@ class DiameterFactor:
 
         L = on_root(of_sector.comm, factored, share=False) if of_sector.is_definite else None
         is_definite = of_sector.is_definite and bool(of_sector.comm.bcast(L is not None))
-        info = dict(of_sector.info) | {"shared": len(of_sector.boundary.leading)}
+        info = dict(of_sector.info) | {"face": len(of_sector.boundary.leading)}
         return cls(of_sector, system, L), info | ({"negative": 0} if is_definite else {"code": mumps.SINGULAR[-1]})
 
     @property
