@@ -256,12 +256,68 @@ TOP, P, 3.
 *END STEP
 """
 
+_GENERATED = """*NODE
+1, 0, 0, 0
+3, 2, 0, 0
+*NGEN, NSET=EDGE
+1, 3, 1
+*NCOPY, CHANGE NUMBER=10, OLD SET=EDGE, NEW SET=BACK, SHIFT
+0, 1, 0
+
+*NCOPY, CHANGE NUMBER=100, OLD SET=EDGE, SHIFT
+0, 0, 1
+
+*NCOPY, CHANGE NUMBER=100, OLD SET=BACK, SHIFT
+0, 0, 1
+
+*ELEMENT, TYPE=C3D8R, ELSET=E
+1, 1, 2, 12, 11, 101, 102, 112, 111
+*ELGEN, ELSET=E
+1, 2, 1, 1
+*SURFACE, NAME=LEFT
+1, S6
+*SURFACE, NAME=RIGHT
+2, S4
+*TIE, NAME=T, CYCLIC SYMMETRY, POSITION TOLERANCE=0.5
+LEFT, RIGHT
+*CYCLIC SYMMETRY MODEL, N=6, TIE=T
+0, 0, 0, 0, 0, 1
+*ORIENTATION, NAME=O
+1, 0, 0, 0, 1, 0
+3, 30.
+*MATERIAL, NAME=M
+*ELASTIC, TYPE=ENGINEERING CONSTANTS
+1e9, 2e9, 3e9, .1, .2, .3, 1e8, 2e8
+3e8
+*EXPANSION
+1e-5
+*DENSITY
+1e-9
+*SOLID SECTION, ELSET=E, MATERIAL=M, ORIENTATION=O
+*INITIAL CONDITIONS, TYPE=TEMPERATURE
+EDGE, 20.
+*RIGID BODY, REF NODE=1, PIN NSET=BACK
+*STEP
+*STATIC
+*TEMPERATURE
+EDGE, 120.
+BACK, 30.
+*CHANGE FRICTION
+*END STEP
+*STEP, PERTURBATION
+*FREQUENCY
+5
+*SELECT CYCLIC SYMMETRY MODES, NMIN=1, NMAX=2
+*END STEP
+"""
+
 SEEDS: dict[str, Callable[[Path], list[bytes]]] = {
     "msh": _gmsh,
     "abaqus": lambda folder: [
         inp(plain("tet4")).encode(),
         inp(plain("hex8")).encode(),
         _CUBES.replace("BOTTOMS", "SOME").encode(),
+        _GENERATED.encode(),
     ],
     "ansys": lambda folder: [
         cdb(plain("tet10")).encode(),
@@ -292,6 +348,8 @@ SEEDS: dict[str, Callable[[Path], list[bytes]]] = {
     "scene": _scenes,
     "pairs": _text("x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n0,1,2,3,4,5,0.3,1e3,0,1e7,2e7\n# a comment\n6,7,8,-1,-1,-1,0.3,1,0,1,1\n"),
     "forces": _text("node,fx,fy,fz\n1,0,0,1.5\n", "dof,value,imag\n3,1.0,0.5\n", "node,fx,fy,fz,fx_im\n2,1,0,0,3\n"),
+    "recovery": _mtx,
+    "temperatures": _text("node,temperature\n1,20\n2,30.5\n5,1e2\n"),
     "dofs": _text("node,direction\n1,1\n1,2\n1,3\n2,1\n2,2\n2,3\n"),
     "nodes": _text("node,x,y,z\n1,0,0,0\n2,1.0,0,0.5\n"),
     "node_pairs": _text("node1,node2,nx,ny,nz,area\n1,2,0,0,1,1e-6\n2,-1,0,0,1,1e-6\n"),

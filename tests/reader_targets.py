@@ -11,17 +11,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from mpi4py import MPI
 
 from microslip.assembly.force_file import forces_on_dofs, forces_on_nodes
 from microslip.assembly.matrix_places import dofs_of_rows, names_nodes
 from microslip.assembly.pair_file import read_pairs
 from microslip.formats.csv_table import read_table
-from microslip.formats.matrices.read import read_matrix
+from microslip.formats.matrices.read import read_any, read_matrix
 from microslip.formats.read import read_model
 from microslip.guards import lock
 from microslip.mesh.data import Mesh
 from microslip.mesh.listed import listed_nodes
+from microslip.mesh.locate import nodes_numbered
 from microslip.mesh.nodes_of_matrices import read_nodes
 from microslip.mesh.values import COLUMNS, PLACES
 from microslip.messages.errors import CaseError, MicroslipError, ResourceError
@@ -115,10 +117,25 @@ def _parameters(path: Path) -> Any:
     return read_table(path, (), (*PLACES, *COLUMNS), "contact point")
 
 
+def _temperatures(path: Path) -> Any:
+    table, lines = read_table(path, ("node", "temperature"), (), "node")
+    return nodes_numbered(np.array([1, 2, 5]), table["node"], lines, path)
+
+
+def _recovery(path: Path) -> Any:
+    return sp.csr_matrix(read_any(path, "[model] recovery", "T", is_square=False).matrix).astype(float)
+
+
+def _all_steps(path: Path) -> Any:
+    """Read a file as it is, and with the conditions of its first two steps."""
+    model = read_model(path)
+    return [read_model(path, step.number) for step in model.steps[1:3]]
+
+
 def _lock(path: Path) -> Any:
     with open(path, "rb") as file:
         holder = lock._read(file.fileno())
-    return lock._in_words(holder), lock._started(holder.get("process"))
+    return lock._in_words(holder), lock.started(holder.get("process"))
 
 
 def _restart(path: Path) -> Any:
@@ -185,10 +202,22 @@ TARGETS = {
     ),
     "abaqus": Target(
         ".inp",
-        read_model,
+        _all_steps,
         ("*NODE", "*ELEMENT, TYPE=C3D8", "*NSET, NSET=", "GENERATE", "*INCLUDE, INPUT=", "*SURFACE", "*TIE", "*EQUATION", "*STEP")
         + ("*MATERIAL", "*ELASTIC", "*BOUNDARY", "*PART", "*INSTANCE", "*MPC", "*COUPLING", "*SYSTEM", "*TRANSFORM", "*MASS")
-        + ("*CONTACT PAIR, INTERACTION=", "*SURFACE INTERACTION, NAME=", "*SURFACE BEHAVIOR", "*FRICTION", "*DASHPOT"),
+        + ("*CONTACT PAIR, INTERACTION=", "*SURFACE INTERACTION, NAME=", "*SURFACE BEHAVIOR", "*FRICTION", "*DASHPOT")
+        + (
+            "*NGEN, NSET=",
+            "*NFILL",
+            "*NCOPY, CHANGE NUMBER=",
+            "*NMAP",
+            "*ELGEN",
+            "*ELCOPY",
+            "*RIGID BODY, REF NODE=",
+            "*EXPANSION",
+        )
+        + ("*TEMPERATURE", "*INITIAL CONDITIONS, TYPE=TEMPERATURE", "*PRE-TENSION SECTION", "*CYCLIC SYMMETRY MODEL, N=6")
+        + ("*TIE, CYCLIC SYMMETRY", "*MODEL CHANGE", "*DISTRIBUTING", "*ORIENTATION, NAME=", "*CHANGE FRICTION", "*BASE MOTION"),
     ),
     "ansys": Target(
         ".cdb",
@@ -207,7 +236,8 @@ TARGETS = {
             "CE,",
             "CP,",
         )
-        + ("CERIG,", "D,", "ETBLOCK,", "SOLID", "ALL", "R,", "TYPE,", "UX"),
+        + ("CERIG,", "D,", "ETBLOCK,", "SOLID", "ALL", "R,", "TYPE,", "UX", "DBLOCK,", "CMSEL,", "UNBL", "EN,", "CYCLIC", "KEYO,")
+        + ("MASS21", "COMBIN14", "RMODIF,", "LOCAL,", "MP,EX,1,"),
     ),
     "nastran": Target(
         ".bdf",
@@ -228,7 +258,8 @@ TARGETS = {
             "CORD2R",
             "THRU",
         )
-        + ("BEGIN BULK", "CEND", "ENDDATA", "SET 1 =", "CELAS2", "PARAM,WTMASS", "1.5-3"),
+        + ("BEGIN BULK", "CEND", "ENDDATA", "SET 1 =", "CELAS2", "PARAM,WTMASS", "1.5-3")
+        + ("BOLT", "BSURFS", "BCTSET", "CBUSH", "CROD", "CONROD", "RBAR", "RBE1", "CORD1R", "GRDSET", "MAT9", "SPOINT", "MPCADD"),
     ),
     "ansys_input": Target(
         ".dat",
@@ -283,6 +314,8 @@ TARGETS = {
     ),
     "pairs": Target(".csv", lambda path: read_pairs(path, 30), ("x1,y1,z1", "n0", "\n", ",", '"', "#")),
     "forces": Target(".csv", _forces, ("node,fx,fy,fz", "dof,value", "imag", ",", '"', "#")),
+    "recovery": Target(".mtx", _recovery, ("%%MatrixMarket matrix", "coordinate", "array", "real", "general")),
+    "temperatures": Target(".csv", _temperatures, ("node,temperature", ",", '"', "#")),
     "dofs": Target(".csv", lambda path: dofs_of_rows(path, None, 6, "dofs"), ("node,direction", ",", '"', "#")),
     "nodes": Target(".csv", read_nodes, ("node,x,y,z", ",", '"', "#")),
     "node_pairs": Target(".csv", _node_pairs, ("node1,node2,nx,ny,nz,area", ",", '"', "#")),

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from .guards.ending import conclude, leave, no_exit, require
 from .guards.lock import locked
-from .guards.overdue import oversee_signals
+from .guards.overdue import oversee_signals, pass_on_to_first
 from .messages.errors import CaseError, ResourceError, naming
 from .parallel.agree import on_root
 from .parallel.petsc import initialise, unused_options
@@ -196,6 +196,7 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
         initialise(list(command.petsc))
     require(comm, faults())
     obey_signals(comm.rank == 0)
+    pass_on_to_first(comm)
     show_stacks()
     if command.name == "check":
         from .studies.check.story import check

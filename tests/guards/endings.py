@@ -131,4 +131,5 @@ if __name__ == "__main__":
     ending.GRACE, overdue.NOTICE, overdue.ANSWER, overdue.LEAVING = 0.5, 0.2, 1.0, 0.5
     overdue.oversee_signals()
     obey_signals(COMM.rank == 0)
+    overdue.pass_on_to_first(COMM)
     ending.leave(ending.conclude(COMM, globals()[sys.argv[1]]))

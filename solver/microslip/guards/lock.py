@@ -157,7 +157,7 @@ def _is_gone(path: Path, holder: dict[str, Any], trusted: bool) -> bool:
     if not holder:
         return trusted or _stands_still(path)
     if holder.get("host") == socket.gethostname():
-        return trusted or _started(holder.get("process")) != holder.get("started")
+        return trusted or started(holder.get("process")) != holder.get("started")
     is_own_job = bool(holder.get("job")) and holder.get("job") == _self()["job"]  # which was put into the queue again
     return (trusted and is_own_job) or _stands_still(path)
 
@@ -196,13 +196,13 @@ def _self() -> dict[str, Any]:
     return {
         "host": socket.gethostname(),
         "process": os.getpid(),
-        "started": _started(os.getpid()),
+        "started": started(os.getpid()),
         "since": time.strftime("%Y-%m-%d %H:%M:%S"),
         "job": next((os.environ[name] for name in _JOBS if os.environ.get(name)), ""),
     }
 
 
-def _started(process: Any) -> str:
+def started(process: Any) -> str:
     """Return when a process of this machine started, in its own count; nothing if there is no such process."""
     try:
         with open("/proc/sys/kernel/random/boot_id") as boot, open(f"/proc/{int(process)}/stat") as file:

@@ -1,7 +1,8 @@
 """The end of a run that does not answer a signal in time: by a thread, which the signal wakes.
 
 Python answers a signal when the call in progress returns: a factorisation may take minutes.  MUMPS and mpi4py let other threads
-run meanwhile, so that one of them can end the process; within a call that does not, faulthandler's timers remain.
+run meanwhile, so that one of them can end the process; within a call that does not, faulthandler's timers remain.  The thread
+also passes a signal on to the rank that saves, which may not have got it.
 """
 
 from __future__ import annotations
@@ -12,20 +13,43 @@ import signal
 import threading
 import time
 from contextlib import suppress
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from ..messages.errors import Interrupted
 from ..system.files import remove_folders
 from ..system.signals import STOPPING, TO_FIRST, Answer, is_concluded, parting_words
 from ..system.start import launcher_rank
 from ..system.watchdog import end_within
-from .lock import release_all
+from .lock import release_all, started
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 NOTICE = 0.6  # s without an answer until a line says so: mpirun kills a second after its signal
-ANSWER = 6.0  # s without an answer until the process ends
+ANSWER = 5.0  # s without an answer until the process ends
 LEAVING = 5.0  # s from the message to the end of the process
 _ABORTING = 2.0  # s that MPI may take to end the job
 ABORTS = 32  # tag: to rank 0, from one that ends all of them
+
+
+class _First:
+    """The rank that saves, where it is another process of this machine."""
+
+    process, start = 0, ""  # its number, and when it started; 0: there is none
+
+
+def pass_on_to_first(comm: MPI.Comm) -> None:
+    """Pass signals that stop on to the first rank of ``comm``, where it is a process of this machine.  Collective on ``comm``."""
+    process, start = comm.bcast((os.getpid(), started(os.getpid())))
+    is_here = comm.rank > 0 and start != "" and started(process) == start
+    _First.process, _First.start = (process, start) if is_here else (0, "")
+
+
+def _pass_on(number: int) -> None:
+    """Send a signal to the first rank unless it has ended.  Local; a second one changes nothing there."""
+    if _First.process and started(_First.process) == _First.start:
+        with suppress(ProcessLookupError):
+            os.kill(_First.process, number)
 
 
 def oversee_signals() -> None:
@@ -42,6 +66,7 @@ def _oversee(receiver: int) -> NoReturn:
     while True:
         stopping = [number for number in os.read(receiver, 64) if number in STOPPING]
         if stopping and not is_concluded():
+            _pass_on(stopping[0])
             _see_to_the_end(signal.Signals(stopping[0]).name)
 
 
@@ -58,8 +83,11 @@ def _see_to_the_end(name: str) -> None:
 
 
 def _end(message: str) -> NoReturn:
-    """Say a message and end this process, and with it the job, whatever its main thread does.  Local."""
-    if message:
+    """Say a message and end this process, and with it the job, whatever its main thread does.  Local.
+
+    Nothing is said where another rank has ended all of them, and said why.
+    """
+    if message and not is_aborted():
         _write(f"microslip: error: {message}\n")
     release_all()
     remove_folders()

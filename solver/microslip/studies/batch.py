@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..guards.ending import conclude_part
+from ..guards.overdue import pass_on_to_first
 from ..messages.errors import CaseError, Interrupted
 from ..parallel.rank_groups import Counter, Groups, dealt, split
 from ..run import RunOptions, run
@@ -37,6 +38,7 @@ def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, options: RunO
         raise CaseError(f"two scenes are called {twice!r}, and both would write to {out / twice}; rename one of the files")
     groups, counter, statuses = split(comm, min(options.n_groups or 1, len(scenes))), Counter(comm), [0]
     obey_signals(groups.is_root)
+    pass_on_to_first(groups.comm)
     for number in dealt(groups, counter, len(scenes)):
         statuses.append(_run(scenes[number], groups, out / names[number], options))
         if statuses[-1] == Interrupted.exit_status:
