@@ -13,8 +13,21 @@ Nothing is imported, and neither MPI nor PETSc started, before it is used.
 
 from __future__ import annotations
 
+import os
+import resource
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+
+def _may_cut_files() -> bool:
+    """Return whether a file may end before its content does: files are limited, or the disk of the program is full.  Local."""
+    disk = os.statvfs(os.path.dirname(__file__))
+    return resource.getrlimit(resource.RLIMIT_FSIZE)[0] != resource.RLIM_INFINITY or disk.f_bavail * disk.f_frsize < 2**20
+
+
+if _may_cut_files():
+    sys.dont_write_bytecode = True  # Python would keep a compiled module that is cut, and fail with it at every further start
 
 from .version import __version__ as __version__
 

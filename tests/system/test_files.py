@@ -2,9 +2,16 @@
 
 import errno
 import os
+import resource
+import shutil
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
 
 import pytest
 
+import microslip
 from microslip.messages.errors import CaseError, ResourceError
 from microslip.system.files import atomic_write, file_errors, make_folder
 
@@ -56,3 +63,17 @@ def test_a_folder_in_the_place_of_a_file(tmp_path):
     make_folder(str(tmp_path / "a" / "b"))
     with pytest.raises(CaseError, match="another folder"):
         make_folder(str(tmp_path / "x" / "b"))
+
+
+def test_a_limit_on_files_leaves_no_compiled_module_that_is_cut(tmp_path):
+    """The package, with a module larger than the limit, starts again without it: Python keeps what fits of a compiled one."""
+    package = tmp_path / "microslip"
+    package.mkdir()
+    for name in ("__init__.py", "version.py"):
+        shutil.copy(Path(microslip.__file__).with_name(name), package)
+    (package / "large.py").write_text("".join(f"value_{i} = {i}\n" for i in range(2000)))
+    imports = [sys.executable, "-c", "import microslip.large"]
+    for limit in (5000, resource.RLIM_INFINITY):
+        bound = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+        done = subprocess.run(imports, cwd=tmp_path, env={}, preexec_fn=bound, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
