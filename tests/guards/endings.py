@@ -86,6 +86,16 @@ def waits_without_an_answer():
         never_returns()
 
 
+def hangs_on_its_way_out():
+    """Get a signal on all ranks, and wait on the first for another that is elsewhere before its message."""
+    try:
+        time.sleep(0.5)
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(30.0)
+    finally:
+        never_returns()
+
+
 def says_and_hangs():
     """End with the message of a signal on the first rank, and stay in a call after it."""
     ending.leave = lambda status: never_returns()
@@ -128,7 +138,7 @@ def calls_long_and_hangs():
 
 if __name__ == "__main__":
     watch()
-    ending.GRACE, overdue.NOTICE, overdue.ANSWER, overdue.LEAVING = 0.5, 0.2, 1.0, 0.5
+    ending.GRACE, overdue.NOTICE, overdue.ANSWER, overdue.LEAVING, overdue._STILL = 0.5, 0.2, 1.0, 0.5, 0.2
     overdue.oversee_signals()
     obey_signals(COMM.rank == 0)
     overdue.pass_on_to_first(COMM)

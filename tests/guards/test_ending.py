@@ -120,6 +120,13 @@ def test_a_signal_to_mpirun_during_a_long_call_is_noticed(tmp_path):
     assert said.count("microslip: SIGTERM arrived: the call in progress may end within 1 s; the results are elsewhere\n") == 1
 
 
+def test_a_first_rank_that_waits_on_its_way_out_says_its_message():
+    began = time.monotonic()
+    done = python(ENDINGS, "hangs_on_its_way_out", ranks=2)
+    assert done.returncode == 5 and time.monotonic() - began < 20.0
+    assert done.stderr.count("microslip: error: stopped by SIGTERM\n") == 1 == done.stderr.count("microslip: error: ")
+
+
 def test_a_run_that_hangs_after_its_message_ends():
     done = python(ENDINGS, "says_and_hangs")
     assert done.returncode == 5 and done.stderr == "microslip: error: stopped by SIGTERM\n"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 import scipy.sparse as sp
 
+from ..parallel.petsc import free
 from .constraints import Constraints
 from .real_form import real_matrix
 
@@ -102,7 +103,7 @@ class System:
         shared = () if other is None else (other.K, other.M, other.C)
         for matrix in (self.K, self.M, self.C):
             if matrix is not None and not any(matrix is other_matrix for other_matrix in shared):
-                matrix.destroy()
+                free(matrix)
 
     def at_nodes(self, u: np.ndarray) -> np.ndarray:
         """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local.

@@ -205,7 +205,8 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
     """
     is_said = comm.rank == 0 and isinstance(problem, Interrupted) and not _comes_from_abort()
     if is_said:
-        _say_problem(f"{name}{problem}", None if name else problem)  # other parts may still save
+        _say_problem(f"{name}{problem}", None if name else problem)
+        Answer.of_part.set()
     statuses = array("i", 2 * comm.size * [0])
     grace = None if problem is None else GRACE_OF_SIGNAL if is_said else GRACE
     with unwatched():

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from ..messages.errors import Interrupted
 from ..system.files import remove_folders
-from ..system.signals import STOPPING, TO_FIRST, Answer, is_concluded, parting_words
+from ..system.signals import STOPPING, TO_FIRST, Answer, is_concluded, is_unbroken, parting_words
 from ..system.start import launcher_rank
 from ..system.watchdog import end_within
 from .lock import release_all, started
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 NOTICE = 0.6  # s without an answer until a line says so: mpirun kills a second after its signal
 ANSWER = 5.0  # s without an answer until the process ends
 LEAVING = 5.0  # s from the message to the end of the process
+_STILL = 1.0  # s without a file in progress, then, on a way out that waits for other ranks
 _ABORTING = 2.0  # s that MPI may take to end the job
 ABORTS = 32  # tag: to rank 0, from one that ends all of them
 
@@ -77,9 +78,32 @@ def _see_to_the_end(name: str) -> None:
         _write(f"microslip: {name} arrived: the call in progress may end within {ANSWER:.0f} s{parting_words()}\n")
     if not Answer.begun.wait(ANSWER - NOTICE if is_first else ANSWER + TO_FIRST) and not is_concluded():
         _end(f"stopped by {name} during a call that takes longer than {ANSWER:.0f} s{parting_words()}" if is_first else "")
+    if is_first and _n_ranks() > 1 and not _says():
+        _end(f"stopped by {name}{parting_words()}")
     Answer.said.wait()
     time.sleep(LEAVING)
     _end("")
+
+
+def _says() -> bool:
+    """Return whether the main thread says its message: False where it waits on its way out, for ranks that are elsewhere."""
+    answered = idle_since = time.monotonic()
+    while not (Answer.said.wait(0.1) or Answer.of_part.is_set()):
+        now = time.monotonic()
+        idle_since = now if is_unbroken() else idle_since
+        if now - answered > ANSWER - _STILL and now - idle_since > _STILL:
+            return False
+    return True
+
+
+def _n_ranks() -> int:
+    """Return the number of ranks, as far as MPI runs.  Local, in any thread."""
+    with suppress(ImportError):
+        from mpi4py import MPI
+
+        if MPI.Is_initialized() and not MPI.Is_finalized() and _lets_threads_call(MPI):
+            return MPI.COMM_WORLD.size
+    return 1
 
 
 def _end(message: str) -> NoReturn:
@@ -95,7 +119,7 @@ def _end(message: str) -> NoReturn:
     with suppress(ImportError):
         from mpi4py import MPI
 
-        if MPI.Is_initialized() and not MPI.Is_finalized() and _lets_threads_call(MPI) and MPI.COMM_WORLD.size > 1:
+        if _n_ranks() > 1:
             MPI.COMM_WORLD.Abort(Interrupted.exit_status)
     os._exit(Interrupted.exit_status)
 

@@ -18,6 +18,7 @@ from ..guards.memory import refuse_beyond
 from ..parallel.agree import on_root
 from ..parallel.ownership import gathered_rows
 from ..receptance.reduced_model import ReducedModel
+from ..system.signals import is_stopping
 
 HOLD = 1e-3  # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
 
@@ -101,7 +102,8 @@ def _by_products(comm: MPI.Comm, product: Callable[[np.ndarray], np.ndarray | No
         with suppress(sla.ArpackNoConvergence):
             share = float(sla.eigsh(operator, k=1, tol=1e-10, v0=start, return_eigenvectors=False)[0])
     finally:
-        comm.bcast(None)
+        if not is_stopping():  # after a signal the others may be elsewhere
+            comm.bcast(None)
     return comm.bcast(share)
 
 

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from ..guards.memory import refuse_beyond, shortage
-from ..messages.errors import CaseError, ResourceError
+from ..messages.errors import CaseError, MicroslipError, ResourceError
 from ..parallel.agree import on_each
 from ..system.memory import gigabytes
 from ..system.signals import is_stopping
@@ -83,9 +83,8 @@ class MumpsFactor:
         return int(self.ranges[self.comm.rank + 1] - self.ranges[self.comm.rank])
 
     def destroy(self) -> None:
-        """Free the factor, except after a stopping signal, when other ranks do not take part.  Collective."""
-        if not is_stopping():
-            self.mumps.end()
+        """Free the factor.  Collective."""
+        _end(self.mumps)
 
     def save(self, folder: str) -> None:
         """Write the factor, which lies in memory, into an empty folder: :func:`saved_file` of every rank.  Collective.
@@ -252,7 +251,7 @@ def factorise(
     factor = analysed(A, prefix, what, elimination=elimination, shift=shift, schur=schur)
     try:
         info = _factored(factor, what, later or (lambda _: 0.0))
-    except BaseException:
+    except MicroslipError:  # on every rank; of another error they may not know, and freeing waits for them
         factor.destroy()
         raise
     factor.mumps.drop_matrix()
@@ -276,8 +275,8 @@ def restored(A: PETSc.Mat, prefix: str, folder: str) -> tuple[MumpsFactor, dict[
         on_each(comm, _set_saved, mumps, folder)
         with patient():
             code = mumps.run(RESTORE)
-    except BaseException:
-        mumps.end()
+    except MicroslipError:  # on every rank
+        _end(mumps)
         raise
     if code < 0:
         mumps.end()
@@ -285,6 +284,12 @@ def restored(A: PETSc.Mat, prefix: str, folder: str) -> tuple[MumpsFactor, dict[
     factor = MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix)
     info = _report(factor) | {"memory": factor_memory(mumps), "out_of_core": False, "messages": ()}
     return factor, info | {"seconds": perf_counter() - start}
+
+
+def _end(mumps: Instance) -> None:
+    """Free what MUMPS holds, except after a stopping signal, when other ranks do not take part.  Collective."""
+    if not is_stopping():
+        mumps.end()
 
 
 def saved_file(rank: int) -> str:
@@ -352,8 +357,8 @@ def analysed(
         mumps.set_matrix(A.getSize()[0], *entries, comm.size > 1)
         with patient():
             mumps.run(ANALYSE)
-    except BaseException:
-        mumps.end()
+    except MicroslipError:  # on every rank
+        _end(mumps)
         raise
     return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order, S, units_of_rows)
 

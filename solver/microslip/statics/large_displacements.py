@@ -13,6 +13,7 @@ from ..assembly.system import System
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError, ConvergenceError
+from ..parallel.petsc import free
 from .equilibrium import Flexibility, Rest, equilibrium
 
 CLOSE = 1e-8  # change of a step over the largest displacement: that of the next one is its square
@@ -94,4 +95,4 @@ def _step(sought: Sought, u: np.ndarray, fraction: float, is_stressed: bool) -> 
         finally:
             linearised.destroy()
     finally:
-        about.K.destroy()
+        free(about.K)

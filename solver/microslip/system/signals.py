@@ -37,6 +37,7 @@ class Answer:
 
     begun = threading.Event()  # it is on its way out
     said = threading.Event()  # the message is written: everything is saved
+    of_part = threading.Event()  # a part of the job has written its message; others may still save
 
 
 def obey_signals(is_first: bool = True) -> None:
@@ -48,6 +49,7 @@ def obey_signals(is_first: bool = True) -> None:
     _Requests.to_save, _Requests.to_stop, _Requests.waits_for_first = False, None, not is_first
     _Requests.is_over = False
     Answer.begun.clear()
+    Answer.of_part.clear()
     for number, answer in (*((number, _stop) for number in STOPPING), (signal.SIGUSR1, _save)):
         ignored = signal.getsignal(number) == signal.SIG_IGN
         signal.signal(number, signal.SIG_IGN if ignored else answer)
@@ -125,6 +127,11 @@ def unbroken() -> Iterator[None]:
         _Requests.n_holding -= 1
     if not _Requests.n_holding and _Requests.to_stop is not None and before is None:
         raise _Requests.to_stop
+
+
+def is_unbroken() -> bool:
+    """Return whether a block is at work that no signal breaks off.  Local, in any thread."""
+    return _Requests.n_holding > 0
 
 
 def _save(number: int, frame) -> None:
