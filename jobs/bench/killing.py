@@ -69,7 +69,7 @@ class Run:
                 stdout=file,
                 stderr=file,
                 start_new_session=True,
-                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # which jobs in the background have ignored
+                preexec_fn=_answer_signals,
             )
         self._began = time.monotonic()
         atexit.register(self.kill)
@@ -103,6 +103,12 @@ class Run:
             time.sleep(0.001)
         self.process.wait()
         atexit.unregister(self.kill)
+
+
+def _answer_signals() -> None:
+    """Take back what a shell's job in the background, or nohup, ignores: the program leaves that ignored."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def members(session: int) -> list[int]:

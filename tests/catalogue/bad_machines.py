@@ -34,6 +34,17 @@ SAID = ("No space left on device", "make room")
 DISK = [
     disk("disk full: frf.csv", full("new/frf.csv"), "frf.csv", *SAID),
     disk("disk full: report", full("new/report.html.part"), "report.html", *SAID, line="report out/results.h5 --out new"),
+    disk("disk full: picture", full("new/response.png.part"), "response.png", *SAID, line="plot out/results.h5 --out new"),
+    disk("disk full: mat", full("new/results.mat.part"), "results.mat", *SAID, line="convert out/results.h5 --to mat --out new"),
+    disk("disk full: export", full("new/model.npz.part"), "model.npz", *SAID, line="export chain.toml --out new"),
+    disk("disk full: modes", full("new/modes.csv.part"), "modes.csv", *SAID, line="modes chain.toml --out new"),
+    disk(
+        "disk full: comparison",
+        full("new/compare.csv.part"),
+        "compare.csv",
+        *SAID,
+        line="compare chain.toml --methods receptance --out new",
+    ),
     disk("disk full: unv", full("new/results.unv.part"), "results.unv", *SAID, line="convert out/results.h5 --to unv --out new"),
     disk("disk full: scene", full("bar.toml.part"), "bar.toml", *SAID, line="new bar.inp --out bar.toml"),
     disk("place taken: frf.csv", taken("new/frf.csv"), "frf.csv: cannot be written: Is a directory", status=2),

@@ -105,6 +105,7 @@ def entries():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("error::RuntimeWarning", "error::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("case", entries())
 def test_a_bad_input(comm, place, capfd, case):
     if case.not_by_root and os.geteuid() == 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -117,8 +118,10 @@ def _largest(arrays: Mapping[str, Entry]) -> int:
 
 def _write_arrays(path: str, arrays: Mapping[str, Entry], has_mat: bool = True) -> None:
     """Write the arrays as .npz and, unless they are too large, as .mat of version 5; text is text in both, never an object."""
-    with atomic_write(f"{path}.npz") as beside, open(beside, "wb") as file:
-        np.savez_compressed(file, **{name: entry.values for name, entry in arrays.items()})
+    with atomic_write(f"{path}.npz") as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, entry in arrays.items():  # as np.savez_compressed, which leaves the archive open where the disk is full
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(entry.values), allow_pickle=False)
     if has_mat:
         with atomic_write(f"{path}.mat") as beside, open(beside, "wb") as file:
             scipy.io.savemat(file, {name: _as_mat(entry.values) for name, entry in arrays.items()}, oned_as="column")
