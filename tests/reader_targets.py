@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 import traceback
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,7 +76,9 @@ def verdict(target: Target, path: Path) -> str | None:
     """Return what a reader does wrong with a file, one line for each cause; None where it reads it or says what is at fault."""
     began = time.process_time()
     try:
-        target.read(path)
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always", RuntimeWarning)
+            target.read(path)
     except MicroslipError as problem:
         if isinstance(problem, ResourceError) and _out_of_memory(problem):
             return "asked for more memory than there is"
@@ -87,6 +90,9 @@ def verdict(target: Target, path: Path) -> str | None:
         own = [frame for frame in traceback.extract_tb(problem.__traceback__) if "/microslip/" in frame.filename]
         last = own[-1] if own else traceback.extract_tb(problem.__traceback__)[-1]
         return f"{type(problem).__name__} in {Path(last.filename).name}, {last.name}: {' '.join(str(problem).split())[:120]}"
+    loud = next((each for each in warned if issubclass(each.category, RuntimeWarning)), None)
+    if loud is not None:
+        return f"warns in {Path(loud.filename).name}: {loud.message}"
     took = time.process_time() - began
     return f"took {MOST_SECONDS:g} s and more" if took > MOST_SECONDS else None
 

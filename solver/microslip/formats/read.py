@@ -80,7 +80,7 @@ def read_model(path: str | os.PathLike[str], step: int | None = None) -> FileMod
     if step is not None and ending not in _OF_STEPS:
         raise CaseError(f"[model] step = {step}: {path}: of files {ending} no steps are read; leave step out")
     try:
-        with bounded_memory(path):
+        with bounded_memory(path), np.errstate(all="ignore"):  # numbers are checked when they have been read
             model = READERS[ending](path) if step is None else READERS[ending](path, step)
         _check_points(model)
     except (MeshError, OSError) as problem:

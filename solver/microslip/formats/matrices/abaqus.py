@@ -40,7 +40,7 @@ def read_abaqus(wanted: Wanted) -> FileMatrix:
             raise wanted.error("its lines are neither node, dof, node, dof, value nor row, column, value")
         file.seek(position)
         table = table_of(file, n_columns, wanted, has_no_count=True)
-    if (table[:, :-1] % 1.0).any() or not (abs(table[:, :-1]) < LARGEST).all():
+    if not (abs(table[:, :-1]) < LARGEST).all() or (table[:, :-1] % 1.0).any():
         raise wanted.error("nodes and degrees of freedom must be whole numbers")
     if n_columns == 5:
         return _labelled(table, wanted)

@@ -79,7 +79,7 @@ def read_matrix(path: Path, key: str, symbol: str, name: str | None = None) -> F
     if read.is_triangle:
         matrix = _mirrored(matrix, where)
     skew = _check_symmetry(matrix, where, read)
-    return replace(read, matrix=((matrix + matrix.T) / 2.0).tocsr(), is_triangle=False, skew=skew)
+    return replace(read, matrix=(matrix / 2.0 + matrix.T / 2.0).tocsr(), is_triangle=False, skew=skew)
 
 
 def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_square: bool = True) -> FileMatrix:
@@ -96,7 +96,8 @@ def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_s
     refuse_devices(path)
     wanted = Wanted(path, symbol, where, name)
     try:
-        read = reader(wanted)
+        with np.errstate(all="ignore"):  # numbers are checked when they have been read
+            read = reader(wanted)
         _check_sort(read.matrix, where, is_square)
     except (CaseError, ResourceError):
         raise
