@@ -64,12 +64,7 @@ class Run:
         self._said = said
         with open(said, "wb") as file:
             self.process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=file,
-                stderr=file,
-                start_new_session=True,
-                preexec_fn=_answer_signals,
+                command, stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True, preexec_fn=_answer_signals
             )
         self._began = time.monotonic()
         atexit.register(self.kill)
