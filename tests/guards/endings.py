@@ -137,9 +137,9 @@ def calls_long_and_hangs():
 
 
 if __name__ == "__main__":
-    watch()
     ending.GRACE, overdue.NOTICE, overdue.ANSWER, overdue.LEAVING, overdue._STILL = 0.5, 0.2, 1.0, 0.5, 0.2
     overdue.oversee_signals()
     obey_signals(COMM.rank == 0)
     overdue.pass_on_to_first(COMM)
+    watch()
     ending.leave(ending.conclude(COMM, globals()[sys.argv[1]]))
