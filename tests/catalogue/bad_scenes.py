@@ -56,6 +56,15 @@ MISSING = [
     lap("empty damping", "ratio = 0.01", "", "[damping]: exactly one of ratio, rayleigh is needed"),
     lap("no levels", "levels = [1.0]\n", "", "[response] levels is missing", "load levels in N"),
     lap("no range", "frequencies = [10.0, 1000.0]\n", "", "[response]: exactly one of frequencies, mode is needed, found none"),
+    lap("stability is no truth", "levels = [1.0]\n", "levels = [1.0]\nstability = 1\n", "[response] stability", "true or false"),
+    Case(
+        "stability with a loss factor",
+        RUN,
+        ("[response] stability = true", "loss factor", "no equivalent in time", "about half the loss factor"),
+        edited(
+            "lap.toml", "levels = [1.0]", "levels = [1.0]\nstability = true", "ratio = 0.01", "ratio = 0.01\nstructural = 0.01"
+        ),
+    ),
     lap("mode without span", "frequencies = [10.0, 1000.0]", "mode = 1", "[response]: span is missing"),
     lap("no friction", "friction = 0.3\n", "", '[[joints]] 1 ("lap"): friction is missing'),
     lap("no stiffness", "normal_stiffness = 1e12\n", "", '[[joints]] 1 ("lap"): normal_stiffness is missing', "N/m3"),

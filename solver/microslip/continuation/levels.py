@@ -24,6 +24,7 @@ from ..receptance.on_ranks import on_ranks
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.truncated_modes import EnrichedModel
 from .accuracy import accuracy_of, steps_for
+from .bifurcations import bifurcations_of
 from .checkpointer import Checkpointer, Checkpointers, no_checkpoints
 from .corrector import Correction
 from .follow import follow_branch
@@ -251,6 +252,8 @@ def follow_level(
     branch = _whole_branch(of, level, on_point, checkpointers)
     if of.settings.peaks and not of.model.harmonics.is_constant:
         branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance)
+    if of.settings.stability:
+        branch.bifurcations = bifurcations_of(of.at_level(level), branch, of.settings.tolerance)
     return branch
 
 

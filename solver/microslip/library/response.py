@@ -120,6 +120,14 @@ class Response:
         """The maxima of the outputs at each level [N], with [response] ``peaks = true``; empty without."""
         return {level.level: level.peaks for level in self.results.levels if level.peaks is not None}
 
+    @property
+    def stability(self) -> dict[float, np.ndarray]:
+        """Which points of each level [N] are stable, (n,) bool, with [response] ``stability = true``; empty without.
+
+        Multipliers are ``response.level(1.0).multipliers``, and where stability changes is ``response.level(1.0).bifurcations``.
+        """
+        return {level.level: level.stable.astype(bool) for level in self.results.levels if level.stable is not None}
+
     def level(self, level: float) -> LevelResult:
         """Return the points of one level [N], each quantity an attribute: ``frequency``, ``response``, ``state``, ``du``, ...
 

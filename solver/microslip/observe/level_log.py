@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..points.branch import Branch, Point
+from ..points.multipliers import is_stable
 from ..points.sweep import Sweep
 from ..results.measures import AMPLITUDE, Shown, counts
 from .log import RunLog
@@ -52,7 +53,8 @@ class LevelLog:
     def level_finished(self, number: int, branch: Branch) -> None:
         """Sum up a level: its peak, or why it ended early."""
         self.log.screen.end_bar(self._name(number))
-        for line in (f"{self._name(number)}: {summary(branch, self.shown)}", *peak_lines(branch), *remarks(branch)):
+        more = *peak_lines(branch), *stability_lines(branch), *remarks(branch)
+        for line in (f"{self._name(number)}: {summary(branch, self.shown)}", *more):
             self.log.note(line)
 
     def _line(self, text: str) -> None:
@@ -92,6 +94,22 @@ def peak_lines(branch: Branch) -> list[str]:
         frequency, within = peak.omega / 2.0 / np.pi, peak.within / 2.0 / np.pi
         where = f" (within {within:.1e} Hz)" if within > EXACT * frequency else ""
         lines.append(f"  peak of output {peak.output + 1}: {frequency:.9g} Hz{where}, {abs(peak.amplitude):.8e}{width}")
+    return lines
+
+
+def stability_lines(branch: Branch) -> list[str]:
+    """Return a line on the stability of the points, where it was computed, and one for each bifurcation."""
+    if branch.bifurcations is None or not branch.points:
+        return []
+    judged = [point for point in branch.points if point.multipliers is not None]
+    unstable = sum(not is_stable(point.multipliers) for point in judged)
+    lines = [
+        f"  stability: {unstable} of {len(judged)} points are unstable" if unstable else "  stability: every point is stable"
+    ]
+    for there in branch.bifurcations:
+        frequency, within = there.omega / 2.0 / np.pi, there.within / 2.0 / np.pi
+        where = f" (within {within:.1e} Hz)" if within > EXACT * frequency else ""
+        lines.append(f"  {there.kind}: {frequency:.9g} Hz{where}, amplitude {there.amplitude[0]:.6e}, after point {there.after}")
     return lines
 
 

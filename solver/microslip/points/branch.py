@@ -11,6 +11,7 @@ import numpy as np
 
 from ..contact.law import OPEN, SLIP, STICK
 from ..fourier.coefficients import amplitude, phase
+from .bifurcation import Bifurcation
 from .error_parts import PARTS, SAFETY, total
 from .multipliers import is_stable
 from .peak import Peak
@@ -121,6 +122,7 @@ class Branch:
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None  # why its first segment ends early, where a second one completes it
     solver: str = ""  # what Newton's method ran in, as it calls itself; "" where nothing was solved
+    bifurcations: list[Bifurcation] | None = None  # where stability changes, and folds; None without multipliers
     peaks: list[Peak] | None = None  # maxima of the outputs, each solved for; None where they are not
 
     @property

@@ -15,6 +15,7 @@ from .layout import log_scale
 from .measures import counts, peak, segments
 from .peak_plots import label_peaks, mark_peaks, peak_sizes
 from .record import STOPPED, LevelResult, ResultFile
+from .stability_plots import DASHES, mark_bifurcations, runs, stability_handles
 from .style import (
     FAINT,
     INK,
@@ -54,6 +55,7 @@ def draw_response(results: ResultFile) -> Pages:
     for number, outputs in outputs_by_page(results):
         n_rows = len(outputs)
         handles = _level_handles(drawn, results.linear is not None, peaks=True)
+        handles += stability_handles(results)
         if any(level.error is not None for level in results.levels):
             handles.append(Patch(facecolor=FAINT, alpha=_BAND, lw=0.0, label="error bar"))
         unit_of_load = "newton of load" if results.level_unit == "N" else "unit of the level"
@@ -89,7 +91,8 @@ def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> tuple[f
             ax.plot(results.linear.frequency, factor * a, zorder=1.5, **LINEAR)  # type: ignore[union-attr]
         for a, share, (level, colour) in zip(values, shares, drawn):
             _band(ax, level, k, factor * a, factor * share, colour)
-            _curve(ax, level, factor * a, colour)
+            _curve(ax, level, factor * a, colour, shows_stability=True)
+            mark_bifurcations(ax, level, k, factor * share, colour)
             mark_peaks(ax, level, k, factor * share, colour)
         ax.set_ylabel(f"{plain(name, 24) + ', ' if name else ''}amplitude [{unit_name}]")
         seen = [np.append(a, share * peak_sizes(level, k)) for a, share, (level, _) in zip(values, shares, drawn)]
@@ -274,11 +277,17 @@ def _band(ax, level: LevelResult, k: int, values, factor: float, colour) -> None
             ax.fill_between(level.frequency[segment], low, high, color=colour, alpha=_BAND, lw=0.0)
 
 
-def _curve(ax, level: LevelResult, values, colour, style="-", lw=1.2) -> None:
-    """Draw values in the order of the branch, segment by segment: folds show; a single point and early ends are marked."""
+def _curve(ax, level: LevelResult, values, colour, style="-", lw=1.2, shows_stability=False) -> None:
+    """Draw values in the order of the branch, segment by segment: folds show; a single point and early ends are marked.
+
+    Unstable parts are dashed where that is to be shown.
+    """
     for segment in segments(level.segment):
         n = segment.stop - segment.start
-        ax.plot(level.frequency[segment], values[segment], ls=style, lw=lw, color=colour, marker="." if n < 3 else None, ms=5.0)
+        for part, is_stable in runs(level, segment) if shows_stability else ((segment, True),):
+            dashes = style if is_stable else DASHES
+            marker = "." if n < 3 else None
+            ax.plot(level.frequency[part], values[part], ls=dashes, lw=lw, color=colour, marker=marker, ms=5.0)
         if level.status == STOPPED:
             ax.plot(level.frequency[segment][-1], values[segment][-1], "x", color=colour, ms=5.0, mew=1.2, zorder=5)
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
 
+from ..points.bifurcation import BIFURCATION_QUANTITIES
 from ..points.branch import QUANTITIES
 from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import Quantity, axis_lengths
@@ -50,6 +51,7 @@ TABLES = {
     "joint": datasets_table(JOINT_QUANTITIES),
     "levels": datasets_table(QUANTITIES, "n"),
     "peaks": datasets_table(PEAK_QUANTITIES, "n"),
+    "bifurcations": datasets_table(BIFURCATION_QUANTITIES, "n"),
 }
 
 

@@ -14,7 +14,7 @@ from ..points.branch import QUANTITIES
 from ..points.quantities import TEXT
 from ..system.files import atomic_write
 from .fields import Fields
-from .record import JOINT_QUANTITIES, LevelResult, ResultFile, peak_arrays
+from .record import JOINT_QUANTITIES, LevelResult, ResultFile, bifurcation_arrays, peak_arrays
 
 
 def write_mat(path: Path, results: ResultFile, fields: Fields | None) -> Path:
@@ -72,6 +72,8 @@ def _level(level: LevelResult) -> dict[str, Any]:
             variables[quantity.dataset] = _cells(values) if quantity.kind == TEXT else values
     if level.peaks is not None:
         variables["peaks"] = peak_arrays(level.peaks)
+    if level.bifurcations is not None:
+        variables["bifurcations"] = bifurcation_arrays(level.bifurcations, level.response.shape[1])
     return variables
 
 

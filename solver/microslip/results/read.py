@@ -11,6 +11,7 @@ from ..contact.law import OPEN
 from ..contact.laws import ELASTIC_COULOMB
 from ..formats.hdf5 import MOST_GAIN
 from ..messages.errors import CaseError
+from ..points.bifurcation import BIFURCATION_QUANTITIES, KINDS, Bifurcation
 from ..points.branch import CLOSES_TO, QUANTITIES
 from ..points.peak import PEAK_QUANTITIES, Peak
 from ..points.quantities import TEXT, Quantity, axis_lengths
@@ -187,7 +188,34 @@ def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: boo
         fault = "its attributes"
     if fault is not None:
         raise CaseError(f"{reader.path}: {fault} of '{group}' cannot be; the file is damaged or was edited")
-    return LevelResult(level, status, failure, arrays, unit, closes_to, _peaks(reader, group, n_outputs))
+    changes, peaks = _bifurcations(reader, group, n_outputs), _peaks(reader, group, n_outputs)
+    return LevelResult(level, status, failure, arrays, unit, closes_to, peaks, changes)
+
+
+def _bifurcations(reader: Reader, group: str, n_outputs: int) -> tuple[Bifurcation, ...] | None:
+    """Return the bifurcations of a level; None where multipliers were not computed."""
+    name = f"{group}/bifurcations"
+    if name not in reader:
+        return None
+    n, lengths = len(reader.array(f"{name}/frequency_Hz", "f8", (None,))), {"outputs": n_outputs}
+    columns = {
+        quantity.dataset: reader.array(f"{name}/{quantity.dataset}", quantity.kind, (n, *quantity.shape(lengths)))
+        for quantity in BIFURCATION_QUANTITIES
+    }
+    is_sound = np.isfinite(columns["amplitude"]).all() and (columns["frequency_Hz"] > 0.0).all()
+    if not is_sound or (columns["kind"] >= len(KINDS)).any():
+        raise CaseError(f"{reader.path}: '{name}' has values that no run writes; the file is damaged or was edited")
+    return tuple(
+        Bifurcation(
+            KINDS[columns["kind"][i]],
+            2.0 * np.pi * float(columns["frequency_Hz"][i]),
+            columns["amplitude"][i],
+            complex(columns["multiplier_real"][i], columns["multiplier_imaginary"][i]),
+            2.0 * np.pi * float(columns["within_Hz"][i]),
+            int(columns["after"][i]),
+        )
+        for i in range(n)
+    )
 
 
 def _peaks(reader: Reader, group: str, n_outputs: int) -> tuple[Peak, ...] | None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..contact.laws import ELASTIC_COULOMB
+from ..points.bifurcation import BIFURCATION_QUANTITIES, Bifurcation
 from ..points.branch import CLOSES_TO, QUANTITIES, Branch
 from ..points.peak import PEAK_QUANTITIES, Peak
 from ..points.quantities import Quantity, axis_lengths, declared
@@ -48,6 +49,7 @@ class LevelResult:
     unit: str = "N"  # of the level
     closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
     peaks: tuple[Peak, ...] | None = None  # maxima of the outputs, each solved for; None where they are not
+    bifurcations: tuple[Bifurcation, ...] | None = None  # where stability changes, and folds; None without multipliers
 
     @property
     def top(self) -> int:
@@ -177,7 +179,13 @@ class ResultFile:
         def of_level(level: LevelResult) -> LevelResult:
             arrays = {name: a if a is None or "outputs" not in axes[name] else a[:, columns] for name, a in level.arrays.items()}
             peaks = [replace(peak, output=0) for peak in level.peaks or () if peak.output == k]
-            return replace(level, arrays=arrays, peaks=None if level.peaks is None else tuple(peaks))
+            changes = [replace(there, amplitude=there.amplitude[columns]) for there in level.bifurcations or ()]
+            return replace(
+                level,
+                arrays=arrays,
+                peaks=None if level.peaks is None else tuple(peaks),
+                bifurcations=None if level.bifurcations is None else tuple(changes),
+            )
 
         return replace(
             self,
@@ -216,7 +224,17 @@ def level_result(branch: Branch, sizes: tuple[int, int, int], status: str, unit:
     lengths = axis_lengths(n_outputs, n_pairs, N_H)
     arrays = {quantity.name: quantity.array(branch.points, lengths) for quantity in QUANTITIES}
     peaks = None if branch.peaks is None else tuple(branch.peaks)
-    return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to, peaks)
+    changes = None if branch.bifurcations is None else tuple(branch.bifurcations)
+    return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to, peaks, changes)
+
+
+def bifurcation_arrays(bifurcations: Sequence[Bifurcation], n_outputs: int) -> dict[str, np.ndarray]:
+    """Return the bifurcations of a level as arrays (n, ...) by the names of ``BIFURCATION_QUANTITIES``.  Local."""
+    arrays = {}
+    for quantity in BIFURCATION_QUANTITIES:
+        values = np.array([quantity.of(there) for there in bifurcations], dtype=quantity.kind)
+        arrays[quantity.dataset] = values.reshape(len(bifurcations), *quantity.shape({"outputs": n_outputs}))
+    return arrays
 
 
 def peak_arrays(peaks: Sequence[Peak]) -> dict[str, np.ndarray]:

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 
 from ..parallel.agree import on_root
+from ..points.bifurcation import BIFURCATION_QUANTITIES
 from ..points.branch import QUANTITIES, Branch, Point
 from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
@@ -25,6 +26,7 @@ from .record import (
     Joint,
     LevelResult,
     ResultFile,
+    bifurcation_arrays,
     level_result,
     peak_arrays,
 )
@@ -184,6 +186,11 @@ def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
             write_array(
                 group, f"peaks/{quantity.dataset}", arrays[quantity.dataset], unit if quantity.unit == "m" else quantity.unit
             )
+    if level.bifurcations is not None:
+        arrays = bifurcation_arrays(level.bifurcations, level.response.shape[1])
+        for quantity in BIFURCATION_QUANTITIES:
+            of = unit if quantity.unit == "m" else quantity.unit
+            write_array(group, f"bifurcations/{quantity.dataset}", arrays[quantity.dataset], of)
     for quantity in sorted(QUANTITIES, key=lambda quantity: (quantity.kind != TEXT, quantity.is_motion)):  # the large ones last
         _write_quantity(group, quantity, level.arrays[quantity.name], unit if "outputs" in quantity.axes else quantity.unit)
 

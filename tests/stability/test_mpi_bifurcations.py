@@ -1,0 +1,78 @@
+"""Folds and stability along a curve with two states, a mass that strikes a stop; every test runs on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import branch, forced, reduced
+from mpi4py import MPI
+from oracles import scenes
+from oracles.shooting import Point as Shooting
+
+from microslip.continuation.bifurcations import bifurcations_of, kind_of
+from microslip.continuation.peaks import iterate_of
+from microslip.continuation.point_record import with_stability
+from microslip.fourier.harmonics import Harmonics
+from microslip.points.bifurcation import FOLD, NEIMARK_SACKER, PERIOD_DOUBLING
+from microslip.points.multipliers import is_stable
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+H, N_SAMPLES, LEVEL = 5, 64, 0.2
+
+
+@pytest.fixture(scope="module")
+def curve():
+    """Return the curve of a mass before a stop, with multipliers, its bifurcations and its system."""
+    system = scenes.gap_mass()
+    loads = [{"phase": 0.0} | load | {"vector": np.array(load["vector"])} for load in system["loads"]]
+    system = system | {"loads": loads}
+    found = branch(system, COMM, LEVEL, low=1.05, high=1.4, H=H, n_samples=N_SAMPLES, points=12)
+    problem = forced(*reduced(system, COMM, H), N_SAMPLES, LEVEL)
+    found.points = [with_stability(problem, iterate_of(point, problem, Harmonics.up_to(H)), point) for point in found.points]
+    return system, found, bifurcations_of(problem, found, 1e-9)
+
+
+def test_folds_are_where_the_frequency_turns(curve):
+    _, found, bifurcations = curve
+    omega = np.array([point.omega for point in found.points])
+    folds = [there for there in bifurcations if there.kind == FOLD]
+    assert len(folds) == 2
+    for fold in folds:
+        i = fold.after
+        assert abs(fold.multiplier - 1.0) < 0.07  # of few harmonics
+        assert fold.within <= 1e-9 * fold.omega
+        is_maximum = omega[i] > omega[i - 1]
+        beyond = omega[i - 1 : i + 3].max() - fold.omega if is_maximum else fold.omega - omega[i - 1 : i + 3].min()
+        assert beyond < 1e-9  # no point of the curve lies beyond
+
+
+def test_the_curve_is_unstable_between_its_folds(curve):
+    _, found, bifurcations = curve
+    first, last = (there.after for there in bifurcations if there.kind == FOLD)
+    stable = [is_stable(point.multipliers) for point in found.points]
+    assert not any(stable[first + 2 : last])
+    assert all(stable[:first])
+    assert all(stable[last + 2 :])
+
+
+def test_it_is_judged_as_an_independent_integration_judges(curve):
+    system, found, _ = curve
+    if COMM.rank != 0:
+        return
+    judged = 0
+    for point in found.points[1::6]:
+        shooting, u = Shooting(system, LEVEL, point.omega), point.U[0]  # the mass is the pair
+        n, lin = np.arange(1, H + 1), shooting.U
+        begin = u[:, 0] + u[:, 1::2].sum(axis=1) - lin[:, 0] - lin[:, 1] - lin[:, 3]
+        rate = point.omega * (u[:, 2::2] @ n - lin[:, 2] - 2.0 * lin[:, 4])
+        p_t = -system["k_t"][0] * (u[:, 0] + u[:, 1::2].sum(axis=1))[:2]
+        steady = shooting.steady(np.concatenate([begin, rate, p_t]), 1024)
+        largest = np.abs(np.linalg.eigvals(shooting.derivative(steady.x, 1024) + np.eye(len(steady.x)))).max()
+        if abs(largest - 1.0) > 0.05 and abs(steady.amplitude) == pytest.approx(np.hypot(*point.response[0, 1:3]), rel=0.03):
+            assert (largest < 1.0) == is_stable(point.multipliers), point.omega
+            judged += 1
+    assert judged >= 4
+
+
+def test_kinds():
+    assert kind_of(-1.0 + 1e-9j) == PERIOD_DOUBLING
+    assert kind_of(0.6 + 0.8j) == NEIMARK_SACKER
