@@ -16,17 +16,20 @@ BORE, RIM, TIP, TOP, WIDTH = 0.05, 0.08, 0.12, 0.13, 0.01  # m
 BETWEEN = (0.0, 0.3, 0.75, 1.0)  # parts of the sector: beside the blade, under it, beside it
 
 
-def sector(kind: str, N: int, s: int = 0, divisions=(1, 1, 1), span: int = 2, shroud: bool = False) -> dict[str, Body]:
+def sector(
+    kind: str, N: int, s: int = 0, divisions=(1, 1, 1), span: int = 2, shroud: bool = False, own: str = ""
+) -> dict[str, Body]:
     """Return disc and blade of sector s about the z axis; divisions along radius, part of the angle and width.
 
-    A ``shroud`` on the tip reaches the neighbours: its sides are "shroud_low" and "shroud_high".
+    A ``shroud`` on the tip reaches the neighbours: its sides are "shroud_low" and "shroud_high".  ``own`` ends the names of the
+    surfaces of the joint.
     """
     parts = []
     for k, (a, b) in enumerate(zip(BETWEEN, BETWEEN[1:])):
-        names = {"x0": "bore"} | ({"x1": "slot"} if k == 1 else {})
+        names = {"x0": "bore"} | ({"x1": f"slot{own}"} if k == 1 else {})
         names |= ({"y0": f"low{s}"} if k == 0 else {}) | ({"y1": f"high{s}"} if k == 2 else {})
         parts.append(block(kind, _mapping(N, s, (BORE, RIM), (a, b)), divisions, names))
-    names = {"x0": "root", "x1": "tip", "y0": f"left{s}", "y1": f"right{s}"}
+    names = {"x0": f"root{own}", "x1": "tip", "y0": f"left{s}", "y1": f"right{s}"}
     blade = block(kind, _mapping(N, s, (RIM, TIP), BETWEEN[1:3]), (span, *divisions[1:]), names)
     if shroud:
         tops = [blade]
@@ -37,9 +40,9 @@ def sector(kind: str, N: int, s: int = 0, divisions=(1, 1, 1), span: int = 2, sh
     return {"disc": join(parts), "blade": blade}
 
 
-def ring(kind: str, N: int, **how) -> dict[str, Body]:
-    """Return the whole ring: the discs merged where they meet, and each blade a body."""
-    sectors = [sector(kind, N, s, **how) for s in range(N)]
+def ring(kind: str, N: int, own: bool = False, **how) -> dict[str, Body]:
+    """Return the whole ring: the discs merged where they meet, and each blade a body; with ``own`` joints of each sector."""
+    sectors = [sector(kind, N, s, own=str(s) if own else "", **how) for s in range(N)]
     return {"disc": join([each["disc"] for each in sectors])} | {f"blade{s}": sectors[s]["blade"] for s in range(N)}
 
 
@@ -128,4 +131,22 @@ def write_ring(
     wave = "".join(load(N, s, 2.0 * np.pi * h * s / N, float(factors[s])) for s in range(N))
     outputs = "".join(output(N, s) for s in range(n_outputs))
     path.write_text(body_text(f"{name}.msh", bodies, **body) + wave + outputs + end)
+    return path
+
+
+def write_ring_of_blades(folder: Path, N: int, end: str, h: int, friction: float, kind: str = "hex8", **factors) -> Path:
+    """Write a ring whose sectors have ``factors`` (N,) of stiffness and density of the blades, or of contact_stiffness."""
+    factors = {name: np.ones(N) for name in ("stiffness", "density", "contact_stiffness")} | factors
+    bodies = ring(kind, N, own=True)
+    write_msh(str(folder / "blades.msh"), bodies)
+    text = table("model", mesh="blades.msh") + steel("disc") + support("bore")
+    for s in range(N):
+        young, density = 2.1e11 * float(factors["stiffness"][s]), 7800.0 * float(factors["density"][s])
+        text += table(f"materials.steel{s}", young=young, poisson=0.3, density=density)
+        text += table(f"bodies.blade{s}", group=f"blade{s}", material=f"steel{s}")
+        k_t = 5.0e11 * float(factors["contact_stiffness"][s])
+        text += joint(f"root{s}", f"slot{s}", name=f"root{s}", friction=friction, k_t=k_t, preload=2.0e6)
+        text += load(N, s, 2.0 * np.pi * h * s / N) + output(N, s)
+    path = folder / "blades.toml"
+    path.write_text(text + end)
     return path

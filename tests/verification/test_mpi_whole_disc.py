@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from discs import write_ring, write_sector
+from discs import write_ring, write_ring_of_blades, write_sector
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
@@ -13,6 +13,7 @@ from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
 from microslip.library.response import Response
 from microslip.parallel.agree import on_root
+from microslip.receptance.motions import output_motion
 from microslip.results.fields import read_fields
 from microslip.results.read import read_results
 from microslip.scene.read import read_scene
@@ -107,6 +108,40 @@ def test_sectors_that_differ_are_those_of_the_ring(shared_path):
     np.testing.assert_allclose(p[at], p_of_ring, atol=1e-6 * np.abs(p).max())
     ring.close()
     whole.close()
+
+
+def stuck_response(structure, frequencies):
+    """Return the complex amplitudes of the outputs with all pairs stuck, (n_frequencies, n_outputs)."""
+    model = prepare(structure).model
+    none = np.zeros((3 * model.n_pairs, model.N_H))
+    u = np.array([output_motion(model, 1.0, 2.0 * np.pi * f, none) for f in frequencies])
+    return u[:, :, 1] - 1j * u[:, :, 2]
+
+
+def misses(shared_path, modes, **factors):
+    """Return by how much the outputs miss those of the ring with all of its modes, over its peak, for numbers of modes."""
+    N, h, frequencies = 4, 1, np.linspace(1380.0, 1450.0, 15)
+    ring = built(write_ring_of_blades, shared_path, N, end(N * N_DOF, 1.0, 1410.0), h, 0.05, **factors)
+    of_ring, apart = stuck_response(ring, frequencies), []
+    ring.close()
+    for n in modes:
+        solved = end(n, 1.0, 1410.0) + sector_factors(**factors)
+        wave = {"engine_order": h, "whole": True, "blades": ["blade"]}
+        whole = built(write_sector, shared_path, N, solved, wave=wave, friction=0.05)
+        apart.append(np.abs(stuck_response(whole, frequencies) - of_ring).max() / np.abs(of_ring).max())
+        whole.close()
+    return apart
+
+
+def test_contact_stiffness_that_differs_is_that_of_the_ring(shared_path):
+    assert misses(shared_path, [N_DOF], contact_stiffness=np.array([0.7, 1.2, 1.0, 1.4]))[0] < 1e-9
+
+
+def test_blades_that_differ_are_those_of_the_ring(shared_path):
+    """Exactly with all modes; with fewer the error falls with their number."""
+    factors = {"stiffness": np.array([1.02, 0.97, 1.01, 0.985]), "density": np.array([0.99, 1.0, 1.02, 1.01])}
+    apart = misses(shared_path, [8, 24, N_DOF], **factors)
+    assert apart[2] < 1e-9 and apart[1] < apart[0] < 1e-5
 
 
 def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):

@@ -91,7 +91,9 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
         cyclic, none = tables.cyclic, np.zeros((n_dof, 0))  # no nodal diameter's motion is that of a free body
         R_next = next_pair_map(pairs, links.cyclic.turn, dof_of_mesh, n_dof)
         of_sector = replace(system, rigid_owned=none)
+        blades = _matrices(_of_bodies(dmesh, cyclic.blades), dof, row_ranges, tables.sections) if cyclic.differs else None
         sectors = Sectors.of(cyclic.sectors, cyclic.wave_number, of_sector, R_next, constraints, whole.part, links.cyclic.high)
+        sectors = replace(sectors, blades=blades)
         return sectors.system(0)
     if constraints is not None:
         system = constrained(system, constraints, whole.part)
@@ -181,6 +183,11 @@ def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, b
     M = petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
     M.setOption(PETSc.Mat.Option.SPD, True)
     return K, M
+
+
+def _of_bodies(dmesh: DistributedMesh, names: tuple[str, ...] | None) -> DistributedMesh:
+    """Return the mesh of some bodies, of all where none is named.  Local."""
+    return dmesh if names is None else replace(dmesh, blocks=tuple(block for block in dmesh.blocks if block.body in names))
 
 
 def _sums(dmesh: DistributedMesh, bodies: Mapping[str, elements.SolidSection], pattern: NodePattern) -> list[BlockSum]:

@@ -38,6 +38,7 @@ class Sectors:
     unfolding: Unfolding  # from the rows of a nodal diameter to those of the sector with both faces
     T: sp.csr_matrix  # (n, n_v) u = T v of the sector with both faces
     shared: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # what all nodal diameters have in common, by key
+    blades: tuple[PETSc.Mat, PETSc.Mat] | None = None  # K and M of the bodies that differ alone, on the rows of nodes
 
     @classmethod
     def of(
@@ -105,6 +106,8 @@ class Sectors:
         self.shared.clear()
         self.sector.destroy()
         self.unfolding.destroy()
+        for matrix in self.blades or ():
+            matrix.destroy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +121,11 @@ class AllSectors:
     def n_sectors(self) -> int:
         """The number of sectors."""
         return self.disc.n_sectors
+
+    @property
+    def blades(self) -> tuple[PETSc.Mat, PETSc.Mat] | None:
+        """K and M of the bodies that differ alone, on the rows of nodes."""
+        return self.disc.blades
 
     def system(self, d: int) -> System:
         """Return the system of nodal diameter d.  Collective."""

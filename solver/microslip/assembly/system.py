@@ -24,6 +24,10 @@ class Disc(Protocol):
     def n_sectors(self) -> int:
         """The number of sectors."""
 
+    @property
+    def blades(self) -> tuple[PETSc.Mat, PETSc.Mat] | None:
+        """K and M of the bodies that differ alone, on the rows of nodes."""
+
     def system(self, d: int) -> System:
         """Return the system of nodal diameter d.  Collective."""
 

@@ -32,8 +32,9 @@ from ..receptance.per_group import PerGroup
 from ..reduction.choose_modes import choose_modes
 from ..reduction.memory_of_modes import memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
+from ..reduction.mistuning import with_static_shapes
 from ..reduction.stuck import Factored, OnDemand, StuckStructure, static_response
-from ..reduction.whole_disc import WholeDisc, of_all_sectors
+from ..reduction.whole_disc import WholeDisc, of_all_sectors, with_other_blades
 from ..results.whole_disc import turns, whole_mesh
 from ..scene.schema import Scene
 from ..statics.balance import Balance
@@ -255,11 +256,17 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
 
     diameters: PerGroup[Structure] = PerGroup(alike)  # type: ignore[arg-type]  # its groups are whole numbers
     tuned = [diameters.of_group(d) for d in range(cyclic.sectors // 2 + 1)]
+    blades = None if parts.rest.system.sectors is None else parts.rest.system.sectors.blades
+    if factors.changes_blades and blades is not None:
+        tuned = [with_static_shapes(each, blades) for each in tuned]
     assert parts.rest.system.dof is not None, "of a mesh"
     whole = pairs_of_all_sectors(parts.rest.pairs, len(parts.rest.system.dof), cyclic, factors, scene.path)
     leads = np.array([load.harmonic * cyclic.wave_number for load in scene.loads for _ in load.phases])
+    fields = of_all_sectors(tuned, whole, leads, factors.load)
+    if factors.changes_blades and blades is not None:
+        fields = with_other_blades(fields, tuned, blades, (factors.stiffness, factors.density))
     return WholeStructure(
-        **of_all_sectors(tuned, whole, leads, factors.load),
+        **fields,
         turns=turns(cyclic),
         diameter=min(cyclic.diameter(1), cyclic.diameter(-1)),
         scene=scene,

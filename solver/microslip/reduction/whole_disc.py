@@ -6,7 +6,7 @@ sector and each sector, the sectors of a DOF one after the other.  docs/theory.m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,19 +15,27 @@ import numpy as np
 from ..assembly.sectors import AllSectors
 from ..fourier.harmonics import Harmonics
 from ..mesh.data import ContactPairs
-from ..parallel.ownership import split_evenly
+from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.circulant import CirculantColumns, Waves
+from ..receptance.columns import ReceptanceColumns
 from ..receptance.modes import ProjectedModes
-from ..receptance.motions import ActingForces
+from ..receptance.motions import ActingForces, linear_motion
 from ..receptance.observed import Observed
+from ..receptance.other_springs import with_springs
 from ..receptance.receptance import Receptance
 from ..receptance.reduced_model import ReducedModel
+from ..receptance.reduced_structure import ReducedStructure
+from ..receptance.springs import SpringChange
 from ..receptance.static_response import StaticResponse
 from ..receptance.truncated_modes import TruncatedModes, of_samples
+from .mistuning import blade_forms, changed_modes, with_modes_changed
+from .settings import ModalDamping
 from .stuck import StuckStructure
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
+
+    from petsc4py import PETSc
 
     from ..assembly.system import System
 
@@ -43,6 +51,7 @@ class WholeDisc(StuckStructure):
     of_tuned: np.ndarray  # (M, M) its modes in coordinates of the tuned ones, which are in the order of the diameters
     turns: np.ndarray  # (N, 3, 3) of the sectors about the axis
     diameter: int  # that the loads excite in harmonic 1, 0 to N // 2
+    has_other_blades: bool = False  # whether its modes are others than the tuned ones
 
     @property
     def waves(self) -> Waves:
@@ -53,6 +62,12 @@ class WholeDisc(StuckStructure):
     def excited(self) -> StuckStructure:
         """The structure of the nodal diameter that the loads excite, with alike sectors."""
         return self.tuned[self.diameter]
+
+    @property
+    def change_of_springs(self) -> np.ndarray:
+        """What the contact stiffness of each pair has more than that of alike sectors, (3 n_pairs,) [N/m]."""
+        alike = self.tuned[0].pairs.law.stiffness.ravel()
+        return self.pairs.law.stiffness.ravel() - np.tile(alike, self.waves.n_sectors)
 
     @property
     def computed_groups(self) -> dict[Hashable, StuckStructure]:
@@ -81,9 +96,7 @@ def of_all_sectors(
     """
     N, first = len(factors), tuned[0]
     waves, weights = Waves(N), load_weights(leads, factors)
-    projected = waves.modes(
-        [replace(each.projected.first(each.n_modes), b=_twice(each.projected.b[: each.n_modes])) for each in tuned], weights
-    )
+    projected = tuned_modes(tuned, waves, weights)
     order = np.argsort(projected.omega_n, kind="stable")
     return {
         "comm": first.comm,
@@ -99,6 +112,32 @@ def of_all_sectors(
         "weights": weights,
         "of_tuned": np.eye(len(order))[:, order],
     }
+
+
+def tuned_modes(tuned: Sequence[StuckStructure], waves: Waves, weights: np.ndarray) -> ProjectedModes:
+    """Return the modes of a disc of alike sectors, by diameter, projected on pairs, loads and outputs of all.  Local."""
+    used = [each.projected.first(each.n_modes) for each in tuned]
+    return waves.modes([replace(each, b=np.repeat(each.b, 2, axis=1)) for each in used], weights)
+
+
+def with_other_blades(
+    fields: Mapping[str, Any], tuned: Sequence[StuckStructure], blades: tuple[PETSc.Mat, PETSc.Mat], factors: Sequence[np.ndarray]
+) -> dict[str, Any]:
+    """Return the fields of a disc whose blades have other stiffness and mass, from those of alike ones.  Collective.
+
+    ``factors`` (N,) of the stiffness and of the mass of the blades.
+
+    Raises
+    ------
+    CaseError : a stiffness or a mass that is not positive; on every rank
+    """
+    comm, projected = fields["comm"], fields["projected"]
+    waves = Waves(len(factors[0]))
+    omega_n, X = changed_modes(tuned, waves, blade_forms(tuned, waves, blades), factors)
+    after = in_coordinates(projected, omega_n, fields["of_tuned"].T @ X)
+    first, last = (3 * int(pair) for pair in split_evenly(fields["pairs"].n_pairs, comm.size)[comm.rank : comm.rank + 2])
+    statics = with_modes_changed(fields["statics"], projected, after, slice(first, last))
+    return {**fields, "projected": after, "statics": statics, "of_tuned": X, "has_other_blades": True}
 
 
 def load_weights(leads: np.ndarray, factors: np.ndarray) -> np.ndarray:
@@ -153,6 +192,14 @@ def in_coordinates(modes: ProjectedModes, omega_n: np.ndarray, X: np.ndarray) ->
     return ProjectedModes(omega_n, modes.R_phi @ X, X.T @ modes.b, modes.o @ X, C)
 
 
+def with_contact_stiffness(disc: WholeDisc, structure: ReducedStructure, damping: ModalDamping | None) -> ReducedStructure:
+    """Return the reduced structure with the contact stiffness of each sector: exactly, eq. (4.7).  Local."""
+    dK = disc.change_of_springs
+    if not dK.any():
+        return structure
+    return with_springs(structure, SpringChange(dK, disc.pairs.law.stiffness.ravel(), damping))
+
+
 # -- error bars ----------------------------------------------------------------------------------------------------
 
 
@@ -202,15 +249,39 @@ def displacements(disc: WholeDisc, model: ReducedModel, points: Sequence[ActingF
 
 
 def _displacement(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> np.ndarray:
-    waves, N, f = disc.waves, disc.waves.n_sectors, point.level * model.f
-    N_H = model.N_H
-    (group,), (c,) = model.groups, model.flexibilities(point.omega)
-    n_modes = [each.n_modes for each in disc.tuned]
-    eta = waves.spectrum(disc.of_tuned @ c.apply(group.receptance.modal_forces(f, point.p)), n_modes)
+    """Return the harmonics of u on this rank's rows at one point, (n_owned N, N_H) [m].  Collective."""
+    waves, N, N_H = disc.waves, disc.waves.n_sectors, model.N_H
+    f, p = point.level * model.f, point.p + _forces_of_other_springs(disc, model, point)
+    updates = model.spring_updates
+    receptance = model.receptance_of(1) if updates is None else updates.of(1).before
+    c = receptance.modes.flexibility(model.harmonics, point.omega)
+    q = receptance.modal_forces(f, p)
+    eta = disc.of_tuned @ c.apply(q)
+    if disc.has_other_blades:  # the static share of the tuned modes is in the static solution
+        static_share = disc.of_tuned @ (q / receptance.modes.omega_n[:, None] ** 2)
+        eta = eta + static_share - _tuned_share(disc, f, p)
     of_sectors = (disc.weights[:, :, None] * f).reshape(N, -1, 2, N_H).sum(axis=2)
-    f_d, p_d = np.fft.rfft(of_sectors, axis=0), np.fft.rfft(point.p.reshape(N, -1, N_H), axis=0)
+    f_d, p_d = np.fft.rfft(of_sectors, axis=0), np.fft.rfft(p.reshape(N, -1, N_H), axis=0)
     fields = []
-    for each, f_each, p_each, eta_each in zip(disc.tuned, f_d, p_d, eta):
+    for each, f_each, p_each, eta_each in zip(disc.tuned, f_d, p_d, waves.spectrum(eta, [each.n_modes for each in disc.tuned])):
         static = each.solve(each.load_forces(f_each) - each.pair_forces(p_each))
         fields.append(static + each.modes.phi_owned @ eta_each)
     return np.fft.irfft(np.array(fields), n=N, axis=0).swapaxes(0, 1).reshape(-1, N_H)
+
+
+def _forces_of_other_springs(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> np.ndarray:
+    """Return the forces that other contact stiffness adds, (3 n_pairs, N_H) [N]; 0 where all have that of one.  Collective."""
+    dK = disc.change_of_springs
+    if not dK.any():
+        return np.zeros_like(point.p)
+    active = np.flatnonzero(point.p.reshape(disc.pairs.n_pairs, -1).any(axis=1))
+    by_p = ReceptanceColumns(model, point.omega, active).apply(point.p[rows_of(active)]).reshape(-1, model.N_H)
+    du = linear_motion(model, point.level, point.omega, slice(None)) - np.concatenate(model.comm.allgather(by_p))
+    forces: np.ndarray = dK[:, None] * du
+    return forces
+
+
+def _tuned_share(disc: WholeDisc, f: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the static coordinates of the tuned modes under loads and forces of pairs, (M, N_H), by diameter.  Local."""
+    alike = tuned_modes(disc.tuned, disc.waves, disc.weights)
+    return (alike.b @ f - alike.R_phi.T @ p) / alike.omega_n[:, None] ** 2

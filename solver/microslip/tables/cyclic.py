@@ -105,6 +105,11 @@ class Cyclic(Table):
         """The sector indices that harmonics may have, rising."""
         return tuple(sorted({self.diameter(n) for n in range(self.sectors)}))
 
+    @property
+    def differs(self) -> bool:
+        """Whether sectors may differ."""
+        return bool(self.sector or self.table or self.scatter)
+
     @field_validator("faces")
     @classmethod
     def _two_faces(cls, faces):

@@ -85,7 +85,9 @@ def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Redu
     if settings.method in REDUCTIONS:
         return REDUCTIONS[settings.method](stuck, settings)
     expand: Expansion = partial(displacements, stuck)
+    structure = reduce_structure(stuck, settings.damping)
     if isinstance(stuck, WholeDisc):
         expand = partial(whole_disc.displacements, stuck)
+        structure = whole_disc.with_contact_stiffness(stuck, structure, settings.damping)
     selection = SELECTIONS[settings.method](settings)
-    return Reduction(reduce_structure(stuck, settings.damping), selection, expand, leaves_out="modes")
+    return Reduction(structure, selection, expand, leaves_out="modes")

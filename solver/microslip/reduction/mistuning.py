@@ -1,0 +1,176 @@
+"""Blades of other stiffness and mass in a disc: component mode mistuning (docs/theory.md, section 15).
+
+A change of the blades' stiffness and mass couples the tuned modes of all nodal diameters by small matrices; their motions among
+the modes computed are found again.  What the truncated modes add stays that of alike blades.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+
+from ..linear.dense import gram, multiply
+from ..messages.errors import CaseError
+from ..modes.eigen import Modes
+from ..parallel.agree import on_root
+from ..parallel.ownership import rows_of
+from ..receptance.circulant import Waves
+from ..receptance.modes import ProjectedModes
+from ..receptance.static_columns import StaticColumns
+from ..receptance.static_response import StaticResponse
+from .stuck import StuckStructure
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+Stuck = TypeVar("Stuck", bound=StuckStructure)
+_SHAPED = 4  # modes that have them
+_INDEPENDENT = 1e-10  # mass of a static shape without the share of the modes, over its mass with it
+
+
+def with_static_shapes(stuck: Stuck, blades: tuple[PETSc.Mat, PETSc.Mat]) -> Stuck:
+    """Return a structure of one nodal diameter with Ritz vectors among its modes: static shapes without the share of its modes.
+
+    Collective: solves, three for each of the first modes and one for each load and output.  The shapes are those of loads and
+    outputs, and in the first modes of the forces of the stuck joint and of the stiffness and mass of the blade.
+    """
+    system, comm, rows = stuck.system, stuck.comm, stuck.rows
+    first = slice(min(_SHAPED, stuck.n_modes))
+    of_joint = stuck.pair_forces(stuck.pairs.law.stiffness.reshape(-1, 1) * stuck.projected.R_phi[:, first])
+    given = sp.hstack([system.loads, system.outputs.conj().T], format="csr")[rows].toarray()
+    shapes = _on_nodes(stuck, blades[0])[:, first]
+    T = _nodal(stuck)
+    of_blades = [
+        T.conj().T.tocsr()[rows] @ np.concatenate(comm.allgather(multiply(A, shapes.real) + 1j * multiply(A, shapes.imag)))
+        for A in blades
+    ]
+    forces = np.hstack([given, of_joint, *(each if stuck.is_complex else each.real for each in of_blades)])
+    motions, phi_owned = stuck.solve(forces), stuck.modes.phi_owned
+    sizes = np.sqrt(np.diag(gram(comm, motions, stuck.product(stuck.M, motions))).real)
+    motions = motions - phi_owned @ (stuck.participation(forces) / stuck.omega_n[:, None] ** 2)
+    motions = motions / np.where(sizes > 0.0, sizes, 1.0)
+    K, M = (gram(comm, motions, stuck.product(A, motions)) for A in (stuck.K_L, stuck.M))
+    squares, X = comm.bcast(_ritz(K, M))
+    if len(squares) == 0:
+        return stuck
+    of_modes = stuck.modes
+    info = {**of_modes.info, "complete": False, "proved": of_modes.n_proved}
+    phi_owned = np.asfortranarray(np.hstack([phi_owned, motions @ X]))
+    return stuck.with_modes(Modes(np.append(of_modes.omega_n, np.sqrt(squares)), phi_owned, info))
+
+
+def _ritz(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return squares of frequencies (r,) and M-normalised vectors (m, r) of the independent ones among m vectors.  Local."""
+    sizes, U = np.linalg.eigh(0.5 * (M + M.conj().T))
+    U = U[:, sizes > _INDEPENDENT] / np.sqrt(sizes[sizes > _INDEPENDENT])
+    of_U = U.conj().T @ K @ U
+    squares, Q = np.linalg.eigh(0.5 * (of_U + of_U.conj().T))
+    return squares, U @ Q
+
+
+def blade_forms(tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PETSc.Mat, PETSc.Mat]) -> list[np.ndarray]:
+    """Return V^T K_b V and V^T M_b V of the blade of a sector, (M, M) each, V being real and imaginary parts of all modes.
+
+    Collective: gathers of the modes, and products.  ``blades`` are K_b and M_b on the rows of the nodes.
+    """
+    parts = []
+    for d, each in zip(waves.diameters, tuned):
+        owned = _on_nodes(each, blades[0])
+        parts += [owned.real] if waves.is_real(d) else [owned.real, owned.imag]
+    V_owned = np.hstack(parts)
+    return [gram(tuned[0].comm, V_owned, multiply(matrix, V_owned)) for matrix in blades]
+
+
+def _nodal(stuck: StuckStructure) -> sp.csr_matrix:
+    """Return T of the rows of the nodes, (n_nodal, n_dof)."""
+    constraints = stuck.system.constraints
+    assert constraints is not None, "a disc"
+    return constraints.T[: constraints.n_nodal]
+
+
+def _on_nodes(stuck: StuckStructure, matrix: PETSc.Mat) -> np.ndarray:
+    """Return the modes on this rank's rows of a matrix on the rows of the nodes, (n_nodal_owned, n_modes).  Collective."""
+    phi = np.concatenate(stuck.comm.allgather(stuck.modes.phi_owned))
+    return (_nodal(stuck) @ phi)[slice(*matrix.getOwnershipRange())]
+
+
+def changed_modes(
+    tuned: Sequence[StuckStructure], waves: Waves, forms: Sequence[np.ndarray], factors: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies (M,), rising, and modes (M, M) of a disc with other blades, in its tuned modes: eq. (15.6).
+
+    Collective: one broadcast.  ``factors`` (N,) of the stiffness and of the mass of the blades.
+
+    Raises
+    ------
+    CaseError : a stiffness or a mass that is not positive; on every rank
+    """
+    omega_n = np.concatenate([np.tile(each.omega_n, 1 if waves.is_real(d) else 2) for d, each in zip(waves.diameters, tuned)])
+    return on_root(tuned[0].comm, _solved, omega_n, waves, [each.n_modes for each in tuned], forms, factors)
+
+
+def _solved(
+    omega_n: np.ndarray, waves: Waves, n_modes: Sequence[int], forms: Sequence[np.ndarray], factors: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    K, M = np.diag(omega_n**2), np.eye(len(omega_n))
+    for s in range(waves.n_sectors):
+        L = _in_sector(waves, n_modes, s)
+        K += (factors[0][s] - 1.0) * (L.T @ forms[0] @ L)
+        M += (factors[1][s] - 1.0) * (L.T @ forms[1] @ L)
+    try:
+        squares, X = scipy.linalg.eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
+    except np.linalg.LinAlgError:
+        squares, X = np.zeros(1), np.zeros(0)
+    if not squares[0] > 0.0:
+        raise CaseError("[cyclic]: the blades of some sectors have so little stiffness or mass that a mode of the disc has none")
+    return np.sqrt(squares), X
+
+
+def _in_sector(waves: Waves, n_modes: Sequence[int], s: int) -> np.ndarray:
+    """Return L of eq. (15.6): the real modes in sector s in terms of V, (M, M).  Local."""
+    N, blocks = waves.n_sectors, []
+    for d, m in zip(waves.diameters, n_modes):
+        cos, sin = np.cos(2.0 * np.pi * d * s / N), np.sin(2.0 * np.pi * d * s / N)
+        turn = np.array([[cos]]) / np.sqrt(N) if waves.is_real(d) else np.sqrt(2.0 / N) * np.array([[cos, sin], [-sin, cos]])
+        blocks.append(np.kron(turn, np.eye(m)))
+    return scipy.linalg.block_diag(*blocks)
+
+
+def with_modes_changed(static: StaticResponse, before: ProjectedModes, after: ProjectedModes, owned: slice) -> StaticResponse:
+    """Return a static response with the share of some modes exchanged, eq. (15.7); static columns on demand.  Local.
+
+    ``owned`` are the rows of the pairs of this rank.
+    """
+    both = (after, 1.0), (before, -1.0)
+
+    def exchanged(left: str, right: str) -> np.ndarray:
+        return sum(sign * (_rows(modes, left) / modes.omega_n**2) @ _rows(modes, right).T for modes, sign in both)
+
+    G = static.G_static
+
+    def columns(pairs: np.ndarray) -> np.ndarray:
+        rows, total = rows_of(pairs), G.transposed(pairs).T
+        for modes, sign in both:
+            total = total + sign * (modes.R_phi[owned] / modes.omega_n**2) @ modes.R_phi[rows].T
+        return total
+
+    return replace(
+        static,
+        G_static=StaticColumns(len(G.known), G.n_owned, columns),
+        du_static=static.du_static + exchanged("R_phi", "b"),
+        out_static=static.out_static + exchanged("o", "b"),
+        out_R=static.out_R + exchanged("o", "R_phi"),
+        load_static=static.load_static + exchanged("b", "b"),
+        outputs_static=static.outputs_static + sum(sign * (modes.o**2 / modes.omega_n**2).sum(axis=1) for modes, sign in both),
+    )
+
+
+def _rows(modes: ProjectedModes, name: str) -> np.ndarray:
+    """Return what modes do to pairs, outputs or loads, (n, M).  Local."""
+    rows = getattr(modes, name)
+    return rows.T if name == "b" else rows
