@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from .case import Case, appended, edited
 
 RUN = "run disc.toml --out out"
@@ -93,4 +95,65 @@ JOINTS = [
     ),
 ]
 
-CASES = [*FIT, *WAVES, *HELD, *JOINTS]
+WHOLE, SECTOR = WAVE + "\nwhole = true", "[[cyclic.sector]]\nnumber = 1\n"
+
+
+def table_of(*rows: str) -> Case:
+    """Return the scene of the disc with a CSV file of factors, and what must be said of it: the last two texts."""
+    *lines, name, words = rows
+
+    def spoil(folder: Path) -> None:
+        (folder / "sectors.csv").write_text("\n".join(lines) + "\n")
+        edited("disc.toml", WAVE, WHOLE + '\ntable = "sectors.csv"')(folder)
+
+    return Case(name, RUN, (words,), spoil)
+
+
+def differing(name: str, more: str, *words: str) -> Case:
+    """Return the scene of a disc whose sectors may differ, with more of its table."""
+    return disc(name, WAVE, f"{WHOLE}\n{more}", *words)
+
+
+DIFFER = [
+    disc(
+        "factors of one sector for all", WAVE, f"{WAVE}\n{SECTOR}friction = 0.5", "sector says how sectors differ", "whole = true"
+    ),
+    differing("sector beyond the last", "[[cyclic.sector]]\nnumber = 5", "sector 5 is stated; 5 sectors have the numbers 0 to 4"),
+    differing("sector stated twice", SECTOR + SECTOR, "sector 1 is stated twice"),
+    differing("unknown factor", SECTOR + "frictoin = 0.5", '[[cyclic.sector]] 1 frictoin: unknown key; nearest is "friction"'),
+    differing("factor below 0", SECTOR + "stiffness = -0.5", "[[cyclic.sector]] 1 stiffness = -0.5", "a number above 0"),
+    differing("scatter without a seed", "scatter = { friction = 0.1 }", "[cyclic] scatter seed is missing"),
+    differing("scatter of an unknown factor", "scatter = { stifness = 0.1, seed = 1 }", 'nearest is "stiffness"'),
+    differing(
+        "scatter that makes a stiffness negative",
+        "scatter = { stiffness = 0.9, seed = 1 }",
+        "[cyclic] scatter: stiffness = 0.9 makes stiffness of sector",
+        "it must be above 0: state a smaller one",
+    ),
+    differing("scatter and sectors", "scatter = { load = 0.1, seed = 1 }\n" + SECTOR, "found sector and scatter"),
+    differing("blades of no body", 'blades = ["blad"]', "[cyclic] blades: there is no body 'blad'", 'nearest is "blade"'),
+    differing("table that is not there", 'table = "none.csv"', "[cyclic] table", "none.csv"),
+    Case(
+        "whole disc by another method",
+        RUN,
+        ('[solver] method = "adaptive": with [cyclic] whole = true take "receptance"',),
+        edited("disc.toml", WAVE, WHOLE, "modes = 8", 'modes = 8\nmethod = "adaptive"'),
+    ),
+    Case(
+        "whole disc with ratios of modes by number",
+        RUN,
+        ("[damping] ratios: with [cyclic] whole = true", "state ratio, or rayleigh"),
+        edited("disc.toml", WAVE, WHOLE, "ratio = 0.01", "ratios = [0.01]"),
+    ),
+    table_of("sector,friction", "0,1.0", "1,0.9", "table with too few sectors", "sectors.csv: sector 2 has no row (3 in all)"),
+    table_of("sector,friction", "7,1.0", "table of a sector beyond", "line 2: sector 7; 5 sectors have the numbers 0 to 4"),
+    table_of("sector,frction", "0,1.0", "table of an unknown factor", '"frction" is unknown'),
+    table_of(
+        "sector,density",
+        *(f"{s},{s - 2.0}" for s in range(5)),
+        "table with a factor below 0",
+        "makes density of sector 0 -2 times",
+    ),
+]
+
+CASES = [*FIT, *WAVES, *HELD, *JOINTS, *DIFFER]

@@ -21,7 +21,7 @@ from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
-from ..mesh.sector_factors import factors_of, pairs_of_all_sectors
+from ..mesh.sector_factors import factors_of, notes_on_sectors, pairs_of_all_sectors
 from ..modes.eigen import Modes
 from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
@@ -392,7 +392,8 @@ def from_mesh(
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, scene, file, share=False)
         pairs = on_root(comm, pair_contacts, mesh, scene.joints, scene.cyclic)
-    for note in (*on_root(comm, lambda: mesh.notes), *pairs.notes):
+    of_sectors = on_root(comm, notes_on_sectors, scene.cyclic, scene.path)
+    for note in (*on_root(comm, lambda: mesh.notes), *pairs.notes, *of_sectors):
         log.note(note)
     with log.stage("partition"):
         shares = distribute(mesh, scene, comm)

@@ -1,6 +1,6 @@
 """How the sectors of a disc differ: factors of friction, preload, gap, stiffness, density and load, and the pairs of all sectors.
 
-docs/theory.md, section 15.
+docs/theory.md, section 17.
 """
 
 from __future__ import annotations
@@ -61,6 +61,20 @@ def factors_of(cyclic: Cyclic, path: Path) -> SectorFactors:
                 name, values[name], f"{path}: [cyclic] scatter: {name} = {getattr(cyclic.scatter, name):g}", "state a smaller one"
             )
     return SectorFactors(**values)
+
+
+def notes_on_sectors(cyclic: Cyclic | None, path: Path) -> list[str]:
+    """Return how the sectors of a disc differ, for log and check, nothing where they are alike.  Local.
+
+    Raises
+    ------
+    CaseError : as :func:`factors_of`
+    """
+    if cyclic is None or not cyclic.differs:
+        return []
+    factors = vars(factors_of(cyclic, path))
+    ranges = [f"{name.replace('_', ' ')} {f.min():.4g} to {f.max():.4g}" for name, f in factors.items() if (f != 1.0).any()]
+    return [f"cyclic: sectors differ by factors: {', '.join(ranges) or 'none, all are 1'}"]
 
 
 def _from_file(n_sectors: int, file: Path) -> dict[str, np.ndarray]:

@@ -2,10 +2,10 @@
 
 Any linear map A of a disc of alike sectors is block circulant: from sector t to sector s it is
 
-    A_st = 1/N sum_d exp(i d (s - t) alpha) A(d),                                                                    (15.1)
+    A_st = 1/N sum_d exp(i d (s - t) alpha) A(d),                                                                    (17.1)
 
 the inverse discrete Fourier transform of the maps of the diameters, and real.  ``of_diameters`` are those of d = 0, 1, ...,
-N // 2; N - d has the conjugate of d.  docs/theory.md, section 15.  NumPy only; everything is local.
+N // 2; N - d has the conjugate of d.  docs/theory.md, section 17.  NumPy only; everything is local.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Waves:
         return 2 * d % self.n_sectors == 0
 
     def blocks(self, of_diameters: Sequence[np.ndarray]) -> np.ndarray:
-        """Return C, (N, a, b): the block from sector t to sector s is C[(s - t) mod N].  eq. (15.1)."""
+        """Return C, (N, a, b): the block from sector t to sector s is C[(s - t) mod N].  eq. (17.1)."""
         return np.fft.irfft(np.array(of_diameters), n=self.n_sectors, axis=0)
 
     def response(self, of_diameters: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarray:
@@ -59,7 +59,7 @@ class Waves:
         """Return rows of the real modes of the disc, (N a, M), from complex rows (a, m) of the modes of each diameter.
 
         Each complex mode is two real ones, sqrt(2/N) Re and Im of exp(i d s alpha) times it, one after the other by diameter:
-        eq. (15.2).
+        eq. (17.2).
         """
         return np.hstack([self._rows(d, rows) for d, rows in zip(self.diameters, of_diameters)])
 

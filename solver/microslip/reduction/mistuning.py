@@ -1,4 +1,4 @@
-"""Blades of other stiffness and mass in a disc: component mode mistuning (docs/theory.md, section 15).
+"""Blades of other stiffness and mass in a disc: component mode mistuning (docs/theory.md, section 17).
 
 A change of the blades' stiffness and mass couples the tuned modes of all nodal diameters by small matrices; their motions among
 the modes computed are found again.  What the truncated modes add stays that of alike blades.
@@ -102,7 +102,7 @@ def _on_nodes(stuck: StuckStructure, matrix: PETSc.Mat) -> np.ndarray:
 def changed_modes(
     tuned: Sequence[StuckStructure], waves: Waves, forms: Sequence[np.ndarray], factors: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (M,), rising, and modes (M, M) of a disc with other blades, in its tuned modes: eq. (15.6).
+    """Return frequencies (M,), rising, and modes (M, M) of a disc with other blades, in its tuned modes: eq. (17.5).
 
     Collective: one broadcast.  ``factors`` (N,) of the stiffness and of the mass of the blades.
 
@@ -132,7 +132,7 @@ def _solved(
 
 
 def _in_sector(waves: Waves, n_modes: Sequence[int], s: int) -> np.ndarray:
-    """Return L of eq. (15.6): the real modes in sector s in terms of V, (M, M).  Local."""
+    """Return L of eq. (17.5): the real modes in sector s in terms of V, (M, M).  Local."""
     N, blocks = waves.n_sectors, []
     for d, m in zip(waves.diameters, n_modes):
         cos, sin = np.cos(2.0 * np.pi * d * s / N), np.sin(2.0 * np.pi * d * s / N)
@@ -142,7 +142,7 @@ def _in_sector(waves: Waves, n_modes: Sequence[int], s: int) -> np.ndarray:
 
 
 def with_modes_changed(static: StaticResponse, before: ProjectedModes, after: ProjectedModes, owned: slice) -> StaticResponse:
-    """Return a static response with the share of some modes exchanged, eq. (15.7); static columns on demand.  Local.
+    """Return a static response with the share of some modes exchanged, eq. (17.6); static columns on demand.  Local.
 
     ``owned`` are the rows of the pairs of this rank.
     """

@@ -1,7 +1,7 @@
 """A disc whose sectors may differ, with the pairs of all sectors, from the structures of the nodal diameters of alike ones.
 
 Loads, outputs and pairs are those of all sectors, and everything is real.  Motions over the DOFs have a row for each DOF of a
-sector and each sector, the sectors of a DOF one after the other.  docs/theory.md, section 15.
+sector and each sector, the sectors of a DOF one after the other.  docs/theory.md, section 17.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def with_other_blades(
 
 
 def load_weights(leads: np.ndarray, factors: np.ndarray) -> np.ndarray:
-    """Return how often the two real shapes of each load act in each sector, (N, 2 n_loads): eq. (15.3).  Local.
+    """Return how often the two real shapes of each load act in each sector, (N, 2 n_loads): eq. (17.3).  Local.
 
     cos(x + b) = cos b cos x + sin b cos(x + pi / 2), b = n h s alpha.
     """
@@ -206,7 +206,7 @@ def with_contact_stiffness(disc: WholeDisc, structure: ReducedStructure, damping
 def truncated_of_all(disc: WholeDisc, parts: Sequence[TruncatedModes | None], receptance: Receptance) -> TruncatedModes | None:
     """Return the truncated modes of a whole disc from those of its nodal diameters; None if there are none.  Local.
 
-    The samples of each diameter get a random phase, so that those of different sectors are independent: eq. (15.5).
+    The samples of each diameter get a random phase, so that those of different sectors are independent: eq. (17.4).
     """
     known = [part for part in parts if part is not None]
     if not known:

@@ -22,6 +22,7 @@ from ...mesh.links import Links, find_links, fixed_places
 from ...mesh.pairing import pair_contacts
 from ...mesh.partition import distribute
 from ...mesh.read import read_mesh
+from ...mesh.sector_factors import notes_on_sectors
 from ...messages.errors import CaseError, Faults
 from ...scene.schema import Scene
 
@@ -73,6 +74,7 @@ def _of_mesh(scene: Scene, mesh: Mesh, faults: Faults) -> None:
     """Collect the faults of a scene on its mesh."""
     pairs = _value(faults, lambda: pair_contacts(mesh, scene.joints, scene.cyclic))
     links = _value(faults, lambda: find_links(mesh, scene))
+    _value(faults, lambda: notes_on_sectors(scene.cyclic, scene.path))
     with faults.collected():
         check_elements(distribute(mesh, scene, MPI.COMM_SELF), scene)
     if links is not None:

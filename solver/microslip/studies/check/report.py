@@ -15,6 +15,7 @@ from ...library.complete import taken_parts
 from ...library.settings import reduction_settings, response_settings
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
+from ...mesh.sector_factors import notes_on_sectors
 from ...messages.words import place
 from ...modes.limits import FEW, refuse_too_many
 from ...reduction.facts import Counts
@@ -64,7 +65,7 @@ def description(
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
         *_joints(pairs),
-        *(f"           {note}" for note in (*pairs.notes, *whole.notes)),
+        *(f"           {note}" for note in (*pairs.notes, *notes_on_sectors(scene.cyclic, scene.path), *whole.notes)),
         *_bolts(mesh, scene),
         *(
             f"load {i}     {_load_at(mesh, load, applied.nodes)}"
