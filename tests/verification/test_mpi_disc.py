@@ -351,3 +351,20 @@ def test_a_run_writes_fields_of_all_sectors(shared_path, program):
     close = cKDTree(fields.mesh.points[disc]).query_pairs(1e-9, output_type="ndarray")
     assert len(close) == 4 * N  # where sectors meet
     np.testing.assert_allclose(u[disc[close[:, 0]]], u[disc[close[:, 1]]], atol=1e-6 * np.abs(u).max())
+
+
+def test_time_integration_of_the_whole_ring_gives_the_wave(shared_path, program):
+    """`verify` marches the pairs of all sectors; measured 3.8e-4 of the peak, its error in time 1.5e-4; harmonics above 1 7.5e-4."""
+    solved = end(6, (85.0,), (1430.0, 1440.0), (1436.0,), harmonics=7, samples=120).replace("ratio = 0.01", "ratio = 0.03")
+    path = on_root(COMM, lambda: write_sector(shared_path, 3, solved, friction=0.05))
+    status, _, said = program("verify", str(path), "--out", str(shared_path / "out"), "--at", "1436", "--steps", "64")
+    assert status == 0, said
+    COMM.barrier()
+    with open(shared_path / "out" / "verify.csv", encoding="utf-8", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert float(row["difference_with_phase"]) < 1e-3 and float(row["higher_harmonics"]) > 5e-4
+    structure = build(read_scene(path), COMM)
+    branch = respond(structure).level(85.0)
+    at = int(np.argmin(np.abs(branch.frequency - 1436.0)))
+    assert float(row["harmonic_balance_m"]) == pytest.approx(np.hypot(*branch.response[at, 0, 1:3]), rel=1e-6)
+    structure.close()

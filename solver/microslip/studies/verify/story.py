@@ -15,7 +15,7 @@ from ...fourier.coefficients import amplitude, cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...library.build import Structure, build
 from ...library.prepare import prepare
-from ...library.settings import refuse_discs, refuse_statics, units_of
+from ...library.settings import refuse_statics, units_of
 from ...messages.errors import CaseError, ConvergenceError
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
@@ -112,10 +112,24 @@ def with_requested_range(scene: Scene, request: Request) -> Scene:
     except CaseError as problem:
         raise CaseError(f"{' '.join(f'--{key}' for key in (*solver, *response))}: {problem}") from None
     refuse_statics(scene, "verify")
-    refuse_discs(
-        scene, "verify", "integrates in time what is computed, and one sector is no structure by itself; mesh all sectors"
-    )
-    return scene
+    return _as_ring(scene)
+
+
+def _as_ring(scene: Scene) -> Scene:
+    """Return the scene of a disc with the pairs of all sectors, which alone is one real structure in time; others as they are.
+
+    Local.
+
+    Raises
+    ------
+    CaseError : what a whole disc cannot have
+    """
+    if scene.cyclic is None or scene.cyclic.whole:
+        return scene
+    try:
+        return changed(scene, {"cyclic": {"whole": True}})
+    except CaseError as problem:
+        raise CaseError(f"verify integrates all sectors of a disc in time, as with whole = true: {problem}") from None
 
 
 def ready(structure: Structure, at: tuple[float, ...]) -> ResponseProblem:
