@@ -3,10 +3,13 @@
 import os
 import signal
 import time
+from contextlib import suppress
 
 import pytest
+from mpi4py import MPI
 
 from microslip.messages.errors import Interrupted
+from microslip.observe.log import RunLog
 from microslip.system import signals
 from microslip.system.files import atomic_write
 from microslip.system.signals import STOPPING, obey_signals, save_requested, unbroken
@@ -85,3 +88,21 @@ def test_what_the_caller_ignores_stays_ignored():
     send(signal.SIGHUP)
     with pytest.raises(Interrupted):
         send(signal.SIGTERM)
+
+
+def test_a_stop_that_a_library_swallows_comes_again_with_the_next_stage():
+    """A module that a signal interrupts at its import is taken for one that is not there."""
+    log = RunLog(MPI.COMM_SELF, screen=False)
+    with suppress(BaseException):
+        send(signal.SIGTERM)
+    with pytest.raises(Interrupted, match="stopped by SIGTERM"), log.stage("the next"):
+        raise AssertionError("it began")
+
+
+def test_what_a_library_makes_of_a_stop_is_the_stop():
+    log = RunLog(MPI.COMM_SELF, screen=False)
+    with pytest.raises(Interrupted, match="stopped by SIGTERM"), log.stage("one with an import"):
+        try:
+            send(signal.SIGTERM)
+        except Interrupted:
+            raise ImportError("initialization failed") from None

@@ -20,7 +20,7 @@ from ..messages.errors import CaseError, Interrupted, MicroslipError, ResourceEr
 from ..parallel.agree import raise_together
 from ..parallel.petsc import refused_option
 from ..system.files import remove_folders
-from ..system.signals import Answer, conclude_signals, drop_output, ignore_signals
+from ..system.signals import Answer, conclude_signals, drop_output, ignore_signals, stop_requested
 from ..system.start import launcher_rank
 from ..system.watchdog import unwatched
 from .overdue import ABORTS, is_aborted
@@ -92,7 +92,7 @@ def _outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[i
     except SystemExit as stop:  # argparse, after --help
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None), None
     except BaseException as error:
-        problem = expected(error)
+        problem = expected(error) or stop_requested()
         if problem is None:
             return _defect(comm, error), None
         return problem.exit_status, problem

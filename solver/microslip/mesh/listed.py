@@ -33,7 +33,8 @@ def listed_nodes(mesh: Mesh, joint: Joint) -> ContactPoints:
     table = np.column_stack([columns[name] for name in COLUMNS])
     _check(table, lines, path)
     node1, node2 = (_indices(mesh, table[:, i], lines, COLUMNS[i], path) for i in (0, 1))
-    normals = table[:, 2:5] / np.linalg.norm(table[:, 2:5], axis=1, keepdims=True)
+    normals = table[:, 2:5] / abs(table[:, 2:5]).max(axis=1, keepdims=True)  # squares of large ones are no numbers
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     near = np.where(node2 == GROUND, node1, node2)
     offset = mesh.points[node1] - mesh.points[near]
     return ContactPoints(
@@ -50,7 +51,7 @@ def listed_nodes(mesh: Mesh, joint: Joint) -> ContactPoints:
 def _check(table: np.ndarray, lines: list[int], path: Path) -> None:
     """Raise CaseError for a normal without length, an area that is not positive, a node paired with itself."""
     faults = (
-        (np.linalg.norm(table[:, 2:5], axis=1) == 0.0, "the normal nx, ny, nz is zero"),
+        (~table[:, 2:5].any(axis=1), "the normal nx, ny, nz is zero"),
         (table[:, 5] <= 0.0, "area must be above 0"),
         (table[:, 0] == table[:, 1], "node1 and node2 are the same node"),
     )

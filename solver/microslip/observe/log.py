@@ -20,8 +20,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..messages.errors import MicroslipError
 from ..parallel.agree import on_root
 from ..system.files import file_errors, make_folder
+from ..system.signals import raise_stop
 from ..system.watchdog import moved
 from ..version import __version__
 from .screen import Screen
@@ -133,6 +135,7 @@ class RunLog:
         Stages may lie in each other.
         """
         moved()
+        raise_stop()
         depth, began = self._depth, time.perf_counter()
         self._depth += 1
         self._begin_line("  " * depth + name)
@@ -141,6 +144,8 @@ class RunLog:
         except BaseException as problem:
             self.screen.clear()
             self.note(f"{'  ' * depth}{name} ended after {time.perf_counter() - began:.3g} s by {type(problem).__name__}")
+            if not isinstance(problem, MicroslipError):
+                raise_stop()  # what a library has made of a signal
             raise
         finally:
             self._depth = depth

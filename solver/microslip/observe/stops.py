@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..messages.errors import Interrupted, MicroslipError
 from ..points.branch import Branch, Point
-from ..system.signals import parting_with, save_requested
+from ..system.signals import parting_with, raise_stop, save_requested
 from ..system.walltime import TimeLimit
 from .log import RunLog
 
@@ -65,7 +65,8 @@ class Stops:
             raise
 
     def _look(self) -> None:
-        """Raise Interrupted when the time is nearly up, with everything saved."""
+        """Raise Interrupted when the time is nearly up, with everything saved, or a signal has been swallowed."""
+        raise_stop()
         if save_requested():
             self._save_in_time()
             self._log.note("saved by SIGUSR1: results.h5 has every point until now")

@@ -101,6 +101,20 @@ def is_stopping() -> bool:
     return _Requests.to_stop is not None
 
 
+def stop_requested() -> Interrupted | None:
+    """Return what a signal that stops has raised, if any has arrived.  Local."""
+    return _Requests.to_stop
+
+
+def raise_stop() -> None:
+    """Raise what a signal that stops has raised before, if any has arrived.  Local.
+
+    A library may have taken it for an error of its own, such as a module that cannot be imported, and gone on.
+    """
+    if _Requests.to_stop is not None and not _Requests.n_holding:
+        raise _Requests.to_stop
+
+
 @contextmanager
 def parting_with(words: str) -> Iterator[None]:
     """State what the message on a stop within the block ends with.  Local."""
