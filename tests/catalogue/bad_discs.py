@@ -156,4 +156,20 @@ DIFFER = [
     ),
 ]
 
+STUDIES = [
+    Case("export of a disc", "export disc.toml --out out", ("[cyclic]: export", "those of a nodal diameter are complex")),
+    Case(
+        "trade of a whole disc",
+        "trade disc.toml --out out",
+        ("whole = true: trade measures a disc by one sector",),
+        edited("disc.toml", WAVE, WAVE + "\nwhole = true"),
+    ),
+    Case(
+        "verify of a disc by another method",
+        "verify disc.toml --out out",
+        ("verify integrates all sectors of a disc", 'take "receptance"'),
+        edited("disc.toml", "modes = 8", 'modes = 8\nmethod = "adaptive"'),
+    ),
+]
+
 CASES = [*FIT, *WAVES, *HELD, *JOINTS, *DIFFER]

@@ -13,7 +13,7 @@ from ..tables.table import any_of
 from .inputs import may_know_nodes, named_files
 from .schema import Scene, Statics
 
-_OF_DISCS = ("receptance", "adaptive", "adaptive-energy")  # methods whose basis is that of the stuck structure
+OF_DISCS = ("receptance", "adaptive", "adaptive-energy")  # methods whose basis is that of the stuck structure
 
 
 def contradictions(scene: Scene) -> list[str]:
@@ -414,10 +414,10 @@ def _disc(scene: Scene) -> list[str]:
         mistakes.append(
             "[cyclic] with [statics]: the state of rest of a disc is not computed; leave [statics] out, and state preload in Pa"
         )
-    if scene.solver.method not in _OF_DISCS:
+    if scene.solver.method not in OF_DISCS:
         mistakes.append(
             f'[solver] method = "{scene.solver.method}": with [cyclic] each nodal diameter has a complex structure of its own, '
-            f"which this method does not reduce; take {any_of(_OF_DISCS)}"
+            f"which this method does not reduce; take {any_of(OF_DISCS)}"
         )
     for where, load in _numbered(scene, "loads"):
         if load.base_acceleration is not None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...library.build import build
-from ...library.settings import by_method, reduction_settings, refuse_discs, refuse_statics
+from ...library.settings import by_method, reduction_settings, refuse_statics
 from ...messages.errors import CaseError, MicroslipError
 from ...messages.words import hint
 from ...modes.limits import most_modes
@@ -18,6 +18,7 @@ from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
+from ...scene.checks import OF_DISCS
 from ...scene.read import changed
 from ...system.versions import versions
 from ..compare.story import LARGEST_REFERENCE
@@ -97,7 +98,11 @@ def check_request(scene: Scene, request: Request) -> None:
     if not scene.joints:
         raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
     refuse_statics(scene, "trade")
-    refuse_discs(scene, "trade", "reduces the structure by methods that take one real structure; leave [cyclic] out")
+    if scene.cyclic is not None and scene.cyclic.whole:
+        raise CaseError(
+            f"{scene.path}: [cyclic] whole = true: trade measures a disc by one sector, whose errors those of all sectors are; "
+            "leave whole out, with what makes sectors differ"
+        )
     check_loads(scene)
     if request.meshes and scene.model.mesh is None:
         raise CaseError(f"--meshes: {scene.path} is given as matrices; there is no other mesh of it")
@@ -233,7 +238,8 @@ def settings(
     if "method" in knobs:
         n_dof = bench.structure.n_dof
         known = {base.method, *(["adaptive-energy"] if "eps" in knobs else []), *(["full"] if n_dof > LARGEST_REFERENCE else [])}
-        later += [("method", name, replace(base, method=name)) for name in METHODS if name not in known]
+        methods = METHODS if bench.scene.cyclic is None else OF_DISCS
+        later += [("method", name, replace(base, method=name)) for name in methods if name not in known]
     return first, [*later, *last[:1], (ACCURACY, f"{TARGETS[2]:g}", replace(base, accuracy=TARGETS[2])), *last[1:]]
 
 
