@@ -72,6 +72,7 @@ def test_alike_sectors_are_those_of_one_sector(shared_path, N, h, frequency, lev
     whole = built(write_sector, shared_path, N, end(N_DOF, level, frequency), name="whole", **how)
     of_whole, n_slip_of_whole, _ = at_frequency(whole, level, frequency)
     assert n_slip_of_whole == N * n_slip > 0
+    assert whole.alike.group == h % N and whole.alike.per_group.groups == one.per_group.groups
     size = np.abs(of_one).max()
     np.testing.assert_allclose(of_whole[0], of_one[0], atol=1e-8 * size)
     c, lead = of_whole[:, 1] - 1j * of_whole[:, 2], np.exp(2j * np.pi * h * np.arange(N) / N)
@@ -155,6 +156,13 @@ def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
     results, fields = read_results(str(shared_path / "out" / "results.h5")), read_fields(str(shared_path / "out" / "results.h5"))
     assert results.outputs == tuple(f"tip {s}" for s in range(N))
     (motion,), (level,) = fields.peaks.values(), results.levels
+    table = np.genfromtxt(shared_path / "out" / "sectors.csv", delimiter=",", names=True)
+    np.testing.assert_array_equal(table["sector"], np.arange(N))
+    peaks = np.hypot(*np.moveaxis(level.response[:, :, 1:3], -1, 0)).max(axis=0)
+    np.testing.assert_allclose(table["peak"], peaks, rtol=1e-8)
+    alike = table["peak"] / table["amplification"]
+    np.testing.assert_allclose(alike, alike[0], rtol=1e-8)
+    assert 0.5 * peaks.mean() < alike[0] < 2.0 * peaks.max()
     u = motion.u[:, :, 1] - 1j * motion.u[:, :, 2]
     at = np.searchsorted(fields.mesh.numbers, fields.output_node)
     told = np.einsum("si,si->s", fields.output_direction, u[at])

@@ -98,6 +98,8 @@ class Structure(StuckStructure):
 class WholeStructure(WholeDisc, Structure):
     """The stuck structure of a scene whose disc has sectors that may differ."""
 
+    alike: Structure  # of the same disc with alike sectors, from one sector
+
 
 @dataclass(frozen=True, eq=False)
 class Assembled:
@@ -256,6 +258,8 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
 
     diameters: PerGroup[Structure] = PerGroup(alike)  # type: ignore[arg-type]  # its groups are whole numbers
     tuned = [diameters.of_group(d) for d in range(cyclic.sectors // 2 + 1)]
+    wave = cyclic.with_keys(whole=False, sector=(), table=None, scatter=None, blades=None)
+    one_sector: PerGroup[StuckStructure] = PerGroup(diameters.of_group, wave.diameter, wave.diameters)
     blades = None if parts.rest.system.sectors is None else parts.rest.system.sectors.blades
     if factors.changes_blades and blades is not None:
         tuned = [with_static_shapes(each, blades) for each in tuned]
@@ -267,6 +271,7 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
         fields = with_other_blades(fields, tuned, blades, (factors.stiffness, factors.density))
     return WholeStructure(
         **fields,
+        alike=replace(diameters.of_group(wave.diameter(1)), groups=one_sector, scene=scene.with_keys(cyclic=wave)),
         turns=turns(cyclic),
         diameter=min(cyclic.diameter(1), cyclic.diameter(-1)),
         scene=scene,

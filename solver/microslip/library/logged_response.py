@@ -10,15 +10,18 @@ from ..observe.level_log import LevelLog
 from ..observe.log import RunLog
 from ..observe.not_computed import not_computed
 from ..observe.stops import Stops
+from ..parallel.agree import on_root
 from ..points.branch import Branch
 from ..results.audit import audit_text
 from ..results.fields import RunRecord, StageRecord
 from ..results.measures import shown_with
 from ..results.origin import Origin
 from ..system.walltime import TimeLimit
+from .build import WholeStructure
 from .follow_response import follow, in_turn, known_columns
 from .prepare import Prepared
 from .result_files import extent_of, writer_of
+from .sectors import levels_by_sector, write_by_sector
 from .settings import units_of
 from .side_by_side import groups_that_pay
 
@@ -56,6 +59,11 @@ def follow_logged(
     finally:
         writer.close()
     log.note(audit_text(branches, units.works))
+    if isinstance(prepared.structure, WholeStructure):
+        by_sector = levels_by_sector(prepared, branches)
+        on_root(prepared.model.comm, write_by_sector, by_sector, folder, share=False)
+        for level in by_sector or ():
+            log.note(level.in_words())
     known = known_columns(response) if in_turn(response, n_groups) else None
     log.note(
         "\n  ".join(["not computed, and why, or what it would change:", *not_computed(extent_of(prepared), branches, known)])

@@ -37,7 +37,7 @@ def reduction_settings(scene: Scene) -> ReductionSettings:
 def excitation(scene: Scene) -> Excitation:
     """Return how the loads of a scene vary in time, and its harmonics.  Local.
 
-    Of a whole disc each load has two shapes, a quarter of a cycle apart: docs/theory.md, eq. (17.3).
+    Of a whole disc each load has two shapes, a quarter of a cycle apart: docs/theory.md, section 17.
     """
     shapes = [(load.harmonic, phase) for load in scene.loads for phase in load.phases]
     if scene.cyclic is not None and scene.cyclic.whole:

@@ -119,7 +119,7 @@ class Waves:
 
 
 class CirculantColumns(StaticColumns):
-    """G_static of a tuned disc: all columns are known, those of sector t being those of sector 0, turned.
+    """G_static of a tuned disc, eq. (17.1): all columns are known, those of sector t being those of sector 0, turned.
 
     Of a column j of sector 0 the rows in the sectors 0, 1, ..., N - 1, 0, 1, ... lie in memory one after the other; a column of
     sector t is a window of them that begins with sector N - t.  The memory is that of two columns for N.

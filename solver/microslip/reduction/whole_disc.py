@@ -193,7 +193,7 @@ def in_coordinates(modes: ProjectedModes, omega_n: np.ndarray, X: np.ndarray) ->
 
 
 def with_contact_stiffness(disc: WholeDisc, structure: ReducedStructure, damping: ModalDamping | None) -> ReducedStructure:
-    """Return the reduced structure with the contact stiffness of each sector: exactly, eq. (4.7).  Local."""
+    """Return the reduced structure with the contact stiffness of each sector, exactly.  Local."""
     dK = disc.change_of_springs
     if not dK.any():
         return structure

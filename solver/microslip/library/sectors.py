@@ -1,0 +1,109 @@
+"""Results by sector of a disc whose sectors may differ, beside the same disc with alike sectors."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..fourier.coefficients import amplitude
+from ..parallel.agree import on_root
+from ..points.branch import Branch
+from ..points.quantities import hertz
+from ..system.files import atomic_write
+from .build import WholeStructure
+from .follow_response import follow
+from .prepare import Prepared, prepare
+
+FILE = "sectors.csv"
+COLUMNS = ("level", "sector", "peak", "frequency_Hz", "amplification", "friction_J")
+
+
+@dataclass(frozen=True, eq=False)
+class LevelBySector:
+    """One level: the largest amplitude of harmonic 1 of the first output in each sector; alike sectors have one."""
+
+    level: float
+    peak: np.ndarray  # (N,) in the output's unit
+    frequency: np.ndarray  # (N,) Hz, of each
+    friction: np.ndarray  # (N,) J, friction loss of the pairs of each sector, a cycle, at the peak of the sector that moves most
+    alike: float  # peak of the disc with alike sectors
+
+    @property
+    def amplification(self) -> np.ndarray:
+        """The peaks over that of alike sectors, (N,)."""
+        return self.peak / self.alike
+
+    @property
+    def localisation(self) -> float:
+        """Share of the sector that moves most in the sum of squares of the peaks: 1/N to 1."""
+        return float(self.peak.max() ** 2 / np.sum(self.peak**2))
+
+    def in_words(self) -> str:
+        """Return a line for the log."""
+        N, most = len(self.peak), int(np.argmax(self.peak))
+        return (
+            f"sectors at {self.level:g}: sector {most} moves most, {self.peak[most]:.4e} at {self.frequency[most]:.6g} Hz, "
+            f"{self.amplification[most]:.4g} times alike sectors ({self.alike:.4e}; Whitehead's bound of one family of modes, "
+            f"(1 + sqrt(N)) / 2 = {whitehead(N):.3g}); {100.0 * self.localisation:.3g} % of the sum of squares of all peaks"
+        )
+
+
+def whitehead(N: int) -> float:
+    """Return the largest amplification in a linear disc of N blades with one family of modes.  Local."""
+    return 0.5 * (1.0 + float(np.sqrt(N)))
+
+
+def levels_by_sector(prepared: Prepared, branches: Sequence[Branch]) -> list[LevelBySector] | None:
+    """Return the results of all levels by sector, on rank 0; None elsewhere.
+
+    Collective: the response of alike sectors at the same levels, without error bars.
+
+    Raises
+    ------
+    CaseError, ConvergenceError, ResourceError : on every rank
+    """
+    structure = prepared.structure
+    assert isinstance(structure, WholeStructure), "a whole disc"
+    alike = follow(prepare(structure.alike, has_bars=False).response)
+    N, n_outputs = structure.waves.n_sectors, len(prepared.scene.outputs)
+    return on_root(prepared.model.comm, _by_sector, branches, alike, N, n_outputs, share=False)
+
+
+def _by_sector(branches: Sequence[Branch], alike: Sequence[Branch], N: int, n_outputs: int) -> list[LevelBySector]:
+    """Return the results of the levels that have points.  Rank 0."""
+    levels = []
+    for branch, other in zip(branches, alike):
+        if not (branch.points and other.points):
+            continue
+        sizes = np.array([amplitude(point.response[::n_outputs]) for point in branch.points])  # (n_points, N)
+        at = np.argmax(sizes, axis=0)
+        most = branch.points[int(at[int(np.argmax(sizes.max(axis=0)))])]
+        levels.append(
+            LevelBySector(
+                level=branch.level,
+                peak=sizes.max(axis=0),
+                frequency=np.array([hertz(branch.points[i].omega) for i in at]),
+                friction=most.energy.reshape(N, -1).sum(axis=1),
+                alike=max(float(amplitude(point.response[0])) for point in other.points),
+            )
+        )
+    return levels
+
+
+def write_by_sector(levels: Sequence[LevelBySector], folder: Path) -> None:
+    """Write a row for each level and sector.  Rank 0.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    with atomic_write(str(folder / FILE)) as unfinished, open(unfinished, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        for each in levels:
+            for s, row in enumerate(zip(each.peak, each.frequency, each.amplification, each.friction)):
+                writer.writerow([f"{each.level:.10g}", s, *(f"{value:.10g}" for value in row)])
