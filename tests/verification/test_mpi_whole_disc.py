@@ -15,6 +15,7 @@ from microslip.library.response import Response
 from microslip.parallel.agree import on_root
 from microslip.receptance.motions import output_motion
 from microslip.results.fields import read_fields
+from microslip.results.plots import draw_one
 from microslip.results.read import read_results
 from microslip.scene.read import read_scene
 
@@ -163,6 +164,8 @@ def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
     alike = table["peak"] / table["amplification"]
     np.testing.assert_allclose(alike, alike[0], rtol=1e-8)
     assert 0.5 * peaks.mean() < alike[0] < 2.0 * peaks.max()
+    (page,) = draw_one(results, "sectors")
+    np.testing.assert_allclose(page.figure.axes[0].lines[0].get_ydata() / peaks, 1e9 / level.level, rtol=1e-8)  # nm/N
     u = motion.u[:, :, 1] - 1j * motion.u[:, :, 2]
     at = np.searchsorted(fields.mesh.numbers, fields.output_node)
     told = np.einsum("si,si->s", fields.output_direction, u[at])
