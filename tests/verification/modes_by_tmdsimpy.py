@@ -29,7 +29,7 @@ H, SAMPLES = 3, 128
 
 def chain(n: int) -> dict:
     """Return n masses between walls, friction elements of different limits and stiffness to the ground."""
-    links = np.diag(np.full(n, 2.0)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1)
+    links = (n / 5.0) ** 2 * (np.diag(np.full(n, 2.0)) - np.diag(np.ones(n - 1), 1) - np.diag(np.ones(n - 1), -1))
     return scenes.make_system(
         "chain",
         np.eye(n),
