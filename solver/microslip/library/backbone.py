@@ -216,6 +216,7 @@ class Meeting:
     mode: int  # from 1, of the modes of that harmonic
     amplitude: float  # kg^1/2 m, q
     frequency: float  # Hz, of the nonlinear mode
+    place: float  # among the points: 2.5 lies midway from point 2 to 3, from 0
 
 
 def backbone(
@@ -427,12 +428,12 @@ def meetings_of(model: ReducedModel, j: int, points: tuple[ModePoint, ...]) -> t
         for number, omega_k in enumerate(model.groups[k].receptance.modes.omega_n, 1):
             if k == own and number == j + 1:
                 continue
-            for a, b in zip(points, points[1:]):
+            for i, (a, b) in enumerate(zip(points, points[1:])):
                 before, after = n * a.omega - omega_k, n * b.omega - omega_k
                 if before * after < 0.0 or (after == 0.0 and before != 0.0):
                     share = before / (before - after)
                     q = a.amplitude * (b.amplitude / a.amplitude) ** share
-                    found.append(Meeting(n, number, float(q), float(omega_k / n / (2.0 * np.pi))))
+                    found.append(Meeting(n, number, float(q), float(omega_k / n / (2.0 * np.pi)), i + float(share)))
     return tuple(sorted(found, key=lambda meeting: meeting.amplitude))
 
 

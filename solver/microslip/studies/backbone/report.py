@@ -196,7 +196,7 @@ def in_words(result: Backbone) -> list[str]:
             f"{np.nanmax([abs(check.damping) / result.damping[check.point] for check in result.checks]) * 100.0:.2g} % of itself"
         )
     for meeting in result.meetings:
-        at = float(np.exp(np.interp(np.log(meeting.amplitude), np.log(result.amplitude), np.log(size))))
+        at = float(np.interp(meeting.place, np.arange(len(size)), size))
         lines.append(
             f"superharmonic resonance: {meeting.harmonic} x {meeting.frequency:.6g} Hz meets mode {meeting.mode} of the stuck "
             f"structure at about {at:.3g} {unit} of {name}"
@@ -255,19 +255,13 @@ def draw_backbone(result: Backbone, scene: Titled, path: str) -> None:
         axes.axhline(of_stuck, color=FAINT, lw=0.8, ls=":")
         if quasi is not None and of_quasi is not None:
             within = quasi.amplitude <= result.amplitude.max()
-            at = np.exp(np.interp(np.log(quasi.amplitude[within]), np.log(result.amplitude), np.log(size * factor)))
+            rising = np.argsort(result.amplitude)
+            at = np.interp(quasi.amplitude[within], result.amplitude[rising], size[rising] * factor)
             axes.plot(at, of_quasi[within], color=_SECOND, ls="--", zorder=3)
         axes.plot(size * factor, values, color=_ACCENT, marker="o", ms=2.5)
         for meeting in result.meetings:
-            at_q = np.log(meeting.amplitude)
-            axes.plot(
-                np.exp(np.interp(at_q, np.log(result.amplitude), np.log(size * factor))),
-                np.interp(at_q, np.log(result.amplitude), values),
-                "v",
-                color=INK,
-                ms=5.0,
-                mfc="none",
-            )
+            at, value = (np.interp(meeting.place, np.arange(len(size)), each) for each in (size * factor, values))
+            axes.plot(at, value, "v", color=INK, ms=5.0, mfc="none")
         log_scale(axes, "x")
         axes.set(xlabel=f"amplitude of {plain(result.outputs[0], 24)} [{unit}]", ylabel=label)
     if result.damping.max() > _WIDE * result.damping.min() > 0.0:
