@@ -1,6 +1,7 @@
 """A cache of structures that several runs share, next to their folders for results.
 
     cache/setup-KEY/model, modes-NAME, columns   a stuck structure: stored_structure.py; columns of the run with most of them
+    cache/setup-KEY/diameter-D/                  of a disc instead of these: stored_disc.py
     cache/setup-KEY/factor-N                     its factor on N ranks: cached_factor.py
 
 The key is a hash of everything that a stuck structure depends on (identity.py).  Files are written under temporary names, renamed
@@ -65,18 +66,19 @@ class Cache:
     key: str  # of the structure
 
     @property
-    def _entry(self) -> Path:
+    def entry(self) -> Path:
+        """The folder of the structure."""
         return self.path / f"setup-{self.key}"
 
     @cached_property
     def factor(self) -> CachedFactor:
         """The factor on the number of ranks of this run."""
-        return CachedFactor(self.comm, self._entry)
+        return CachedFactor(self.comm, self.entry)
 
     @cached_property
     def stored(self) -> StoredStructure:
         """The files of the structure."""
-        return StoredStructure(self.comm, self._entry, self.factor)
+        return StoredStructure(self.comm, self.entry, self.factor)
 
     def structure(self, scene: Scene, log: RunLog) -> tuple[Structure, list[str], Path] | None:
         """Return the structure for a scene, notes, and the file of its modes; None if the cache has none to use."""
@@ -92,43 +94,46 @@ class Cache:
             self.stored.columns.restore(structure.statics.G_static, is_known=False)
             structure, why = choose_modes(replace(structure, pairs=pairs), reduction_settings(scene))
         before = [note for note in texts["notes"] if not note.startswith(WHY)]
-        notes = [f"the set-up is that of an earlier run, in {self._entry}", *before, why]
-        return structure, notes, self._entry / texts["modes"]
+        notes = [f"the set-up is that of an earlier run, in {self.entry}", *before, why]
+        return structure, notes, self.entry / texts["modes"]
 
     def _read(self) -> tuple[Arrays, dict[str, Any]] | None:
         """Return the stored arrays and texts and mark the entry as used now; remove a damaged entry.  Rank 0."""
         with suppress(OSError):
             stored = self.stored.read()
-            if stored is not None and (self._entry / stored[1]["modes"]).is_file():
+            if stored is not None and (self.entry / stored[1]["modes"]).is_file():
                 os.utime(self.stored.model)
                 return stored
             if self.stored.model.exists():
-                shutil.rmtree(self._entry, ignore_errors=True)
+                shutil.rmtree(self.entry, ignore_errors=True)
         return None
 
-    def share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> str:
-        """Store a structure unless the cache has the same extent already; return an error message or nothing."""
-        return self._tried(lambda: self._share(structure, of_run, renews))
+    def share(self, structure: Structure, of_run: StoredStructure, renews: bool, stored: StoredStructure | None = None) -> str:
+        """Store a structure unless the cache has the same extent already; return an error message or nothing.
 
-    def _share(self, structure: Structure, of_run: StoredStructure, renews: bool) -> None:
-        cached = None if renews else self.stored.read()
+        ``stored`` are its files in the cache: of a disc those of a nodal diameter.
+        """
+        return self._tried(lambda: self._share(structure, of_run, renews, stored or self.stored))
+
+    def _share(self, structure: Structure, of_run: StoredStructure, renews: bool, stored: StoredStructure) -> None:
+        cached = None if renews else stored.read()
         if cached is None or cached[1]["extent"] != extent_of(structure):
-            self.stored.copy_from(of_run)
-            make_room(self.path, self._entry)
+            stored.copy_from(of_run)
+            make_room(self.path, self.entry)
 
-    def share_columns(self, journal: Path) -> str:
+    def share_columns(self, journal: Path, stored: StoredStructure | None = None) -> str:
         """Store the static columns of a run if they are more than the cached ones; return an error message or nothing."""
-        return self._tried(lambda: self._link_columns(journal))
+        return self._tried(lambda: self._link_columns(journal, stored or self.stored))
 
-    def _link_columns(self, journal: Path) -> None:
-        columns = self.stored.columns.path
-        if self.stored.model.is_file() and n_pairs_in(journal) > n_pairs_in(columns):
+    def _link_columns(self, journal: Path, stored: StoredStructure) -> None:
+        columns = stored.columns.path
+        if stored.model.is_file() and n_pairs_in(journal) > n_pairs_in(columns):
             link_or_copy(journal, columns)
-            make_room(self.path, self._entry)
+            make_room(self.path, self.entry)
 
     def share_factor(self, factor: Factor) -> str:
         """Store a factor for later runs; return an error message or nothing."""
-        return self.factor.keep(factor) or self._tried(lambda: make_room(self.path, self._entry))
+        return self.factor.keep(factor) or self._tried(lambda: make_room(self.path, self.entry))
 
     def _tried(self, write: Callable[[], None]) -> str:
         """Write on rank 0; return the error message or nothing, on every rank."""
@@ -195,7 +200,7 @@ def pairs_for(scene: Scene, cached: ContactPairs, joints: list[dict[str, Any]], 
 
 def _paired(scene: Scene, file, cached: ContactPairs) -> ContactPairs | None:
     """Return the pairs of a scene as they are found, if they have the springs and places of those cached.  Rank 0."""
-    pairs = pair_contacts(read_mesh(scene, file), scene.joints)
+    pairs = pair_contacts(read_mesh(scene, file), scene.joints, scene.cyclic)
     mine, other = ({k: v for k, v in numbers_of(which).items() if k not in _LIMITS} for which in (pairs, cached))
     same = mine.keys() == other.keys() and all(np.array_equal(mine[key], other[key], equal_nan=True) for key in mine)
     same = same and pairs.joint == cached.joint and np.array_equal(pairs.laws, cached.laws)

@@ -31,6 +31,7 @@ from .cache import Cache, joints_of
 from .identity import Identity, identity_of
 from .records import Arrays, Disk, checked_read, read_record, write_record, write_unsynced
 from .results_folder import RESULTS, TABLE, UNFINISHED, is_checkpoint
+from .stored_disc import StoredDisc
 from .stored_structure import StoredStructure
 from .structure_arrays import basis_of
 
@@ -71,6 +72,7 @@ class Restart:
     fresh: bool = False  # no checkpoint is used
     _used: set[str] = field(default_factory=set)  # names of folders that this run has used; on rank 0
     _disk: Disk = field(default_factory=Disk)  # of all journals
+    _discs: list[StoredDisc] = field(default_factory=list)  # of alike sectors, that this run has prepared
 
     @classmethod
     def open(
@@ -92,6 +94,11 @@ class Restart:
         """Return the same with further notes, which come first.  Local."""
         return replace(self, notes=(*more, *self.notes))
 
+    @property
+    def _is_disc(self) -> bool:
+        """Whether the structure has one part for each nodal diameter."""
+        return self.scene.cyclic is not None and not self.scene.cyclic.whole
+
     # -- the structure -----------------------------------------------------------------------------------------------
 
     @cached_property
@@ -102,11 +109,17 @@ class Restart:
 
     def prepared(self, log: RunLog, build: Callable[[], Structure]) -> Prepared:
         """Return the prepared structure, from this folder, from the cache or by ``build``; in the latter cases it is stored."""
-        if self.scene.cyclic is not None:  # made again: its structures are several
-            disc = build()
-            with log.stage("reduction"):
-                return prepare(disc)
         self._used.add(self._stored.path.name)
+        if self._is_disc:
+            disc = StoredDisc(self.comm, self._stored.path, self.scene, log, self._disk, self.cache, self.fresh)
+            self._discs.append(disc)
+            structure = disc.structure()
+            with log.stage("reduction"):
+                return prepare(structure)
+        if self.scene.cyclic is not None:  # all sectors, which may differ: made again
+            whole = build()
+            with log.stage("reduction"):
+                return prepare(whole)
         before, modes = len(log.notes), None
         structure = self._restored(log)
         is_stored, cached = structure is not None, None
@@ -151,7 +164,11 @@ class Restart:
             log.note(problem)
 
     def share_columns(self, log: RunLog) -> None:
-        """Store the static columns of this run in the cache."""
+        """Store the static columns of this run in the cache; of a disc all that is known of its nodal diameters by now."""
+        for disc in self._discs:
+            disc.finish()
+        if self.scene.cyclic is not None:
+            return
         problem = "" if self.cache is None else self.cache.share_columns(self._stored.columns.path)
         if problem:
             log.note(problem)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 import shutil
 import uuid
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -19,10 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..assembly.real_form import complex_columns, real_columns
 from ..library.build import Structure, rebuilt
 from ..linear.factor import FactorCache
 from ..linear.joint_springs import Linearised
-from ..modes.eigen import Modes, lowest_modes
+from ..modes.eigen import Modes
+from ..modes.hermitian import lowest_modes_of
 from ..modes.user_order import from_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
@@ -57,16 +60,22 @@ class StoredStructure:
         """Return the arrays and texts of the model; None if it is missing or damaged.  Rank 0."""
         return read_record(self.model)
 
-    def structure(self, stored: tuple[Arrays, dict[str, Any]], scene: Scene, log: RunLog) -> Structure:
+    def structure(
+        self,
+        stored: tuple[Arrays, dict[str, Any]],
+        scene: Scene,
+        log: RunLog,
+        large: Callable[[Callable[[Linearised], Modes]], Factored] | None = None,
+    ) -> Structure:
         """Return the structure of arrays and texts, the same on every rank.  Local.
 
-        Its large parts are computed when they are first needed.
+        Its large parts are computed when they are first needed, by ``large`` from what reads the modes, or from the scene.
         """
         arrays, texts = stored
 
         def assemble() -> Factored:
-            projected, n_proved = structure.projected, structure.n_proved
-            return rebuilt(scene, self.comm, log, self.factor, partial(self._modes, texts["modes"], projected.omega_n, n_proved))
+            modes_of = partial(self._modes, texts["modes"], structure.projected.omega_n, structure.n_proved)
+            return rebuilt(scene, self.comm, log, self.factor, modes_of) if large is None else large(modes_of)
 
         structure = structure_of(arrays, texts, scene, self.comm, lambda group: OnDemand(assemble))
         return structure
@@ -75,8 +84,12 @@ class StoredStructure:
         """Return the modes of a file, or compute them again if it is missing or damaged.  Collective."""
         record = on_root(self.comm, read_modes, self.path / name, share=False)
         if not self.comm.bcast(record is not None):
-            return lowest_modes(linearised, len(omega_n))
-        return Modes(omega_n, from_user_order(linearised, record), {"complete": False, "proved": n_proved})
+            return lowest_modes_of(linearised, len(omega_n))
+        proof = {"complete": False, "proved": n_proved}
+        if not linearised.maps.is_complex:
+            return Modes(omega_n, from_user_order(linearised, record), proof)
+        parts = None if record is None else real_columns(record)
+        return Modes(omega_n, complex_columns(from_user_order(linearised, parts)), proof)
 
     def write(
         self, structure: Structure, basis: Basis | None, modes: Path | None = None, more: dict[str, Any] | None = None

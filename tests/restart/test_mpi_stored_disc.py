@@ -1,0 +1,85 @@
+"""The nodal diameters of a disc in the folder of a run and in the cache: other runs take them, a run that was ended goes on."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+from discs import write_sector
+from mpi4py import MPI
+
+from microslip.parallel.agree import on_root
+from microslip.results.read import read_results
+
+pytestmark = pytest.mark.ranks(1, 2)
+STAGE_OF_MODES = re.compile(r"\n *modes  +[0-9.]+ s")
+COMM = MPI.COMM_WORLD
+END = """[damping]
+ratio = 0.01
+[response]
+levels = [20.0]
+frequencies = [1400.0, 1410.0]
+points = 3
+fields = false
+[solver]
+modes = 12
+harmonics = 3
+"""
+
+
+def curve(folder):
+    """Return the frequencies and the responses of a run's level, and its log.  Collective."""
+
+    def read():
+        (level,) = read_results(str(folder / "results.h5")).levels
+        return np.array(level.frequency), np.array(level.response), (folder / "run.log").read_text()
+
+    return on_root(COMM, read)
+
+
+def run(program, scene, folder, *more):
+    status, _, said = program("run", str(scene), "--out", str(folder), *more)
+    assert status == 0, said
+    COMM.barrier()
+    return curve(folder)
+
+
+def test_another_friction_takes_all_nodal_diameters_from_the_cache(shared_path, program, monkeypatch):
+    monkeypatch.setenv("MICROSLIP_CACHE", str(shared_path / "cache"))
+    scene = on_root(COMM, lambda: write_sector(shared_path, 5, END, friction=0.05))
+    _, _, first = run(program, scene, shared_path / "first")
+    changed = ("--set", "joints.root.friction=0.06")
+    at, cached, log = run(program, scene, shared_path / "second", *changed)
+    computed = [d for d in range(3) if f"\nnodal diameter {d}\n" in first]
+    assert computed == [0, 1, 2]
+    assert all(f"nodal diameter {d}: the structure is that of an earlier run" in log for d in computed)
+    assert STAGE_OF_MODES.search(first) and not STAGE_OF_MODES.search(
+        log
+    )  # a pair that slips for the first time takes the factor
+    monkeypatch.setenv("MICROSLIP_CACHE", "off")
+    at_without, without, _ = run(program, scene, shared_path / "third", *changed)
+    np.testing.assert_allclose(at, at_without, rtol=1e-8)
+    np.testing.assert_allclose(cached, without, atol=1e-6 * np.abs(without).max())
+
+
+def test_a_run_that_lost_its_end_goes_on_with_the_same_numbers(shared_path, program, monkeypatch):
+    monkeypatch.setenv("MICROSLIP_CACHE", "off")
+    scene, folder = on_root(COMM, lambda: write_sector(shared_path, 5, END, friction=0.05)), shared_path / "run"
+    at, response, _ = run(program, scene, folder)
+    on_root(COMM, lambda: [(folder / name).unlink() for name in ("results.h5", "frf.csv")] and None)
+    again, same, log = run(program, scene, folder)
+    assert "nodal diameter 1: the structure is that of this folder" in log and "factor of the stuck structure" not in log
+    np.testing.assert_array_equal(again, at)
+    np.testing.assert_array_equal(same, response)
+
+    def lose_levels():
+        for level in (folder / "restart").glob("level-*"):
+            shutil.rmtree(level)
+        for name in ("results.h5", "frf.csv"):
+            (folder / name).unlink()
+
+    on_root(COMM, lose_levels)
+    again, same, log = run(program, scene, folder)
+    assert not STAGE_OF_MODES.search(log)
+    np.testing.assert_array_equal(again, at)
+    np.testing.assert_array_equal(same, response)
