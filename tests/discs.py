@@ -11,6 +11,10 @@ import numpy as np
 from blocks import Body, block, join
 from msh import write_msh
 from scene_text import joint, steel, support, table
+from scipy.spatial import cKDTree
+
+from microslip.fourier.coefficients import shifted
+from microslip.fourier.harmonics import Harmonics
 
 BORE, RIM, TIP, TOP, WIDTH = 0.05, 0.08, 0.12, 0.13, 0.01  # m
 BETWEEN = (0.0, 0.3, 0.75, 1.0)  # parts of the sector: beside the blade, under it, beside it
@@ -21,8 +25,8 @@ def sector(
 ) -> dict[str, Body]:
     """Return disc and blade of sector s about the z axis; divisions along radius, part of the angle and width.
 
-    A ``shroud`` on the tip reaches the neighbours: its sides are "shroud_low" and "shroud_high".  ``own`` ends the names of the
-    surfaces of the joint.
+    A ``shroud`` on the tip reaches the neighbours: its sides are "shroud_low" and "shroud_high".
+    ``own`` ends the names of the surfaces of joints.
     """
     parts = []
     for k, (a, b) in enumerate(zip(BETWEEN, BETWEEN[1:])):
@@ -34,15 +38,15 @@ def sector(
     if shroud:
         tops = [blade]
         for k, (a, b) in enumerate(zip(BETWEEN, BETWEEN[1:])):
-            names = ({"y0": "shroud_low"} if k == 0 else {}) | ({"y1": "shroud_high"} if k == 2 else {})
+            names = ({"y0": f"shroud_low{own}"} if k == 0 else {}) | ({"y1": f"shroud_high{own}"} if k == 2 else {})
             tops.append(block(kind, _mapping(N, s, (TIP, TOP), (a, b)), divisions, names))
         blade = join(tops)
     return {"disc": join(parts), "blade": blade}
 
 
-def ring(kind: str, N: int, own: bool = False, **how) -> dict[str, Body]:
-    """Return the whole ring: the discs merged where they meet, and each blade a body; with ``own`` joints of each sector."""
-    sectors = [sector(kind, N, s, own=str(s) if own else "", **how) for s in range(N)]
+def ring(kind: str, N: int, **how) -> dict[str, Body]:
+    """Return the whole ring: the discs merged where they meet, and each blade a body, and joints of each sector."""
+    sectors = [sector(kind, N, s, own=str(s), **how) for s in range(N)]
     return {"disc": join([each["disc"] for each in sectors])} | {f"blade{s}": sectors[s]["blade"] for s in range(N)}
 
 
@@ -89,14 +93,40 @@ def cyclic(N: int, **keys) -> str:
     return table("cyclic", **{"sectors": N, "axis": [0.0, 0.0, 1.0], "faces": ["low0", "high0"]} | keys)
 
 
-def body_text(mesh: str, bodies, friction=0.3, preload=2.0e6, held: str = "bore", k_t: float = 5.0e11, shrouds: str = "") -> str:
-    """Return the scene of a mesh but for loads, outputs and what is solved for; ``shrouds`` are more keys of their joint."""
+def body_text(
+    mesh: str, bodies, held: str = "bore", ring: tuple[int, int] | None = None, shrouds: bool = False, **contact
+) -> str:
+    """Return the scene of a mesh but for loads, outputs and what is solved for; ``contact`` are values of its joints.
+
+    ``ring`` has its number of sectors N and the wave h: each sector has its own joints, which start at its phase -h s alpha.
+    """
+    keys = {"friction": 0.3, "preload": 2.0e6, "k_t": 5.0e11} | contact
     text = table("model", mesh=mesh) + steel(*bodies) + (support(held) if held else "")
-    text += joint("root", "slot", name="root", friction=friction, k_t=k_t, preload=preload)
-    if not shrouds:
-        return text
-    between = joint("shroud_high", "shroud_low", name="shrouds", friction=friction, k_t=k_t, preload=preload)
-    return text + between + shrouds + "\n"
+    N, h = ring or (1, 0)
+    for s in range(N):
+        start = f"start = {-2.0 * np.pi * h * s / N!r}\n"
+        of, of_next = (str(s), str((s + 1) % N)) if ring else ("", "")
+        text += joint(f"root{of}", f"slot{of}", name=f"root{of}", **keys) + start
+        if shrouds:
+            text += joint(f"shroud_high{of}", f"shroud_low{of_next}", name=f"shrouds{of}", **keys) + start
+            text += "" if ring else "next_sector = true\n"
+    return text
+
+
+def of_ring(sector, ring, N: int, h: int, U: np.ndarray) -> np.ndarray:
+    """Return harmonics 0 to H of the pairs of the ring, (n, 3, N_H), for those of sector 0 in a wave: docs/theory.md, eq. (14.1).
+
+    ``sector`` and ``ring`` are their pairs.
+    """
+    wave = np.full((ring.n_pairs, *U.shape[1:]), np.nan)
+    in_axes = np.einsum("nji,njk->nik", sector.frame, U)
+    for s in range(N):
+        turn = np.array([turned(N, s, axis) for axis in np.eye(3)]).T
+        distance, here = cKDTree(ring.position).query(sector.position @ turn.T)
+        assert distance.max() < 1e-9
+        there = shifted(turn @ in_axes, np.array(2.0 * np.pi * h * s / N), Harmonics.full(U.shape[2]))
+        wave[here] = np.einsum("nij,njk->nik", ring.frame[here], there)
+    return wave
 
 
 def write_sector(folder: Path, N: int, end: str, kind: str = "hex8", name: str = "sector", wave=None, how=None, **body) -> Path:
@@ -108,9 +138,9 @@ def write_sector(folder: Path, N: int, end: str, kind: str = "hex8", name: str =
     bodies = sector(kind, N, **(how or {}))
     write_msh(str(folder / f"{name}.msh"), bodies)
     path = folder / f"{name}.toml"
-    if (how or {}).get("shroud"):
-        body["shrouds"] = "next_sector = true"
-    text = body_text(f"{name}.msh", bodies, **body) + cyclic(N, **({"engine_order": 1} if wave is None else wave), **keys)
+    text = body_text(f"{name}.msh", bodies, shrouds=(how or {}).get("shroud", False), **body) + cyclic(
+        N, **({"engine_order": 1} if wave is None else wave), **keys
+    )
     path.write_text(text + load(N) + output(N) + end)
     return path
 
@@ -125,19 +155,18 @@ def write_ring(
     bodies = ring(kind, N, **(how or {}))
     write_msh(str(folder / f"{name}.msh"), bodies)
     path = folder / f"{name}.toml"
-    if (how or {}).get("shroud"):
-        body["shrouds"] = "# all of them"
     factors = np.ones(N) if loads is None else loads
     wave = "".join(load(N, s, 2.0 * np.pi * h * s / N, float(factors[s])) for s in range(N))
     outputs = "".join(output(N, s) for s in range(n_outputs))
-    path.write_text(body_text(f"{name}.msh", bodies, **body) + wave + outputs + end)
+    text = body_text(f"{name}.msh", bodies, ring=(N, h), shrouds=(how or {}).get("shroud", False), **body)
+    path.write_text(text + wave + outputs + end)
     return path
 
 
 def write_ring_of_blades(folder: Path, N: int, end: str, h: int, friction: float, kind: str = "hex8", **factors) -> Path:
     """Write a ring whose sectors have ``factors`` (N,) of stiffness and density of the blades, or of contact_stiffness."""
     factors = {name: np.ones(N) for name in ("stiffness", "density", "contact_stiffness")} | factors
-    bodies = ring(kind, N, own=True)
+    bodies = ring(kind, N)
     write_msh(str(folder / "blades.msh"), bodies)
     text = table("model", mesh="blades.msh") + steel("disc") + support("bore")
     for s in range(N):
@@ -146,6 +175,7 @@ def write_ring_of_blades(folder: Path, N: int, end: str, h: int, friction: float
         text += table(f"bodies.blade{s}", group=f"blade{s}", material=f"steel{s}")
         k_t = 5.0e11 * float(factors["contact_stiffness"][s])
         text += joint(f"root{s}", f"slot{s}", name=f"root{s}", friction=friction, k_t=k_t, preload=2.0e6)
+        text += f"start = {-2.0 * np.pi * h * s / N!r}\n"
         text += load(N, s, 2.0 * np.pi * h * s / N) + output(N, s)
     path = folder / "blades.toml"
     path.write_text(text + end)

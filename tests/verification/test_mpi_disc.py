@@ -5,15 +5,18 @@ import csv
 import numpy as np
 import pytest
 from blocks import block, join
-from discs import write_ring, write_sector
+from discs import of_ring, write_ring, write_sector
 from mpi4py import MPI
 from msh import write_msh
 from oracles.exact import jenkins_harmonic
 from scene_text import joint, steel, table
 from scipy.spatial import cKDTree
 
+from microslip.harmonic.balance import HarmonicBalance
+from microslip.harmonic.operating_point import OperatingPoint
 from microslip.library.backbone import backbone
 from microslip.library.build import build
+from microslip.library.prepare import prepare
 from microslip.library.respond import respond
 from microslip.mesh.cyclic import cyclic_faces
 from microslip.mesh.read import read_mesh
@@ -97,12 +100,36 @@ def response_at(shared_path, write, modes, frequency, level, **how):
 
 @pytest.mark.parametrize(("N", "h", "frequency", "level", "friction"), WAVES)
 def test_the_response_is_that_of_the_ring(shared_path, N, h, frequency, level, friction):
-    """Where a slider has slipped once and rests, those of the ring keep the phase in which they started: it is no wave there."""
     how = {"N": N, "friction": friction}
     sector, n_slip, _ = response_at(shared_path, write_sector, N_DOF, frequency, level, wave={"engine_order": h}, **how)
     ring, n_slip_of_ring, _ = response_at(shared_path, write_ring, N * N_DOF, frequency, level, h=h, **how)
     assert n_slip_of_ring == N * n_slip and (n_slip > 0) == (level > 1.0)
     np.testing.assert_allclose(sector, ring, atol=1e-6 * np.abs(ring).max())
+
+
+REST = [(6, 3, False, 1416.0, 20.0, 0.3), (5, 1, True, 1000.0, 30.0, 0.1)]
+
+
+@pytest.mark.parametrize(("N", "h", "shroud", "frequency", "level", "friction"), REST)
+def test_the_wave_solves_the_ring_where_sliders_rest_after_slip(shared_path, N, h, shroud, frequency, level, friction):
+    """Sliders of each sector start at its phase, with any number of samples.  From 0 in all of them the ring is no wave."""
+    n_dof, how = N_SHROUDED if shroud else N_DOF, {"friction": friction, "how": {"shroud": shroud}}
+    solved = end(n_dof, (level,), (0.999 * frequency, 1.001 * frequency), (frequency,), tolerance=1e-11, samples=64)
+    sector = built(write_sector, shared_path, N, solved, wave={"engine_order": h}, **how)
+    branch = respond(sector).level(level)
+    i = int(np.argmin(np.abs(branch.frequency - frequency)))
+    ring = built(write_ring, shared_path, N, end(N * n_dof, samples=64), h=h, **how)
+    U = COMM.bcast(of_ring(sector.pairs, ring.pairs, N, h, branch.arrays["du"][i]) if COMM.rank == 0 else None)
+    at = OperatingPoint(2.0 * np.pi * branch.frequency[i], level)
+    found = {}
+    for name, law in (("started", ring.pairs.law), ("at 0", ring.pairs.law.law)):
+        equation = HarmonicBalance.of_all(prepare(ring).model, law, 64)
+        owned = U[equation.model.owned]
+        residual = equation.residual(owned, at, equation.contact_forces(owned, equation.every_pair, tangents=False))
+        found[name] = COMM.allreduce(np.abs(residual).max(initial=0.0), MPI.MAX) / np.abs(U).max()
+    sector.close()
+    ring.close()
+    assert found["started"] < 1e-9 and found["at 0"] > 1e-5, found
 
 
 def test_the_response_with_shrouds_is_that_of_the_ring(shared_path):

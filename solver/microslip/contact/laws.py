@@ -14,6 +14,7 @@ from .combined import as_one
 from .elastic_coulomb import ElasticCoulomb
 from .keys import ELASTIC_COULOMB, IWAN, ROUGH
 from .law import Law
+from .started import started_at
 
 Columns = Mapping[str, np.ndarray]  # of pairs, (n,) each: those of ContactPairs, and what their laws have beside them
 Keys = Mapping[str, Any]  # of a joint, numbers or None
@@ -104,7 +105,8 @@ def law_of(names: Sequence[str] | np.ndarray, columns: Columns) -> Law:
 
     ``columns`` are those of all pairs; what a pair's law does not have is NaN there.
     """
-    return as_one([(pairs, LAWS[law].of_columns(part)) for pairs, law, part in _parts(names, columns)])
+    law = as_one([(pairs, LAWS[law].of_columns(part)) for pairs, law, part in _parts(names, columns)])
+    return started_at(law, columns.get("start"))
 
 
 def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
@@ -194,7 +196,8 @@ def columns_on_area(law: str, keys: Keys, area: np.ndarray) -> dict[str, np.ndar
 
 def columns_of_joint(law: str, keys: Keys, n_pairs: int) -> dict[str, np.ndarray]:
     """Return what all pairs of a joint have alike by their law, (n,) each.  Local."""
-    return {name: np.full(n_pairs, float(value)) for name, value in LAWS[law].law_columns(keys).items()}
+    columns = {**LAWS[law].law_columns(keys), **({"start": keys["start"]} if keys.get("start") else {})}
+    return {name: np.full(n_pairs, float(value)) for name, value in columns.items()}
 
 
 def joined(parts: Sequence[tuple[int, Mapping[str, np.ndarray]]]) -> dict[str, np.ndarray]:

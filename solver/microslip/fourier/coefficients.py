@@ -55,6 +55,20 @@ def analyse(samples: np.ndarray, harmonics: Harmonics) -> np.ndarray:
     return samples @ analysis_matrix(harmonics, samples.shape[-1]).T
 
 
+def shifted(U: np.ndarray, phase: np.ndarray, harmonics: Harmonics) -> np.ndarray:
+    """Return the coefficients (..., N_H) of u(t + phase / omega) from those of u(t); ``phase`` (...) [rad] is broadcast.
+
+    docs/theory.md, eq. (3.16).
+    """
+    angle = np.asarray(phase)[..., None] * harmonics.above_mean
+    cos, sin = np.cos(angle), np.sin(angle)
+    of_cos, of_sin = U[..., harmonics.cos], U[..., harmonics.sin]
+    there = U.copy()
+    there[..., harmonics.cos] = of_cos * cos + of_sin * sin
+    there[..., harmonics.sin] = of_sin * cos - of_cos * sin
+    return there
+
+
 def cycle_work(force: np.ndarray, U: np.ndarray, harmonics: Harmonics | None = None) -> np.ndarray:
     """Return the closed integral of force du over a period, (...), for coefficients (..., N_H) of both.
 

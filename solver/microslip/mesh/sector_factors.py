@@ -146,5 +146,7 @@ def pairs_of_all_sectors(pairs: ContactPairs, n_nodes: int, cyclic: Cyclic, fact
     tiled |= {name: tiled[name] * stiffer for name in ("k_t", "k_n")}
     by_y = {"mu_y": of_pair["friction"], "k_ty": stiffer}
     columns = {name: np.tile(values, N) * by_y.get(name, 1.0) for name, values in pairs.law_columns.items()}
+    lead = cyclic.wave_number * cyclic.angle * sector  # of the wave: where sectors are alike, sliders start as in one sector
+    columns["start"] = np.nan_to_num(columns.get("start", np.zeros(N * n))) - lead
     faces = tuple(face + s * n for s in range(N) for face in pairs.faces)
     return replace(pairs, joint=pairs.joint * N, faces=faces, weights1=None, weights2=None, law_columns=columns, **tiled)

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 NAME, VARIABLE, OFF = "cache", "MICROSLIP_CACHE", "off"
 WHY = "modes: "  # start of the note that gives the reason for the number of modes
-_LIMITS = ("mu", "N0", "law_columns/mu_y")  # of pairs: the stuck structure does not depend on them
+_LIMITS = ("mu", "N0", "law_columns/mu_y", "law_columns/start")  # of pairs: the stuck structure does not depend on them
 LARGEST = 4e9  # bytes of the cache: beyond, the least recently used factors and then set-ups are removed
 
 

@@ -102,6 +102,8 @@ class Joint(Table):
     )
     sliders: int | None = Field(None, ge=2, le=1000, description="the number of elements a pair, a whole number from 2 to 1000")
 
+    start: float = Field(0.0, description="the phase of the cycle in rad at which its sliders start, a number")
+
     @property
     def groups(self) -> tuple[str, ...]:
         """The groups of its surfaces, none where a file lists the pairs."""
@@ -129,7 +131,7 @@ class Joint(Table):
         """What its law takes beside the values that every joint has."""
         pairs = {key: getattr(self, key) for key in ("friction", "tangential_stiffness")}
         along_y = {f"{key}_y": value[1] for key, value in pairs.items() if isinstance(value, tuple)}
-        return {**{key: getattr(self, key) for key in OWN}, **along_y}
+        return {**{key: getattr(self, key) for key in OWN}, **along_y, "start": self.start}
 
     @property
     def lacking(self) -> list[str]:
