@@ -12,6 +12,7 @@ import numpy as np
 from ..fourier.coefficients import shifted
 from ..fourier.harmonics import Harmonics
 from .law import ContactCycle, Law
+from .sliders import Sliders
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,15 @@ class StartedLaw:
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return p and memory after a step of time, its derivative, and the states.  Local."""
         return self.law.step(du, before)
+
+    @property
+    def sliders(self) -> tuple[Sliders, ...]:
+        """The sliders of the pairs."""
+        return self.law.sliders
+
+    def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
+        """Return the derivative of the part of p that remembers nothing, as :class:`Law` has it.  Local."""
+        return self.law.memoryless_rate(du)
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local."""
