@@ -1,0 +1,63 @@
+"""One factor of a sector for all nodal diameters, beside dense algebra with the matrix of each."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+from discs import write_sector
+from mpi4py import MPI
+
+from microslip.library.build import assembled, factor_of
+from microslip.linear.dense import diagonal_owned, multiply
+from microslip.linear.sector_factor import negative_eigenvalues
+from microslip.modes.lapack import gathered
+from microslip.observe.log import RunLog
+from microslip.parallel.agree import on_root
+from microslip.scene.read import read_scene
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM, N = MPI.COMM_WORLD, 5
+END = "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [1400.0, 1410.0]\npoints = 3\n[solver]\nmodes = 4\n"
+
+
+@pytest.mark.parametrize("how", [{}, {"shroud": True}])
+def test_solves_entries_and_counts_are_those_of_the_matrix(shared_path, how):
+    log = RunLog(COMM, screen=False)
+    parts = assembled(read_scene(on_root(COMM, lambda: write_sector(shared_path, N, END, how=how))), COMM, log)
+    sectors = parts.rest.system.sectors
+    for d in range(3):
+        system = sectors.system(d)
+        linearised = factor_of(replace(parts, rest=replace(parts.rest, system=system)), log)
+        K, M = (on_root(COMM, lambda A: A, gathered(A)) for A in (linearised.K_L, linearised.M))
+        np.testing.assert_allclose(K, K.T, atol=1e-12 * np.abs(K).max())
+        first, last = linearised.K_L.getOwnershipRange()
+        B = np.random.default_rng(d).standard_normal((len(K), 3))
+        X = np.linalg.solve(K, B)
+        np.testing.assert_allclose(linearised.factor.solve(B[first:last]), X[first:last], atol=1e-10 * np.abs(X).max())
+        sparse = linearised.factor.solve_sparse(sp.csc_matrix(B))
+        np.testing.assert_allclose(sparse, X[first:last], atol=1e-10 * np.abs(X).max())
+        product = multiply(linearised.M, np.asfortranarray(B[first:last]))
+        np.testing.assert_allclose(product, (M @ B)[first:last], atol=1e-12 * np.abs(M @ B).max())
+        assert (np.abs(diagonal_owned(linearised.K_L) / K.diagonal()[first:last] - 1.0) < 1.0).all()
+        omega2 = scipy.linalg.eigvalsh(K, M)
+        copies = 2 if system.is_complex else 1
+        for n in (0, 4, 12):
+            sigma = 0.5 * (omega2[n * copies] + (omega2[n * copies - 1] if n else 0.0))
+            assert linearised.factor.solver.count_below(sigma) == n * copies
+        rows = np.unique(linearised.system.R.indices)
+        entries = linearised.factor.inverse_entries(rows, rows[::3])
+        if COMM.rank == 0 and entries is not None:  # too many rows of the joint are eliminated with the others
+            inverse = np.linalg.inv(K)[np.ix_(rows, rows[::3])]
+            np.testing.assert_allclose(entries, inverse, atol=1e-10 * np.abs(inverse).max())
+        linearised.destroy()
+    sectors.destroy()
+
+
+def test_negative_eigenvalues_are_counted_by_pivots():
+    rng = np.random.default_rng(1)
+    A = rng.standard_normal((40, 40)) + 1j * rng.standard_normal((40, 40))
+    for S in (A + A.conj().T, (A + A.conj().T).real):
+        assert negative_eigenvalues(np.asfortranarray(S)) == np.count_nonzero(np.linalg.eigvalsh(S) < 0.0)
+    assert negative_eigenvalues(np.zeros((0, 0))) == 0
