@@ -101,8 +101,8 @@ def stability_lines(branch: Branch) -> list[str]:
     """Return a line on the stability of the points, where it was computed, and one for each bifurcation."""
     if branch.bifurcations is None or not branch.points:
         return []
-    judged = [point for point in branch.points if point.multipliers is not None]
-    unstable = sum(not is_stable(point.multipliers) for point in judged)
+    judged = [is_stable(point.multipliers) for point in branch.points if point.multipliers is not None]
+    unstable = judged.count(False)
     lines = [
         f"  stability: {unstable} of {len(judged)} points are unstable" if unstable else "  stability: every point is stable"
     ]

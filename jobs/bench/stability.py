@@ -1,0 +1,67 @@
+"""What the multipliers of a point cost beside its solution, in processor time.
+
+    python jobs/bench/stability.py jobs/fan_small.toml --level 15 --points 40
+
+The curve of one level is followed without stability; then the multipliers of some of its points are computed, and the points solved
+again from a guess nearby.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from microslip.parallel.petsc import initialise
+
+initialise()  # before anything imports PETSc
+
+from mpi4py import MPI
+
+from microslip.continuation.levels import follow_level
+from microslip.continuation.peaks import harmonics_of, iterate_of
+from microslip.library.build import build
+from microslip.library.prepare import prepare
+from microslip.scene.read import read_scene
+from microslip.stability.multipliers import multipliers_at
+
+
+def main() -> None:
+    """Measure and print, on one rank."""
+    options = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    options.add_argument("scene")
+    options.add_argument("--level", type=float, required=True, help="N")
+    options.add_argument("--points", type=int, default=40)
+    options.add_argument("--shown", type=int, default=10)
+    asked = options.parse_args()
+    scene = read_scene(asked.scene)
+    with build(scene, MPI.COMM_SELF) as structure:
+        response = prepare(structure, has_bars=scene.accuracy is not None).response
+        response = replace(response, settings=replace(response.settings, points=asked.points))
+        clock = time.process_time()
+        branch = follow_level(response, asked.level)
+        solved, problem, spent = time.process_time() - clock, response.at_level(asked.level), []
+        slipping = [point for point in branch.points if point.state.any()]
+        some = slipping[:: max(1, len(slipping) // asked.shown)]
+        print(
+            f"{response.model.n_pairs} pairs, {response.model.n_modes} modes, {len(branch.points)} points, {len(slipping)} with slip"
+        )
+        for point in some:
+            harmonics = harmonics_of(branch, point, problem.equation.harmonics)
+            there = iterate_of(point, problem, harmonics)
+            equation = problem.equation.resolved(harmonics, point.samples)
+            clock = time.process_time()
+            found = multipliers_at(equation, problem.at((point.omega,)), there.U)
+            spent.append(time.process_time() - clock)
+            print(
+                f"{point.omega / 2.0 / np.pi:10.3f} Hz, {np.count_nonzero(point.state):4d} slip or open: {1e3 * spent[-1]:7.0f} ms; "
+                f"largest multiplier {abs(found.values[0]):.5f}"
+            )
+        print(f"a point of the curve: {1e3 * solved / len(branch.points):.0f} ms on average, all included")
+        print(f"its multipliers: {1e3 * np.median(spent):.0f} ms (median), {1e3 * max(spent):.0f} ms (most), where pairs slip")
+
+
+if __name__ == "__main__":
+    main()
