@@ -58,7 +58,7 @@ def judge(seed: int, number: int, points: int, solver: dict, steps: int, lift_of
     output = int(np.argmax(system["output"]))
     with tempfile.TemporaryDirectory() as folder:
         path = write_matrix_scene(
-            Path(folder), system, sorted(system["levels"].values()), system["omega"], outputs=[output], **{"points": 40, **solver}
+            Path(folder), system, sorted(system["levels"].values()), system["omega"], outputs=[output], **{"points": 12, **solver}
         )
         scene = changed(read_scene(path), {"response": {"stability": True}})
         with build(scene, HERE) as structure:

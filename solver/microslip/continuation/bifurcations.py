@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 
 from ..error_estimate.estimate import output_amplitude
 from ..points.bifurcation import BRANCHING, FOLD, NEIMARK_SACKER, PERIOD_DOUBLING, Bifurcation
-from ..points.branch import Branch, Point
-from ..points.multipliers import BEYOND, N_MULTIPLIERS, n_unstable
+from ..points.branch import Branch
+from ..points.multipliers import BEYOND, n_unstable
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
 from ..stability.multipliers import multipliers_at
@@ -39,16 +39,10 @@ def bifurcations_of(problem: ForcedResponse, branch: Branch, tolerance: float) -
     folds = list(turns(branch))
     found = [bifurcation_between(problem, branch, i - 1, i + 1, 0, tolerance) for i in folds]
     beside = {edge for i in folds for edge in (i - 1, i)}
-    for i, k in crossings(branch):
-        if i not in beside or kind_of(complex(*multiplier_of(branch.points[i + 1], k))) != BRANCHING:
+    for i, k, multiplier in crossings(branch):
+        if i not in beside or kind_of(multiplier) != BRANCHING:
             found.append(bifurcation_between(problem, branch, i, i + 1, k, tolerance))
     return sorted(found, key=lambda bifurcation: bifurcation.after)
-
-
-def multiplier_of(point: Point, k: int) -> np.ndarray:
-    """Return real and imaginary part of the k-th largest multiplier, (2,).  Local."""
-    assert point.multipliers is not None, "of a point with multipliers"
-    return point.multipliers[k - 1]
 
 
 def turns(branch: Branch) -> Iterator[int]:
@@ -59,13 +53,14 @@ def turns(branch: Branch) -> Iterator[int]:
             yield i
 
 
-def crossings(branch: Branch) -> Iterator[tuple[int, int]]:
-    """Yield the points before multipliers cross the unit circle, and how many are outside on the worse side.  Local."""
+def crossings(branch: Branch) -> Iterator[tuple[int, int, complex]]:
+    """Yield the points before multipliers cross the unit circle, how many are outside on one side, and the last of these."""
     for i, (a, b) in enumerate(zip(branch.points, branch.points[1:])):
         if a.segment == b.segment and a.multipliers is not None and b.multipliers is not None:
             before, after = n_unstable(a.multipliers), n_unstable(b.multipliers)
-            if before != after and max(before, after) <= N_MULTIPLIERS:
-                yield i, max(before, after)
+            worse, k = (a.multipliers, before) if before > after else (b.multipliers, after)
+            if before != after:
+                yield i, k, complex(*worse[k - 1])
 
 
 def bifurcation_between(problem: ForcedResponse, branch: Branch, i: int, j: int, k: int, tolerance: float) -> Bifurcation:
