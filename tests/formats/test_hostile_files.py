@@ -19,11 +19,13 @@ from reader_seeds import SEEDS
 from reader_targets import TARGETS, verdict
 from scene_files import GOOD
 
-from microslip.formats import bounded, hdf5
+from microslip.formats import bounded, hdf5, via_meshio
 from microslip.formats.includes import included_files
+from microslip.formats.matrices import read as matrices_read
 from microslip.formats.matrices.read import read_matrix
+from microslip.formats.nastran.read import read_by_pynastran
 from microslip.formats.read import read_model
-from microslip.messages.errors import CaseError, MeshError, MicroslipError
+from microslip.messages.errors import CaseError, Interrupted, MeshError, MicroslipError
 from microslip.results.read import read_results, refuse_deadly
 from microslip.results.scene_back import GONE, fate
 from microslip.results.style import RC
@@ -453,3 +455,18 @@ def test_values_beyond_the_memory_that_is_left_are_refused(tmp_path, monkeypatch
             storage.fault(file["third"], "third")
             == "third and what was read before it need 120 MB of memory, of which 100 MB are left"
         )
+
+
+def test_a_signal_while_a_library_reads_is_no_fault_of_the_file(tmp_path, monkeypatch):
+    def stopped(*_):
+        raise Interrupted("stopped by SIGTERM")
+
+    monkeypatch.setitem(matrices_read.READERS, ".mtx", stopped)
+    monkeypatch.setattr(via_meshio, "load_meshio", stopped)
+    (tmp_path / "K.mtx").touch()
+    with pytest.raises(Interrupted):
+        read_matrix(tmp_path / "K.mtx", "[model] stiffness", "K")
+    with pytest.raises(Interrupted):
+        via_meshio._read_quietly("model.vtk", "vtk")
+    with pytest.raises(Interrupted), read_by_pynastran("a bulk data file"):
+        stopped()

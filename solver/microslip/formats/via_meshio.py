@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..messages.errors import MeshError
+from ..messages.errors import Interrupted, MeshError
 from .model import KINDS, Cells, FileModel, Group, names_of_tags
 
 # Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.
@@ -158,7 +158,7 @@ def _read_quietly(path: str, file_format: str):
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed), np.errstate(all="ignore"):
             mesh = load_meshio().read(path, file_format=file_format)
-    except (KeyboardInterrupt, MemoryError, MeshError):
+    except (Interrupted, KeyboardInterrupt, MemoryError, MeshError):
         raise
     except ImportError:
         raise MeshError("this format needs meshio; install it: pip install meshio") from None

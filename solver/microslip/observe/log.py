@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..messages.errors import MicroslipError
+from ..messages.errors import Interrupted
 from ..parallel.agree import on_root
 from ..system.files import file_errors, make_folder
 from ..system.signals import raise_stop
@@ -144,7 +144,7 @@ class RunLog:
         except BaseException as problem:
             self.screen.clear()
             self.note(f"{'  ' * depth}{name} ended after {time.perf_counter() - began:.3g} s by {type(problem).__name__}")
-            if not isinstance(problem, MicroslipError):
+            if not isinstance(problem, Interrupted):
                 raise_stop()  # what a library has made of a signal
             raise
         finally:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from ...messages.errors import CaseError, ResourceError
+from ...messages.errors import CaseError, MicroslipError, ResourceError
 from ...system.files import refuse_devices
 from .file_matrix import FileMatrix, Wanted
 
@@ -99,7 +99,7 @@ def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_s
         with np.errstate(all="ignore"):  # numbers are checked when they have been read
             read = reader(wanted)
         _check_sort(read.matrix, where, is_square)
-    except (CaseError, ResourceError):
+    except MicroslipError:  # a signal that stops, too
         raise
     except MemoryError:
         raise ResourceError(f"{where}: not enough memory to read it") from None

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...messages.errors import MeshError
+from ...messages.errors import Interrupted, MeshError
 from ...tables.structure import Body, Orientation
 from ..draft import cells_of
 from ..includes import Includes, place
@@ -164,7 +164,7 @@ def read_by_pynastran(what: str, advice: str = "") -> Iterator[None]:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
-    except (KeyboardInterrupt, MemoryError):
+    except (Interrupted, KeyboardInterrupt, MemoryError):
         raise
     except BaseException as problem:  # pyNastran raises errors of many kinds, and some exit
         text = " ".join(str(problem).split()) or type(problem).__name__
