@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 from blocks import block, join
-from discs import of_ring, write_ring, write_sector
+from discs import at, of_ring, write_ring, write_sector
 from mpi4py import MPI
 from msh import write_msh
 from oracles.exact import jenkins_harmonic
@@ -243,9 +243,9 @@ def test_a_chain_with_friction_between_neighbours_has_its_closed_form(shared_pat
     structure = built(write_chain, shared_path, h, force, omega)
     branch = respond(structure).level(force)
     assert structure.n_dof == 1 and structure.is_complex == (h != 6)
-    at = np.argmin(np.abs(branch.frequency - omega / (2.0 * np.pi)))
-    assert branch.frequency[at] == pytest.approx(omega / (2.0 * np.pi), rel=1e-12)
-    assert np.hypot(*branch.response[at, 0, 1:3]) == pytest.approx(amplitude, rel=1e-6)
+    i = np.argmin(np.abs(branch.frequency - omega / (2.0 * np.pi)))
+    assert branch.frequency[i] == pytest.approx(omega / (2.0 * np.pi), rel=1e-12)
+    assert np.hypot(*branch.response[i, 0, 1:3]) == pytest.approx(amplitude, rel=1e-6)
     structure.close()
 
 
@@ -392,6 +392,25 @@ def test_time_integration_of_the_whole_ring_gives_the_wave(shared_path, program)
     assert float(row["difference_with_phase"]) < 1e-3 and float(row["higher_harmonics"]) > 5e-4
     structure = build(read_scene(path), COMM)
     branch = respond(structure).level(85.0)
-    at = int(np.argmin(np.abs(branch.frequency - 1436.0)))
-    assert float(row["harmonic_balance_m"]) == pytest.approx(np.hypot(*branch.response[at, 0, 1:3]), rel=1e-6)
+    i = int(np.argmin(np.abs(branch.frequency - 1436.0)))
+    assert float(row["harmonic_balance_m"]) == pytest.approx(np.hypot(*branch.response[i, 0, 1:3]), rel=1e-6)
     structure.close()
+
+
+def test_an_output_in_another_sector_is_that_of_the_whole_disc(shared_path):
+    """Harmonics 1 and 3 of the loads excite nodal diameters 2 and 1; all pairs stick."""
+    third = table("[loads]", position=at(5), direction=[1.0, 0.0, 0.5], harmonic=3)
+    solved = third + end(6, (0.01,), (1415.0, 1425.0))
+    of = {
+        is_whole: built(write_sector, shared_path, 5, solved, wave={"engine_order": 2, "whole": is_whole})
+        for is_whole in (False, True)
+    }
+    one, every = respond(of[False]), respond(of[True])
+    for sector in (0, 1, 3):
+        expected, found = every[f"tip {sector}"].coefficients, one.in_sector("tip", sector).coefficients
+        np.testing.assert_allclose(found[0, 0], expected[0, 0], atol=1e-9 * np.abs(expected[0, 0]).max())
+    for response, wrong in ((one, 5), (every, 0)):
+        with pytest.raises(MicroslipError, match="in_sector: "):
+            response.in_sector(response.outputs[0], wrong)
+    for structure in of.values():
+        structure.close()

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..fourier.amplitudes import to_complex, to_real
 from ..fourier.coefficients import amplitude, phase
 from ..messages.errors import CaseError
 from ..observe.observer import Observers
@@ -164,6 +165,27 @@ class Response:
             None if remaining is None else remaining[:, :, k],
             self.results.of_output(k),
         )
+
+    def in_sector(self, output: str, sector: int) -> Curves:
+        """Return the curves of an output in a sector of a disc of alike sectors, 0 to N - 1, in axes turned with it: eq. (14.1).
+
+        Harmonic n leads that of sector 0 by n h ``sector`` 2 pi / N; amplitudes and error bars are equal.
+
+        Raises
+        ------
+        CaseError : there is no output of this name, or no such sector
+        """
+        curves, cyclic = self[output], self.prepared.scene.cyclic
+        if cyclic is None or cyclic.whole:
+            raise CaseError("in_sector: the scene has no [cyclic] of alike sectors; name the output as response.outputs has it")
+        if not 0 <= sector < cyclic.sectors:
+            raise CaseError(f"in_sector: there is no sector {sector}; there are 0 to {cyclic.sectors - 1}")
+        shape = curves.coefficients.shape
+        amplitudes = to_complex(curves.coefficients.reshape(-1, shape[-1]))
+        lead = np.exp(1j * sector * cyclic.wave_number * cyclic.angle * np.arange(amplitudes.shape[1]))
+        coefficients = to_real(amplitudes * lead, shape[-1]).reshape(shape)
+        corrected = None if curves.corrected is None else curves.corrected * lead[1]
+        return replace(curves, coefficients=coefficients, corrected=corrected)
 
     # -- named axes ----------------------------------------------------------------------------------------------------
 

@@ -60,6 +60,8 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "modes.log"), facts=facts) as log:
         scene = changed(scene, {"solver": {"method": "receptance"} | ({} if request.count is None else {"modes": request.count})})
+        if request.speeds:
+            log.note("Coriolis forces of the rotation are left out")
         if scene.cyclic is not None:
             diameters, excited = (
                 diameters_of(scene, request.diameters),
