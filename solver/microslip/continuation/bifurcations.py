@@ -168,7 +168,7 @@ class _Arc:
         return there
 
     def turn(self, there: Iterate) -> float:
-        """Return d omega / dt at a solution, scaled: 0 where det J is."""
+        """Return d omega / dt at a solution, scaled: 0 where det J is.  docs/theory.md, eq. (16.5)."""
         solver, every = self.solver, self.solver.equation.every_pair
         system = BorderedSystem(solver.problem, (self.plane(there),), Scaling(self.size, solver.units), every)
         is_last = solver.comm.rank == solver.comm.size - 1

@@ -117,7 +117,13 @@ def _sections(
 ) -> list[tuple[str, str, str]]:
     """Return key, heading and HTML of the sections that there are."""
     sections = [("summary", "Summary", tables.warnings_list(run.notes) + tables.cards(results) + tables.peaks_table(results))]
-    sections.append(("response", "Response", _response(results, figures) + tables.solved_peaks_table(results)))
+    sections.append(
+        (
+            "response",
+            "Response",
+            _response(results, figures) + tables.solved_peaks_table(results) + tables.bifurcations_table(results),
+        )
+    )
     if fields is not None:
         sections.append(("motion", "Motion", _MOTION))
     if results.joint.n_pairs and results.solved:

@@ -101,6 +101,23 @@ def solved_peaks_table(results: ResultFile) -> str:
     return table(heads, rows[:MOST_PEAKS]) + more if rows else ""
 
 
+def bifurcations_table(results: ResultFile) -> str:
+    """Return the folds and places where multipliers cross the unit circle; "" where there are none."""
+    rows = [
+        (
+            escape(level_name(level)),
+            there.kind,
+            f"{hertz(there.omega):.9g} Hz",
+            quantity_text(float(there.amplitude[0]), results.unit_of(0), 6),
+            f"{there.multiplier:.4f}" if there.multiplier.imag else f"{there.multiplier.real:.4f}",
+        )
+        for level in results.levels
+        for there in level.bifurcations or ()
+    ]
+    heads = ("level", "stability changes", "frequency", f"amplitude of {escape(results.outputs[0])}", "multiplier")
+    return table(heads, rows[:MOST_PEAKS]) if rows else ""
+
+
 def _size(results: ResultFile, level: LevelResult, at: int) -> float:
     return float(results.shown.of(level.response[at, 0]))
 
