@@ -63,7 +63,7 @@ def main() -> None:
                     flush=True,
                 )
         number += 1
-        print(f"{n_judged} points up to system {number - 1}", flush=True)
+        print(f"{n_judged} points up to system {number - 1}, {opens} with pairs that open: {dict(counts)}", flush=True)
     print(
         f"{n_judged} points of {number - given.first} systems judged, {opens} with pairs that open; {time.process_time() - start:.0f} s of the processor"
     )

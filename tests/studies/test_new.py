@@ -107,6 +107,19 @@ def test_what_the_file_says_of_a_contact_stands_in_the_joint(tmp_path):
     assert (joint.surfaces, joint.friction, joint.normal_stiffness) == (("FEET", "TOP"), 0.25, 2e13)
 
 
+def test_a_contact_of_the_file_that_a_run_would_refuse_is_named_with_its_reason(tmp_path):
+    """Nine tenths of the first surface lie beyond the end of the other, with 4 mm between them."""
+    model = plain()
+    points = model.points + (np.arange(len(model.points)) < 16)[:, None] * [0.045, 0.0, 4e-3]
+    path = write(tmp_path, points=points)
+    contact = "*SURFACE, NAME=FEET, TYPE=NODE\nBAR_BOTTOM,\n*SURFACE, NAME=TOP, TYPE=NODE\nPLATE_TOP,\n"
+    contact += "*CONTACT PAIR, INTERACTION=DRY\nFEET, TOP\n*SURFACE INTERACTION, NAME=DRY\n*FRICTION\n0.25\n"
+    path.write_text(path.read_text() + contact)
+    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "FEET on TOP: 3 faces on 3" in said and "refused: 90.0% of the area of 'FEET' have no partner" in said
+    assert "#   FEET on TOP" in (tmp_path / "m.toml").read_text()
+
+
 FIXED = (
     "*Step, name=Fixed, perturbation",
     "*Frequency",

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from ...mesh.data import FaceBlock, Mesh
 from ...mesh.pairing import contact_points
@@ -72,7 +73,7 @@ def refusal(mesh: Mesh, skin: Skin, candidate: Candidate) -> str:
     try:
         check_penetration(mesh, joint, contact_points(mesh, joint))
     except MeshError as problem:
-        return str(problem).partition(": joint ")[2].partition(": ")[2] or str(problem)
+        return _without_joint(problem)
     return ""
 
 
@@ -86,24 +87,37 @@ def with_sides(mesh: Mesh, skin: Skin, candidate: Candidate) -> Mesh:
     return replace(mesh, faces=(*mesh.faces, *blocks), node_groups=groups, touching_faces=mesh.touching_faces | {*sides})
 
 
-def with_gap(mesh: Mesh, skin: Skin, pair: tuple[str, ...], faces: Mapping[str, np.ndarray]) -> Candidate | None:
-    """Return surfaces that the file has in contact and that lie apart; None where a run refuses their gap.  Local, rank 0."""
+def with_gap(mesh: Mesh, skin: Skin, pair: tuple[str, ...], faces: Mapping[str, np.ndarray]) -> Candidate:
+    """Return surfaces that the file has in contact and that lie apart, with the reason where a run refuses their gap.
+
+    Local, rank 0.
+    """
     joint = Joint.of_file(name=" on ".join(pair), surfaces=(pair[0], pair[1]), friction=0.0, gap="geometry")
+    first, second = (faces[name] for name in pair)
+    sides = (skin.nodes_of(first), skin.nodes_of(second))
     try:
         points = contact_points(mesh, joint)
         check_penetration(mesh, joint, points)
-    except MeshError:
-        return None
-    first, second = (faces[name] for name in pair)
+        area, gap, reason = float(points.area.sum()), float(points.distance @ points.area / points.area.sum()), ""
+    except MeshError as problem:
+        distance, _ = cKDTree(skin.points[sides[1]]).query(skin.points[sides[0]])
+        area, gap, reason = float(skin.area[first].sum()), float(distance.min()), _without_joint(problem)
     return Candidate(
         name=plain("_".join(pair)),
         surfaces=(pair[0], pair[1]),
         n_faces=(len(first), len(second)),
-        area=float(points.area.sum()),
-        gap=float(points.distance @ points.area / points.area.sum()),
+        area=area,
+        gap=gap,
         size=float(max(skin.size[first].mean(), skin.size[second].mean())),
         matches=False,
-        nodes=(skin.nodes_of(first), skin.nodes_of(second)),
+        nodes=sides,
         faces=(first, second),
-        is_asked=True,
+        is_asked=not reason,
+        refused=reason,
+        is_likely=not reason,
     )
+
+
+def _without_joint(problem: MeshError) -> str:
+    """Return a message on a joint without file and name.  Local."""
+    return str(problem).partition(": joint ")[2].partition(": ")[2] or str(problem)

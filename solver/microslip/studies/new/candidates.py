@@ -62,7 +62,7 @@ def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables)
     bolts = find_bolts(mesh, skin, touching, settings.body_of, set(mesh.node_groups) - {*faces})
     offered = {frozenset(candidate.surfaces) for candidate in named}
     distant_pairs = [pair for pair in dict.fromkeys(stated) if frozenset(pair) not in offered and {*pair} <= faces.keys()]
-    of_file = [candidate for pair in distant_pairs if (candidate := with_gap(mesh, skin, pair, faces)) is not None]
+    of_file = [with_gap(mesh, skin, pair, faces) for pair in distant_pairs]
     order = sorted(
         [_of_bolts(skin, candidate, bolts) for candidate in (*named, *of_file, *unnamed)],
         key=lambda candidate: (candidate.is_apart, not candidate.is_likely, bool(candidate.made), -candidate.area),
