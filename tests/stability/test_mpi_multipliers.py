@@ -15,7 +15,7 @@ from microslip.fourier.coefficients import analysis_matrix, synthesis_matrix
 from microslip.fourier.harmonics import Harmonics
 from microslip.stability.multipliers import multipliers_at
 
-pytestmark = pytest.mark.ranks(1, 2)
+pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM = MPI.COMM_WORLD
 
 
