@@ -34,6 +34,7 @@ from .version import __version__ as __version__
 if TYPE_CHECKING:
     from .library.backbone import Backbone, backbone
     from .library.build import Structure, build
+    from .library.peak_curves import peaks
     from .library.respond import respond
     from .library.response import Curves, Response
     from .messages.errors import CaseError, ConvergenceError, MicroslipError, ResourceError
@@ -54,6 +55,7 @@ __all__ = [
     "Structure",
     "backbone",
     "build",
+    "peaks",
     "read",
     "read_results",
     "respond",
@@ -72,6 +74,7 @@ _FROM = {
     "Structure": ".library.build",
     "backbone": ".library.backbone",
     "build": ".library.build",
+    "peaks": ".library.peak_curves",
     "read": ".scene.read:read_scene",
     "read_results": ".results.read",
     "respond": ".library.respond",

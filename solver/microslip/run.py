@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from .guards.lock import locked
 from .library.build import build
 from .library.libraries import libraries_used
-from .library.logged_response import RunOptions, follow_logged, record_of
+from .library.logged_response import RunOptions, follow_logged, follow_peaks_logged, record_of
 from .library.origin_of_run import origin_of
 from .library.result_files import shapes_of, write_shapes
 from .messages.errors import ConvergenceError
@@ -71,6 +71,7 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         prepared = restart.prepared(log, partial(build, scene, comm, log, keeps_reference=False))
         with log.stage("response"):
             branches = follow_logged(prepared, output, options, origin, log, restart.checkpointers_of(prepared, log))
+        failed_peaks = follow_peaks_logged(prepared, output, log)
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
             shapes = shapes_of(prepared, branches)
@@ -79,7 +80,7 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         with log.stage("pictures"):
             draw(comm, output, partial(write_shapes, prepared, branches, shapes, output, record_of(log)))
         prepared.close()
-        failures = [f"level {branch.why_ended}" for branch in branches if branch.failure]
+        failures = [f"level {branch.why_ended}" for branch in branches if branch.failure] + failed_peaks
         final = restart.final_folder(folder, output, failures)
         log.note(f"results in {final}")
     if final != output:

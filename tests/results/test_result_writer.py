@@ -177,7 +177,7 @@ def test_whoever_dies_while_writing_leaves_the_last_file(tmp_path, pairs, monkey
         group.create_dataset("half", data=1.0)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(writer_module, "_write_level", dies)
+    monkeypatch.setattr(writer_module, "write_level", dies)
     with pytest.raises(KeyboardInterrupt):
         writer.save()
     writer.close()

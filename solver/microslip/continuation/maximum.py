@@ -37,7 +37,6 @@ class Sample:
     rate: np.ndarray  # (n_owned, 3, N_H) dU / dt [m]
     size: float  # |a|
     slope: float  # d|a| / dt
-    rise: float  # d|a| / dt on the curve over the frequency alone, whose zero is wanted; the slope where that is this curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,9 +113,8 @@ class _Search:
         ends = self.enclosed(start)
         if ends is None:
             return replace(self.ended(start), failure="the output has no maximum near by")
-        best, within, is_met = self.between(*ends)
-        unmet = None if is_met or not self.system.constraints else "the slope has a pole, or no solution, in place of a maximum"
-        return replace(self.ended(best), within=within, failure=unmet)
+        best, within = self.between(*ends)
+        return replace(self.ended(best), within=within)
 
     def ended(self, best: Sample) -> Correction:
         """Return a sample as the outcome of all solves."""
@@ -140,26 +138,14 @@ class _Search:
 
     def along(self, there: Iterate, rates: Rates, t: float) -> Sample:
         """Return a solution as a sample of the curve."""
-        d_nu, alone = self.direction(rates), np.eye(len(there.parameters))[self.row.omega]
+        d_nu = np.eye(len(there.parameters))[self.row.omega]
         if self.normal is None:
             self.normal = self.coordinate(there, rates, d_nu)
-        length, length_alone = self.ahead(rates, d_nu), self.ahead(rates, alone)
-        size = float(np.hypot(*rates.a))
-        slope, rise = ((rates.a @ (d @ rates.a_nu)) / (size or 1.0) / by for d, by in ((d_nu, length), (alone, length_alone)))
-        size, slope, rise = self.corrector.comm.bcast((size, float(slope), float(rise)))
+        length, size = self.ahead(rates, d_nu), float(np.hypot(*rates.a))
+        slope = float(rates.a @ (d_nu @ rates.a_nu)) / (size or 1.0) / length
+        size, slope = self.corrector.comm.bcast((size, slope))
         rate = np.tensordot(d_nu, rates.V, 1) * (self.system.scaling.U / length)
-        return Sample(t, there, rate, size, slope, rise)
-
-    def direction(self, rates: Rates) -> np.ndarray:
-        """Return the direction of the curve in the scaled parameters, (k,), towards higher frequencies; other rows stay."""
-        k = len(rates.V)
-        rows = [
-            [self.dot(row.n_U, V) + n for V, n in zip(rates.V, row.n_nu)]
-            for row in self.system.constraints
-            if isinstance(row, Plane)
-        ]
-        d_nu = np.linalg.svd(np.array(rows).reshape(k - 1, k))[2][-1]
-        return self.corrector.comm.bcast(d_nu * (np.sign(d_nu[self.row.omega]) or 1.0))
+        return Sample(t, there, rate, size, slope)
 
     def coordinate(self, there: Iterate, rates: Rates, d_nu: np.ndarray) -> Plane:
         """Return the plane normal to the curve at its first solution; the mean does not count, as in the norm of steps."""
@@ -205,25 +191,25 @@ class _Search:
 
     def enclosed(self, start: Sample) -> tuple[Sample, Sample] | None:
         """Return two solutions of which the first rises and the second falls, by rising coordinate; None where none follows."""
-        way, here = float(np.sign(start.rise)), start
+        way, here = float(np.sign(start.slope)), start
         if way == 0.0:
             return start, start
         neighbours = [abs(t) for t in map(self.place, self.row.neighbours) if t * way > 0.0]
-        likely = OVERSHOOT * abs(start.rise) / (start.size or 1.0)
+        likely = OVERSHOOT * abs(start.slope) / (start.size or 1.0)
         step = way * (0.5 * min(neighbours) if neighbours else min(max(likely, 1e-3 * REACH), REACH))
         for _ in range(MOST_SOLUTIONS // 2):
             ahead = self.moved(here.iterate, step)
             new = self.at(here.t + step, replace(ahead, U=here.iterate.U + step * here.rate))
             if new is None:
                 step *= 0.5
-            elif new.rise * way <= 0.0:
+            elif new.slope * way <= 0.0:
                 return (here, new) if way > 0.0 else (new, here)
             else:
                 here, step = new, 2.0 * step
         return None
 
-    def between(self, low: Sample, high: Sample) -> tuple[Sample, float, bool]:
-        """Return the best solution between a rising and a falling one, the width [rad/s] that it is known to, and if it is met.
+    def between(self, low: Sample, high: Sample) -> tuple[Sample, float]:
+        """Return the best solution between a rising and a falling one, and the width [rad/s] that it is known to.
 
         On to the secant of the slopes, which meets a zero, or to where the tangents cross, which meets a corner: a corner it is
         where the slopes at the ends stay as different as they were while these draw together.
@@ -231,16 +217,16 @@ class _Search:
         first, tolerance = high.t - low.t, self.corrector.tolerance
         lengths, jumps = list[float](), list[float]()
         for _ in range(MOST_SOLUTIONS):
-            length, jump, corner = high.t - low.t, low.rise - high.rise, crossing(low, high)
-            flattest = min(low, high, key=lambda end: abs(end.rise))
-            if abs(flattest.rise) * first <= tolerance * flattest.size:
-                return flattest, 0.0, True
-            best = min(low, high, key=lambda end: abs(end.rise * (corner - end.t)))
+            length, jump, corner = high.t - low.t, low.slope - high.slope, crossing(low, high)
+            flattest = min(low, high, key=lambda end: abs(end.slope))
+            if abs(flattest.slope) * first <= tolerance * flattest.size:
+                return flattest, 0.0
+            best = min(low, high, key=lambda end: abs(end.slope * (corner - end.t)))
             is_corner = not jumps or jump / jumps[-1] > (length / lengths[-1]) ** 0.5
-            is_met = is_corner and abs(best.rise * (corner - best.t)) <= tolerance * best.size
+            is_met = is_corner and abs(best.slope * (corner - best.t)) <= tolerance * best.size
             if (is_met and length <= CLOSE * first) or length <= CLOSEST * first:
                 break
-            t = corner if is_corner else low.t + length * low.rise / jump
+            t = corner if is_corner else low.t + length * low.slope / jump
             if is_met:  # from the other side, too
                 t = corner + (0.5 if best is low else -0.5) * CLOSE * first
             if len(lengths) > 2 and length > 0.25 * lengths[-3]:
@@ -248,11 +234,11 @@ class _Search:
             new = self.at(t, hermite(low, high, t))
             if new is None:
                 break
-            low, high = (new, high) if new.rise > 0.0 else (low, new)
+            low, high = (new, high) if new.slope > 0.0 else (low, new)
             lengths.append(length)
             jumps.append(jump)
         width = abs(high.iterate.parameters[self.row.omega] - low.iterate.parameters[self.row.omega])
-        return best, width, is_met
+        return best, width
 
 
 def crossing(low: Sample, high: Sample) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..contact.law import STICK
-from ..error_estimate.estimate import output_amplitude
+from ..error_estimate.estimate import ErrorEstimator, output_amplitude
 from ..fourier.harmonics import Harmonics
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.balance import HarmonicBalance
@@ -17,10 +17,13 @@ from ..points.branch import Branch, Point
 from ..points.peak import Peak
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
+from .accuracy import Accuracy
+from .constraint_rows import EnclosedRow
 from .corrector import BorderedSystem
-from .follow import follow_branch
+from .follow import Emit, follow_branch
 from .iterate import Iterate
 from .maximum import EXACT, Maximum
+from .maximum_by_phase import MaximumByPhase
 from .point_record import HELD
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, KnownCurve, LinearResponse, ProblemBase
@@ -29,6 +32,10 @@ from .task import BranchTask
 
 STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  # each point takes 10 to 20 iterations
 MOST_POINTS = 1000
+
+
+def nobody(point: Point) -> None:
+    """Tell nobody of a point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,19 +49,24 @@ class PeakOver(ProblemBase):
     level: float  # N, where it does not vary
     stuck: float  # rad/s
     width: float  # rad/s, unit of the frequency: about the half-power width
-    row: Maximum  # over the second parameter
+    row: EnclosedRow  # over the second parameter
+    begins: Iterate | None = None  # a solution to begin from; None: the linear response
 
     @property
     def units(self) -> tuple[float, ...]:
         return (self.width,)
 
     @property
-    def maximum(self) -> Maximum:
+    def maximum(self) -> EnclosedRow:
         return self.row
 
     @property
     def curve(self) -> KnownCurve:
-        return LinearResponse(self, (self.stuck,))
+        return (
+            LinearResponse(self, (self.stuck,))
+            if self.begins is None
+            else FromSolution(self, (self.stuck,), solution=self.begins)
+        )
 
     @property
     def law_parameters(self) -> tuple[LawParameter, ...]:
@@ -73,6 +85,18 @@ class PeakOver(ProblemBase):
         return {self.varies: 1.0}, {"omega": 1.0}
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FromSolution(LinearResponse):
+    """The linear response of a problem, but for the value at which a solution is known."""
+
+    solution: Iterate
+
+    def at(self, parameter: float) -> Iterate:
+        if parameter != self.solution.parameter:
+            return super().at(parameter)
+        return self.solution.on(self.problem.equation.harmonics)
+
+
 def peaks_of(problem: ForcedResponse, branch: Branch, tolerance: float) -> list[Peak]:
     """Return every maximum of every output on a branch, to the solver's tolerance, by output and place.  Collective.
 
@@ -86,7 +110,17 @@ def peaks_of(problem: ForcedResponse, branch: Branch, tolerance: float) -> list[
 
 
 def follow_peak(
-    equation: HarmonicBalance, varies: str | LawParameter, sweep: Sweep, stuck: Peak, tolerance: float, level: float = 1.0
+    equation: HarmonicBalance,
+    varies: str | LawParameter,
+    sweep: Sweep,
+    stuck: Peak,
+    tolerance: float,
+    level: float = 1.0,
+    *,
+    begins: Iterate | None = None,
+    estimator: ErrorEstimator | None = None,
+    accuracy: Accuracy | None = None,
+    on_point: Emit = nobody,
 ) -> Branch:
     """Return the peak of an output over a number of the operating point, as one branch.  Collective.
 
@@ -99,17 +133,17 @@ def follow_peak(
     sweep : range of that number, from an end where all pairs stick or near to it; values in ``at`` are points
     stuck : the peak of the linear response
     level : N, where it does not vary
+    begins : the peak at the begin of the range, where the linear response is not near
+    estimator, accuracy : error bars, destroyed at the end; the accuracy that chooses harmonics and samples
+    on_point : gets each point
 
     Returns
     -------
     branch : ``parameters`` of a point are the number and the frequency [rad/s]; why it ends early is in ``failure``
     """
-    forward = AdjointSolver(equation.comm, EXACT, np.float64)
-    problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, Maximum(stuck.output, 1, forward))
-    try:
-        return follow_branch(BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance), MOST_POINTS)
-    finally:
-        forward.destroy()
+    problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, MaximumByPhase(stuck.output), begins)
+    task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance, estimator, accuracy)
+    return follow_branch(task, MOST_POINTS, on_point)
 
 
 def maxima(branch: Branch) -> Iterator[tuple[int, int]]:
@@ -153,12 +187,12 @@ def peak_about(problem: ForcedResponse, branch: Branch, output: int, i: int, tol
     return Peak(output, at.omega, complex(cos, -sin), half_power, within, slipping, newton, point.segment)
 
 
-def iterate_of(point: Point, problem: ForcedResponse, harmonics: Harmonics) -> Iterate:
-    """Return a point of a curve in some harmonics.  Collective: one broadcast."""
+def iterate_of(point: Point, problem: ProblemBase, harmonics: Harmonics) -> Iterate:
+    """Return a point of a branch in some harmonics.  Collective: one broadcast."""
     model = problem.equation.model
     U = model.comm.bcast(point.U if model.comm.rank == 0 else None)
     U = Harmonics.full(U.shape[-1]).carry(U, harmonics) if U.size else np.zeros((0, 3, harmonics.n_coefficients))
-    return Iterate(U[model.owned], (point.omega,), harmonics)
+    return Iterate(U[model.owned], point.parameters or (point.omega,), harmonics)
 
 
 def harmonics_of(branch: Branch, point: Point, otherwise: Harmonics) -> Harmonics:

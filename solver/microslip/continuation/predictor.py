@@ -10,6 +10,7 @@ from .iterate import Iterate, PointState
 from .point_solver import PointSolver
 
 FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola is not used
+BY_PARAMETER = 1e-2  # shortest step of a maximum at a fixed parameter; shorter ones, in a plane, pass folds
 FAINT_MOTION = 1e-2  # of the motion under the same loads at rest, below which ratios of a linear motion tell nothing
 
 
@@ -19,7 +20,8 @@ def predict(
     """Return the guess a step ``ds`` ahead and the row that holds the step, docs/theory.md, eq. (7.2).
 
     On the known curve (all pairs stuck) the guess is its point, at a fixed parameter; otherwise
-    the parabola through the last three points (the secant where there are two), and the plane normal to the secant.
+    the parabola through the last three points (the secant where there are two), and the plane normal to the secant; for a maximum
+    the value of the parameter, as long as steps are not short.
     """
     if now.sticks:
         direction = float(np.sign(now.iterate.parameter - before.iterate.parameter))
@@ -33,6 +35,8 @@ def predict(
         ahead_U += share * (d_U / length - e_U / e_length)
         ahead_nu += share * (d_nu / length - e_nu / e_length)
     guess = solver.beside(now.iterate, ahead_U, ahead_nu)
+    if solver.problem.maximum is not None and ds > BY_PARAMETER:
+        return guess, Plane.fixed_parameter(guess)
     normal = d_U / (now.size * length)
     normal[..., solver.harmonics.mean] = 0.0
     return guess, Plane(guess, normal, tuple(d_nu / length))

@@ -82,9 +82,11 @@ def step(
     while True:
         guess, plane = predict(solver, earlier, before, now, ds)
         solution, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
-        there = solution.iterate
+        there, is_maximum = solution.iterate, solver.problem.maximum is not None  # which may move along a flat top
+        reach = max(ds, steps.ds) if is_maximum else ds
         leads_on = solution.failure is None and (
-            not left(solver, before, now, there, ds, may_turn=passing is not None) or stay_stuck(solver, now, there)
+            not left(solver, before, now, there, reach, may_turn=is_maximum or passing is not None)
+            or stay_stuck(solver, now, there)
         )
         share = passed_over(solver, now, there) if leads_on else None
         if leads_on and share is None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..continuation.checkpointer import Checkpointers
-from ..observe.level_log import LevelLog
+from ..observe.level_log import LevelLog, over_lines
 from ..observe.log import RunLog
 from ..observe.not_computed import not_computed
 from ..observe.stops import Stops
@@ -16,11 +16,14 @@ from ..results.audit import audit_text
 from ..results.fields import RunRecord, StageRecord
 from ..results.measures import shown_with
 from ..results.origin import Origin
+from ..results.over import keep_peaks_over
+from ..results.record import PeaksOver
 from ..system.walltime import TimeLimit
 from .build import WholeStructure
 from .follow_response import follow, in_turn, known_columns
+from .peak_curves import followed, numbers_of, refuse_without_peaks
 from .prepare import Prepared
-from .result_files import extent_of, writer_of
+from .result_files import extent_of, head_of, writer_of
 from .sectors import levels_by_sector, write_by_sector
 from .settings import units_of
 from .side_by_side import groups_that_pay
@@ -42,11 +45,26 @@ def record_of(log: RunLog) -> RunRecord:
     return RunRecord(tuple(StageRecord(stage.name, stage.seconds, stage.memory) for stage in log.stages), tuple(log.notes))
 
 
+def follow_peaks_logged(prepared: Prepared, folder: Path, log: RunLog) -> list[str]:
+    """Follow peaks over the numbers of the scene, write and log them; return why curves ended early.  Collective."""
+    comm, curves, failures = prepared.model.comm, list[PeaksOver](), list[str]()
+    for number in numbers_of(prepared):
+        with log.stage(f"peaks over {number.key}"):
+            found = followed(prepared, number)
+        for line in (line for curve in found for line in over_lines(curve)):
+            log.note(line)
+        failures += [f"peaks over {curve.key}: {curve.points.failure}" for curve in found if curve.points.failure]
+        curves += found
+        on_root(comm, keep_peaks_over, str(folder), head_of(prepared), curves)
+    return failures
+
+
 def follow_logged(
     prepared: Prepared, folder: Path, options: RunOptions, origin: Origin, log: RunLog, checkpointers: Checkpointers
 ) -> list[Branch]:
     """Return the branches of all levels, written and logged while they are computed; log what was not computed.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
+    refuse_without_peaks(prepared)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
     n_groups = options.n_groups or groups_that_pay(response, prepared.structure.n_dof)
     writer = writer_of(prepared, folder, options.petsc, replace(origin, n_groups=n_groups))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..contact.law import OPEN, SLIP
 from ..points.branch import Branch, Point
 from ..points.multipliers import is_stable
 from ..points.sweep import Sweep
 from ..results.measures import AMPLITUDE, Shown, counts
+from ..results.record import PeaksOver
 from .log import RunLog
 
 EXACT = 1e-10  # of a frequency: a peak in a narrower interval is said to be at a frequency
@@ -111,6 +113,20 @@ def stability_lines(branch: Branch) -> list[str]:
         where = f" (within {within:.1e} Hz)" if within > EXACT * frequency else ""
         lines.append(f"  {there.kind}: {frequency:.9g} Hz{where}, amplitude {there.amplitude[0]:.6e}, after point {there.after}")
     return lines
+
+
+def over_lines(curve: PeaksOver) -> list[str]:
+    """Return lines on a peak over a number: its ends, where pairs begin to slip and to open, and why it ended early."""
+    value, points, head = curve.value, curve.points, f"peak of output {curve.linear.output + 1} over {curve.key}"
+    if len(value) == 0:
+        return [f"{head}: no point: {points.failure}"]
+    ends = (f"{curve.frequency[i]:.7g} Hz, {curve.amplitude[i]:.4e}, damping {curve.damping[i]:.3g}" for i in (0, -1))
+    seconds = f"{points.seconds.sum():.3g} s"
+    lines = [f"{head}, {value[0]:.4g} to {value[-1]:.4g} {curve.unit}: {len(value)} points in {seconds}; {' -> '.join(ends)}"]
+    for name, moves in (("slips", points.state == SLIP), ("is open", points.state == OPEN)):
+        first = np.flatnonzero(moves.any(axis=1))
+        lines += [f"  a pair {name} from {value[first[0]]:.4g} {curve.unit}"] if len(first) else []
+    return [*lines, f"  ended early: {points.failure}"] if points.failure else lines
 
 
 def remarks(branch: Branch) -> list[str]:

@@ -85,12 +85,13 @@ class Identity:
         scene.pop("title", None)
         response.pop("levels")
         response.pop("fields", None)
+        response.pop("over", None)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
 
     def branch(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N], independent of the range."""
         scene, response = dict(self.scene), dict(self.scene["response"])
-        for name in ("levels", "at", "fields", *_RANGE):
+        for name in ("levels", "at", "fields", "over", *_RANGE):
             response.pop(name, None)
         scene.pop("title", None)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})

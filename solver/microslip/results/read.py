@@ -28,6 +28,7 @@ from .record import (
     Joint,
     LevelResult,
     LinearCurve,
+    PeaksOver,
     ResultFile,
     StaticTable,
 )
@@ -94,7 +95,21 @@ def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
         _origin(reader),
         requested=_requested_levels(reader),
         at_rest={name: _static(reader, name) for name in STATIC_TABLES if f"statics/{name}" in reader},
+        over=tuple(_over(reader, f"over/{name}", len(outputs), joint.n_pairs, motion) for name in _names(reader, "over")),
     )
+
+
+def _over(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: bool) -> PeaksOver:
+    """Return a peak over a number of the scene."""
+    key, unit = (attribute(reader.group(group), name) for name in ("key", "unit"))
+    linear, points = (
+        _peaks(reader, f"{group}/linear", n_outputs),
+        _level(reader, f"{group}/points", n_outputs, n_pairs, motion, unit),
+    )
+    value, damping = (reader.array(f"{group}/{name}", "f8", (len(points.frequency),)) for name in ("value", "damping"))
+    if linear is None or len(linear) != 1 or not np.isfinite(value).all() or (points.level == 0.0 and (value <= 0.0).any()):
+        raise CaseError(f"{reader.path}: '{group}' has values that no run writes; the file is damaged or was edited")
+    return PeaksOver(key, unit, linear[0], value, damping, points)
 
 
 def _requested_levels(reader: Reader) -> tuple[float, ...]:

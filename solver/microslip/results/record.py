@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..contact.laws import ELASTIC_COULOMB
+from ..fourier.coefficients import amplitude
 from ..points.bifurcation import BIFURCATION_QUANTITIES, Bifurcation
 from ..points.branch import CLOSES_TO, QUANTITIES, Branch
+from ..points.error_parts import total
 from ..points.peak import PEAK_QUANTITIES, Peak
 from ..points.quantities import Quantity, axis_lengths, declared
 from .measures import Shown, peak, shown_with
@@ -61,6 +63,38 @@ class LevelResult:
             return self.__dict__["arrays"][name]
         except KeyError:
             raise AttributeError(f"a level has no {name!r}") from None
+
+
+@dataclass(frozen=True, eq=False)
+class PeaksOver:
+    """One peak of an output over a number of the scene, in the order of its curve; n points."""
+
+    key: str  # "level", "joints.NAME.friction", ...
+    unit: str  # of the number
+    linear: Peak  # while all pairs stick, at the begin of the range; amplitude per unit of the level
+    value: np.ndarray  # (n,) the number
+    damping: np.ndarray  # (n,) damping ratio of one mode with this amplitude per unit of the level
+    points: LevelResult  # the peaks themselves; their ``level`` is 0 where it is the number that varies
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """Of the peak, (n,) [Hz]."""
+        return self.points.frequency
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """Of harmonic 1 of the output, (n,) in its unit."""
+        return amplitude(self.points.response[:, self.linear.output])
+
+    @property
+    def error(self) -> np.ndarray | None:
+        """The error bar of the amplitude, (n,); None without error bars."""
+        return None if self.points.error is None else total(self.points.error[:, self.linear.output])
+
+    @property
+    def per_level(self) -> np.ndarray:
+        """The amplitude per unit of the level, (n,)."""
+        return self.amplitude / (self.points.level or self.value)
 
 
 _FRAME = "rows x, y (tangential), z (from body 2 into body 1)"
@@ -150,6 +184,7 @@ class ResultFile:
     origin: Origin | None = None  # None: an earlier version wrote the file
     requested: tuple[float, ...] = ()  # levels that the run is of [N]; none: an earlier version wrote the file
     at_rest: Mapping[str, StaticTable] = field(default_factory=dict)  # by keys of ``STATIC_TABLES``; none without [statics]
+    over: tuple[PeaksOver, ...] = ()  # peaks over numbers of the scene
 
     @property
     def solved(self) -> list[LevelResult]:

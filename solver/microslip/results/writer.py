@@ -114,7 +114,7 @@ class ResultWriter:
             with written_hdf5(temporary, "r+") as file:
                 if name in file:
                     del file[name]
-                _write_level(file.create_group(name), result, common(self._units))
+                write_level(file.create_group(name), result, common(self._units))
 
     def close(self) -> None:
         """Close frf.csv; results.h5 is closed between the levels.  Local, so that an error of one rank may pass through."""
@@ -176,7 +176,7 @@ def _write_joint(group: h5py.Group, joint: Joint) -> None:
         write_array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")
 
 
-def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
+def write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
     """Write a level; ``unit`` is that of the outputs."""
     group.attrs["level_N"], group.attrs["status"], group.attrs["failure"] = level.level, level.status, _clean(level.failure)
     group.attrs["closes_to"] = level.closes_to

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from ..messages.words import hint, listed
 from ..system.files import NO_FILE
+from ..tables.joint import OfPoints
 from ..tables.table import any_of
 from .inputs import may_know_nodes, named_files
 from .schema import Scene, Statics
@@ -34,6 +35,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_bars(scene),
         *_peaks(scene),
         *_stability(scene),
+        *_over(scene),
         *_mode(scene),
         *_disc(scene),
         *sort(scene),
@@ -382,15 +384,34 @@ def _stability(scene: Scene) -> list[str]:
 
 def _peaks(scene: Scene) -> list[str]:
     """Return mistakes: peaks of what has none, or of a method whose pairs follow from the point before."""
-    if not scene.response.peaks:
+    stated = {"[response] peaks = true": scene.response.peaks, "[[response.over]]": scene.response.over}
+    where = next((where for where, is_stated in stated.items() if is_stated), None)
+    if where is None:
         return []
     if scene.is_static:
-        return ["[response] peaks = true: with harmonics = 0 nothing vibrates, and there is no peak; leave peaks out"]
+        return [f"{where}: with harmonics = 0 nothing vibrates, and there is no peak; leave peaks out"]
     if scene.solver.method in ("adaptive", "adaptive-energy"):
-        return [
-            f'[response] peaks = true: method = "{scene.solver.method}" takes its pairs from the point before; take "receptance"'
-        ]
+        return [f'{where}: method = "{scene.solver.method}" takes its pairs from the point before; take "receptance"']
     return []
+
+
+def _over(scene: Scene) -> list[str]:
+    """Return mistakes: a number that the scene does not have, or that its state of rest depends on."""
+    mistakes, names = [], {joint.name for joint in scene.joints}
+    outputs = [output.name for output in scene.outputs]
+    for i, over in enumerate(scene.response.over, 1):
+        where = f"[[response.over]] {i}"
+        if over.output is not None and over.output not in outputs:
+            mistakes.append(f"{where} output: there is no output {over.output!r}{hint(over.output, outputs)}")
+        if over.key == "level":
+            continue
+        joint, key = over.of_joint or ("", "")
+        known = ["level", *(f"joints.{name}.{key}" for name in sorted(names) for key in get_args(OfPoints))]
+        if over.key not in known:
+            mistakes.append(f"{where} key: there is no number {over.key!r}{hint(over.key, known)}")
+        elif scene.statics is not None:
+            mistakes.append(f"{where} key: with [statics] the state of rest depends on {over.key}; follow peaks over the level")
+    return mistakes
 
 
 def _mode(scene: Scene) -> list[str]:

@@ -34,6 +34,7 @@ from .schema import (
     Temperature,
     Tie,
 )
+from .solution import Over
 
 _NAMED: dict[str, type[Table]] = {"materials": Material, "orientations": Orientation, "bodies": Body}  # [materials.NAME]
 _LISTED: dict[str, type[Table]] = {  # [[loads]]
@@ -54,6 +55,7 @@ _NESTED: dict[tuple[str, str], type[Table]] = {  # [[statics.forces]]
     ("statics", "bolts"): Bolt,
     ("statics", "displacements"): MovedSupport,
     ("cyclic", "sector"): SectorFactors,
+    ("response", "over"): Over,
 }
 _INLINE: dict[tuple[str, str], type[Table]] = {("cyclic", "scatter"): Scatter}  # [cyclic] scatter = { ... }
 _LONGEST = 60  # characters of a value that a message shows

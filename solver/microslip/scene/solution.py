@@ -18,6 +18,43 @@ Method = Literal[
 ]
 
 
+class Over(Table):
+    """[[response.over]]: a number over which the peaks of an output are followed."""
+
+    key: str = Field(description='"level", or a number of a joint as "joints.NAME.friction"')
+    range: tuple[NotNegative, NotNegative] = Field(
+        description="two numbers of at least 0: where the curve begins and where it ends"
+    )
+    at: Annotated[tuple[NotNegative, ...], AfterValidator(no_duplicates)] = Field(
+        (), description="a list of values within the range that are points of the curve, each once"
+    )
+    output: str | None = Field(None, description="the name of an output; the first one if left out")
+    level: Positive | None = Field(
+        None, description="the level in N, where key is another number; the highest of levels if left out"
+    )
+
+    @model_validator(mode="after")
+    def _within(self):
+        low, high = sorted(self.range)
+        if low == high:
+            raise ValueError("range holds one number twice; a curve needs two ends")
+        if self.key == "level" and self.level is not None:
+            raise ValueError("level is what varies; leave the key level out")
+        if low == 0.0 and (self.key == "level" or self.key.endswith("stiffness")):
+            raise ValueError("range begins or ends at 0, where nothing moves or holds; state a number above 0")
+        for value in self.at:
+            if not low <= value <= high:
+                raise ValueError(f"at holds {value:g}, outside range = [{self.range[0]:g}, {self.range[1]:g}]")
+        return self
+
+    @property
+    def of_joint(self) -> tuple[str, str] | None:
+        """The names of the joint and of its number; None where the level varies, or the key is another."""
+        parts = self.key.split(".")
+        is_of_joint = len(parts) >= 3 and parts[0] == "joints"
+        return (".".join(parts[1:-1]), parts[-1]) if is_of_joint else None
+
+
 class Response(Table):
     """[response]: levels and frequencies of the curves."""
 
@@ -38,6 +75,7 @@ class Response(Table):
     direction: Literal["up", "down"] = Field("up", description='the direction of the sweep, "up" or "down"')
     peaks: bool = Field(False, description="true or false: solve for every maximum of every output as a point of its own")
     stability: bool = Field(False, description="true or false: say of every point whether it is stable, by Floquet multipliers")
+    over: tuple[Over, ...] = Field((), description="tables headed [[response.over]], with key and range")
     fields: bool = Field(True, description="true or false: write modes and the motion at the peaks on the mesh")
 
     @model_validator(mode="after")

@@ -1,0 +1,182 @@
+"""Peaks over a number of the scene: from each peak of the linear response through the range that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from ..error_estimate.estimate import ErrorEstimator
+from ..fourier.amplitudes import to_complex
+from ..harmonic.balance import HarmonicBalance
+from ..harmonic.operating_point import LawParameter, OperatingPoint
+from ..messages.errors import CaseError
+from ..points.branch import Branch, Point
+from ..points.peak import Peak
+from ..points.sweep import Sweep
+from ..receptance.motions import linear_motion, output_motion
+from .accuracy import accuracy_of
+from .iterate import Iterate
+from .levels import ResponseProblem, linear_curve
+from .peaks import follow_peak, harmonics_of, iterate_of, nobody
+from .problems import ForcedResponse
+from .resonances import FAINT_PEAK
+
+STUCK = 0.9  # of the level from which the first pair slips at a linear peak: all stick there
+LEAST = 1e-3  # of the level to be reached, at which a peak begins of which some pairs slip or are open at every level
+
+
+@dataclass(frozen=True, eq=False)
+class PeakRequest:
+    """A number over which the peaks of an output are followed."""
+
+    varies: str | LawParameter  # "level" [N], or a number of the contact law
+    range: tuple[float, float]  # in its unit, from the first to the second
+    at: tuple[float, ...]  # values that must be points
+    output: int
+    level: float  # N, where it does not vary
+
+    @property
+    def begin(self) -> OperatingPoint:
+        """The operating point at the begin of the range, but for its frequency."""
+        if isinstance(self.varies, LawParameter):
+            return OperatingPoint(0.0, self.level, law=((self.varies, self.range[0]),))
+        return OperatingPoint(0.0, self.range[0])
+
+
+@dataclass(frozen=True, eq=False)
+class PeakCurve:
+    """One peak over a number: ``parameters`` of a point of the branch are that number and the frequency [rad/s]."""
+
+    linear: Peak  # with all pairs stuck at the begin of the range, amplitude per newton
+    branch: Branch
+
+    def damping(self, point: Point) -> float:
+        """Return the damping ratio [-] of one mode that has this peak's amplitude for its level.  Local, on rank 0.
+
+        A mode has zeta = (its share of the output per newton) / (2 omega^2 amplitude), and the share is that of the linear peak.
+        """
+        size = float(np.hypot(*point.response[self.linear.output, 1:3]))
+        level = self.branch.level or point.parameters[0]
+        return self.linear.damping * abs(self.linear.amplitude) * level / size * (self.linear.omega / point.omega) ** 2
+
+
+def peak_curves(of: ResponseProblem, request: PeakRequest, on_point: Callable[[Point], None] = nobody) -> list[PeakCurve]:
+    """Return the curve of every linear peak of an output over a number.  Collective.
+
+    A curve that ends early has the reason in the ``failure`` of its branch.
+
+    Raises
+    ------
+    CaseError : the output has no linear peak in the range of frequencies, or the law does not have the values of the range
+    """
+    equation = of.at_level(request.level).equation
+    return [_follow(of, request, equation, peak, on_point) for peak in beginnings(of, request)]
+
+
+def beginnings(of: ResponseProblem, request: PeakRequest) -> list[Peak]:
+    """Return the linear peaks of an output at the begin of a range.  Collective.
+
+    Raises
+    ------
+    CaseError : as :func:`peak_curves`
+    """
+    equation = of.at_level(request.level).equation
+    if isinstance(request.varies, LawParameter):
+        for value in request.range:
+            if not equation.allows(OperatingPoint(0.0, request.level, law=((request.varies, value),))):
+                raise CaseError(f"[[response.over]] range: {value:g} is no value that the law of these pairs has")
+    peaks = linear_peaks(of, equation.under(request.begin), request.output)
+    if not peaks:
+        low, high = (end / (2.0 * np.pi) for end in sorted((of.sweep.start, of.sweep.stop)))
+        raise CaseError(
+            f"[[response.over]]: output {request.output + 1} has no peak between {low:.6g} and {high:.6g} Hz while all pairs "
+            "stick; widen [response] frequencies, or name another output"
+        )
+    return peaks
+
+
+def _follow(
+    of: ResponseProblem, request: PeakRequest, equation: HarmonicBalance, stuck: Peak, on_point: Callable[[Point], None]
+) -> PeakCurve:
+    """Return the curve of one peak.  Collective."""
+    at_begin, tolerance, varies = equation.under(request.begin), of.settings.tolerance, request.varies
+    begin, begins, level = request.begin.level, None, 0.0 if varies == "level" else request.level
+    sticks = STUCK * slips_from(at_begin, stuck.omega)
+    if sticks < begin:
+        lead = follow_peak(at_begin, "level", Sweep(max(sticks, LEAST * begin), begin), stuck, tolerance)
+        if lead.failure is not None:
+            return PeakCurve(stuck, Branch(level, failure=f"on the way up to {begin:g} N: {lead.failure}"))
+        begins = _arrived(lead, ForcedResponse(at_begin, begin), request)
+    estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
+    accuracy = accuracy_of(of.settings, equation) if estimator else None
+    accuracy = accuracy and replace(accuracy, chooses_steps=False)
+    branch = follow_peak(
+        equation,
+        varies,
+        Sweep(*request.range, request.at),
+        stuck,
+        tolerance,
+        request.level,
+        begins=begins,
+        estimator=estimator,
+        accuracy=accuracy,
+        on_point=on_point,
+    )
+    branch.level = level
+    return PeakCurve(stuck, branch)
+
+
+def _arrived(lead: Branch, problem: ForcedResponse, request: PeakRequest) -> Iterate:
+    """Return the end of a branch over the level as the first point of a curve.  Collective."""
+    there = iterate_of(lead.points[-1], problem, harmonics_of(lead, lead.points[-1], problem.equation.harmonics))
+    return replace(there, parameters=(request.range[0], lead.points[-1].omega))
+
+
+# -- the linear response -----------------------------------------------------------------------------------------------
+
+
+def linear_peaks(of: ResponseProblem, equation: HarmonicBalance, output: int) -> list[Peak]:
+    """Return the peaks of an output while all pairs stick, amplitudes per newton, by rising frequency.  Collective."""
+    model = equation.model
+    curve = of.curve if model is of.model else linear_curve(model, of.sweep)
+    none = np.zeros((3 * model.n_pairs, model.N_H))
+
+    def harmonic(omega: float) -> complex:
+        cos, sin = output_motion(model, 1.0, omega, none)[output, model.harmonics.columns(1)]
+        return complex(cos, -sin)
+
+    sizes = np.hypot(*curve.response[:, output, 1:3].T)
+    tops = 1 + np.flatnonzero((sizes[1:-1] > sizes[:-2]) & (sizes[1:-1] >= sizes[2:]) & (sizes[1:-1] > FAINT_PEAK * sizes.max()))
+    peaks = []
+    for i in tops:
+        omega = _top(lambda w: abs(harmonic(w)), *curve.omega[[i - 1, i + 1]])
+        width = _width(lambda w: abs(harmonic(w)), omega, curve.omega, sizes, i)
+        peaks.append(Peak(output, omega, harmonic(omega), width, 0.0, 0, 0))
+    return model.comm.bcast(peaks)
+
+
+def _top(size: Callable[[float], float], low: float, high: float) -> float:
+    """Return where an amplitude is highest between two frequencies."""
+    found = minimize_scalar(lambda w: -size(w), bounds=(low, high), method="bounded", options={"xatol": 1e-6 * (high - low)})
+    return float(found.x)
+
+
+def _width(size: Callable[[float], float], omega: float, omegas: np.ndarray, sizes: np.ndarray, i: int) -> float:
+    """Return the half-power width of a peak near the ``i``-th frequency of a curve; of a shorter half twice that half."""
+    half, sides = size(omega) / np.sqrt(2.0), []
+    for below in (np.flatnonzero(sizes[:i] < half)[-1:], i + np.flatnonzero(sizes[i:] < half)[:1]):
+        if len(below):
+            end = float(omegas[below[0]])
+            sides.append(abs(omega - brentq(lambda w: size(w) - half, *sorted((end, omega)))))
+    return float(np.sum(sides) * (2.0 / len(sides))) if sides else 1e-3 * omega
+
+
+def slips_from(equation: HarmonicBalance, omega: float) -> float:
+    """Return the level [N] from which the first pair slips at a frequency; infinite where none does.  Collective."""
+    U = np.abs(to_complex(linear_motion(equation.model, 1.0, omega))).sum(axis=1).reshape(-1, 3)
+    used = float(np.max(equation.law.utilisation(U), initial=0.0))
+    used = max(equation.comm.allgather(used))
+    return 1.0 / used if used > 0.0 else np.inf

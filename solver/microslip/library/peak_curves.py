@@ -1,0 +1,139 @@
+"""Peaks over a number of a scene: the tables [[response.over]], and the same for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Unpack
+
+import numpy as np
+
+from ..continuation.peak_curves import PeakCurve, PeakRequest, beginnings, peak_curves
+from ..harmonic.operating_point import LawParameter
+from ..mesh.data import ContactPairs
+from ..points.branch import Point
+from ..results.record import COMPLETE, STOPPED, PeaksOver, level_result
+from ..scene.schema import Scene
+from ..scene.solution import Over
+from .build import Structure
+from .prepare import Prepared, prepare
+from .respond import Keys, scene_with, with_modes_for
+from .settings import reduction_settings, units_of
+
+LAW_NAMES = {"friction": "mu", "preload": "N0", "gap": "gap", "tangential_stiffness": "k_t", "normal_stiffness": "k_n"}
+UNITS = {"friction": "1", "preload": "Pa", "gap": "m", "tangential_stiffness": "N/m3", "normal_stiffness": "N/m3"}
+IN_FORCES = {"preload": "N", "tangential_stiffness": "N/m", "normal_stiffness": "N/m"}  # of pairs without an area
+FACTOR = "times the scene's values"  # the unit of a number that differs from pair to pair, or that a law or a file gives
+
+
+@dataclass(frozen=True, eq=False)
+class OverNumber:
+    """A table [[response.over]] made ready: what is followed, and the name and unit of its number."""
+
+    key: str
+    unit: str
+    request: PeakRequest
+
+
+def numbers_of(prepared: Prepared) -> list[OverNumber]:
+    """Return the numbers over which peaks are followed, in the order of the scene.  Local.
+
+    Raises
+    ------
+    CaseError : a joint of this name has no pairs
+    """
+    return [_number(prepared.scene, prepared.pairs, over) for over in prepared.scene.response.over]
+
+
+def _number(scene: Scene, pairs: ContactPairs, over: Over) -> OverNumber:
+    names = [output.name for output in scene.outputs]
+    output = 0 if over.output is None else names.index(over.output)
+    level = over.level or max(scene.response.levels)
+    of_joint = over.of_joint
+    if of_joint is None:
+        return OverNumber(over.key, units_of(scene).level, PeakRequest("level", over.range, over.at, output, level))
+    parameter, unit = _parameter(scene, pairs, *of_joint)
+    return OverNumber(over.key, unit, PeakRequest(parameter, over.range, over.at, output, level))
+
+
+def _parameter(scene: Scene, pairs: ContactPairs, name: str, key: str) -> tuple[LawParameter, str]:
+    """Return a number of a joint as a parameter of the law, and its unit: that of the scene where it states one for all pairs."""
+    numbers = np.flatnonzero(np.array(pairs.joint) == name)
+    gap = np.divide(-pairs.N0, pairs.k_n, out=np.zeros_like(pairs.k_n), where=pairs.k_n > 0.0)
+    columns = {"mu": pairs.mu, "N0": pairs.N0, "gap": gap, "k_t": pairs.k_t, "k_n": pairs.k_n}
+    column = columns[LAW_NAMES[key]][numbers]
+    stated = next((getattr(joint, key) for joint in scene.joints if joint.name == name), None)
+    if isinstance(stated, float) and stated > 0.0:
+        has_area = np.isfinite(pairs.area[numbers]).all()
+        return LawParameter(LAW_NAMES[key], numbers, column / stated), UNITS[key] if has_area else IN_FORCES.get(key, UNITS[key])
+    return LawParameter(LAW_NAMES[key], numbers, column), FACTOR
+
+
+def refuse_without_peaks(prepared: Prepared) -> None:
+    """Raise CaseError where there is no peak to follow over a number, before anything is solved.  Collective."""
+    for number in numbers_of(prepared):
+        beginnings(prepared.response, number.request)
+
+
+def followed(prepared: Prepared, number: OverNumber, on_point: Callable[[Point], None] = lambda point: None) -> list[PeaksOver]:
+    """Return the peaks over a number as results, one of each peak of the linear response.  Collective.
+
+    The record is that of rank 0.  A curve that ends early has the reason in the ``failure`` of its points.
+
+    Raises
+    ------
+    CaseError : no peak in the range of frequencies, or values that the law does not have; on every rank
+    """
+    model = prepared.model
+    sizes = len(prepared.scene.outputs), model.n_pairs, model.recorded.n_coefficients
+    return [_record(number, curve, sizes) for curve in peak_curves(prepared.response, number.request, on_point)]
+
+
+def _record(number: OverNumber, curve: PeakCurve, sizes: tuple[int, int, int]) -> PeaksOver:
+    branch, linear = curve.branch, curve.linear
+    return PeaksOver(
+        number.key,
+        number.unit,
+        linear,
+        np.array([point.parameters[0] for point in branch.points]),
+        np.array([curve.damping(point) for point in branch.points]),
+        level_result(branch, sizes, STOPPED if branch.failure else COMPLETE),
+    )
+
+
+def peaks(
+    structure: Structure,
+    over: Mapping[str, Sequence[float]],
+    *,
+    output: str | None = None,
+    values: Sequence[float] = (),
+    level: float | None = None,
+    **keys: Unpack[Keys],
+) -> list[PeaksOver]:
+    """Return the peaks of an output over numbers of the scene, a curve for each number and each peak of the linear response.
+
+    Collective on ``structure.comm``; the same on every rank.
+
+    Parameters
+    ----------
+    over : by ``"level"`` or ``"joints.NAME.friction"`` and the like, the two ends of the range
+    output : its name; the first one if None
+    values : that are points of each curve
+    level : N, where another number varies; the highest of the scene if None
+    keys : as those of :func:`respond`
+
+    Raises
+    ------
+    CaseError, ConvergenceError, ResourceError : as :func:`respond`; also where the output has no peak; on every rank
+    """
+    structure.refuse_closed()
+    tables = tuple(
+        {"key": key, "range": tuple(map(float, ends)), "at": tuple(map(float, values))}
+        | ({} if output is None else {"output": output})
+        | ({} if level is None or key == "level" else {"level": level})
+        for key, ends in over.items()
+    )
+    scene = scene_with(structure.scene, {**keys, "over": tables}, {})
+    of_scene, _ = with_modes_for(structure, reduction_settings(scene), structure.pairs)
+    prepared = prepare(of_scene, scene)
+    return [curve for number in numbers_of(prepared) for curve in prepared.model.comm.bcast(followed(prepared, number))]

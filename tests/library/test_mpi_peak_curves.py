@@ -1,0 +1,138 @@
+"""Peaks over numbers of a scene, [[response.over]]: one mass on a Jenkins element against its closed form; on any number of ranks."""
+
+import csv
+
+import numpy as np
+import pytest
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
+from scipy.optimize import brentq, minimize_scalar
+
+import microslip
+from microslip.messages.errors import CaseError
+from microslip.parallel.agree import on_root
+from microslip.results.read import read_results
+from microslip.scene.read import changed
+
+LEVELS, C = (0.02, 5.0), 0.02
+OVER = """
+[[response.over]]
+key = "level"
+range = [0.02, 5.0]
+at = [0.4, 0.8]
+
+[[response.over]]
+key = "joints.joint.friction"
+range = [2.0, 0.5]
+level = 0.8
+"""
+
+
+def amplitude(level, limit=1.0):
+    """Return the peak amplitude of m = k = k_t = 1, limit mu N, at a level, one harmonic, from the first slip on."""
+
+    def level_of(X):
+        th = np.arccos(1.0 - 2.0 * limit / X)
+        a1, b1 = X / np.pi * (th - np.sin(2.0 * th) / 2.0), 4.0 * limit / np.pi * (1.0 - limit / X)
+
+        def squared(w):
+            return (1.0 + a1 / X - w * w) ** 2 * X * X + (C * w * X + b1) ** 2
+
+        return np.sqrt(minimize_scalar(squared, bounds=(0.9, 1.5), method="bounded", options={"xatol": 1e-12}).fun)
+
+    return brentq(lambda X: level_of(X) - level, limit * (1.0 + 1e-9), 1e4, xtol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def path(comm, tmp_path_factory):
+    folder = comm.bcast(tmp_path_factory.mktemp("over"))
+
+    def write():
+        loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
+        mass = {"K": [[1.0]], "M": [[1.0]], "C": np.array([[C]]), "pair_dofs": [[0, -1, -1, -1, -1, -1]]}
+        system = scenes.make_system(
+            "one mass", mass["M"], mass["K"], mass["pair_dofs"], mu=1.0, N0=1.0, k_t=1.0, k_n=0.0, C=mass["C"],
+            loads=loads, output=[1.0], omega=(0.5, 2.0), levels={},
+        )  # fmt: skip
+        return write_matrix_scene(folder, system, [0.02], (0.5, 2.0), points=20, harmonics=1, samples=512, error_bars=False)
+
+    return on_root(comm, write)
+
+
+@pytest.fixture(scope="module")
+def structure(comm, path):
+    with microslip.build(microslip.read(path), comm) as built:
+        yield built
+
+
+def test_the_peak_over_the_level_is_the_closed_form(structure):
+    (curve,) = microslip.peaks(structure, {"level": LEVELS}, values=(0.4, 0.8))
+    assert not curve.points.failure and curve.value[-1] == LEVELS[1] and len(curve.value) < 100
+    sticks = ~curve.points.state.any(axis=1)
+    assert sticks[0] and curve.per_level[sticks] == pytest.approx(abs(curve.linear.amplitude), rel=1e-9)
+    slips = curve.value > 0.06  # before, the top is flat
+    exact = np.array([amplitude(level) for level in curve.value[slips]])
+    assert curve.amplitude[slips] == pytest.approx(exact, rel=100.0 / 512**2)
+    for level in (0.4, 0.8):
+        (i,) = np.flatnonzero(curve.value == level)
+        assert curve.points.asked[i]
+    assert curve.damping[0] == pytest.approx(0.5 * C / np.sqrt(2.0), rel=1e-3)
+    assert curve.damping[-1] < 0.02 < 0.1 < curve.damping.max()
+
+
+def test_the_peak_over_friction_begins_where_the_pair_slips(structure):
+    """The peak depends on level / limit alone."""
+    (curve,) = microslip.peaks(structure, {"joints.joint.friction": (2.0, 0.5)}, level=0.8)
+    assert curve.value[0] == 2.0 and curve.value[-1] == 0.5 and curve.points.state.all()
+    assert curve.amplitude == pytest.approx([amplitude(0.8, limit) for limit in curve.value], rel=100.0 / 512**2)
+
+
+def test_a_run_writes_table_and_file(comm, path, program, shared_path):
+    scene = shared_path / "scene.toml"
+    folder = path.parent
+
+    def write():
+        text = path.read_text().replace("[response]", "[response]", 1)
+        head, tail = text.split("[solver]")
+        for name in ("K.mtx", "M.mtx", "C.mtx", "pairs.csv"):
+            (shared_path / name).write_bytes((folder / name).read_bytes())
+        scene.write_text(head + OVER + "[solver]" + tail)
+
+    on_root(comm, write)
+    status, out, err = program("run", scene, "--out", shared_path / "out")
+    assert status == 0, out + err
+    results = read_results(str(shared_path / "out" / "results.h5"))
+    assert [curve.key for curve in results.over] == ["level", "joints.joint.friction"]
+    rows = list(csv.DictReader((shared_path / "out" / "peaks_over.csv").open()))
+    assert len(rows) == sum(len(curve.value) for curve in results.over)
+    assert float(rows[0]["amplitude_m"]) == pytest.approx(results.over[0].amplitude[0], rel=1e-12)
+    log = (shared_path / "out" / "run.log").read_text()
+    assert "peak of output 1 over level, 0.02 to 5 N" in log and "a pair slips from" in log
+
+
+@pytest.mark.parametrize(
+    "over, says",
+    [
+        pytest.param({"key": "levl", "range": (1.0, 2.0)}, 'nearest is "level"', id="no such number"),
+        pytest.param({"key": "joints.joint.frction", "range": (1.0, 2.0)}, 'nearest is "joints.joint.friction"', id="of a joint"),
+        pytest.param({"key": "level", "range": (2.0, 2.0)}, "one number twice", id="no range"),
+        pytest.param({"key": "level", "range": (0.0, 2.0)}, "at 0, where nothing moves", id="from nothing"),
+        pytest.param({"key": "level", "range": (1.0, 2.0), "at": (3.0,)}, "at holds 3, outside range", id="outside"),
+        pytest.param({"key": "level", "range": (1.0, 2.0), "level": 3.0}, "leave the key level out", id="level twice"),
+        pytest.param({"key": "joints.joint.normal_stiffness", "range": (0.0, 2.0)}, "at 0, where nothing", id="no stiffness"),
+        pytest.param({"key": "level", "range": (1.0, 2.0), "output": "none"}, "there is no output 'none'", id="no output"),
+    ],
+)
+def test_a_number_that_cannot_be_followed_is_refused(path, over, says):
+    with pytest.raises(CaseError, match=says):
+        changed(microslip.read(path), {"response": {"over": (over,)}})
+
+
+def test_no_peak_in_the_range_is_refused(structure):
+    with pytest.raises(CaseError, match="has no peak between"):
+        microslip.peaks(structure, {"level": LEVELS}, frequencies=(0.01, 0.05))
+
+
+def test_values_that_the_law_has_not_are_refused(structure):
+    with pytest.raises(CaseError, match="range: 2 is no value"):
+        microslip.peaks(structure, {"joints.joint.gap": (1.0, 2.0)}, level=0.8)  # a preload does not become a gap
