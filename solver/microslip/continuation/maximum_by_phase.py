@@ -26,7 +26,7 @@ NO_MAXIMUM = "the output has no maximum near by"
 
 @dataclass(frozen=True, eq=False)
 class MaximumByPhase:
-    """The amplitude of harmonic 1 of an output is at its maximum over the frequency, the first parameter fixed."""
+    """The amplitude of harmonic 1 of an output is at its maximum over the frequency, the first parameter fixed, eq. (7.9)."""
 
     output: int
 

@@ -53,11 +53,8 @@ class PeakCurve:
     linear: Peak  # with all pairs stuck at the begin of the range, amplitude per newton
     branch: Branch
 
-    def damping(self, point: Point) -> float:
-        """Return the damping ratio [-] of one mode that has this peak's amplitude for its level.  Local, on rank 0.
-
-        A mode has zeta = (its share of the output per newton) / (2 omega^2 amplitude), and the share is that of the linear peak.
-        """
+    def damping_ratio(self, point: Point) -> float:
+        """Return the damping ratio [-] of one mode with this peak's amplitude for its level, eq. (7.10).  Local, on rank 0."""
         size = float(np.hypot(*point.response[self.linear.output, 1:3]))
         level = self.branch.level or point.parameters[0]
         return self.linear.damping * abs(self.linear.amplitude) * level / size * (self.linear.omega / point.omega) ** 2

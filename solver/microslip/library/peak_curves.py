@@ -96,7 +96,7 @@ def _record(number: OverNumber, curve: PeakCurve, sizes: tuple[int, int, int]) -
         number.unit,
         linear,
         np.array([point.parameters[0] for point in branch.points]),
-        np.array([curve.damping(point) for point in branch.points]),
+        np.array([curve.damping_ratio(point) for point in branch.points]),
         level_result(branch, sizes, STOPPED if branch.failure else COMPLETE),
     )
 

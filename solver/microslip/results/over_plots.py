@@ -81,14 +81,15 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
 def _draw_linear(axes, curve: PeaksOver, factor: float, per_factor: float) -> None:
     """Draw the peak of the linear response into all panels, that of the amplitude as far as the curve goes."""
     linear, levels = curve.linear, np.full_like(curve.value, curve.points.level) if curve.points.level else curve.value
+    line = factor * abs(linear.amplitude) * levels
     values = (
-        (axes[0, 0], np.minimum(factor * abs(linear.amplitude) * levels, 1.05 * factor * curve.amplitude.max())),
+        (axes[0, 0], np.where(line <= 1.1 * factor * curve.amplitude.max(), line, np.nan)),
         (axes[0, 1], np.full_like(levels, per_factor * abs(linear.amplitude))),
         (axes[1, 0], np.full_like(levels, linear.omega / (2.0 * np.pi))),
         (axes[1, 1], np.full_like(levels, 100.0 * linear.damping)),
     )
-    for ax, line in values:
-        ax.plot(curve.value, line, **LINEAR, zorder=1)
+    for ax, stuck in values:
+        ax.plot(curve.value, stuck, **LINEAR, zorder=1)
 
 
 def _draw_bars(ax, curves: Sequence[PeaksOver], factor: float) -> None:
