@@ -11,6 +11,7 @@ import numpy as np
 from ..continuation.peak_curves import PeakCurve, PeakRequest, beginnings, peak_curves
 from ..harmonic.operating_point import LawParameter
 from ..mesh.data import ContactPairs
+from ..parallel.agree import on_root
 from ..points.branch import Point
 from ..results.record import COMPLETE, STOPPED, PeaksOver, level_result
 from ..scene.schema import Scene
@@ -78,7 +79,7 @@ def refuse_without_peaks(prepared: Prepared) -> None:
 def followed(prepared: Prepared, number: OverNumber, on_point: Callable[[Point], None] = lambda point: None) -> list[PeaksOver]:
     """Return the peaks over a number as results, one of each peak of the linear response.  Collective.
 
-    The record is that of rank 0.  A curve that ends early has the reason in the ``failure`` of its points.
+    The same on every rank.  A curve that ends early has the reason in the ``failure`` of its points.
 
     Raises
     ------
@@ -86,7 +87,8 @@ def followed(prepared: Prepared, number: OverNumber, on_point: Callable[[Point],
     """
     model = prepared.model
     sizes = len(prepared.scene.outputs), model.n_pairs, model.recorded.n_coefficients
-    return [_record(number, curve, sizes) for curve in peak_curves(prepared.response, number.request, on_point)]
+    curves = peak_curves(prepared.response, number.request, on_point)
+    return on_root(model.comm, lambda: [_record(number, curve, sizes) for curve in curves])
 
 
 def _record(number: OverNumber, curve: PeakCurve, sizes: tuple[int, int, int]) -> PeaksOver:
@@ -136,4 +138,4 @@ def peaks(
     scene = scene_with(structure.scene, {**keys, "over": tables}, {})
     of_scene, _ = with_modes_for(structure, reduction_settings(scene), structure.pairs)
     prepared = prepare(of_scene, scene)
-    return [curve for number in numbers_of(prepared) for curve in prepared.model.comm.bcast(followed(prepared, number))]
+    return [curve for number in numbers_of(prepared) for curve in followed(prepared, number)]
