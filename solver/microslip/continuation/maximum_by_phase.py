@@ -17,7 +17,8 @@ from .constraint_rows import Constraint, Plane
 from .corrector import BorderedSystem, Correction, Corrector
 from .iterate import Iterate
 
-APART = 0.04  # rad between the three solutions
+APART = 0.04  # rad between the three solutions, at least
+SAMPLES = 2.0  # and at least as many samples of the contact law: maxima of the sampled curve lie about one apart
 NEAR = 1.0  # of that distance within which the top of a parabola is taken as the maximum
 FARTHEST = 8.0  # of that distance by which a search goes on at most
 MOST_TRIES = 12
@@ -45,6 +46,7 @@ class _Search:
         self.row, self.corrector, self.system, self.guess, self.is_patient = row, corrector, system, guess, is_patient
         self.newton = self.krylov = 0
         turned = rotated(guess, 0.5 * np.pi).U
+        self.apart = max(APART, SAMPLES * 2.0 * np.pi / system.equation.n_samples)
         self.size = float(np.sqrt(corrector.comm.allreduce(float(np.vdot(turned, turned)))))
 
     def maximum(self) -> Correction:
@@ -56,14 +58,17 @@ class _Search:
             here = self.solved(theta, about, self.system.constraints)
             if here.failure is not None:
                 return self.counted(here)
-            sides = [self.solved(theta + way, rotated(here.iterate, way), self.fixed(here.iterate)) for way in (-APART, APART)]
+            sides = [
+                self.solved(theta + way, rotated(here.iterate, way), self.fixed(here.iterate))
+                for way in (-self.apart, self.apart)
+            ]
             failed = next((side for side in sides if side.failure is not None), None)
             if failed is not None:
                 return self.counted(failed)
             low, high = sides
             sizes = np.array([self.amplitude(solution.iterate) for solution in (low, here, high)])
             top = top_of(sizes)
-            theta, about = theta + APART * top, along(low.iterate, here.iterate, high.iterate, top)
+            theta, about = theta + self.apart * top, along(low.iterate, here.iterate, high.iterate, top)
             if abs(top) <= NEAR:
                 return self.counted(self.solved(theta, about, self.system.constraints))
         return self.counted(here, NO_MAXIMUM)
