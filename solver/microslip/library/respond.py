@@ -63,7 +63,7 @@ class Keys(TypedDict, total=False):
     accuracy: float | None
     accuracy_of: Literal["amplitude", "corrected"]
     modes: int | None
-    harmonics: int
+    harmonics: int | Sequence[int]
     samples: int
     between_samples: Literal["path", "return-map"]
     energy_tolerance: float

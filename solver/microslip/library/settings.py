@@ -42,7 +42,7 @@ def excitation(scene: Scene) -> Excitation:
     shapes = [(load.harmonic, phase) for load in scene.loads for phase in load.phases]
     if scene.cyclic is not None and scene.cyclic.whole:
         shapes = [(n, phase + more) for n, phase in shapes for more in (0.0, 0.5 * math.pi)]
-    return Excitation(tuple(shapes), Harmonics.up_to(scene.harmonics))
+    return Excitation(tuple(shapes), Harmonics(scene.chosen_harmonics))
 
 
 def response_settings(scene: Scene) -> ResponseSettings:

@@ -163,13 +163,21 @@ def _same_names(scene: Scene) -> list[str]:
 
 
 def _harmonics(scene: Scene) -> list[str]:
-    """Return mistakes: loads in a harmonic that the solution does not have."""
-    return [
-        f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = {scene.solver.harmonics} leaves it out; raise "
-        "that, or lower the load's"
+    """Return mistakes: loads in a harmonic that the solution does not have, and error bars of a list of harmonics."""
+    stated = scene.solver.harmonics
+    text, remedy = (f"{list(stated)}", "add it") if isinstance(stated, tuple) else (f"{stated}", "raise that")
+    mistakes = [
+        f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = {text} leaves it out; {remedy}, or "
+        f"{'change' if isinstance(stated, tuple) else 'lower'} the load's"
         for number, load in enumerate(scene.loads, 1)
-        if load.harmonic > scene.harmonics
+        if load.harmonic not in scene.chosen_harmonics
     ]
+    if scene.leaves_harmonics_out and scene.solver.error_bars:
+        mistakes.append(
+            f"[solver] harmonics = {text} leaves harmonics out, which error bars would not know: state error_bars = false, or "
+            f"harmonics = {scene.harmonics}"
+        )
+    return mistakes
 
 
 def _statics(scene: Scene) -> list[str]:

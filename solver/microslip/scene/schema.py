@@ -102,8 +102,19 @@ class Scene(StructureTables):
     @property
     def harmonics(self) -> int:
         """The highest harmonic: as stated, or where the program chooses, enough for the loads."""
+        return self.chosen_harmonics[-1]
+
+    @property
+    def chosen_harmonics(self) -> tuple[int, ...]:
+        """The harmonics that are solved for: as stated, or where the program chooses, enough for the loads."""
+        stated = self.solver.chosen
         loaded = max((load.harmonic for load in self.loads), default=0) if self.chooses("harmonics") else 0
-        return max(self.solver.harmonics, loaded)
+        return tuple(range(loaded + 1)) if loaded > stated[-1] else stated
+
+    @property
+    def leaves_harmonics_out(self) -> bool:
+        """Whether a list of harmonics is stated that has not all from 0 to its highest."""
+        return len(self.chosen_harmonics) <= self.harmonics
 
     @property
     def is_static(self) -> bool:

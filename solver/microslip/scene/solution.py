@@ -7,12 +7,22 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ..tables.table import LARGEST_NUMBER, Frequency, NotNegative, Positive, Table, no_duplicates, rising
+from ..tables.table import (
+    LARGEST_NUMBER,
+    Frequency,
+    NotNegative,
+    Positive,
+    Table,
+    each_above_the_one_before,
+    no_duplicates,
+    rising,
+)
 
 DEFAULT_ACCURACY = 1e-2  # of a scene that states neither harmonics nor accuracy
 ACCURACY_OF_MODES = 1e-3  # where harmonics are stated, and no accuracy
 DEFAULT_INTERFACE_MODES = 40  # all there are where the joint has fewer
 
+Harmonic = Annotated[int, Field(ge=0, le=10_000)]
 Method = Literal[
     "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
 ]
@@ -104,7 +114,9 @@ class Solver(Table):
         "amplitude", description='"amplitude": accuracy counts for what is solved for; "corrected": for the corrected amplitude'
     )
     modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
-    harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
+    harmonics: Harmonic | Annotated[tuple[Harmonic, ...], AfterValidator(each_above_the_one_before)] = Field(
+        3, description="the highest harmonic, a whole number of at least 0, or a list of harmonics that rise, 1 among them"
+    )
     samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")
     between_samples: Literal["path", "return-map"] = Field(
         "path", description='"path": the contact law follows the motion between samples; "return-map": it knows samples alone'
@@ -121,12 +133,20 @@ class Solver(Table):
 
     @model_validator(mode="after")
     def _sampled(self):
-        if self.samples <= 2 * self.harmonics:
+        H = max(self.chosen)
+        if self.samples <= 2 * H:
             raise ValueError(
-                f"samples = {self.samples} do not resolve harmonics = {self.harmonics}; "
-                f"at least {2 * self.harmonics + 1} are needed, {max(128, 16 * self.harmonics)} are advised"
+                f"samples = {self.samples} do not resolve harmonics = {H}; "
+                f"at least {2 * H + 1} are needed, {max(128, 16 * H)} are advised"
             )
+        if isinstance(self.harmonics, tuple) and 1 not in self.harmonics:
+            raise ValueError(f"harmonics = {list(self.harmonics)} has no harmonic 1, by which responses are measured")
         return self
+
+    @property
+    def chosen(self) -> tuple[int, ...]:
+        """The harmonics that are stated: those of a list, or 0 to the highest."""
+        return self.harmonics if isinstance(self.harmonics, tuple) else tuple(range(self.harmonics + 1))
 
 
 class Continuation(Table):

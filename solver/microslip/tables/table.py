@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, cast
 
@@ -46,6 +47,13 @@ def rising(limits: tuple[float, float]) -> tuple[float, float]:
     if not limits[0] < limits[1]:
         raise ValueError("not rising")
     return limits
+
+
+def each_above_the_one_before(values: tuple[int, ...]) -> tuple[int, ...]:
+    """Return values, at least one, that rise; ValueError otherwise.  Local."""
+    if not values or any(b <= a for a, b in pairwise(values)):
+        raise ValueError("not rising")
+    return values
 
 
 Name = Annotated[str, Field(pattern=r'^[^\s,"/\\\x00-\x1f](?:[^,"/\\\x00-\x1f]*[^\s,"/\\\x00-\x1f])?$')]

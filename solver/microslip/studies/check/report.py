@@ -146,10 +146,14 @@ def highest_harmonic(scene: Scene) -> int:
     return MOST_HARMONICS if scene.chooses("harmonics") else scene.harmonics
 
 
+def _listed(scene: Scene) -> str:
+    return ", ".join(map(str, scene.chosen_harmonics)) if scene.leaves_harmonics_out else f"0 to {scene.harmonics}"
+
+
 def resolution(scene: Scene) -> str:
     """Say with which harmonics and samples the points are solved."""
     chosen = f"chosen at each point for accuracy {scene.accuracy}"
-    stated = "harmonic 0 alone: statics" if scene.is_static else f"harmonics 0 to {scene.harmonics}"
+    stated = "harmonic 0 alone: statics" if scene.is_static else f"harmonics {_listed(scene)}"
     harmonics = f"harmonics up to {MOST_HARMONICS}, {chosen}" if scene.chooses("harmonics") else stated
     return f"{harmonics}, {f'samples {chosen}' if scene.chooses('samples') else f'{scene.solver.samples} samples'}"
 

@@ -98,6 +98,11 @@ def check_request(scene: Scene, request: Request) -> None:
     if not scene.joints:
         raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
     refuse_statics(scene, "trade")
+    if scene.leaves_harmonics_out:
+        raise CaseError(
+            f"{scene.path}: [solver] harmonics = {list(scene.chosen_harmonics)}: trade varies the highest of all; state "
+            f" harmonics = {scene.harmonics}"
+        )
     if scene.cyclic is not None and scene.cyclic.whole:
         raise CaseError(
             f"{scene.path}: [cyclic] whole = true: trade measures a disc by one sector, whose errors those of all sectors are; "
