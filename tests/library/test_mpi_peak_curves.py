@@ -134,5 +134,5 @@ def test_no_peak_in_the_range_is_refused(structure):
 
 
 def test_values_that_the_law_has_not_are_refused(structure):
-    with pytest.raises(CaseError, match="range: 2 is no value"):
+    with pytest.raises(CaseError, match="is no value"):
         microslip.peaks(structure, {"joints.joint.gap": (1.0, 2.0)}, level=0.8)  # a preload does not become a gap
