@@ -176,6 +176,15 @@ VALUES = [
     lap("negative harmonics", "harmonics = 3", "harmonics = -1", "[solver] harmonics = -1", "a whole number of at least 0"),
     lap("harmonics without end", "harmonics = 3", "harmonics = 100000", "[solver] harmonics = 100000", "; at most 10000"),
     lap(
+        "harmonics that fall",
+        "harmonics = 3",
+        "harmonics = [3, 1]",
+        "[solver] harmonics = [3, 1]",
+        "a list of harmonics that rise",
+    ),
+    lap("harmonics without the first", "harmonics = 3", "harmonics = [0, 2]", "harmonics = [0, 2] has no harmonic 1"),
+    lap("bars of some harmonics", "harmonics = 3", "harmonics = [1, 3]", "state error_bars = false, or harmonics = 3"),
+    lap(
         "samples too few",
         "harmonics = 3",
         "harmonics = 20\nsamples = 32",
