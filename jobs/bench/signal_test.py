@@ -31,7 +31,8 @@ from killing import Run, members
 SHORT = ("response.levels=[5.0]", "response.points=20", "solver.error_bars=false")  # of the demo
 SIGNALS = (*3 * (signal.SIGTERM,), signal.SIGINT, signal.SIGHUP, signal.SIGUSR1)
 WITHIN = 10.0  # s
-STOPPED, OF_MPIRUN, BEFORE_PYTHON = 5, 1, 0.6  # status; status; s, about, in which Python has not reached the program
+STOPPED, OF_MPIRUN, BY_PYTHON = 5, 1, 1  # statuses; the last of SIGINT while Python starts
+BEFORE_PYTHON = 0.6  # s, about, in which Python has not reached the program
 _MESSAGE = "microslip: error: "
 
 
@@ -100,9 +101,8 @@ def _wrong(status: int | None, said: str, number: signal.Signals, to: str, at: f
     if number == signal.SIGUSR1:
         expected = {0} | ({-number, OF_MPIRUN, 128 + number} if at < BEFORE_PYTHON else set())
     else:
-        expected = (
-            {0, STOPPED} | ({OF_MPIRUN} if to == "mpirun" else set()) | ({-number, 128 + number} if at < BEFORE_PYTHON else set())
-        )
+        expected = {0, STOPPED} | ({OF_MPIRUN} if to == "mpirun" else set())
+        expected |= {-number, 128 + number, BY_PYTHON} if at < BEFORE_PYTHON else set()
     wrong = [] if status in expected or status is None else [f"status {status}: {said[-300:]!r}"]
     n = said.count(_MESSAGE)
     if status == STOPPED and n != 1 or status == 0 and n or n > 1:
