@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from petsc4py import PETSc
 
 Stuck = TypeVar("Stuck", bound=StuckStructure)
-_SHAPED = 4  # modes that have them
+_SHAPED = 8  # modes that have them
 _INDEPENDENT = 1e-10  # mass of a static shape without the share of the modes, over its mass with it
 
 
