@@ -1,6 +1,6 @@
 """Free decay by time integration beside the nonlinear mode: frequency shift and damping against amplitude.
 
-    PYTHONPATH=solver:tests python tests/verification/free_decay.py [SCENE] [LARGEST] [PERIODS]
+    PYTHONPATH=solver:tests python tests/verification/free_decay.py [SCENE] [LARGEST] [PERIODS] [HARMONICS]
 
 Starts on the mode at LARGEST times the amplitude of first slip, and fits a decaying harmonic to every few periods of the mode's
 coordinate.
@@ -78,8 +78,8 @@ def fits(q: np.ndarray, omega: float) -> np.ndarray:
     return np.array(results)
 
 
-def main(scene: str = "jobs/fan_small.toml", largest: str = "5", periods: str = "120") -> None:
-    mode, free, stuck = decay(scene, float(largest), int(periods))
+def main(scene: str = "jobs/fan_small.toml", largest: str = "4.5", periods: str = "46", harmonics: str = "9") -> None:
+    mode, free, stuck = decay(scene, float(largest), int(periods), harmonics=int(harmonics), samples=256)
     print("amplitude over the first | frequency shift: mode, decay, ratio | damping %: mode, decay, ratio")
     for a, omega, zeta in free:
         of_mode = [float(np.interp(np.log(a), np.log(mode[:, 0]), mode[:, k])) for k in (1, 2)]
