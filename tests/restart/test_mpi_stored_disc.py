@@ -24,6 +24,7 @@ fields = false
 [solver]
 modes = 12
 harmonics = 3
+error_bars = false
 """
 
 

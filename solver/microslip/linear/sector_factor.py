@@ -312,7 +312,7 @@ class DiameterFactor:
         if interior is None:
             gathered = comm.gather(F) if not sp.issparse(F) else [F.toarray()]
             x = np.empty((0, F.shape[1]))
-            if comm.rank == 0:
+            if comm.rank == 0 and gathered is not None:
                 of_all = np.concatenate(gathered)
                 x = np.zeros_like(of_all)
                 x[rows] = self._on_boundary(of_all[rows])

@@ -113,9 +113,9 @@ class Restart:
         if self._is_disc:
             disc = StoredDisc(self.comm, self._stored.path, self.scene, log, self._disk, self.cache, self.fresh)
             self._discs.append(disc)
-            structure = disc.structure()
+            of_disc = disc.structure()
             with log.stage("reduction"):
-                return prepare(structure)
+                return prepare(of_disc)
         if self.scene.cyclic is not None:  # all sectors, which may differ: made again
             whole = build()
             with log.stage("reduction"):

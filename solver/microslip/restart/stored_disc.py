@@ -72,7 +72,7 @@ class StoredDisc:
         is_new = structure is None
         if structure is None:
             structure, modes = self._cached(d) or (of_diameter(self._parts, d, self._groups, self.log), None)
-        structure = replace(structure, group=d, groups=self._groups)
+        structure = replace(structure, group=d, groups=self._groups)  # type: ignore[arg-type]  # its groups are structures
         if is_new:
             self._write(d, structure, modes)
         self._written[d] = extent_of(structure)
