@@ -40,7 +40,7 @@ class Boundary:
     faces: np.ndarray  # (n_f,) both faces, and the pairs between sectors
     joint: np.ndarray  # (n_j,) of pairs within the sector, where they are few
     leading: np.ndarray  # (n_wf,) rows of w that the faces depend on
-    P: tuple[sp.csr_matrix, sp.csr_matrix]  # (n_f, n_wf) of eq. (14.6)
+    P: tuple[sp.csr_matrix, sp.csr_matrix]  # (n_f, n_wf) of :class:`.wave_matrix.Unfolding`
 
     @classmethod
     def of(cls, sectors: Sectors, K_J: np.ndarray) -> Boundary:
