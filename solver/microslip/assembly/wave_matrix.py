@@ -6,12 +6,16 @@ of the size of the sector is made for a nodal diameter.
 
 from __future__ import annotations
 
+import atexit
+import weakref
 from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..parallel.petsc import free
+from ..system.signals import is_stopping
 from .real_form import complex_columns, real_columns, real_matrix, real_rows
 
 
@@ -64,6 +68,17 @@ class Unfolding:
         self._matrices.clear()
 
 
+_LIVING: list[weakref.ref[PETSc.Mat]] = []  # all of this type
+
+
+@atexit.register
+def _free_at_exit() -> None:
+    """Free matrices of this type that nobody closed: PETSc frees them after Python has ended, and crashes in their context."""
+    if _LIVING and not is_stopping():
+        free(*(matrix for matrix in (there() for there in _LIVING) if matrix is not None))
+        PETSc.garbage_cleanup()
+
+
 class WaveMatrix:
     """P(d)^H A P(d) + B with a complex phase, eq. (14.6), in real form: the context of a PETSc matrix of type "python".
 
@@ -92,6 +107,7 @@ class WaveMatrix:
         sizes = (2 * context._n_owned, 2 * int(unfolding.w_ranges[-1]))
         matrix = PETSc.Mat().createPython((sizes, sizes), context, comm=A.comm)
         matrix.setUp()
+        _LIVING.append(weakref.ref(matrix))
         return matrix
 
     def unfolded(self, X_owned: np.ndarray) -> np.ndarray:
