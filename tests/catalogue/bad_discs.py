@@ -120,7 +120,11 @@ DIFFER = [
     ),
     differing("sector beyond the last", "[[cyclic.sector]]\nnumber = 5", "sector 5 is stated; 5 sectors have the numbers 0 to 4"),
     differing("sector stated twice", SECTOR + SECTOR, "sector 1 is stated twice"),
-    differing("unknown factor", SECTOR + "frictoin = 0.5", '[[cyclic.sector]] 1 frictoin: unknown key; nearest is "friction"'),
+    differing(
+        "factor of a sector unknown",
+        SECTOR + "frictoin = 0.5",
+        '[[cyclic.sector]] 1 frictoin: unknown key; nearest is "friction"',
+    ),
     differing("factor below 0", SECTOR + "stiffness = -0.5", "[[cyclic.sector]] 1 stiffness = -0.5", "a number above 0"),
     differing("scatter without a seed", "scatter = { friction = 0.1 }", "[cyclic] scatter seed is missing"),
     differing("scatter of an unknown factor", "scatter = { stifness = 0.1, seed = 1 }", 'nearest is "stiffness"'),

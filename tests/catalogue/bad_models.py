@@ -260,7 +260,6 @@ FIT = [
         '["lap_2"]\nagainst = "plane"\nplane_point = [0.0, 0.0, 1.0]\nplane_normal = [0.0, 0.0, 1.0]\nfriction = 0.3\ntangential_stiffness = 1e12\nnormal_stiffness = 1e12',
         "joint 'lap'",
     ),
-    lap("support that leaves a way", '["x", "y", "z"]', '["y"]', "lap.toml: K_L", "together move freely in 4 ways"),
     lap(
         "body on its own",
         '[[joints]]\nname = "lap"\nsurfaces = ["lap_1", "lap_2"]\nfriction = 0.3\ntangential_stiffness = 1e12\nnormal_stiffness = 1e12\npreload = 1e6\n',

@@ -22,7 +22,7 @@ from microslip.results.writer import ResultWriter
 HEADER = (
     "level_N,point,frequency_Hz,output,amplitude_m,phase_rad,mean_m,sticking,slipping,open,unknowns,newton,"
     "friction_J,damping_J,input_J,seconds,error_m,error_modes_m,error_harmonics_m,error_samples_m,error_pairs_m,error_solver_m,error_sliders_m,segment,unit,"
-    "amplitude_corrected_m,phase_corrected_rad,error_corrected_m"
+    "amplitude_corrected_m,phase_corrected_rad,error_corrected_m,stable,largest_multiplier,multiplier_real,multiplier_imaginary,neutral_sliders"
 )
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..parallel.petsc import free
@@ -40,16 +41,16 @@ class Unfolding:
         rank = np.searchsorted(self.w_ranges, columns, side="right") - 1
         return columns + (self.v_ranges - self.w_ranges)[rank]
 
-    def follow(self, comm, W_owned: np.ndarray) -> np.ndarray:
+    def follow(self, comm: MPI.Comm, W_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of the high face of P_1 W, real.  Collective."""
         return _times(self._of_high(comm), W_owned)
 
-    def lead(self, comm, H_owned: np.ndarray) -> np.ndarray:
+    def lead(self, comm: MPI.Comm, H_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of P_1^T applied to rows of the high face, real.  Collective."""
         self._of_high(comm)
         return _times(self._matrices["lead"], H_owned)
 
-    def _of_high(self, comm) -> PETSc.Mat:
+    def _of_high(self, comm: MPI.Comm) -> PETSc.Mat:
         """Return the high rows of P_1; made once, with the transpose.  Collective where it is new."""
         if not self._matrices:
             w, v = self.w_ranges, self.v_ranges
@@ -177,7 +178,7 @@ class WaveMatrix:
         return _projected_in_real_form(self.A, real, imaginary, self._added, self.comm)
 
 
-def _projected_in_real_form(A: PETSc.Mat, P: PETSc.Mat, Q: PETSc.Mat, added: sp.csr_matrix | None, comm) -> PETSc.Mat:
+def _projected_in_real_form(A: PETSc.Mat, P: PETSc.Mat, Q: PETSc.Mat, added: sp.csr_matrix | None, comm: MPI.Comm) -> PETSc.Mat:
     """Return T^H A T + B in real form, T = P + i Q: P^T A P + Q^T A Q + i (P^T A Q - Q^T A P).  Collective; destroys P and Q."""
     AP, AQ = A.matMult(P), A.matMult(Q)
     real, more, imaginary = P.transposeMatMult(AP), Q.transposeMatMult(AQ), P.transposeMatMult(AQ)
@@ -220,7 +221,7 @@ def _owned_rows(matrix: PETSc.Mat) -> sp.csr_matrix:
     return rows
 
 
-def _distributed(owned: sp.csr_matrix, n_columns_owned: int, comm) -> PETSc.Mat:
+def _distributed(owned: sp.csr_matrix, n_columns_owned: int, comm: MPI.Comm) -> PETSc.Mat:
     """Return the matrix of which these are this rank's rows.  Collective."""
     csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data.astype(float))
     return PETSc.Mat().createAIJ(((owned.shape[0], None), (n_columns_owned, None)), csr=csr, comm=comm)
