@@ -1,8 +1,8 @@
 # make demo   everything a bare Debian 12 needs, then the demo scene to its pictures
-# make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py on three ranks, on two the STORIES
-#             below and what shows nothing on three, then everything on one rank, in WORKERS processes side by side
-#             (make test WORKERS=8; if not said as many as there are cores, four at most)
-# make ranks  all of tests/**/test_mpi_*.py on three ranks, or on as many as one says (make ranks RANKS=5)
+# make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py of the rooms in THREE below on three
+#             ranks, all others on two ranks, then everything on one rank, in WORKERS processes at once
+#             (make test WORKERS=8; default: the number of cores, at most four)
+# make ranks  all of tests/**/test_mpi_*.py on three ranks, or on another number (make ranks RANKS=5)
 # make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than a
 #             second) and those of the program, the oracles, the benchmarks and the verification studies
 # make sanitize   the compiled kernels under the address and undefined-behaviour sanitizers of gcc: their rooms' tests
@@ -49,8 +49,10 @@ demo: $(VENV)/installed meshes/fan_small.msh
 WORKERS := $(shell n=$$(nproc); echo $$((n < 4 ? n : 4)))
 PYTEST = -m pytest -q --color=no
 RANKS = 3
-# whole runs and responses, which show on three ranks what they show on two
-STORIES = cli continuation library reduction statics studies verification
+# rooms that distribute nodes, rows and pairs; on three ranks the other rooms show what they show on two
+THREE = assembly error_estimate harmonic linear mesh parallel
+# two ranks on two cores or more wait for messages without giving up their core: a third less time
+SPIN = $(shell [ $$(nproc) -ge 2 ] && echo --mca mpi_yield_when_idle 0)
 ON_RANKS = $(PYTEST) -p no:cacheprovider -p no:xdist
 ON_ONE = $(IN_VENV) $(ON_RANKS)
 ONE_RANK = $(IN_VENV) $(PYTEST) --numprocesses $(WORKERS) --dist worksteal
@@ -61,12 +63,12 @@ test: $(VENV)/installed $(VENV)/test-tools $(VENV)/docs-tools meshes/fan_small.m
 	@echo "types, and beside them the documentation"
 	@$(SPHINX) -q & docs=$$!; $(IN_VENV) -m mypy; types=$$?; wait $$docs && exit $$types
 	@echo "tests on 3 ranks"
-	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) \
-		$$(find tests -name 'test_mpi_*.py' $(STORIES:%=-not -path 'tests/%/*') | sort)
+	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) $$(find $(THREE:%=tests/%) -name 'test_mpi_*.py' | sort)
 	@echo "tests on 2 ranks"
-	@$(MPIRUN) --oversubscribe -n 2 $(IN_VENV) $(ON_RANKS) $$(find $(STORIES:%=tests/%) -name 'test_mpi_*.py' | sort)
-	@$(MPIRUN) --oversubscribe -n 2 $(IN_VENV) $(ON_RANKS) --unless-on 3 \
-		$$(find tests -name 'test_mpi_*.py' $(STORIES:%=-not -path 'tests/%/*') | sort)
+	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) \
+		$$(find tests -name 'test_mpi_*.py' $(THREE:%=-not -path 'tests/%/*') | sort)
+	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) --unless-on 3 \
+		$$(find $(THREE:%=tests/%) -name 'test_mpi_*.py' | sort)
 	$(ONE_RANK)
 
 ranks: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh

@@ -77,6 +77,7 @@ FIXED = (
 )
 
 
+@pytest.mark.ranks(1)
 def test_a_fixed_interface_step_does_not_hold_the_joint(comm, program, shared_path):
     """From such a file `new` leads to pairs that move, as its second step does; as it is the joint is refused."""
     on_root(comm, lambda: (shared_path / "m.inp").write_text(inp(plain(), FIXED)))

@@ -19,7 +19,7 @@ SCRIPT = DOCS / "developer" / "curve.py"
 MESH = DOCS.parent / "meshes" / "fan_small.msh"
 
 
-@pytest.mark.ranks(1, 2)
+@pytest.mark.ranks(1)
 @pytest.mark.slow
 @pytest.mark.skipif(not MESH.exists(), reason="make demo makes the mesh")
 def test_the_inner_calls_give_the_curve_of_the_library(comm):

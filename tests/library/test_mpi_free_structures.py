@@ -23,6 +23,7 @@ from microslip.parallel.agree import on_root
 from microslip.receptance.motions import ActingForces
 
 comm = MPI.COMM_WORLD
+ON_ONE = pytest.mark.ranks(1)
 ELASTIC = 2236.0  # rad/s, the lowest elastic mode of the truss
 SUPPORT = support("ground_base")
 FORCE = np.array([1.0, 0.3, 0.2]) / np.linalg.norm([1.0, 0.3, 0.2])
@@ -154,7 +155,9 @@ def test_supports_that_leave_motions_free(tmp_path, fix, n_rigid, words):
     np.testing.assert_allclose(solved / 30.0, outputs, rtol=0, atol=1e-3 * np.abs(outputs).max())
 
 
-@pytest.mark.parametrize("method", ["receptance", "full", "rubin", "craig-bampton", "adaptive"])
+@pytest.mark.parametrize(
+    "method", ["receptance", *(pytest.param(name, marks=ON_ONE) for name in ("full", "rubin", "craig-bampton", "adaptive"))]
+)
 def test_momentum_is_balanced_with_slip(tmp_path, method):
     """Mass times acceleration of all DOFs is the load, force and moment, at every point: contact forces add nothing."""
     scene = by(free_bar(comm.bcast(tmp_path), ("levels = [30.0]", "levels = [2000.0]"), harmonics=1, samples=64), method)
@@ -178,7 +181,9 @@ def test_momentum_is_balanced_with_slip(tmp_path, method):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["full", "rubin", "craig-bampton", "adaptive"])
+@pytest.mark.parametrize(
+    "method", ["full", *(pytest.param(name, marks=ON_ONE) for name in ("rubin", "craig-bampton", "adaptive"))]
+)
 def test_the_methods_agree_on_a_free_structure(tmp_path, method):
     scene = free_bar(comm.bcast(tmp_path), ("levels = [30.0]", "levels = [2000.0]"), samples=64)
     with microslip.build(scene, comm) as structure:

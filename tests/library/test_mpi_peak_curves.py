@@ -80,6 +80,7 @@ def test_the_peak_over_the_level_is_the_closed_form(structure):
     assert curve.damping[-1] < 0.02 < 0.1 < curve.damping.max()
 
 
+@pytest.mark.ranks(1)
 def test_the_peak_over_friction_begins_where_the_pair_slips(structure):
     """The peak depends on level / limit alone."""
     (curve,) = microslip.peaks(structure, {"joints.joint.friction": (2.0, 0.5)}, level=0.8)
@@ -87,6 +88,7 @@ def test_the_peak_over_friction_begins_where_the_pair_slips(structure):
     assert curve.amplitude == pytest.approx([amplitude(0.8, limit) for limit in curve.value], rel=30.0 / 128**2)
 
 
+@pytest.mark.ranks(1)
 def test_a_run_writes_table_and_file(comm, path, program, shared_path):
     scene = shared_path / "scene.toml"
     folder = path.parent

@@ -27,6 +27,7 @@ def scene(comm, folder):
     return changed(microslip.read(path), {"response": {"levels": LEVELS, "points": 20, "peaks": True}})
 
 
+@pytest.mark.ranks(1)
 def test_peaks_are_written_and_read_back(comm, folder, scene):
     with microslip.build(scene, comm) as structure:
         response = microslip.respond(structure)

@@ -29,6 +29,7 @@ def scene(comm, folder):
     return changed(microslip.read(path), {"response": {"levels": LEVELS, "points": 6, "stability": True}})
 
 
+@pytest.mark.ranks(1)
 def test_multipliers_are_written_read_back_and_kept_for_a_restart(comm, folder, scene):
     with microslip.build(scene, comm) as structure:
         response = microslip.respond(structure)

@@ -26,7 +26,7 @@ from microslip.reduction.settings import ModalDamping
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM = MPI.COMM_WORLD  # two pairs: a third rank owns none
-FACTORS = [0.01, 0.3, 4.0, 100.0]
+FACTORS = [0.01, pytest.param(0.3, marks=pytest.mark.ranks(1)), pytest.param(4.0, marks=pytest.mark.ranks(1)), 100.0]
 LEVEL, OMEGAS = 100.0, [450.0, 555.0, 700.0]
 
 

@@ -45,6 +45,7 @@ def run(program, scene, folder, *more):
     return curve(folder)
 
 
+@pytest.mark.ranks(1)
 def test_another_friction_takes_all_nodal_diameters_from_the_cache(shared_path, program, monkeypatch):
     monkeypatch.setenv("MICROSLIP_CACHE", str(shared_path / "cache"))
     scene = on_root(COMM, lambda: write_sector(shared_path, 5, END, friction=0.05))

@@ -80,9 +80,9 @@ def test_complex_modes_are_orthonormal_and_proved_complete(shared_path):
 
 WAVES = [  # engine orders N/2, 1, 2 and N + 1; stuck, and where sliding pairs slide in each cycle
     (6, 3, 1416.0, 0.01, 0.3),
-    (5, 1, 1436.0, 20.0, 0.05),
+    pytest.param(5, 1, 1436.0, 20.0, 0.05, marks=pytest.mark.ranks(1)),
     (5, 2, 1420.0, 20.0, 0.05),
-    (6, 7, 1436.0, 20.0, 0.05),
+    pytest.param(6, 7, 1436.0, 20.0, 0.05, marks=pytest.mark.ranks(1)),
 ]
 
 
@@ -202,10 +202,10 @@ def test_a_wave_and_the_one_in_the_other_direction_share_all_of_it():
 
 
 CHAIN = [  # N = 12 of VALIDATION: wave, force, largest amplitude, its frequency; m = k = k_t = mu N = 1, k_c = 0.25, c = 0.02
-    (1, 0.1, 2.096420252, 1.150980620),
+    pytest.param(1, 0.1, 2.096420252, 1.150980620, marks=pytest.mark.ranks(1)),
     (1, 1.0, 19.534426293, 1.039333555),
-    (11, 0.1, 2.096420252, 1.150980620),
-    (6, 0.1, 0.515138855, 2.442395898),
+    pytest.param(11, 0.1, 2.096420252, 1.150980620, marks=pytest.mark.ranks(1)),
+    pytest.param(6, 0.1, 0.515138855, 2.442395898, marks=pytest.mark.ranks(1)),
     (6, 1.0, 0.805313533, 2.145642069),
 ]
 RADII = (1.0, 1.1, 1.2)
