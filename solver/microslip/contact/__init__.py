@@ -1,1 +1,1 @@
-"""Contact laws: what a pair exchanges over a period or a step of time.  NumPy and compiled kernels; no MPI, no PETSc."""
+"""Contact laws: the forces of a pair over a period or a time step.  NumPy and compiled kernels; no MPI, no PETSc."""

@@ -1,7 +1,7 @@
-"""Elastic-Coulomb elements in parallel, in the place of each pair: what laws of populations share (docs/theory.md, section 3).
+"""Parallel elastic-Coulomb elements that represent each pair of a law with gradual slip (docs/theory.md, section 3).
 
-A joint that slips little by little is many elements that each slip at once: asperities that carry a share of the pressure, or
-the sliders of an Iwan element.  What is exact of one of them, its path, its derivative, the cycle that repeats, is exact of all.
+The elements are asperities that carry a part of the pressure, or the sliders of an Iwan element; each has a sharp transition from
+stick to slip.  Path, derivative and steady cycle are exact for each element, and hence for their sum.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from .elastic_coulomb import ElasticCoulomb
 from .law import SLIP, STICK, ContactCycle
 from .sliders import Sliders
 
-_MOST_DERIVATIVES = 2**24  # numbers of dp/dU of elements that are held at a time
+_MOST_DERIVATIVES = 2**24  # entries of dp/dU of elements in memory at the same time
 
 
 class OfElements:
-    """What the laws share whose tangential part is a bundle of elements."""
+    """Properties common to laws whose tangential part is a bundle of elements."""
 
     bundle: Bundle
 
     @property
     def order(self) -> int:
-        """The order in 1 / N_t at which the harmonics of a cycle converge: that of the elements."""
+        """The order in 1 / N_t at which the harmonics of a cycle converge: the order of the elements."""
         return self.bundle.elements.order
 
     @property
@@ -38,7 +38,7 @@ class OfElements:
 
     @property
     def n_memory(self) -> int:
-        """Numbers of a pair that a step of time remembers beside p: the forces of its elements."""
+        """Number of internal variables per pair that a time step stores in addition to p: the forces of its elements."""
         return self.bundle.n_memory
 
     @property
@@ -50,12 +50,12 @@ class OfElements:
 
 @dataclass(frozen=True)
 class Bundle:
-    """Elements of n pairs, ``size`` a pair, that share its motion: eq. (3.10).  Of their forces the tangential one counts.
+    """Elements of n pairs, ``size`` per pair, with the motion of the pair: eq. (3.10).  Only their tangential force is used.
 
-    Elements with a preload belong to the stuck pair.  Those with a gap have no part in it: all of their force is p.
+    Elements with a preload contribute to the stiffness of the stuck pair.  Elements with a gap do not: p is their whole force.
     """
 
-    elements: ElasticCoulomb  # (n size,), those of a pair side by side
+    elements: ElasticCoulomb  # (n size,), elements of a pair are consecutive
     size: int
 
     @property
@@ -74,11 +74,11 @@ class Bundle:
 
     @cached_property
     def springs_of_gaps(self) -> np.ndarray:
-        """Tangential stiffness of the elements that are open at rest, whose p lacks it, (n,) [N/m]."""
+        """Sum of the tangential stiffness of the elements that are open at rest, not included in K_J, (n,) [N/m]."""
         return np.where(self.has_gap, self.stiffness, 0.0).sum(axis=1)
 
     def of_elements(self, values: np.ndarray) -> np.ndarray:
-        """Return what belongs to each element as (..., n, size)."""
+        """Return the ``values`` of the elements (..., n size) as (..., n, size)."""
         return values.reshape(*values.shape[:-1], -1, self.size)
 
     def take(self, indices: np.ndarray | slice) -> Bundle:
@@ -87,7 +87,7 @@ class Bundle:
         return replace(self, elements=self.elements.take((chosen[:, None] * self.size + np.arange(self.size)).ravel()))
 
     def followed(self, path: bool) -> Bundle:
-        """Return elements that follow the path between samples, or know samples alone.  Local."""
+        """Return elements that follow the path between samples, or are evaluated at the samples only.  Local."""
         return replace(self, elements=self.elements.followed(path))
 
     # -- a cycle -----------------------------------------------------------------------------------------------
@@ -95,7 +95,7 @@ class Bundle:
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
         """Return the tangential forces beyond the stuck springs under the periodic motion ``U`` (n, 3, N_H), with derivative.
 
-        Local.  docs/theory.md, eq. (3.10).  Rows z are zero.  A pair slips if all of its elements do that touch.
+        Local.  docs/theory.md, eq. (3.10).  Rows z are zero.  A pair slips if all of its elements in contact slip.
         """
         rows = U.shape[1] * U.shape[2]
         step = max(1, _MOST_DERIVATIVES // (self.size * rows**2))
@@ -105,12 +105,12 @@ class Bundle:
         return _joined([self.take(part)._cycle_of_part(U[part], n_samples, tangents, harmonics) for part in parts])
 
     def _cycle_of_part(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
-        """Return eq. (3.10) of a motion U (n, 3, N_H), from the elements that come to touch; the others carry nothing.  Local."""
+        """Return eq. (3.10) for a motion U (n, 3, N_H), from the elements that come into contact; others carry no force."""
         n, _, N_H = U.shape
         touching = np.flatnonzero(self._touch(U, n_samples, harmonics))
         pair, elements = touching // self.size, self.elements.take(touching)
         cycle = elements.cycle(U[pair], n_samples, tangents, harmonics)
-        springs = np.where(elements.N0 < 0.0, elements.k_t, 0.0)  # of the stuck element, which is no part of the stuck pair
+        springs = np.where(elements.N0 < 0.0, elements.k_t, 0.0)  # of stuck elements that are not part of the stuck pair
         touched, first = np.unique(pair, return_index=True)  # pairs with an element that touches
         p = np.zeros_like(U)
         state, creeps = np.zeros(n, dtype=np.uint8), np.zeros(n, dtype=bool)
@@ -129,7 +129,7 @@ class Bundle:
         return ContactCycle(p, state, active, P, creeps)
 
     def _touch(self, U: np.ndarray, n_samples: int, harmonics: Harmonics | None) -> np.ndarray:
-        """Return which elements touch at a sample, (n, size): of those with a gap; the others are taken to."""
+        """Return which elements touch at any sample, (n, size): evaluated for elements with a gap, True for the others."""
         if not self.has_gap.any():
             return ~self.has_gap
         closest = synthesise(U[:, 2], n_samples, harmonics).min(axis=1)[:, None]
@@ -138,9 +138,10 @@ class Bundle:
     def parameter_rate(
         self, name: str, per_pair: np.ndarray, U: np.ndarray, n_samples: int, harmonics: Harmonics | None
     ) -> np.ndarray:
-        """Return the rate of the forces of :meth:`cycle` by a parameter of the pairs, (n, 3, N_H).
+        """Return the derivative of the forces of :meth:`cycle` by a parameter of the pairs, (n, 3, N_H).
 
-        Local.  ``per_pair`` (n size,) is how the column ``name`` of the elements changes with it.  Those change by (3.15).
+        Local.  ``per_pair`` (n size,) is the derivative of the column ``name`` of the elements by that parameter; the
+        derivative of the force of an element is (3.15).
         """
         rate = np.zeros_like(U)
         step = max(1, _MOST_DERIVATIVES // (self.size * (U.shape[1] * (U.shape[2] + 1)) ** 2))
@@ -160,11 +161,11 @@ class Bundle:
 
     @property
     def n_memory(self) -> int:
-        """What a pair remembers: the tangential forces of its elements beyond their own stuck springs."""
+        """Number of internal variables per pair: the tangential forces of its elements beyond their stuck springs."""
         return 2 * self.size
 
     def step(self, du: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the tangential p after a step that ends at ``du`` (..., n, 3), its derivative, which pairs slip, the memory.
+        """Return the tangential p after a step to ``du`` (..., n, 3), its derivative, which pairs slip, the internal variables.
 
         Local.  docs/theory.md, eq. (3.10).  Shapes (..., n, 2), (..., n, 2, 3), (..., n) and (..., n, n_memory), like ``memory``.
         """
@@ -172,7 +173,7 @@ class Bundle:
         before[..., :2] = memory.reshape(*memory.shape[:-2], -1, 2)
         p, L, state = self.elements.step(np.repeat(du, self.size, axis=-2), before)
         shape = (*du.shape[:-1], self.size)
-        springs = np.where(self.has_gap, self.stiffness, 0.0)  # taken off one by one: an open element then carries 0, to the bit
+        springs = np.where(self.has_gap, self.stiffness, 0.0)  # subtracted per element: the force of an open element is exactly 0
         force = (p[..., :2].reshape(*shape, 2) + springs[:, :, None] * du[..., None, :2]).sum(axis=-2)
         L = L[..., :2, :].reshape(*shape, 2, 3)
         L[..., (0, 1), (0, 1)] += springs[:, :, None]
@@ -188,9 +189,10 @@ class Bundle:
         return np.hypot(*(self.elements.k_t[:, None] * self.elements.w0).reshape(-1, self.size, 2).sum(axis=1).T)
 
     def stretch(self, du: np.ndarray, memory: np.ndarray) -> np.ndarray:
-        """Return how far each element is stretched by its friction force, (n, size, 2) [m], at ``du`` (n, 3) in a march.  Local.
+        """Return the stretch of each element under its friction force, (n, size, 2) [m], at ``du`` (n, 3) in a march.  Local.
 
-        ``memory`` (n, n_memory or more) begins with that of :meth:`step`; an element without stiffness is not stretched.
+        ``memory`` (n, n_memory or more) starts with the internal variables of :meth:`step`.  The stretch of an element without
+        stiffness is 0.
         """
         k_t = self.elements.k_t.reshape(-1, self.size, 1)
         p = memory[:, : self.n_memory].reshape(-1, self.size, 2)
@@ -198,9 +200,9 @@ class Bundle:
         return np.where(k_t > 0.0, stretch + np.divide(p, k_t, out=np.zeros_like(p), where=k_t > 0.0), 0.0)
 
     def slip_safety(self, amplitudes: np.ndarray, weakest: int) -> np.ndarray:
-        """Return the factor by which motions may grow while all elements of each pair surely stick, (..., n).
+        """Return the factor by which motions may grow while all elements of each pair certainly stick, (..., n).
 
-        Without friction forces at rest that is the factor of the ``weakest`` one.
+        Without friction forces at rest, this is the factor of the ``weakest`` element.
         """
         if self.elements.w0.any():
             safety = self.of_elements(self.elements.slip_safety(np.repeat(amplitudes, self.size, axis=-2)))
@@ -208,20 +210,20 @@ class Bundle:
         return self.elements.take(slice(weakest, None, self.size)).slip_safety(amplitudes)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float) -> np.ndarray:
-        """Return the share of the stuck tangential force that elements with a preload take away at most, (..., n).  Local."""
+        """Return an upper bound of |p_t| / stuck tangential force over the elements with a preload, (..., n).  Local."""
         share = self.elements.slipping_share(np.repeat(amplitudes, self.size, axis=-2), of_limit)[..., 0]
         carried = np.where(self.has_gap, 0.0, self.stiffness)
         return (carried * self.of_elements(share)).sum(axis=-1) / carried.sum(axis=1)
 
 
 def started(columns: Mapping[str, np.ndarray], size: int) -> np.ndarray | None:
-    """Return where the elements of pairs start, (n, size, 2) [m], from the columns of pairs; None: at 0.  Local."""
+    """Return the initial slider positions of the elements, (n, size, 2) [m], from the columns of pairs; None: 0.  Local."""
     w0 = columns.get("w0")
     return None if w0 is None or w0.shape[1] < size else w0[:, :size]
 
 
 def _joined(cycles: list[ContactCycle]) -> ContactCycle:
-    """Return the cycles of pairs that follow each other as one."""
+    """Return the concatenation of the cycles of consecutive groups of pairs."""
     starts = np.cumsum([0, *(len(cycle.p) for cycle in cycles)])
     p, state, creeps = (np.concatenate([getattr(cycle, name) for cycle in cycles]) for name in ("p", "state", "creeps"))
     active = np.concatenate([cycle.active + start for cycle, start in zip(cycles, starts)])

@@ -1,4 +1,4 @@
-"""Pairs of several laws as one: each part is asked for its own pairs, and the order of pairs stays what it is."""
+"""Pairs of several laws as a single law: each part evaluates its own pairs; the order of the pairs does not change."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .sliders import Sliders
 
 @dataclass(frozen=True)
 class CombinedLaw:
-    """The law of pairs that have different ones, two parts or more; made by :func:`as_one`."""
+    """The law of pairs with different laws, in two or more parts; constructed by :func:`as_one`."""
 
-    parts: tuple[tuple[np.ndarray, Law], ...]  # which pairs, ascending, and their law; every pair belongs to one part
+    parts: tuple[tuple[np.ndarray, Law], ...]  # pair numbers, ascending, and their law; every pair belongs to one part
 
     @property
     def n_pairs(self) -> int:
@@ -35,7 +35,7 @@ class CombinedLaw:
 
     @property
     def n_memory(self) -> int:
-        """Numbers of a pair that a step of time remembers beside p: the most of the parts."""
+        """Number of internal variables per pair that a time step stores in addition to p: the maximum over the parts."""
         return max(law.n_memory for _, law in self.parts)
 
     @property
@@ -45,11 +45,11 @@ class CombinedLaw:
 
     @property
     def springs(self) -> np.ndarray:
-        """The springs of a pair that touches, (n, 3) [N/m]."""
+        """The springs of a pair in contact, (n, 3) [N/m]."""
         return self._together(lambda law, pairs: law.springs)
 
     def take(self, indices: np.ndarray | slice) -> Law:
-        """Return the law of some pairs, an index array, a mask or a slice; that of their part where they share one.  Local."""
+        """Return the law of some pairs, an index array, a mask or a slice; of one part, if they all belong to it.  Local."""
         chosen = np.arange(self.n_pairs)[indices]
         part_of, place = np.empty((2, self.n_pairs), dtype=np.intp)
         for i, (pairs, _) in enumerate(self.parts):
@@ -58,12 +58,12 @@ class CombinedLaw:
         return as_one([(pairs, law.take(place[chosen[pairs]])) for pairs, law in parts])
 
     def followed(self, path: bool) -> CombinedLaw:
-        """Return the law that follows the path between samples, or one that knows samples alone.  Local."""
+        """Return the law that follows the path between samples, or the law evaluated at the samples only.  Local."""
         return CombinedLaw(tuple((pairs, law.followed(path)) for pairs, law in self.parts))
 
     @cached_property
     def refined(self) -> CombinedLaw:
-        """The law whose parts have more elements where they have several."""
+        """The law with more elements per pair, in the parts with several per pair."""
         return CombinedLaw(tuple((pairs, law.refined) for pairs, law in self.parts))
 
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
@@ -80,7 +80,7 @@ class CombinedLaw:
         return ContactCycle(p, state, active[order], P, creeps)
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> CombinedLaw:
-        """Return the law with other values of a parameter of some pairs, whose laws have it.  Local."""
+        """Return the law with new values of a parameter for some pairs, whose laws must have the parameter.  Local."""
         all_pairs = np.full(self.n_pairs, np.nan)
         chosen = np.zeros(self.n_pairs, dtype=bool)
         all_pairs[pairs], chosen[pairs] = values, True
@@ -93,11 +93,11 @@ class CombinedLaw:
         return CombinedLaw(tuple(parts))
 
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
-        """Return d p / d parameter of each pair, whose law has it, (n, 3, N_H).  Local."""
+        """Return d p / d parameter of each pair, whose law must have the parameter, (n, 3, N_H).  Local."""
         return self._together(lambda law, pairs: law.parameter_rate(name, U[pairs], n_samples, harmonics))
 
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return p and memory after a step of time, its derivative, and the states, as :class:`Law` has it.  Local."""
+        """Return p and internal variables after a time step, the derivative of p, and the states, as in :class:`Law`.  Local."""
         after, L = np.zeros_like(before), np.zeros((*du.shape, 3))
         state = np.zeros(du.shape[:-1], dtype=np.uint8)
         for pairs, law in self.parts:
@@ -113,33 +113,33 @@ class CombinedLaw:
         return tuple(sliders.of_pairs(pairs) for pairs, law in self.parts for sliders in law.sliders)
 
     def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
-        """Return d p / d du of the part of p that remembers nothing, component by component, (..., n, 3) [N/m].  Local."""
+        """Return d p / d du of the history-independent part of p, component by component, (..., n, 3) [N/m].  Local."""
         rate = np.empty(du.shape)
         for pairs, law in self.parts:
             rate[..., pairs, :] = law.memoryless_rate(du[..., pairs, :])
         return rate
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local."""
+        """Return the factor by which motions may grow while each pair certainly sticks and stays closed, (..., n).  Local."""
         return self._of_each(lambda law, pairs: law.slip_safety(amplitudes[..., pairs, :]), amplitudes.shape[:-1])
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the share of its limits that the motion of each pair takes up while it sticks, (..., n).  Local."""
+        """Return the utilisation of each pair, stuck force divided by its limit, (..., n).  Local."""
         return self._of_each(lambda law, pairs: law.utilisation(amplitudes[..., pairs, :]), amplitudes.shape[:-1])
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
-        """Return the share of the stuck force that p takes away at most, (..., n, 3).  Local."""
+        """Return an upper bound of |p| / stuck force, (..., n, 3).  Local."""
         shares = np.empty(amplitudes.shape)
         for pairs, law in self.parts:
             shares[..., pairs, :] = law.slipping_share(amplitudes[..., pairs, :], of_limit)
         return shares
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
-        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
+        """Return which pairs keep half-wave symmetry if the components ``moves`` (n, 3) move, (n,); see :class:`Law`.  Local."""
         return self._together(lambda law, pairs: law.keeps_half_wave_symmetry(moves[pairs]))
 
     def _together(self, of: Callable[[Law, np.ndarray], np.ndarray]) -> np.ndarray:
-        """Return what is ``of`` each part, (n_own, ...), in the order of the pairs."""
+        """Return the values ``of(law, pairs)`` of the parts, (n_part, ...) each, in the order of the pairs."""
         pairs, of_parts = self.parts[0][0], [of(law, pairs) for pairs, law in self.parts]
         values = np.empty((self.n_pairs, *of_parts[0].shape[1:]), dtype=of_parts[0].dtype)
         for (pairs, _), of_part in zip(self.parts, of_parts):
@@ -147,7 +147,7 @@ class CombinedLaw:
         return values
 
     def _of_each(self, of: Callable[[Law, np.ndarray], np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
-        """Return numbers of the pairs, (..., n), from those ``of`` each part."""
+        """Return the values ``of(law, pairs)`` of the parts, (..., n_part) each, in the order of the pairs, (..., n)."""
         values = np.empty(shape)
         for pairs, law in self.parts:
             values[..., pairs] = of(law, pairs)
@@ -155,7 +155,7 @@ class CombinedLaw:
 
 
 def as_one(parts: Sequence[tuple[np.ndarray, Law]]) -> Law:
-    """Return the law of pairs from the laws of its parts; where one has them all, that.  Local."""
+    """Return the law of pairs from the laws of the parts; the law of the only part with pairs, if there is one.  Local."""
     some = [(pairs, law) for pairs, law in parts if len(pairs) > 0]
     if len(some) > 1:
         return CombinedLaw(tuple(some))

@@ -1,8 +1,8 @@
 """Two coupled Jenkins elements and a one-sided normal spring: elastic-Coulomb friction (docs/theory.md, section 3).
 
-Each Jenkins element is a spring ``k_t`` in series with a slider at position ``w``, T = k_t (du_t - w).  With motion and slider
-both measured from the slider's start ``w0``, p_t = -k_t (w - w0) is exactly zero, free of roundoff, until the slider moves for
-the first time.  The march to the cycle that repeats is compiled (elastic_coulomb.c), and so is a step of time (return_map.c).
+Each Jenkins element is a spring ``k_t`` in series with a slider at position ``w``, T = k_t (du_t - w).  Motion and slider
+position are relative to the initial position ``w0``, so that p_t = -k_t (w - w0) is exactly zero, without roundoff, until the
+slider first moves.  The march to the steady cycle (elastic_coulomb.c) and the time step (return_map.c) are compiled.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from .law import ContactCycle
 from .parameters import column_with, not_among, preload_with, with_mean
 from .sliders import Sliders
 
-_ONE_SIDED = 1e-6  # of a force or a motion: step of the difference where a friction coefficient or a stiffness is 0
+_ONE_SIDED = 1e-6  # relative to a force or a motion: step of the difference by a friction coefficient or stiffness of 0
 
 
 @dataclass(frozen=True)
 class ElasticCoulomb:
-    """The law of ``n`` pairs, contiguous arrays (n,); ValueError if one is negative or misshapen.
+    """The law of ``n`` pairs, contiguous arrays (n,); ValueError if a value is negative or an array has a wrong shape.
 
     ``dataclasses.replace(law, N0=..., w0=...)`` is the same joint about another state of rest.
     """
 
     mu: np.ndarray  # friction coefficient [-]
-    N0: np.ndarray  # normal preload [N]; negative states an initial gap -N0 / k_n
+    N0: np.ndarray  # normal preload [N]; a negative value is an initial gap -N0 / k_n
     k_t: np.ndarray  # tangential stiffness [N/m]
     k_n: np.ndarray  # normal stiffness [N/m]
     separate: np.ndarray  # bool: each tangential direction has its own friction limit
-    w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) of all: the sliders' start [m], (3.5)
-    sampled: bool = False  # the return map (3.3) at samples alone, instead of the path between them (3.6)
+    w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) for all: initial slider positions [m], (3.5)
+    sampled: bool = False  # the return map (3.3) at the samples only, instead of the path between them (3.6)
     open_at_rest: np.ndarray = field(
         default_factory=lambda: np.zeros(1, dtype=bool)
     )  # (n,) bool: open at rest, without springs (3.8)
@@ -61,7 +61,7 @@ class ElasticCoulomb:
         self._check_directions()
 
     def _check_directions(self) -> None:
-        """Keep what y has of its own only where it differs from x, which a circle does not allow."""
+        """Check the parameters along y, and drop those equal to x; a circular limit does not allow a difference."""
         for name, of_x in (("k_ty", self.k_t), ("mu_y", self.mu)):
             if getattr(self, name) is None:
                 continue
@@ -76,9 +76,9 @@ class ElasticCoulomb:
 
     @property
     def n_memory(self) -> int:
-        """Numbers of a pair that a step of time remembers beside p: none, for p says where the sliders stand.
+        """Number of internal variables per pair that a time step stores in addition to p: none, as p gives the slider positions.
 
-        Two where pairs are open at rest: p of such a pair is all of its force, and says nothing of a slider that follows it.
+        Two if pairs are open at rest: p of such a pair is its whole force, from which the slider position does not follow.
         """
         return 2 if self.open_at_rest.any() else 0
 
@@ -88,7 +88,7 @@ class ElasticCoulomb:
 
     @property
     def order(self) -> int:
-        """The order in 1 / N_t at which the harmonics of a cycle converge: 1 of the return map, 2 of the path between samples."""
+        """The order in 1 / N_t at which the harmonics of a cycle converge: 1 for the return map, 2 for the path in between."""
         return 1 if self.sampled else 2
 
     @property
@@ -103,12 +103,12 @@ class ElasticCoulomb:
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is open at rest."""
+        """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]; 0 for a pair that is open at rest."""
         return np.where(self.open_at_rest[:, None], 0.0, self.springs)
 
     @cached_property
     def springs(self) -> np.ndarray:
-        """The springs of a pair that touches, (n, 3) [N/m], of one that is open at rest, too."""
+        """The springs of a pair in contact, (n, 3) [N/m], also of pairs that are open at rest."""
         return np.column_stack([self._k_xy, self.k_n])
 
     @cached_property
@@ -123,7 +123,7 @@ class ElasticCoulomb:
 
     @cached_property
     def _shorter(self) -> np.ndarray:
-        """k_y / k_x, (n,): a motion in y takes up as much force as one in x that is so much longer."""
+        """k_y / k_x, (n,): a motion in y has the force of a motion in x multiplied by this ratio."""
         return np.divide(self._k_xy[:, 1], self.k_t, out=np.ones(self.n_pairs), where=self._k_xy[:, 1] != self.k_t)
 
     def take(self, indices: np.ndarray | slice) -> ElasticCoulomb:
@@ -132,7 +132,7 @@ class ElasticCoulomb:
         return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})
 
     def followed(self, path: bool) -> ElasticCoulomb:
-        """Return the law that follows the path between samples, (3.6), or the return map at samples alone, (3.3).  Local."""
+        """Return the law that follows the path between samples, (3.6), or the return map at samples only, (3.3).  Local."""
         return replace(self, sampled=not path)
 
     # -- a cycle -----------------------------------------------------------------------------------------------
@@ -140,22 +140,22 @@ class ElasticCoulomb:
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of the contact forces beyond the stuck springs under the periodic motion ``U``.
 
-        Local.  Marches the law through periods of ``n_samples``, from T = k_t (du_t - w0) at the first sample, until one repeats,
-        and keeps that: docs/theory.md, eq. (3.5), eq. (3.7) and eq. (6.1).
+        Local.  Marches the law through periods of ``n_samples``, from T = k_t (du_t - w0) at the first sample, to the steady
+        cycle: docs/theory.md, eq. (3.5), eq. (3.7) and eq. (6.1).
 
         Parameters
         ----------
         U : (n, 3, N_H) coefficients of ``du`` in each pair's frame [m]; n may be 0
         n_samples : N_t >= 2 H + 1, H the highest harmonic
-        tangents : False leaves P out
-        harmonics : whose coefficients ``U`` and p are; 0 to H unless given
+        tangents : if False, P is None
+        harmonics : the harmonics of ``U`` and p; 0 to H by default
 
         Notes
         -----
-        P is the exact derivative of that.  It jumps where slip ends at another sample, and of the return map where a sample
-        passes from stick to slip or from closed to open; there it is the derivative from one side.  A pair is active if it
-        leaves sticking in any period, if it opens, or if it starts with a gap.  A pair that only slid while the cycle settled is
-        active and in state STICK: it carries a constant p.  A pair with NaN in ``U`` or in a parameter is active, p and P NaN.
+        P is the exact derivative of p.  It jumps where the end of slip moves to another sample, and with the return map also
+        where a sample changes from stick to slip or from closed to open; there P is a one-sided derivative.  A pair is active if
+        it slips in any period, if it opens, or if it starts with a gap.  A pair that slides only before the steady cycle is
+        active with state STICK and a constant p.  A pair with NaN in ``U`` or in a parameter is active, with p and P NaN.
         """
         n, _, N_H = U.shape
         if self.n_pairs != n:
@@ -179,9 +179,9 @@ class ElasticCoulomb:
         return self._without_springs(cycle, U, sampling) if self.open_at_rest.any() else cycle
 
     def _cycle_by_direction(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
-        """Return the cycle of pairs whose y has a stiffness, or a friction, of its own: docs/theory.md, eq. (3.9).
+        """Return the cycle of pairs with a different stiffness or friction coefficient along y: docs/theory.md, eq. (3.9).
 
-        In y forces are multiplied by mu_x / mu_y and motions by that and k_y / k_x: y is then like x.
+        Forces in y are multiplied by mu_x / mu_y, motions in y by mu_x / mu_y and k_y / k_x: y then has the parameters of x.
         """
         mu_y, ones = self._mu_xy[:, 1], np.ones(self.n_pairs)
         force = np.divide(self.mu, mu_y, out=ones.copy(), where=mu_y != self.mu)
@@ -197,7 +197,7 @@ class ElasticCoulomb:
         return cycle
 
     def _without_springs(self, cycle: ContactCycle, U: np.ndarray, sampling: Sampling) -> ContactCycle:
-        """Return p of pairs that are open at rest as all of their force, eq. (3.8): none if they never touch."""
+        """Return the cycle in which p of pairs that are open at rest is their whole force, eq. (3.8); 0 if they never touch."""
         touches = ~self.open_at_rest
         touches[self.open_at_rest] = (
             sampling.least(U[self.open_at_rest, 2]) * self.k_n[self.open_at_rest] < self.N0[self.open_at_rest]
@@ -216,9 +216,9 @@ class ElasticCoulomb:
     # -- its parameters ----------------------------------------------------------------------------------------
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> ElasticCoulomb:
-        """Return the law with other values of mu, N0, gap, k_t or k_n of some pairs; what y has of its own goes in proportion.
+        """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs; parameters along y change in proportion.
 
-        Local.  ValueError as :class:`Law` says.
+        Local.  ValueError as in :class:`Law`.
         """
         if name in ("N0", "gap"):
             return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
@@ -235,8 +235,8 @@ class ElasticCoulomb:
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
         """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H).
 
-        Local.  docs/theory.md, eq. (3.15), from the derivative of the cycle by the motion.  Where mu or k_t is 0, and varies,
-        a one-sided difference.  By N0 of a pair without preload that from the side of the gap.
+        Local.  docs/theory.md, eq. (3.15), from the derivative of the cycle by the motion; a one-sided difference where the
+        varied mu or k_t is 0.  At N0 = 0 the derivative by N0 is the one-sided derivative for N0 < 0.
         """
         if name == "gap":
             return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
@@ -256,8 +256,8 @@ class ElasticCoulomb:
         return rate[:, :, columns]
 
     def _rate_with_springs(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics) -> np.ndarray:
-        """Return the rate of p as if all pairs had their springs, for harmonics with a mean."""
-        loose, still = self.k_n == 0.0, U.copy()  # where N stays N0, a spring that does not move says how p changes with N
+        """Return the derivative of p by a parameter as if all pairs had their springs, for harmonics with a mean."""
+        loose, still = self.k_n == 0.0, U.copy()  # where N = N0 is constant, a spring without motion gives d p / d N
         still[loose, 2] = 0.0
         bare = replace(self, k_n=np.where(loose, 1.0, self.k_n), open_at_rest=np.zeros(1, dtype=bool))
         cycle = bare.cycle(still, n_samples, True, harmonics)
@@ -282,7 +282,7 @@ class ElasticCoulomb:
         return rate
 
     def _one_sided(self, name: str, U: np.ndarray, motion: np.ndarray, n_samples: int, harmonics: Harmonics) -> np.ndarray:
-        """Return the rate of p by a mu or k_t that is 0, by a step small beside what the other of them makes."""
+        """Return the derivative of p by a mu or k_t of 0, with a step small relative to the effect of the other parameter."""
         far, pressed = np.abs(motion).sum(axis=(1, 2)), np.abs(self.N0) + self.k_n * np.abs(U[:, 2]).sum(axis=1)
         of, per = (self.k_t * far, pressed) if name == "mu" else (self.mu * pressed, far)
         step = np.divide(_ONE_SIDED * of, per, out=np.ones_like(of), where=(of > 0.0) & (per > 0.0))
@@ -293,21 +293,21 @@ class ElasticCoulomb:
     # -- a step of time ----------------------------------------------------------------------------------------
 
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return p after a step that ends at ``du``, with what is remembered, its derivative and the states.
+        """Return p and internal variables after a step to ``du``, the derivative of p, and the states.
 
-        Local.  docs/theory.md, eq. (3.1), eq. (3.2), eq. (3.3), eq. (3.4) and eq. (3.8).  Sliders stand at w = w0 - p_t / k_t, so
-        that p is all that the law remembers, and p of a pair that sticks stays what it was, to the bit.  Of a pair that is open
-        at rest p_t without its springs is remembered beside p.
+        Local.  docs/theory.md, eq. (3.1), eq. (3.2), eq. (3.3), eq. (3.4) and eq. (3.8).  The slider positions are
+        w = w0 - p_t / k_t, so that p is the only state variable, and p of a pair that sticks is bitwise unchanged.  For a pair
+        that is open at rest, p_t without the springs is stored in addition to p.
 
         Parameters
         ----------
         du : (..., n, 3) relative displacement at the end of the step [m]
-        before : (..., n, 3 + n_memory) p at its beginning [N], and what is remembered beside it
+        before : (..., n, 3 + n_memory) p and internal variables at the start of the step [N]
 
         Returns
         -------
         after : (..., n, 3 + n_memory) [N], as ``before``
-        L : (..., n, 3, 3) d p / d du [N/m]; zero where a pair sticks, or is open at rest and does not touch
+        L : (..., n, 3, 3) d p / d du [N/m]; zero where a pair sticks, or is open at rest and not in contact
         state : (..., n) uint8, STICK, SLIP or OPEN during the step
         """
         if not self.open_at_rest.any():
@@ -321,7 +321,7 @@ class ElasticCoulomb:
     def _sprung_step(self, du: np.ndarray, p_before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return p (..., n, 3) after a step as if all pairs had their springs, its derivative and the states.
 
-        Of ``p_before`` (..., n, 2 or more) the tangential components count.
+        Only the tangential components of ``p_before`` (..., n, 2 or more) are used.
         """
         n, shape = self.n_pairs, du.shape[:-1]
         p, L, state = np.empty(du.shape), np.empty((*shape, 3, 3)), np.empty(shape, dtype=np.uint8)
@@ -336,11 +336,11 @@ class ElasticCoulomb:
 
     @property
     def sliders(self) -> tuple[Sliders, ...]:
-        """The sliders: a pair is one."""
+        """The sliders, one per pair."""
         return (Sliders(self._for_steps, self._k_xy, np.arange(self.n_pairs)),)
 
     def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
-        """Return d p / d du of the part of p that remembers nothing, (..., n, 3) [N/m]: the normal one, and springs of (3.8).
+        """Return d p / d du of the history-independent part of p, (..., n, 3) [N/m]: normal force, springs of (3.8).
 
         Local.  ``du`` is (..., n, 3).
         """
@@ -360,11 +360,11 @@ class ElasticCoulomb:
         return self._mu_xy.min(axis=1)
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local.
+        """Return the factor by which motions may grow while each pair certainly sticks and stays closed, (..., n).  Local.
 
-        It sticks where even all harmonics peaking together, in the direction of T0, stay within the friction limit,
-        |T0| + k_t |du_t| <= mu (N0 - k_n du_z): with a larger factor it may stick, too.  0 where a pair has no preload, a gap, or
-        no friction left.  Of a pair that is open at rest, the factor up to which it stays so.
+        A sufficient condition: with all harmonics at their peak together, in the direction of T0, the pair is within the friction
+        limit, |T0| + k_t |du_t| <= mu (N0 - k_n du_z).  0 for a pair without preload, with a gap, or at its friction limit at
+        rest.  For a pair that is open at rest, the factor up to which it stays open.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         limit = np.broadcast_to(np.where(self.open_at_rest, -self.N0, self._friction_left(np.maximum(self.N0, 0.0))), x.shape)
@@ -374,10 +374,10 @@ class ElasticCoulomb:
         return np.divide(limit, demand, out=np.where(limit > 0.0, np.inf, 0.0), where=demand > 0.0)
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the share of the friction limit, or of the preload, that motions take up, (..., n).  Local.
+        """Return the utilisation of the friction limit, or of the preload, by the motions, (..., n).  Local.
 
-        Infinite where nothing is left of the limit of a pair that moves; negative where a pair has a gap; the share of the gap
-        where it is open at rest.
+        Infinite for a moving pair at its friction limit at rest; negative for a pair with a gap; the closed fraction of the gap
+        for a pair that is open at rest.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -387,9 +387,9 @@ class ElasticCoulomb:
         return np.nan_to_num(np.stack(shares), nan=0.0, posinf=np.inf, neginf=np.inf).max(axis=0)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
-        """Return the share S of docs/theory.md, eq. (4.5), of the stuck force that p takes away at most, (..., n, 3).  Local.
+        """Return S of docs/theory.md, eq. (4.5), the upper bound of |p| / stuck force, (..., n, 3).  Local.
 
-        A Jenkins element whose stuck force exceeds its limit n-fold slips by 1 - 1/n of its motion.  Limits count with the share
+        A Jenkins element with a stuck force of n times its limit slips by 1 - 1/n of its motion.  Limits are multiplied by
         ``of_limit``.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
@@ -399,16 +399,16 @@ class ElasticCoulomb:
         return np.stack([tangential, tangential, normal], axis=-1)
 
     def _friction_left(self, N: np.ndarray) -> np.ndarray:
-        """Return mu N - |T0|, at least 0: what is left whatever the direction."""
+        """Return mu N - |T0|, at least 0: the friction force available in every direction."""
         return np.maximum(self._least_mu * N - self.held_at_rest, 0.0)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep half-wave symmetry, u(t + T/2) = -u(t), if the components ``moves`` (n, 3) move, (n,).  Local.
 
-        Those whose normal force stays what it is at rest, and that start with w0 = 0.  The positions at which no sample moves the
-        slider are a convex set, symmetric about 0 like the motion: if there are any, 0 is one, the slider stays there, and p
-        vanishes.  If there are none it slips in every cycle, forgets its start, and the one cycle that is left has the symmetry.
-        Free sliding (mu N = 0) and k_t = 0 are linear.  The return map at samples has the same sets.
+        These are the pairs with constant normal force and w0 = 0.  The positions at which no sample moves the slider form a
+        convex set, symmetric about 0 as the motion.  If the set is not empty it contains 0, the slider stays at 0, and p
+        vanishes.  If it is empty the slider slips in every cycle, its initial position has no effect, and the unique cycle has
+        the symmetry.  Free sliding (mu N = 0) and k_t = 0 are linear.  The return map at the samples has the same sets.
         """
         return ~moves[:, 2] & (self.held_at_rest == 0.0)
 
@@ -427,6 +427,6 @@ def _sampling(harmonics: Harmonics, N_t: int, sampled: bool) -> Sampling:
     E[:, :N_H] = synthesis_matrix(harmonics, N_t)
     F[:, :N_H] = analysis_matrix(harmonics, N_t).T
     S[1:] = np.cumsum(F, axis=0)
-    S[N_t] = 0.0  # what the sum is without roundoff
+    S[N_t] = 0.0  # exact value of the sum, without roundoff
     S[N_t, harmonics.mean] = 1.0
     return Sampling(E, np.ascontiguousarray(synthesis_matrix(harmonics, N_t).T), F, S, sampled)

@@ -1,4 +1,4 @@
-"""Which keys of a joint each contact law takes.  No NumPy: a scene is read without."""
+"""The keys of a joint for each contact law.  No NumPy, so that a scene can be read without it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ ELASTIC_COULOMB, ROUGH, IWAN = "elastic-coulomb", "rough", "iwan"
 class Keys:
     """The keys of a law, by their names in a scene."""
 
-    needed: tuple[str, ...]  # of a joint of surfaces, beside the preload
-    of_file: tuple[str, ...]  # a CSV file of pairs has columns in their place
-    needed_with_pairs: tuple[str, ...] = ()  # beside those columns
-    further: tuple[str, ...] = ()  # that not every law has
+    needed: tuple[str, ...]  # required for a joint of surfaces, in addition to the preload
+    of_file: tuple[str, ...]  # replaced by columns where pairs come from a CSV file
+    needed_with_pairs: tuple[str, ...] = ()  # required in addition to these columns
+    further: tuple[str, ...] = ()  # optional
 
     @property
     def all(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The contact laws by the name that a scene gives them, and the law of pairs that name several."""
+"""The contact laws by their names in a scene, and the combined law of pairs with several laws."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from .keys import ELASTIC_COULOMB, IWAN, ROUGH
 from .law import Law
 from .started import started_at
 
-Columns = Mapping[str, np.ndarray]  # of pairs, (n,) each: those of ContactPairs, and what their laws have beside them
+Columns = Mapping[str, np.ndarray]  # of pairs, (n,) each: columns of ContactPairs and further columns of their laws
 Keys = Mapping[str, Any]  # of a joint, numbers or None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What the other rooms know of a law by its name."""
+    """Properties of a law that other rooms look up by its name."""
 
     of_columns: Callable[[Columns], Law]
-    law_columns: Callable[[Keys], Mapping[str, float]]  # columns beside those of ContactPairs, the same for all pairs of a joint
-    on_area: Callable[[Keys, np.ndarray], Mapping[str, np.ndarray]]  # columns of a joint of surfaces, from its pairs' areas
-    per_point: tuple[str, ...]  # values that each contact point of surfaces may have of its own
-    limit: Callable[[Columns, np.ndarray], np.ndarray]  # columns, normal forces N: the most that friction holds [N]
-    limits: tuple[str, ...] = ()  # values of a joint that no spring follows from
+    law_columns: Callable[[Keys], Mapping[str, float]]  # columns not in ContactPairs, the same for all pairs of a joint
+    on_area: Callable[[Keys, np.ndarray], Mapping[str, np.ndarray]]  # columns of a joint of surfaces, from areas of its pairs
+    per_point: tuple[str, ...]  # parameters that may differ between contact points of surfaces
+    limit: Callable[[Columns, np.ndarray], np.ndarray]  # columns, normal forces N: friction limit [N]
+    limits: tuple[str, ...] = ()  # parameters of a joint that do not change its springs
     about_rest: Callable[[Columns, np.ndarray, np.ndarray], Mapping[str, np.ndarray | None]] | None = None  # columns, du, memory
-    pressed_to: Callable[[Columns, np.ndarray, np.ndarray], np.ndarray] | None = None  # columns, du before and as guessed
-    above_0: tuple[str, ...] = ()  # columns of a file of pairs that it cannot do without
-    exported: str = ""  # what an exported model says of its elements and its normal force
-    is_spring: bool = False  # until it slips or opens, from any state on: N0 - k_n du_z and k_t (du_t - w)
+    pressed_to: Callable[[Columns, np.ndarray, np.ndarray], np.ndarray] | None = None  # columns, du before, du of the guess
+    above_0: tuple[str, ...] = ()  # columns of a file of pairs that must be positive
+    exported: str = ""  # description of its elements and its normal force in an exported model
+    is_spring: bool = False  # linear until it slips or opens, from any state: N0 - k_n du_z and k_t (du_t - w)
 
 
 def _elastic_coulomb(columns: Columns) -> ElasticCoulomb:
@@ -48,7 +48,7 @@ def _elastic_coulomb(columns: Columns) -> ElasticCoulomb:
 
 
 def _about_rest(columns: Columns, du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray | None]:
-    """Return the columns of elastic-Coulomb pairs that change about the state that a march came to; T0 says the rest.  Local."""
+    """Return the columns of elastic-Coulomb pairs that change about the final state of a march (T0 has the sliders).  Local."""
     N0 = columns["N0"] - columns["k_n"] * du[:, 2]
     return {"N0": N0, "open_at_rest": N0 <= 0.0}
 
@@ -58,7 +58,7 @@ def _coulomb_limit(columns: Columns, N: np.ndarray) -> np.ndarray:
 
 
 def _by_direction(keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what pairs of surfaces have of their own along y, where a joint states two numbers."""
+    """Return the columns along y of pairs of surfaces, where a joint states separate values for x and y."""
     stiffness, friction = keys.get("tangential_stiffness_y"), keys.get("friction_y")
     columns = {} if stiffness is None else {"k_ty": stiffness * area}
     return columns if friction is None else {**columns, "mu_y": np.full_like(area, friction)}
@@ -101,20 +101,22 @@ LAWS: dict[str, Kind] = {  # their keys: keys.py
 
 
 def law_of(names: Sequence[str] | np.ndarray, columns: Columns) -> Law:
-    """Return the law of pairs, each of which names its own.  Local.
+    """Return the law of pairs from the law name of each pair.  Local.
 
-    ``columns`` are those of all pairs; what a pair's law does not have is NaN there.
+    ``columns`` have a value for every pair, NaN where the law of a pair does not have the column.
     """
     law = as_one([(pairs, LAWS[law].of_columns(part)) for pairs, law, part in _parts(names, columns)])
     return started_at(law, columns.get("start"))
 
 
 def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
-    """Return those columns of pairs that a march has changed, which came to ``du`` (n, 3) with ``memory`` (n, n_memory).  Local.
+    """Return the columns of pairs that change about the final state of a march.  Local.
+
+    The final state is ``du`` (n, 3) and the internal variables ``memory`` (n, n_memory).
 
     Raises
     ------
-    ValueError : pairs are open at rest whose law needs pressure at rest
+    ValueError : a pair is open at rest and its law needs pressure at rest
     """
     changed: dict[str, np.ndarray] = {}
     for pairs, law, part in _parts(names, columns):
@@ -129,7 +131,7 @@ def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarr
 
 
 def friction_limit(names: Sequence[str] | np.ndarray, columns: Columns, N: np.ndarray) -> np.ndarray:
-    """Return the friction that holds pairs at most under normal forces ``N`` (n,) [N], (n,) [N].  Local."""
+    """Return the friction limit of pairs under normal forces ``N`` (n,) [N], (n,) [N].  Local."""
     limits = np.zeros(len(N))
     for pairs, law, part in _parts(names, columns):
         limits[pairs] = LAWS[law].limit(part, N[pairs])
@@ -137,12 +139,12 @@ def friction_limit(names: Sequence[str] | np.ndarray, columns: Columns, N: np.nd
 
 
 def are_springs(names: Sequence[str] | np.ndarray) -> np.ndarray:
-    """Return which pairs are springs until they slip or open, (n,) bool.  Local."""
+    """Return which pairs are linear springs until they slip or open, (n,) bool.  Local."""
     return np.isin(names, [name for name, kind in LAWS.items() if kind.is_spring])
 
 
 def pressed_to(names: Sequence[str] | np.ndarray, columns: Columns, before: np.ndarray, du: np.ndarray) -> np.ndarray:
-    """Return a guess of where pairs come to on their way from ``before``, (n, 3), better than ``du`` where their law knows one.
+    """Return an initial guess (n, 3) of the motion of pairs after ``before``: ``du``, improved where their law provides a guess.
 
     Local.
     """
@@ -155,10 +157,10 @@ def pressed_to(names: Sequence[str] | np.ndarray, columns: Columns, before: np.n
 
 
 def sliders_of(names: Sequence[str] | np.ndarray, columns: Columns) -> dict[str, np.ndarray]:
-    """Return the elastic-Coulomb elements that pairs are made of side by side, by their columns; none if no pair is.  Local.
+    """Return the columns of the parallel elastic-Coulomb elements of pairs; empty if no pair has such elements.  Local.
 
-    (n, n_elements) each, w0 (n, n_elements, 2); NaN where a pair has fewer.  With limits max(0, limit - rate du_z) in each
-    direction, or on a circle where the pair has one.
+    (n, n_elements) each, w0 (n, n_elements, 2); NaN where a pair has fewer elements.  The friction limit of an element is
+    max(0, limit - rate du_z), in each direction or on a circle, as that of its pair.
     """
     sliders: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
     for pairs, law, part in _parts(names, columns):
@@ -179,7 +181,7 @@ def sliders_of(names: Sequence[str] | np.ndarray, columns: Columns) -> dict[str,
 
 
 def _parts(names: Sequence[str] | np.ndarray, columns: Columns) -> Iterator[tuple[np.ndarray, str, Columns]]:
-    """Yield pairs that share a law and its number of sliders, its name, and their columns."""
+    """Yield the pairs of each law and number of sliders, the name of the law, and the columns of the pairs."""
     of_pairs = np.asarray(names, dtype=str)
     sliders = np.nan_to_num(columns.get("sliders", np.zeros(len(of_pairs))))
     for law in [name for name in LAWS if name in of_pairs] or [ELASTIC_COULOMB]:
@@ -195,12 +197,12 @@ def columns_on_area(law: str, keys: Keys, area: np.ndarray) -> dict[str, np.ndar
 
 
 def columns_of_joint(law: str, keys: Keys, n_pairs: int) -> dict[str, np.ndarray]:
-    """Return what all pairs of a joint have alike by their law, (n,) each.  Local."""
+    """Return the columns of the law of a joint that are the same for all its pairs, (n,) each.  Local."""
     columns = {**LAWS[law].law_columns(keys), **({"start": keys["start"]} if keys.get("start") else {})}
     return {name: np.full(n_pairs, float(value)) for name, value in columns.items()}
 
 
 def joined(parts: Sequence[tuple[int, Mapping[str, np.ndarray]]]) -> dict[str, np.ndarray]:
-    """Return columns that not every joint has as those of all, NaN where one has none, from the pairs of each.  Local."""
+    """Return the columns of all joints concatenated, NaN for the pairs of a joint without the column.  Local."""
     names = sorted({name for _, columns in parts for name in columns})
     return {name: np.concatenate([columns.get(name, np.full(n, np.nan)) for n, columns in parts]) for name in names}

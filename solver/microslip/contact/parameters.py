@@ -1,4 +1,4 @@
-"""Numbers of contact laws that may vary: columns with other values, and what the rates by them of all laws share."""
+"""Variable parameters of contact laws: columns with new values, and functions common to the parameter derivatives of all laws."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ PARAMETERS = ("mu", "N0", "gap", "k_t", "k_n", "slip_force")  # gap [m]: -N0 / k
 
 
 def not_among(name: str, law: str, has: tuple[str, ...]) -> ValueError:
-    """Return the error of a parameter that a law does not have."""
+    """Return the error for a parameter that a law does not have."""
     return ValueError(f"{law} has no parameter {name!r}, but {', '.join(has)}")
 
 
 def column_with(column: np.ndarray, pairs: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return a column (n,) with the ``values`` (m,) of some ``pairs`` (m,).  Local."""
+    """Return a copy of a column (n,) with new ``values`` (m,) for some ``pairs`` (m,).  Local."""
     changed = column.copy()
     changed[pairs] = values
     return changed
 
 
 def preload_with(name: str, N0: np.ndarray, k_n: np.ndarray, pairs: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return N0 (n,) with the preloads, or gaps, of some pairs.  Local.
+    """Return N0 (n,) with new preloads, or gaps, for some pairs.  Local.
 
     Raises
     ------
-    ValueError : a pair would come from a preload to a gap or back: it is another one at rest, with other springs
+    ValueError : a pair would change from preload to gap or back, which would change its state and its springs at rest
     """
     changed = column_with(N0, pairs, values if name == "N0" else -k_n[pairs] * values)
     crosses = (changed > 0.0) != (N0 > 0.0)
@@ -37,7 +37,7 @@ def preload_with(name: str, N0: np.ndarray, k_n: np.ndarray, pairs: np.ndarray, 
 
 
 def with_mean(U: np.ndarray, harmonics: Harmonics | None) -> tuple[np.ndarray, Harmonics, slice]:
-    """Return a motion (n, 3, N_H) with a mean, its harmonics, and which coefficients are those that it had.  Local."""
+    """Return a motion (n, 3, N_H) extended by a mean if it has none, its harmonics, the slice of the given ones.  Local."""
     harmonics = harmonics or Harmonics.full(U.shape[2])
     if harmonics.has_mean:
         return U, harmonics, slice(None)

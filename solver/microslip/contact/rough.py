@@ -1,8 +1,8 @@
-"""Rough surfaces: normal stiffness that grows with the pressure, and slip that begins where asperities carry least.
+"""Rough surfaces: normal stiffness grows with the pressure, and slip begins at the asperities with the smallest load.
 
-docs/theory.md, section 3, "Rough surfaces".  The normal force follows a power of the approach, or its limit, the exponential of
-Greenwood and Williamson (1966).  By the theorem of Ciavarella (1998) and Jaeger the tangential force is that of asperities that
-each follow elastic-Coulomb friction, with the tangential stiffness of Mindlin.
+docs/theory.md, section 3, "Rough surfaces".  The normal force is a power of the approach, or its limit, the exponential of
+Greenwood and Williamson (1966).  By the theorem of Ciavarella (1998) and Jaeger, the tangential force is the sum over asperities
+with elastic-Coulomb friction and the tangential stiffness of Mindlin.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from .elastic_coulomb import ElasticCoulomb
 from .law import OPEN, SLIP, STICK, ContactCycle
 from .parameters import column_with, not_among, preload_with
 
-SLIDERS = 24  # asperities that carry a pair at rest, where a joint states no number
-MOST_FORCE = 1e9  # normal force over that at rest up to which further asperities come into contact
-DENSE_FORCE = 16.0  # the same up to which they lie as close as about rest
-CARRIES = 1e-9  # normal force over that at the stated preload: a pair with less after the statics is open at rest
-_MOST = 200.0  # logarithm of the same, beyond which a guess of the solver is none, and its squares are no numbers
+SLIDERS = 24  # default number of asperities in contact at rest
+MOST_FORCE = 1e9  # N / N0 up to which further asperities come into contact
+DENSE_FORCE = 16.0  # N / N0 up to which the asperities are as densely spaced as near rest
+CARRIES = 1e-9  # normal force relative to that at the stated preload: below it after the statics, a pair is open at rest
+_MOST = 200.0  # bound of log(N / N0): iterates beyond it are meaningless, and squares of N would overflow
 EXPORTED = """\
 on a circle, or in each direction by itself where separate is 1;
 f_nl,z = N0 - N, N = N0 max(0, 1 - k_n du_z / (m N0))^m, m being law_exponent; inf: N = N0 exp(-k_n du_z / N0);
 open at rest (N0 <= 0): f_nl,z = -N, N = P max(0, (N0 - k_n du_z) / (m P))^m with P = law_reference"""
-MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential over normal stiffness at Poisson's ratio 0.3
+MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential divided by normal stiffness at Poisson's ratio 0.3
 
 
 @dataclass(frozen=True)
 class Rough(OfElements):
     """The law of ``n`` pairs of rough surfaces, arrays (n,), about their rest; ValueError if it is not defined there.
 
-    A power of the approach may be open at rest, N0 <= 0, as an elastic-Coulomb pair: by the gap -N0 / k_n.  Its k_t and k_n are
-    those where it carries ``reference``.
+    A pair with a power law may be open at rest, N0 <= 0, with the gap -N0 / k_n as an elastic-Coulomb pair.  Its k_t and k_n are
+    the stiffnesses at the normal force ``reference``.
     """
 
     mu: np.ndarray  # friction coefficient [-]
@@ -48,8 +48,8 @@ class Rough(OfElements):
     exponent: np.ndarray  # of the approach, above 1 [-]; infinite: the exponential
     separate: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: each direction has its own limit
     n_sliders: int = SLIDERS
-    sampled: bool = False  # asperities that know samples alone
-    w0: np.ndarray | None = None  # (n, n_asperities, 2) where they start [m], as elastic-Coulomb sliders do; None: at 0
+    sampled: bool = False  # the asperities are evaluated at the samples only
+    w0: np.ndarray | None = None  # (n, n_asperities, 2) initial slider positions [m]; None: 0
     reference: np.ndarray = field(default_factory=lambda: np.full(1, np.nan))  # (n,) N, of pairs that are open at rest
     open_at_rest: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs
     bundle: Bundle = field(init=False, repr=False)
@@ -74,17 +74,17 @@ class Rough(OfElements):
 
     @cached_property
     def is_open(self) -> np.ndarray:
-        """Which pairs carry nothing at rest, (n,) bool."""
+        """Which pairs carry no force at rest, (n,) bool."""
         return self.N0 <= 0.0
 
     @cached_property
     def pressed(self) -> np.ndarray:
-        """The normal force where k_t and k_n are, (n,) [N]: that at rest, or the reference."""
+        """The normal force to which k_t and k_n belong, (n,) [N]: N0, or the reference of an open pair."""
         return np.where(self.is_open, self.reference, self.N0)
 
     @cached_property
     def lift(self) -> np.ndarray:
-        """How far rest is from there, (n,) [m]: of open pairs the approach that carries the reference, and the gap."""
+        """Distance of rest from the state with force ``pressed``, (n,) [m]: approach at the reference plus gap; 0 if closed."""
         with np.errstate(invalid="ignore"):
             return np.where(self.is_open, (self.exponent * self.pressed - self.N0) / self.k_n, 0.0)
 
@@ -95,7 +95,7 @@ class Rough(OfElements):
 
     @cached_property
     def springs(self) -> np.ndarray:
-        """The springs of a pair that touches, (n, 3) [N/m]: those at rest, or at the reference."""
+        """The springs of a pair in contact, (n, 3) [N/m]: the stiffness at rest, or at the reference."""
         return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
 
     def take(self, indices: np.ndarray | slice) -> Rough:
@@ -104,12 +104,12 @@ class Rough(OfElements):
         return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})
 
     def followed(self, path: bool) -> Rough:
-        """Return the law whose asperities follow the path between samples, or know samples alone.  Local."""
+        """Return the law whose asperities follow the path between samples, or are evaluated at the samples only.  Local."""
         return replace(self, sampled=not path)
 
     @cached_property
     def refined(self) -> Rough:
-        """The law with twice as many asperities, stretched at rest as those are that touch at the same approach."""
+        """The law with twice as many asperities; each has at rest the stretch of a present asperity with the same gap."""
         finer = replace(self, n_sliders=2 * self.n_sliders, w0=None)
         if self.w0 is None or not self.w0.any():
             return finer
@@ -120,7 +120,7 @@ class Rough(OfElements):
     def normal_force(self, du_z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the normal force [N] and the normal stiffness [N/m] at relative displacements (..., n).
 
-        Local.  docs/theory.md, eq. (3.11).  The surfaces part where a power of the approach is 0; the exponential has no end.
+        Local.  docs/theory.md, eq. (3.11).  With a power law the surfaces separate at zero approach, with the exponential never.
         """
         x, m = -self.k_n * (du_z + self.lift) / self.pressed, self.exponent
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -135,11 +135,11 @@ class Rough(OfElements):
         n, nu = self.n_sliders, tangents_at(self.n_sliders)
         m = self.exponent[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            slope = np.where(np.isinf(m), nu, nu ** (1.0 - 1.0 / m))  # over k_n
-            x = np.where(np.isinf(m), np.log(nu), m * (nu ** (1.0 / m) - 1.0))  # approach over N0 / k_n
-            at_0 = nu - np.where(nu > 0.0, slope * x, 0.0)  # the force of a tangent at rest, over N0
+            slope = np.where(np.isinf(m), nu, nu ** (1.0 - 1.0 / m))  # divided by k_n
+            x = np.where(np.isinf(m), np.log(nu), m * (nu ** (1.0 / m) - 1.0))  # approach divided by N0 / k_n
+            at_0 = nu - np.where(nu > 0.0, slope * x, 0.0)  # the force of a tangent at rest, divided by N0
         stiffness, force = np.diff(slope, axis=1), np.diff(at_0, axis=1)
-        force[:, :n] = np.maximum(force[:, :n], 0.0)  # the last of them has next to nothing left
+        force[:, :n] = np.maximum(force[:, :n], 0.0)  # roundoff may make the last one negative
         size = stiffness.shape[1]
         each = {name: np.repeat(getattr(self, name), size) for name in ("mu", "pressed", "k_t", "k_n", "lift")}
         elements = ElasticCoulomb(
@@ -158,8 +158,8 @@ class Rough(OfElements):
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.
 
-        Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  A pair that moves along z is active: no part of this law is linear;
-        one that is open at rest, where it touches.
+        Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  A pair that moves along z is active, since this law is nonlinear
+        everywhere; a pair that is open at rest is active if it touches.
         """
         n, _, N_H = U.shape
         if self.n_pairs != n:
@@ -185,9 +185,9 @@ class Rough(OfElements):
         return ContactCycle(p, state, active, P, tangential.creeps)
 
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return p and memory after a step that ends at ``du`` (..., n, 3), d p / d du (..., n, 3, 3), and the states.
+        """Return p and internal variables after a step to ``du`` (..., n, 3), d p / d du (..., n, 3, 3), and the states.
 
-        Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  ``before`` and what comes after it are (..., n, 3 + n_memory).
+        Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  Both ``before`` and the result are (..., n, 3 + n_memory).
         """
         force, derivative, slips, memory = self.bundle.step(du, before[..., 3:])
         N, k = self.normal_force(du[..., 2])
@@ -195,14 +195,14 @@ class Rough(OfElements):
         p_z = np.maximum(self.N0, 0.0) - N - K_J[:, 2] * du[..., 2]
         L = np.zeros((*du.shape, 3))
         L[..., :2, :], L[..., 2, 2] = derivative, k - K_J[:, 2]
-        springs = np.where(self.is_open[:, None], K_J[:, :2], 0.0)  # asperities with gaps bring all of their force
+        springs = np.where(self.is_open[:, None], K_J[:, :2], 0.0)  # p of asperities with gaps is their whole force
         force = force - springs * du[..., :2]
         L[..., (0, 1), (0, 1)] -= springs
         state = np.where(N <= 0.0, OPEN, np.where(slips, SLIP, STICK)).astype(np.uint8)
         return np.concatenate([force, p_z[..., None], memory], axis=-1), L, state
 
     def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
-        """Return d p / d du of the part of p that remembers nothing, (..., n, 3) [N/m]: the normal one, and springs of gaps.
+        """Return d p / d du of the history-independent part of p, (..., n, 3) [N/m]: normal force, springs of open asperities.
 
         Local.  ``du`` is (..., n, 3).
         """
@@ -214,9 +214,9 @@ class Rough(OfElements):
     # -- its parameters ----------------------------------------------------------------------------------------
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Rough:
-        """Return the law with other values of mu, N0, gap, k_t or k_n of some pairs.
+        """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs.
 
-        Local.  k_t and k_n are those at rest, which N0 does not change.  ValueError as :class:`Law` says.
+        Local.  k_t and k_n are the stiffnesses at rest; N0 does not change them.  ValueError as in :class:`Law`.
         """
         if name in ("N0", "gap"):
             return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
@@ -228,7 +228,7 @@ class Rough(OfElements):
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
         """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H).
 
-        Local.  Of the asperities (3.12), whose share of k_t and k_n stays what it is, and of the normal force (3.11).
+        Local.  The sum over the asperities (3.12), with constant fractions of k_t and k_n, and the normal force (3.11).
         """
         if name == "gap":
             return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
@@ -247,7 +247,7 @@ class Rough(OfElements):
         return rate
 
     def _normal_rate(self, name: str, du_z: np.ndarray) -> np.ndarray:
-        """Return the rate of p_z by N0 or k_n at relative displacements (n, n_samples)."""
+        """Return the derivative of p_z by N0 or k_n at relative displacements (n, n_samples)."""
         N, k = (values.T for values in self.normal_force(du_z.T))
         is_open, k_n = self.is_open[:, None], self.k_n[:, None]
         if name == "N0":
@@ -264,7 +264,7 @@ class Rough(OfElements):
         return np.where(self.open_at_rest, to_touch, np.where(z > 0.0, 0.0, safety))
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the share of friction limit, preload or gap that motions take up at the stiffness of rest, (..., n).  Local."""
+        """Return the utilisation of friction limit, preload or gap at the stiffness at rest, (..., n).  Local."""
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             left = np.maximum(self.mu * self.N0 - self.bundle.held_at_rest, 0.0)
@@ -273,12 +273,12 @@ class Rough(OfElements):
         return np.nan_to_num(shares, nan=0.0, posinf=np.inf).max(axis=0)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
-        """Return the share of the force at the stiffness of rest that p takes away at most, (..., n, 3).  Local.
+        """Return an upper bound of |p| / stuck force at the stiffness at rest, (..., n, 3).  Local.
 
-        What stiffens is judged under that force, not under that motion, which it would not let happen.
+        A stiffening contact is compared at equal force, since at equal motion its force would be unrealistically large.
         """
         z, m = amplitudes[..., 2], self.exponent
-        x = self.k_n * z / self.pressed  # force of rest over the preload
+        x = self.k_n * z / self.pressed  # force at the stiffness at rest, divided by the preload
         parted, _ = self.normal_force(z)
         with np.errstate(divide="ignore", invalid="ignore"):
             approach = np.where(np.isinf(m), np.log1p(x), m * np.expm1(np.log1p(x) / m))
@@ -289,21 +289,21 @@ class Rough(OfElements):
         return np.where(self.open_at_rest[:, None], 1.0, share)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
-        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
+        """Return which pairs keep half-wave symmetry if the components ``moves`` (n, 3) move, (n,); see :class:`Law`.  Local."""
         return ~moves[:, 2] & (self.bundle.held_at_rest == 0.0)
 
     # -- another rest ------------------------------------------------------------------------------------------
 
     def about(self, du: np.ndarray, memory: np.ndarray) -> Rough:
-        """Return the law about the state that a march came to: ``du`` (n, 3), and the memory there (n, n_memory).  Local.
+        """Return the law about the final state of a march: ``du`` (n, 3) and the internal variables (n, n_memory).  Local.
 
-        docs/theory.md, eq. (12.10): pressure and stiffness are those of (3.11) there, and again of the same power.  The
-        asperities are divided again; each is stretched as those were that touch at the same approach, within its limit.
-        Pairs with a power law and almost no force are open at rest there, with a gap.
+        docs/theory.md, eq. (12.10): pressure and stiffness are those of (3.11) at this state; the exponent does not change.  The
+        asperities are recomputed; each has the stretch of a previous asperity with the same gap, within its friction limit.
+        Pairs with a power law and almost no force become open at rest, with a gap.
 
         Raises
         ------
-        ValueError : a pair of the exponential carries next to nothing there, which is no rest of such a law
+        ValueError : a pair with the exponential law carries almost no force, so the law has no state of rest there
         """
         N, k_n = self.normal_force(du[:, 2])
         parts = ~(N > CARRIES * self.pressed)
@@ -322,7 +322,7 @@ class Rough(OfElements):
         return law._stretched(_carried_over(self.bundle, law.bundle, self.bundle.stretch(du, memory), du[:, 2]))
 
     def _stretched(self, stretch: np.ndarray) -> Rough:
-        """Return the law whose asperities are stretched (n, size, 2) [m] at rest, each within its limit.  Local."""
+        """Return the law with the stretch (n, size, 2) [m] of the asperities at rest, each within its friction limit.  Local."""
         elements, separate = self.bundle.elements, self.separate[:, None, None]
         force, limit = (values.reshape(self.n_pairs, -1, 1) for values in (elements.k_t, elements.mu * elements.N0))
         force = force * stretch
@@ -332,9 +332,9 @@ class Rough(OfElements):
 
 
 def _carried_over(old: Bundle, new: Bundle, stretch: np.ndarray, du_z: np.ndarray) -> np.ndarray:
-    """Return what new asperities are stretched by, (n, size, 2), from old ones that touch at the same approach.
+    """Return the stretch of new asperities, (n, size, 2), interpolated from the old ones at the same gap.
 
-    The new ones count from a rest at ``du_z`` (n,).
+    Gaps of the new asperities are relative to a rest at ``du_z`` (n,).
     """
     touch = [asperities.of_elements(asperities.elements.N0 / asperities.elements.k_n) for asperities in (old, new)]
     carried = np.empty((len(du_z), new.size, 2))
@@ -346,14 +346,15 @@ def _carried_over(old: Bundle, new: Bundle, stretch: np.ndarray, du_z: np.ndarra
 
 
 def tangents_at(n: int) -> np.ndarray:
-    """Return the normal forces over that at rest where eq. (3.12) has its tangents: n + 1 up to 1, from 0, and 4 n above.  Local.
+    """Return N / N0 at the tangents of eq. (3.12): n + 1 values from 0 to 1, and 4 n above.  Local.
 
-    They lie close about rest, for the asperities that carry least there slip first; the n-th is at rest itself.  The last 2 n lie
-    in proportion, ever wider: so many that errors stay small beside any force, and none costs before it touches.
+    They are dense near rest, since the asperities with the smallest load slip first; the n-th is at rest.  The last 2 n are
+    spaced logarithmically with growing ratio, so that errors stay small relative to any force; an asperity without contact
+    costs no time.
     """
     below, above = np.arange(n + 1) / n, np.arange(1, 2 * n + 1) / (2 * n)
     near = np.concatenate([below * (2.0 - below), 1.0 + (np.sqrt(DENSE_FORCE) - 1.0) * above**2]) ** 2
-    first = 4.0 * (1.0 - 1.0 / np.sqrt(DENSE_FORCE))  # d log / d above, as it is where they begin
+    first = 4.0 * (1.0 - 1.0 / np.sqrt(DENSE_FORCE))  # d log / d above at the start, continuous with the dense part
     return np.concatenate([near, DENSE_FORCE * np.exp(first * above + (np.log(MOST_FORCE / DENSE_FORCE) - first) * above**2)])
 
 
@@ -371,11 +372,11 @@ def of_columns(columns: Mapping[str, np.ndarray]) -> Rough:
 
 
 def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the columns that change about the state that a march came to.  Local.
+    """Return the columns that change about the final state of a march.  Local.
 
     Raises
     ------
-    ValueError : as :meth:`Rough.about`
+    ValueError : as in :meth:`Rough.about`
     """
     law = of_columns(columns).about(du, memory)
     changed = ("N0", "k_t", "k_n", "w0", "open_at_rest", *["reference"] * ("reference" in columns))
@@ -383,9 +384,10 @@ def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.nda
 
 
 def pressed_to(columns: Mapping[str, np.ndarray], before: np.ndarray, du: np.ndarray) -> np.ndarray:
-    """Return ``du`` (n, 3), that of pairs which touch on their way from ``before`` where they carry what their springs would.
+    """Return ``du`` (n, 3) in which pairs that come into contact after ``before`` carry the same force as their springs would.
 
-    Local.  A start for Newton's method: near the first touch of a power neither its stiffness nor that of the reference leads on.
+    Local.  An initial guess for Newton's method, which converges poorly near first contact of a power law, both with the tangent
+    and with the reference stiffness.
     """
     of, moved = of_columns(columns), du.copy()
     now, then = (-motion[:, 2] + np.where(of.is_open, of.N0 / of.k_n, 0.0) for motion in (before, du))
@@ -400,8 +402,8 @@ def pressed_to(columns: Mapping[str, np.ndarray], before: np.ndarray, du: np.nda
 def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:
     """Return the columns of pairs from a joint's keys per area and their areas, (n,).  Local.
 
-    docs/theory.md, eq. (3.11): at the pressure p of rest the normal stiffness per area is p / h of the exponential, and
-    m p / d of a power, with the approach d at which that carries p.  Without pressure, p is ``roughness_pressure``.
+    docs/theory.md, eq. (3.11): at the pressure p at rest the normal stiffness per area is p / h for the exponential, and
+    m p / d for a power law, with the approach d at pressure p.  Without pressure at rest, p is ``roughness_pressure``.
     """
     preload, height, m, known = (keys[name] for name in ("preload", "roughness_height", "exponent", "roughness_pressure"))
     pressure = preload if m is None else np.where(preload > 0.0, preload, known)

@@ -1,6 +1,6 @@
-"""Sliders that start at another phase of the cycle than the first sample: those of the other sectors of a disc in full.
+"""Sliders that start at a phase of the cycle other than the first sample, as in the other sectors of a full disc.
 
-Where a slider has slipped once and rests, its residual force depends on where it started (docs/theory.md, section 3).
+The residual force of a slider that has slipped once and rests depends on its initial position (docs/theory.md, section 3).
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class StartedLaw:
 
     @property
     def n_memory(self) -> int:
-        """Numbers of a pair that a step of time remembers beside p."""
+        """Number of internal variables per pair that a time step stores in addition to p."""
         return self.law.n_memory
 
     @property
@@ -51,12 +51,12 @@ class StartedLaw:
 
     @property
     def springs(self) -> np.ndarray:
-        """The springs of a pair that touches, (n, 3) [N/m]."""
+        """The springs of a pair in contact, (n, 3) [N/m]."""
         return self.law.springs
 
     @property
     def refined(self) -> StartedLaw:
-        """The law with more elements of each pair where it has several."""
+        """The law with more elements per pair, where a pair has several."""
         return replace(self, law=self.law.refined)
 
     def take(self, indices: np.ndarray | slice) -> StartedLaw:
@@ -64,11 +64,11 @@ class StartedLaw:
         return StartedLaw(self.law.take(indices), self.start[indices])
 
     def followed(self, path: bool) -> StartedLaw:
-        """Return the law that follows the path between samples, or one that knows samples alone.  Local."""
+        """Return the law that follows the path between samples, or the law evaluated at the samples only.  Local."""
         return replace(self, law=self.law.followed(path))
 
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> StartedLaw:
-        """Return the law with other values of a parameter of some pairs.  Local."""
+        """Return the law with new values of a parameter for some pairs.  Local."""
         return replace(self, law=self.law.with_parameters(name, pairs, values))
 
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
@@ -93,7 +93,7 @@ class StartedLaw:
         return shifted(self.law.parameter_rate(name, shifted(U, start, harmonics), n_samples, harmonics), -start, harmonics)
 
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return p and memory after a step of time, its derivative, and the states.  Local."""
+        """Return p and internal variables after a time step, the derivative of p, and the states.  Local."""
         return self.law.step(du, before)
 
     @property
@@ -102,23 +102,23 @@ class StartedLaw:
         return self.law.sliders
 
     def memoryless_rate(self, du: np.ndarray) -> np.ndarray:
-        """Return the derivative of the part of p that remembers nothing, as :class:`Law` has it.  Local."""
+        """Return the derivative of the history-independent part of p, as in :class:`Law`.  Local."""
         return self.law.memoryless_rate(du)
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local."""
+        """Return the factor by which motions may grow while each pair certainly sticks and stays closed, (..., n).  Local."""
         return self.law.slip_safety(amplitudes)
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the share of its limits that the motion of each pair takes up while it sticks, (..., n).  Local."""
+        """Return the utilisation of each pair, stuck force divided by its limit, (..., n).  Local."""
         return self.law.utilisation(amplitudes)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
-        """Return the share of the stuck force that p takes away at most, (..., n, 3).  Local."""
+        """Return an upper bound of |p| / stuck force, (..., n, 3).  Local."""
         return self.law.slipping_share(amplitudes, of_limit)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
-        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
+        """Return which pairs keep half-wave symmetry if the components ``moves`` (n, 3) move, (n,); see :class:`Law`.  Local."""
         return self.law.keeps_half_wave_symmetry(moves)
 
 
