@@ -1,9 +1,9 @@
-"""Adjoints of a point: what the requested outputs feel of the contact forces (docs/theory.md, section 11).
+"""Adjoints of a point: sensitivities of the requested outputs to the contact forces (docs/theory.md, section 11).
 
     (1 + G^T P^T) chi = B^T
 
-The matrix is that of a Newton step with P transposed and G^T, which has the static part of G and conjugate modal factors.  As
-there, pairs that stick are eliminated.  All quantities, the cosine and the sine of each output, are solved for together.
+The matrix is that of a Newton step with P transposed and G^T, which has the static part of G and conjugate modal factors.
+Sticking pairs are eliminated as in Newton's method.  One solve has all quantities, the cosine and sine of each output.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from .whole_inverse import WholeInverse
 
 MANY_KRYLOV = 50  # GMRES iterations beyond which the next adjoints are preconditioned
 DIRECT = 100  # rows of the active pairs, all harmonics, up to which a factor is cheaper than GMRES
-RTOL = 1e-3  # of GMRES: bars are far from that exact
+RTOL = 1e-3  # of GMRES: error bars are much less accurate
 
 
 class AdjointSolver:
-    """Solves for the adjoints, eq. (11.1), of points of a branch; keeps what makes the next quicker.  Collective on ``comm``."""
+    """Solves for the adjoints, eq. (11.1), of points of a branch; reuses preconditioner and GMRES.  Collective on ``comm``."""
 
     def __init__(self, comm: MPI.Comm, rtol: float = RTOL, precision: type = np.float32):
         self.comm, self.rtol, self.precision = comm, rtol, precision
@@ -38,13 +38,13 @@ class AdjointSolver:
             self._gmres = None
 
     def restore(self, preconditioner: PairsPreconditioner | None) -> None:
-        """Take over the preconditioner that another one had.  Local."""
+        """Take over the preconditioner of another solver.  Local."""
         self.preconditioner = preconditioner
 
     def solve(self, at: Linearisation, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Return chi and tau = P^T chi of this rank's pairs, and whether they were found.  Collective.
+        """Return chi and tau = P^T chi of this rank's pairs, and whether the solve converged.  Collective.
 
-        ``at`` is the transposed linearisation; see :meth:`Linearisation.solve_transposed` for the rest.
+        ``at`` is the transposed linearisation; see :meth:`Linearisation.solve_transposed` for shapes.
         """
         equation, owned, is_found = at.equation, at.forces.active_owned, True
         chi = B[:, equation.model.owned_rows].reshape(len(B), *equation.shape).copy()
@@ -72,11 +72,11 @@ class AdjointSolver:
         N_H = x.shape[-1]
         if self.comm.size == 1:
             return x.reshape(len(x), -1, N_H)
-        rows, _ = self._gatherer(np.moveaxis(x, 0, 2).ravel())  # quantities of a row lie together
+        rows, _ = self._gatherer(np.moveaxis(x, 0, 2).ravel())  # the quantities of a row are contiguous
         return rows.reshape(-1, len(x), N_H).swapaxes(0, 1)
 
     def _directly(self, b: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return the adjoints of the active pairs by one factor, (n_quantities, m, 3, N_H), and whether found.  Collective."""
+        """Return the adjoints of the active pairs by one factor, (n_quantities, m, 3, N_H), and convergence.  Collective."""
         return self._if_finite(WholeInverse(self._at).solve(b), True)
 
     def _if_finite(self, x: np.ndarray, has_converged: bool) -> tuple[np.ndarray, bool]:
@@ -86,7 +86,7 @@ class AdjointSolver:
     # -- GMRES on the active pairs of all quantities -----------------------------------------------------------
 
     def _by_gmres(self, b: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return the same by one solve for all.  Collective."""
+        """Return the adjoints as :meth:`_directly`, by one GMRES solve for all quantities.  Collective."""
         gmres = self._set_up(b.size)
         for _ in range(2):
             x, outcome = gmres.solve(b.ravel(), self.preconditioner is not None)
@@ -97,7 +97,7 @@ class AdjointSolver:
         return self._if_finite(x.reshape(b.shape).copy(), outcome.reason >= 0)
 
     def _set_up(self, n: int) -> Gmres:
-        """Copy what the products need in single precision; make PETSc's objects where their size is another.  Collective."""
+        """Copy the operands of the products in single precision; recreate PETSc's objects if their size changed.  Collective."""
         at = self._at
         self._gmres = reuse(self._gmres, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, self.rtol))
         if self.preconditioner is not None and not self.preconditioner.fits(at):
@@ -112,5 +112,5 @@ class AdjointSolver:
         out[:] = x + self._columns.apply_to_several(tau).ravel()
 
     def _precondition(self, x: np.ndarray, out: np.ndarray) -> None:
-        """Apply the preconditioner: in micro-slip there is none.  Collective."""
+        """Apply the preconditioner, which is not used in micro-slip.  Collective."""
         out[:] = np.concatenate([applied(self.preconditioner, x_i, self._at) for x_i in x.reshape(self._shape)])

@@ -1,4 +1,4 @@
-"""Anderson's mixing of a fixed-point iteration (docs/theory.md, section 11)."""
+"""Anderson acceleration of a fixed-point iteration (docs/theory.md, section 11)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .balance import HarmonicBalance
 
 
 class Anderson:
-    """Anderson's mixing of a fixed-point iteration x = g(x), with all steps remembered (Walker and Ni 2011)."""
+    """Anderson acceleration of a fixed-point iteration x = g(x), with the history of all steps (Walker and Ni 2011)."""
 
     def __init__(self, equation: HarmonicBalance):
         self.equation = equation
@@ -16,9 +16,9 @@ class Anderson:
         self.misses: list[np.ndarray] = []  # g(x) - x
 
     def next(self, x: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the next x, and how far the last one missed g(x), relative to that.  Collective: one sum and one broadcast.
+        """Return the next x, and the last residual |g(x) - x| / |g(x)|.  Collective: one sum and one broadcast.
 
-        The next x is the mean of all values so far, so weighted that the miss is least.
+        The next x is the weighted mean of all values g(x); the weights minimise the residual.
         """
         self.values.append(value)
         self.misses.append(value - x)
@@ -34,7 +34,7 @@ class Anderson:
 
 
 def least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the least x with A x nearest to b, for A (n, n) symmetric, n >= 0.  Local."""
+    """Return the minimum-norm least-squares solution of A x = b, for A (n, n) symmetric, n >= 0.  Local."""
     if len(b) < 2:
         return np.divide(b, A.diagonal(), out=np.zeros_like(b), where=A.diagonal() > 0.0)
     return np.linalg.lstsq(A, b, rcond=1e-12)[0]

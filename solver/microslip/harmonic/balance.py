@@ -1,7 +1,7 @@
 """The equation of harmonic balance, condensed to the pairs: r(U, omega) = U - U_lin(omega) + G(omega) p(U).
 
-docs/theory.md, section 5.  The rows of a pair live on the rank that owns it; ``p`` of the pairs that do not stick is
-gathered once an application.  ``p`` and dp/dU vanish where a pair sticks, so the cost follows the others.
+docs/theory.md, section 5.  The rank that owns a pair stores its rows; ``p`` of the active pairs is gathered once per evaluation.
+``p`` and dp/dU vanish where a pair sticks, so the cost is proportional to the number of active pairs.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from .operating_point import ContactForces, LawParameter, OperatingPoint, Rates,
 
 @dataclass(frozen=True, eq=False)
 class HarmonicBalance:
-    """The residual (5.1) and its linearisation; ``selected`` pairs may slip or open, the others are held stuck."""
+    """The residual (5.1) and its linearisation; ``selected`` pairs may slip or open, the others are assumed to stick."""
 
     model: ReducedModel
     law: Law  # of this rank's pairs
-    n_samples: int  # a period
-    held: np.ndarray | None = None  # (n_owned, 2) mean of p_t about which the mean slip is held [N]; None: it is not
-    _known: dict = field(default_factory=dict, init=False, repr=False)  # of the last operating point
+    n_samples: int  # per period
+    held: np.ndarray | None = None  # (n_owned, 2) mean of p_t about which springs hold the mean slip [N]; None: no springs
+    _known: dict = field(default_factory=dict, init=False, repr=False)  # cache of the last operating point
 
     @classmethod
     def of_all(cls, model: ReducedModel, law: Law, n_samples: int) -> HarmonicBalance:
         """Return the equation of a model whose pairs, on all ranks, have this law.  Local."""
-        # of a constant motion the kept period holds the one step there is, and the state says which pairs slid
+        # constant motion: the period is a single step, and the state of a pair says whether it slid in this step
         owned = law.take(np.arange(model.n_pairs)[model.owned])
         return cls(model, owned, model.harmonics.samples(n_samples))
 
-    # -- what it is made of --------------------------------------------------------------------------------------
+    # -- sizes and variants --------------------------------------------------------------------------------------
 
     @property
     def comm(self) -> MPI.Comm:
@@ -58,7 +58,7 @@ class HarmonicBalance:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of a motion of this rank's pairs, (n_owned, 3, N_H)."""
+        """The shape of a motion of this rank's pairs, (n_owned, 3, N_H)."""
         return self.n_owned, 3, self.model.N_H
 
     @property
@@ -71,11 +71,11 @@ class HarmonicBalance:
         return replace(self, model=self.model.with_harmonics(harmonics), n_samples=n_samples)
 
     def of(self, model: ReducedModel) -> HarmonicBalance:
-        """Return the same equation of another model of the same pairs, with the same harmonics.  Local."""
+        """Return the same equation for another model of the same pairs, with the same harmonics.  Local."""
         return replace(self, model=model)
 
     def holding(self, mean: np.ndarray | None) -> HarmonicBalance:
-        """Return the same equation with the mean slip held about where p_t has the ``mean`` (n_owned, 2) [N], or free.  Local."""
+        """Return the same equation with the mean slip held about the ``mean`` of p_t (n_owned, 2) [N], or free.  Local."""
         return replace(self, held=mean)
 
     # -- forces --------------------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ class HarmonicBalance:
     ) -> ContactForces:
         """Return the contact forces under the motion ``U`` (n_owned, 3, N_H) [m] of this rank's pairs.
 
-        Collective on ``comm``: one gather, which also sums the ``extras`` of the ranks.  ``selected`` (n_pairs,) bool,
+        Collective on ``comm``: one gather, which also sums the ``extras`` of the ranks.  ``selected`` (n_pairs,) bool is
         the same on every rank.
         """
         chosen = np.flatnonzero(selected[self.model.owned])
@@ -102,9 +102,9 @@ class HarmonicBalance:
         return ContactForces(U, selected, state, bool(cycle.creeps.any()), active_owned, P, active, p, extras)
 
     def _cycle(self, U: np.ndarray, chosen: np.ndarray, tangents: bool) -> ContactCycle:
-        """Return the cycle of some of this rank's pairs, which is kept for the last motion: do not write into it.  Local.
+        """Return the cycle of some of this rank's pairs, cached for the last motion and therefore read-only.  Local.
 
-        Newton asks for it twice, for the residual and its derivative, and the record of a point once more.
+        Newton's method evaluates the cycle twice, for the residual and its derivative, and the record of a point once more.
         """
         key = U.tobytes(), chosen.tobytes()
         known, cycle = self._known.get("cycle", (None, None))
@@ -132,13 +132,13 @@ class HarmonicBalance:
 
         Raises
         ------
-        ValueError : a value that the law of a pair does not have, or a stiffness that takes another structure; on every rank
+        ValueError : a law has no such parameter or value, or a stiffness needs another structure; on every rank
         ResourceError : not enough memory for the update; on every rank
         """
         return self if not at.law else self._cached("under", at.law, lambda: self._with_law(at.law))
 
     def allows(self, at: OperatingPoint) -> bool:
-        """Tell whether the laws of all pairs have the parameters of an operating point.  Collective as :meth:`under`."""
+        """Return whether the laws of all pairs accept the parameters of an operating point.  Collective as :meth:`under`."""
         try:
             self.under(at)
         except ValueError:
@@ -165,13 +165,13 @@ class HarmonicBalance:
         return replace(self, law=law, model=model)
 
     def _of_owned(self, parameter: LawParameter) -> np.ndarray:
-        """Return which pairs of a parameter are this rank's, (m,) bool."""
+        """Return which pairs of a parameter this rank owns, (m,) bool."""
         return (parameter.pairs >= self.model.owned.start) & (parameter.pairs < self.model.owned.stop)
 
     def law_rate(self, forces: ContactForces, parameter: LawParameter) -> np.ndarray:
-        """Return how p of the active pairs of all ranks changes with a parameter of the law, (3 n_active, N_H).
+        """Return the derivative of p of the active pairs of all ranks by a parameter of the law, (3 n_active, N_H).
 
-        Collective: one gather.  The motion stays as it is.
+        Collective: one gather.  The motion is constant.
         """
         active_owned, d_p = forces.active_owned, np.zeros((len(forces.active_owned), 3, self.model.N_H))
         _, chosen, of_parameter = np.intersect1d(active_owned + self.model.owned.start, parameter.pairs, return_indices=True)
@@ -184,7 +184,7 @@ class HarmonicBalance:
         return self.gather(d_p.reshape(-1, self.model.N_H))
 
     def spring_rate(self, parameter: LawParameter) -> np.ndarray:
-        """Return how the springs K_J of the pairs of a stiffness change with its value, (m, 3) by rising number.
+        """Return the derivative of K_J of the pairs of a stiffness parameter by its value, (m, 3) in ascending pair order.
 
         Collective: one gather.
         """
@@ -196,9 +196,10 @@ class HarmonicBalance:
         return self.gather(unit[np.argsort(pairs_owned)])
 
     def moved_by_springs(self, at: OperatingPoint, parameter: LawParameter, V: np.ndarray) -> np.ndarray:
-        """Return G dK_J V, (n_owned, 3, N_H), for motions V of this rank's pairs and dK_J by a stiffness.
+        """Return G dK_J V, (n_owned, 3, N_H), for motions V of this rank's pairs and the derivative dK_J by a stiffness.
 
-        Collective: two gathers.  Minus the rate of V, the motion under given forces of a structure whose damping matrix stays.
+        Collective: two gathers.  The result is minus the derivative of V, the motion under given forces, with constant damping
+        matrix.
         """
         pairs, owned = np.sort(parameter.pairs), self.model.owned
         mine = (pairs >= owned.start) & (pairs < owned.stop)
@@ -206,7 +207,7 @@ class HarmonicBalance:
         return self.receptance(at, pairs).apply(self.gather(forces.reshape(-1, self.model.N_H)))
 
     def of_structure(self, rates: Rates) -> tuple[float, float, list[np.ndarray] | None]:
-        """Return the rates of omega, of sigma and of the damping stated for each group's modes, (m, m); None: it stays.
+        """Return the rates of omega, of sigma and of the stated modal damping of each group, (m, m); None: it is constant.
 
         Local; collective by a stiffness: one gather.
         """
@@ -225,11 +226,11 @@ class HarmonicBalance:
         return self._cached("model", at.sigma, lambda: self.model.with_damping(at.sigma))
 
     def linear_motion(self, at: OperatingPoint) -> np.ndarray:
-        """Return U_lin of this rank's pairs, (n_owned, 3, N_H) [m].  Local; kept for the last point: do not write into it."""
+        """Return U_lin of this rank's pairs, (n_owned, 3, N_H) [m].  Local; cached for the last point, therefore read-only."""
         return self._cached("motion", at, lambda: linear_motion(self.model_at(at), at.level, at.omega).reshape(self.shape))
 
     def linear_motion_rate(self, at: OperatingPoint, rates: Rates) -> np.ndarray:
-        """Return how U_lin changes with a parameter, (n_owned, 3, N_H).  Local; collective by a stiffness: one gather."""
+        """Return the derivative of U_lin by a parameter, (n_owned, 3, N_H).  Local; collective for a stiffness: one gather."""
         model, level = self.model_at(at), rates.get("level", 0.0)
         d_U = linear_motion_rate(model, at.level, at.omega, *self.of_structure(rates)).reshape(self.shape)
         per_newton = linear_motion(model, 1.0, at.omega).reshape(self.shape) if level else 0.0
@@ -239,7 +240,7 @@ class HarmonicBalance:
         return d_U
 
     def receptance(self, at: OperatingPoint, active: np.ndarray) -> ReceptanceColumns:
-        """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""
+        """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are missing."""
         return ReceptanceColumns(self.model_at(at), at.omega, active)
 
     def residual(
@@ -247,18 +248,18 @@ class HarmonicBalance:
     ) -> np.ndarray:
         """Return this rank's rows of r(U, omega), eq. (5.1), under ``forces``, (n_owned, 3, N_H) [m].
 
-        Collective where static columns are new.  ``G``, of the active pairs at ``at``, may be given where it is known.
+        Collective where static columns are missing.  ``G`` of the active pairs at ``at`` may be passed if available.
         """
         return self.residual_under(U, at, forces.active, forces.p, G)
 
     def residual_under(
         self, U: np.ndarray, at: OperatingPoint, active: np.ndarray, p: np.ndarray, G: ReceptanceColumns | None = None
     ) -> np.ndarray:
-        """Return the same under any forces ``p`` (3 n_active, N_H) [N] of the ``active`` pairs."""
+        """Return the residual as :meth:`residual`, for any forces ``p`` (3 n_active, N_H) [N] of the ``active`` pairs."""
         return U - self.linear_motion(at) + (G or self.receptance(at, active)).apply(p)
 
     def _cached(self, name: str, key: Any, make: Callable[[], Any]) -> Any:
-        """Return what ``make`` returns, made once for a key."""
+        """Return the result of ``make``, cached under ``name`` for the last ``key``."""
         cached = self._known.get(name)
         if cached is None or cached[0] != key:
             cached = self._known[name] = key, make()

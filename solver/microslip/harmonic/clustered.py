@@ -1,12 +1,13 @@
-"""A preconditioner for wide slip of large joints: B_n of (5.5) within clusters of pairs, and between the clusters' mean motions.
+"""A preconditioner for wide slip of large joints: B_n of (5.5) within subdomains of pairs, with a coarse space of mean motions.
 
-docs/theory.md, section 5.  Factors of the whole B_n cost the cube of the pairs.  What makes B_n ill-conditioned is of two kinds:
-pairs near each other, and motions of whole regions, which the structure without its joint gives way to.  Of the first kind are
-the blocks D_n within clusters of at most ``LOCAL`` pairs, of the second the mean motions Z of ``REGIONS`` larger clusters:
+docs/theory.md, section 5.  Factors of the whole B_n cost the cube of the number of pairs.  B_n is ill-conditioned for two
+reasons: coupling of neighbouring pairs, and motions of whole regions, for which the structure without its joint is soft.  The
+blocks D_n within subdomains of at most ``LOCAL`` pairs treat the first, the mean motions Z of about ``REGIONS`` larger regions
+the second:
 
     B_n^-1 r  ~  m + D_n^-1 (r - B_n m),        m = Z (Z^T B_n Z)^-1 Z^T r.        (5.7)
 
-Both cost about as the pairs; B_n Z is a product with G_n, made once.
+The cost of both is about proportional to the number of pairs; B_n Z is a product with G_n, computed once.
 """
 
 from __future__ import annotations
@@ -20,18 +21,18 @@ from ..receptance.subdomains import bisected
 from .linearisation import Linearisation
 from .preconditioner import REGULAR, HarmonicPreconditioner, PairsPreconditioner, complex_linear
 
-LOCAL = 64  # pairs of a cluster at most
-REGIONS = 32  # clusters whose mean motions are solved for together, about
+LOCAL = 64  # largest number of pairs of a subdomain
+REGIONS = 32  # approximate number of regions of the coarse space
 LARGE = 500  # active pairs beyond which the factors of the whole B_n cost more than they save
 
 
 def of_wide_slip(at: Linearisation) -> HarmonicPreconditioner | ClusteredPreconditioner:
-    """Return the preconditioner of wide slip that suits the number of active pairs.  Collective."""
+    """Return the preconditioner of wide slip for this number of active pairs.  Collective."""
     return (ClusteredPreconditioner if len(at.forces.active) > LARGE else HarmonicPreconditioner)(at)
 
 
 class ClusteredPreconditioner(PairsPreconditioner):
-    """The approximate B_n^-1, eq. (5.7), for the pairs active at one linearisation; for residuals near by.  Collective."""
+    """The approximate B_n^-1, eq. (5.7), for the active pairs of a linearisation; reused for nearby ones.  Collective."""
 
     def __init__(self, at: Linearisation):
         super().__init__(at)
@@ -39,7 +40,7 @@ class ClusteredPreconditioner(PairsPreconditioner):
         regions = bisected(at.G, [np.arange(len(P))], max(LOCAL, -(-len(P) // REGIONS)))
         self.clusters = [rows_of(cluster) for cluster in bisected(at.G, regions, LOCAL)]
         self.regions = _Regions(at, P, regions)
-        self.local = [_factors(at, P, rows) for rows in self.clusters]  # by cluster and harmonic
+        self.local = [_factors(at, P, rows) for rows in self.clusters]  # by subdomain and harmonic
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
         mean, rest = self.regions.solve(n, b)
@@ -49,7 +50,7 @@ class ClusteredPreconditioner(PairsPreconditioner):
 
 
 class _Regions:
-    """Motions of whole regions, one direction a column of Z: B_n Z and the factors of Z^T B_n Z.  Collective."""
+    """The coarse space: columns of Z move a region in one direction; B_n Z and the factors of Z^T B_n Z.  Collective."""
 
     def __init__(self, at: Linearisation, P: np.ndarray, regions: list[np.ndarray]):
         self.rows = [rows_of(region).reshape(-1, 3) for region in regions]
@@ -67,7 +68,7 @@ class _Regions:
         return np.concatenate([size * r[rows].sum(axis=0) for rows, size in zip(self.rows, self.sizes)])
 
     def solve(self, n: int, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return m of eq. (5.7) and r - B_n m, (3 n_active,) both, of the n-th harmonic of the set.  Local."""
+        """Return m of eq. (5.7) and r - B_n m, (3 n_active,) each, for the n-th harmonic of the set.  Local."""
         y, _ = zgetrs(*self.factors[n], self._means(r))
         motion = np.empty_like(r)
         for k, (rows, size) in enumerate(zip(self.rows, self.sizes)):
@@ -76,7 +77,7 @@ class _Regions:
 
 
 def _factors(at: Linearisation, P: np.ndarray, rows: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the factors of B_n between the pairs of one cluster, for each harmonic.  Collective: one gather."""
+    """Return the factors of the block of B_n of one subdomain, for each harmonic.  Collective: one gather."""
     pairs = rows[::3] // 3
     factors = []
     for n, G_n in enumerate(at.G.blocks(pairs)):

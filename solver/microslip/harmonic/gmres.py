@@ -1,4 +1,4 @@
-"""GMRES for a matrix that is known by its product: PETSc's, right-preconditioned, set up in one place."""
+"""Right-preconditioned GMRES of PETSc for a matrix given by its product with vectors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Product = Callable[[np.ndarray, np.ndarray], None]  # (x, out): writes the produ
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a solve ended."""
+    """Iterations and reason of convergence or divergence of a solve."""
 
     iterations: int
     reason: int  # PETSc's; negative for divergence
@@ -37,20 +37,20 @@ class Gmres:
         self._ksp.setOperators(self._A)
         self._ksp.setType(PETSc.KSP.Type.GMRES)
         self._ksp.setGMRESRestart(100)
-        self._ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the residual that counts is the true one
+        self._ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the convergence test then uses the true residual
         self._ksp.setTolerances(rtol=rtol, atol=0.0, max_it=300)
         self._preconditioner = ShellPreconditioner(_on_arrays(precondition))
         self._is_preconditioned = False
         self._ksp.getPC().setType(PETSc.PC.Type.NONE)
         self._ksp.setFromOptions()
-        self.rtol: float = self._ksp.getTolerances()[0]  # as the options say
+        self.rtol: float = self._ksp.getTolerances()[0]  # from the options
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
         free(self._ksp, self._A, self._b, self._x)
 
     def solve(self, b: np.ndarray, is_preconditioned: bool, rtol: float | None = None) -> tuple[np.ndarray, Outcome]:
-        """Return x (n_owned,), read-only and valid until the next solve, and how it ended.  Collective."""
+        """Return x (n_owned,), read-only and valid until the next solve, and its outcome.  Collective."""
         if rtol is not None:
             self._ksp.setTolerances(rtol=rtol)
         if is_preconditioned != self._is_preconditioned:
@@ -60,19 +60,19 @@ class Gmres:
         return self._x.getArray(readonly=True), Outcome(self._ksp.getIterationNumber(), self._ksp.getConvergedReason())
 
     def _switch(self, is_preconditioned: bool) -> None:
-        """Take the preconditioner, or none: a call for nothing costs as much as a product of a small joint."""
+        """Switch the preconditioner on or off: a call of an identity costs as much as a product of a small joint."""
         self._is_preconditioned, pc = is_preconditioned, self._ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON if is_preconditioned else PETSc.PC.Type.NONE)
         if is_preconditioned:
             pc.setPythonContext(self._preconditioner)
 
     def reached(self, rtol: float) -> bool:
-        """Tell whether the last solve left no more than this share of its right-hand side.  Collective."""
+        """Return whether the last residual is at most ``rtol`` times the right-hand side.  Collective."""
         return self._ksp.getResidualNorm() <= rtol * self._b.norm()
 
 
 def reuse(gmres: Gmres | None, comm: MPI.Comm, n_owned: int, make: Callable[[], Gmres]) -> Gmres:
-    """Return GMRES of this size: the one at hand on all ranks, or a new one in its place.  Collective: one agreement."""
+    """Return a solver of this size: the existing one if it fits on all ranks, otherwise a new one.  Collective: one reduction."""
     is_right = gmres is not None and gmres.n_owned == n_owned
     if gmres is not None and comm.allreduce(is_right, op=MPI.LAND):
         return gmres

@@ -1,7 +1,7 @@
-"""The linearisation of harmonic balance at one motion: values that are solved with, forward and transposed.
+"""The linearisation of harmonic balance at one motion, for solves with the Jacobian and its transpose.
 
-docs/theory.md, sections 5 and 11.  A pair that sticks neither carries p nor changes it.  Its rows of the Jacobian I + G P give
-its motion once that of the other pairs is known, so that an iteration needs only rows and columns of pairs that do not stick.
+docs/theory.md, sections 5 and 11.  For a sticking pair p and dp/dU are zero.  Its rows of the Jacobian I + G P give its motion
+from the motion of the other pairs, so that an iteration needs only the rows and columns of active pairs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .operating_point import ContactForces, OperatingPoint, Rates, law_rates, st
 
 @dataclass(frozen=True, eq=False)
 class Border:
-    """k further columns and rows of the Jacobian, for k parameters and the constraints that hold them; scaled."""
+    """k additional columns and rows of the Jacobian, for k parameters and k constraints; scaled."""
 
     r_nu: tuple[np.ndarray, ...]  # (n_owned, 3, N_H) each, d r / d nu
     n_U: tuple[np.ndarray, ...]  # (n_owned, 3, N_H) each, the rows of the constraints
@@ -31,7 +31,7 @@ class Border:
         return len(self.r_nu)
 
     def rows_times(self, comm: MPI.Comm, d_xi: np.ndarray, d_nu_owned: np.ndarray) -> np.ndarray:
-        """Return the constraints' rows of the product with (d_xi, d_nu), (k,).  Collective: one sum."""
+        """Return the rows of the constraints times (d_xi, d_nu), (k,).  Collective: one sum."""
         products = [float(np.vdot(n_U, d_xi)) for n_U in self.n_U] + self.n_nu @ d_nu_owned
         return products if comm.size == 1 else comm.allreduce(products)
 
@@ -52,7 +52,7 @@ class Step:
 
 
 class Gatherer:
-    """Gathers the rows of all ranks in rank order and sums a few floats, in one call.  Sizes are agreed on once."""
+    """Gathers the rows of all ranks in rank order and sums a few floats, in one call.  Sizes are exchanged once."""
 
     def __init__(self, comm: MPI.Comm, n_owned: int, n_extras: int):
         self.comm, self.n_extras = comm, n_extras
@@ -73,27 +73,27 @@ class Gatherer:
 
 @dataclass(frozen=True)
 class Exactness:
-    """How exactly a Newton step is asked for."""
+    """Required accuracy of a Newton step."""
 
-    weight: float = 1.0  # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
-    in_double: bool = False  # whatever the size: where steps in single precision lead nowhere
+    weight: float = 1.0  # largest weight of the rows of the residual, the same on all ranks; divides the tolerance of GMRES
+    in_double: bool = False  # double precision for any size, where steps in single precision make no progress
 
 
 class BorderedSolver(Protocol):
-    """What solves bordered systems, and keeps what makes the next one quicker: newton_solver.py."""
+    """Solver of bordered systems that may reuse data of earlier solves: newton_solver.py."""
 
     def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border, exactness: Exactness) -> Step: ...
 
 
 class SolverOfSeveral(Protocol):
-    """What solves for several right-hand sides without a border: adjoint_solver.py."""
+    """Solver for several right-hand sides without a border: adjoint_solver.py."""
 
     def solve(self, at: Linearisation, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]: ...
 
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """I + G P at one motion and operating point, and how the residual changes with that point."""
+    """I + G P at one motion and operating point, and derivatives of the residual by this point."""
 
     equation: HarmonicBalance
     at: OperatingPoint
@@ -102,7 +102,7 @@ class Linearisation:
 
     @classmethod
     def of(cls, equation: HarmonicBalance, at: OperatingPoint, forces: ContactForces) -> Linearisation:
-        """Return the linearisation under ``forces``, with tangents.  Collective where static columns are new."""
+        """Return the linearisation under ``forces``, with tangents.  Collective where static columns are missing."""
         return cls(equation, at, forces, equation.receptance(at, forces.active))
 
     @property
@@ -113,13 +113,13 @@ class Linearisation:
 
     @property
     def n_rows(self) -> int:
-        """Rows of the active pairs of all ranks."""
+        """Number of rows of the active pairs of all ranks."""
         return 3 * len(self.forces.active) * self.equation.model.N_H
 
     def rate(self, rates: Rates) -> np.ndarray:
-        """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2) and eq. (5.8), for rates at which the operating point changes.
+        """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2) and eq. (5.8), for given rates of the operating point.
 
-        Local; collective where parameters of the law change, one gather each, of a stiffness three.
+        Local; collective where parameters of the law change: one gather per parameter, three for a stiffness.
         """
         dG_p = self.G.apply_rate(self.forces.p, *self.equation.of_structure(rates))
         rate = dG_p - self.equation.linear_motion_rate(self.at, rates)
@@ -130,11 +130,11 @@ class Linearisation:
         return rate
 
     def pair_forces(self, d_xi: np.ndarray) -> np.ndarray:
-        """Return P d_xi of this rank's active pairs, flat.  Local; ``d_xi`` has their rows."""
+        """Return P d_xi of this rank's active pairs, flat.  Local; ``d_xi`` has the rows of these pairs."""
         return np.matmul(self.P, d_xi.reshape(len(self.P), self.P.shape[2], 1)).ravel()
 
     def product(self, d_xi: np.ndarray, d_nu_owned: np.ndarray, border: Border) -> tuple[np.ndarray, np.ndarray]:
-        """Return the bordered matrix, eq. (5.3), times (d_xi, d_nu): this rank's rows and the k constraints'.  Collective.
+        """Return the bordered matrix, eq. (5.3), times (d_xi, d_nu): this rank's rows and the k constraint rows.  Collective.
 
         ``d_nu_owned`` (k,) is d_nu on the rank that owns it and 0 elsewhere.
         """
@@ -156,19 +156,19 @@ class Linearisation:
         """Return the solution of the bordered system (5.3).  Collective.
 
         ``b_U`` (n_owned, 3, N_H) are this rank's rows of the right-hand side, ``b_nu`` (k,) its last rows on the rank that owns
-        the parameters and 0 elsewhere.  ``solver`` keeps what makes the next solve quicker.
+        the parameters and 0 elsewhere.  ``solver`` may reuse data of earlier solves.
         """
         return solver.solve(self, b_U, b_nu, border, exactness)
 
     def solve_transposed(self, B: np.ndarray, solver: SolverOfSeveral) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Return chi and tau = P^T chi with (1 + G^T P^T) chi = B^T, eq. (11.1), and whether they were found.  Collective.
+        """Return chi and tau = P^T chi with (1 + G^T P^T) chi = B^T, eq. (11.1), and whether the solve converged.  Collective.
 
         ``B`` (n_quantities, 3 n_pairs, N_H), the same on every rank; chi and tau (n_quantities, 3 n_owned N_H) of this rank.
         """
         return solver.solve(self.transposed(), B)
 
     def solve_several(self, B: np.ndarray, solver: SolverOfSeveral) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Return dU and P dU with (1 + G P) dU = B, shaped as :meth:`solve_transposed` says, and whether found.  Collective."""
+        """Return dU and P dU with (1 + G P) dU = B, and convergence; shapes as in :meth:`solve_transposed`.  Collective."""
         return solver.solve(self, B)
 
     def transposed(self) -> Linearisation:

@@ -1,7 +1,7 @@
-"""Springs that hold the mean slip of a body that nothing else holds (docs/theory.md, section 5).
+"""Springs that hold the mean slip of a body without other support (docs/theory.md, section 5).
 
-The friction of a pair that slips in every cycle has forgotten where the pair was before: it does not change with the mean of the
-tangential motion.  Where all pairs of a body slip, and nothing but the joint holds it, the body may stand anywhere, or creep.
+The friction force of a pair that slips in every cycle does not depend on the mean of the tangential motion.  If all pairs of a
+body slip and only the joint supports it, the position of the body is undetermined, and it may drift.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from ..parallel.ownership import gathered_rows
 from ..receptance.reduced_model import ReducedModel
 from ..system.signals import is_stopping
 
-HOLD = 1e-3  # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
+HOLD = 1e-3  # stiffness of the springs, as a fraction of k_t: peaks change by about 1e-3 (docs/validation.md)
 
-FREE = 1e-8  # share of the force against a motion that others than the joint's tangential springs carry: nothing holds it
+FREE = 1e-8  # without other support: fraction of the force against a motion not carried by the joint's tangential springs
 
-_FEW = 200  # rows up to which LAPACK is as quick
+_FEW = 200  # rows up to which LAPACK is as fast
 
 
 def hold_mean_slip(cycle: ContactCycle, about: np.ndarray) -> None:
     """Add the springs of eq. (5.6) to the forces and their derivative, in place.  Local.
 
-    The slider of a pair has moved by -p_t / k_t: a spring from its mean to where p_t has the mean ``about`` (n, 2) [N]
-    takes its share of their difference.  The set of harmonics has a mean.
+    The position of the slider of a pair is -p_t / k_t; the spring acts on its mean, relative to the position with p_t = ``about``
+    (n, 2) [N].  The set of harmonics has a mean.
     """
     cycle.p[cycle.active, :2, 0] -= HOLD * (cycle.p[cycle.active, :2, 0] - about[cycle.active])
     if cycle.P is not None:
@@ -40,16 +40,16 @@ def hold_mean_slip(cycle: ContactCycle, about: np.ndarray) -> None:
 
 
 def is_held_by_its_joint_alone(model: ReducedModel, law: Law) -> bool:
-    """Tell whether the mean slip is undetermined once every pair slips.  Collective; static columns of all pairs are needed.
+    """Return whether the mean slip is undetermined if every pair slips.  Collective; needs the static columns of all pairs.
 
-    ``law`` is that of this rank's pairs.
+    ``law`` is the law of this rank's pairs.
 
-    Never without a mean, which then is zero; nor without vibration, where the slider has not forgotten where the pair was, and a
-    load beyond all friction has no equilibrium that a spring might feign.
+    False without a mean harmonic, as the mean slip is then zero, and without vibration, where friction depends on the position
+    and a load beyond the friction limit has no equilibrium, which springs would hide.
 
-    The joint's tangential springs then carry all but a share ``FREE`` of the force against some motion: the largest eigenvalue of
-    k_t^1/2 G_tt k_t^1/2, which is k / (k + rest) for that motion, lies so close to 1.  A joint that is only stiff beside a
-    structure that holds itself is not meant: springs of ``HOLD`` k_t would be stiffer than the structure.
+    Criterion: the joint's tangential springs carry all but a fraction ``FREE`` of the force against some motion, that is, the
+    largest eigenvalue of k_t^1/2 G_tt k_t^1/2, equal to k / (k + rest) for that motion, is so close to 1.  A joint that is only
+    much stiffer than a supported structure does not qualify: springs of ``HOLD`` k_t would be stiffer than the structure.
     """
     if not model.harmonics.vibrate_about_a_mean:
         return False
@@ -57,7 +57,7 @@ def is_held_by_its_joint_alone(model: ReducedModel, law: Law) -> bool:
 
 
 def _largest_share(model: ReducedModel, law: Law) -> float:
-    """Return the largest eigenvalue of k_t^1/2 G_tt k_t^1/2.  Collective: a gather for each product; G stays where it is."""
+    """Return the largest eigenvalue of k_t^1/2 G_tt k_t^1/2.  Collective: one gather per product; G remains distributed."""
     comm, n_rows = model.comm, 2 * model.n_pairs
     every = model.receptance_of(0).static.G_static.chosen(np.arange(model.n_pairs))
     columns, owned = every.part(_tangential(model.n_pairs)), _tangential(model.owned.stop - model.owned.start)
@@ -87,22 +87,22 @@ def _tangential(n_pairs: int) -> np.ndarray:
 
 
 def _by_products(comm: MPI.Comm, product: Callable[[np.ndarray], np.ndarray | None], n: int) -> float | None:
-    """Return the largest eigenvalue of a symmetric matrix (n, n) by ARPACK on rank 0, on every rank; None: it did not converge.
+    """Return the largest eigenvalue of a symmetric matrix (n, n) by ARPACK on rank 0, on every rank; None: no convergence.
 
-    Collective, and so is ``product`` with a vector (n,), whose answer (n, 1) rank 0 has.
+    Collective; ``product`` with a vector (n,) is collective as well, with its result (n, 1) on rank 0.
     """
     share: float | None = None
     if comm.rank > 0:
         while (x := comm.bcast(None)) is not None:
             product(x)
         return comm.bcast(share)
-    start = np.random.default_rng(0).standard_normal(n)  # no symmetry that a motion could be orthogonal to
+    start = np.random.default_rng(0).standard_normal(n)  # random, so that it is not orthogonal to a symmetric motion
     operator = sla.LinearOperator((n, n), matvec=lambda x: product(comm.bcast(x)), dtype=float)
     try:
         with suppress(sla.ArpackNoConvergence):
             share = float(sla.eigsh(operator, k=1, tol=1e-10, v0=start, return_eigenvectors=False)[0])
     finally:
-        if not is_stopping():  # after a signal the others may be elsewhere
+        if not is_stopping():  # after a signal the other ranks may not be in this loop
             comm.bcast(None)
     return comm.bcast(share)
 

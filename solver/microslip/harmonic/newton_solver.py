@@ -1,4 +1,4 @@
-"""Newton's systems: pairs that stick are eliminated, GMRES solves for the others (docs/theory.md, section 5)."""
+"""Linear systems of Newton's method: sticking pairs are eliminated, GMRES solves for the others (docs/theory.md, section 5)."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from .whole_inverse import LARGEST, WholeInverse
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-RTOL = 1e-3  # of GMRES; Newton makes up for it, with fewer products in all
-FINEST = 1e-9  # relative tolerance of GMRES that no weight asks more than
-SINGLE = 1e-5  # relative tolerance of GMRES down to which products in single precision are exact enough
-SMALL = 2000  # rows of the pairs that do not stick, up to which double precision costs no more
-MANY_KRYLOV = 50  # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
-MANY_IN_STIFF = 10  # the same where rows are weighted
-MANY_IN_LARGE = 25  # the same in a large joint, whose preconditioner is soon made
+RTOL = 1e-3  # of GMRES: an inexact Newton method needs fewer products in total
+FINEST = 1e-9  # smallest relative tolerance of GMRES, for any weight
+SINGLE = 1e-5  # smallest relative tolerance of GMRES with products in single precision
+SMALL = 2000  # rows of the active pairs up to which double precision costs no more
+MANY_KRYLOV = 50  # GMRES iterations per Newton step beyond which the preconditioner of wide slip is built or rebuilt
+MANY_IN_STIFF = 10  # the same with weighted rows
+MANY_IN_LARGE = 25  # the same in a large joint, whose preconditioner costs little in relation
 
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """The border (5.4) of the active pairs, after those that stick are eliminated from it."""
+    """The border (5.4) of the active pairs, after elimination of the sticking pairs."""
 
     r_nu: tuple[np.ndarray, ...]  # this rank's active rows, flat
     n_U: tuple[np.ndarray, ...]
     n_nu: np.ndarray  # (k, k)
-    moved: np.ndarray  # (k,) what moves to the right-hand side
+    moved: np.ndarray  # (k,) contribution of the sticking pairs, moved to the right-hand side
 
 
 class NewtonSolver:
-    """Solves Newton's systems of one branch; keeps what makes the next one quicker.  Collective on ``comm``."""
+    """Solves the Newton systems of one branch; reuses preconditioner and work arrays.  Collective on ``comm``."""
 
     def __init__(self, comm: MPI.Comm):
         self.comm = comm
@@ -61,15 +61,15 @@ class NewtonSolver:
         return self._columns is not None and self._columns.precision is np.float32
 
     def restore(self, preconditioner: PairsPreconditioner | WholeInverse | None, wants: bool) -> None:
-        """Take over the preconditioner that another one had, and whether it wanted a new one.  Local."""
+        """Take over the preconditioner of another solver, and its request for a new one.  Local."""
         self.preconditioner, self.wants_preconditioner = preconditioner, wants
 
     def ask_for_preconditioner(self) -> None:
-        """Have a (new) preconditioner made at the next linearisation.  Local."""
+        """Request a (new) preconditioner at the next linearisation.  Local."""
         self.wants_preconditioner = True
 
     def weigh(self, newton: int, krylov: int, weight: float) -> None:
-        """Ask for a (new) preconditioner where GMRES needed many iterations a Newton step, of rows with a weight.  Local."""
+        """Request a (new) preconditioner if GMRES needed many iterations per Newton step, for rows of this weight.  Local."""
         is_large = self._active is not None and len(self._active) > LARGE
         many = MANY_IN_STIFF if weight != 1.0 else MANY_IN_LARGE if is_large else MANY_KRYLOV
         if newton > 0 and krylov > many * newton:
@@ -99,13 +99,13 @@ class NewtonSolver:
         d_xi[active] = x[:n].reshape(len(active), *shape[1:])
         reason = outcome.reason
         if reason < 0 and gmres.reached(self._rtol):
-            reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL  # rounding kept it from the weight's; Newton makes up
+            reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL  # weighted tolerance below roundoff; Newton's method corrects
         return Step(d_xi, d_nu_owned, d_xi + other_columns, outcome.iterations, reason)
 
     # -- the condensed system ----------------------------------------------------------------------------------
 
     def _build_preconditioner(self, at: Linearisation) -> None:
-        """Factor a preconditioner where one is asked for; that of a small system at every linearisation.  Collective."""
+        """Factor a preconditioner if requested; for a small system at every linearisation.  Collective."""
         is_small = at.n_rows <= LARGEST
         wanted = self.wants_preconditioner or (is_small and isinstance(self.preconditioner, WholeInverse))
         if wanted and at.n_rows > 0:
@@ -113,7 +113,7 @@ class NewtonSolver:
             self.wants_preconditioner = False
 
     def _set_up(self, at: Linearisation, k: int, exactness: Exactness) -> tuple[Gmres, float]:
-        """Copy what the products need, in single precision where that pays and GMRES asks for no more.  Collective."""
+        """Copy the operands of the products, in single precision if faster and exact enough for GMRES.  Collective."""
         self._at, self._N_H = at, at.equation.model.N_H
         if self._gmres is None or self._active is None or not np.array_equal(self._active, at.forces.active):
             self.destroy()
@@ -126,12 +126,12 @@ class NewtonSolver:
         precision = np.float32 if is_single else np.float64
         if self._columns is None or self._columns.precision is not precision:
             self._columns = ActiveColumns(at.G, precision)
-        self._columns.move_to(at.G)  # all that the frequency changes
+        self._columns.move_to(at.G)  # update of all frequency-dependent data
         self._P: np.ndarray = self._columns.in_units(at.P)
         return self._gmres, rtol
 
     def _condensed(self, at: Linearisation, border: Border, b_U: np.ndarray) -> Condensed:
-        """Eliminate the pairs that stick from the border, eq. (5.4).  Collective: a sum, and a product where it has some."""
+        """Eliminate the sticking pairs from the border, eq. (5.4).  Collective: a sum, and a product if the border has any."""
         active, equation = at.forces.active_owned, at.equation
         of_stuck = np.array(border.n_U)
         of_stuck[:, active] = 0.0
@@ -161,7 +161,7 @@ class NewtonSolver:
             out[n:] = sums[:k] + border.n_nu @ sums[k:]
 
     def _precondition(self, x: np.ndarray, out: np.ndarray) -> None:
-        """Apply the preconditioner: in micro-slip there is none.  Collective."""
+        """Apply the preconditioner, which is not used in micro-slip.  Collective."""
         assert self.preconditioner is not None
         out[:], n = x, len(self._border.r_nu[0])
         out[:n] = applied(self.preconditioner, x[:n], self._at)

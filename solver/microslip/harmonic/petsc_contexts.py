@@ -1,4 +1,4 @@
-"""What PETSc calls: functions in the shape of a matrix, a preconditioner, a solver."""
+"""Contexts of PETSc's Python types: functions as a shell matrix, a shell preconditioner, a shell solver."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from petsc4py import PETSc
 
 
 class ShellMatrix:
-    """A matrix that is known by its product: ``multiply(x, y)`` writes A x into y."""
+    """A matrix given by its product: ``multiply(x, y)`` writes A x into y."""
 
     def __init__(self, multiply: Callable[[PETSc.Vec, PETSc.Vec], None]):
         self.multiply = multiply

@@ -1,12 +1,12 @@
 """A preconditioner for wide slip: the Jacobian without the coupling between harmonics.
 
-docs/theory.md, section 5.  In micro-slip I + G P is close to the identity and GMRES needs nothing.  When most pairs slip,
-P takes away most of the joint's stiffness, and I + G P inherits the condition of the structure without its joint.  Harmonic by
-harmonic,
+docs/theory.md, section 5.  In micro-slip I + G P is close to the identity and GMRES needs no preconditioner.  When most pairs
+slip, P cancels most of the joint's stiffness, and I + G P is as ill-conditioned as the structure without its joint.  The matrix
+of one harmonic,
 
     B_n = I + G_n(omega) P_n,
 
-with P_n the complex-linear part of dp_n / dU_n, has the same weakness and is small: 3 rows an active pair.
+with P_n the complex-linear part of dp_n / dU_n, has the same ill-conditioning and is small: 3 rows per active pair.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from scipy.linalg.lapack import zgetrs
 from ..fourier.amplitudes import to_complex, to_real
 from .linearisation import Linearisation
 
-REGULAR = 1.0 - 1e-3  # of P in B_n: without its joint, a body that nothing else holds would make B_n singular
+REGULAR = 1.0 - 1e-3  # factor of P in B_n, which is singular for a body supported only by its joint
 
 
 class PairsPreconditioner:
-    """An answer to rows of the pairs that are active at one linearisation, for residuals near by.  Collective."""
+    """A preconditioner of the rows of the active pairs of a linearisation, reused for nearby ones.  Collective."""
 
     def __init__(self, at: Linearisation):
         self.made_at, self.active_owned, self.local_rows = at, at.forces.active_owned, rows_of_rank(at)
 
     def fits(self, at: Linearisation) -> bool:
-        """Tell whether another linearisation has the same harmonics, and on every rank as many active pairs.  Collective."""
+        """Return whether another linearisation has the same harmonics, and as many active pairs on every rank.  Collective."""
         is_same = len(self.active_owned) == len(at.forces.active_owned)
         same_size = self.made_at.equation.comm.allreduce(is_same, op=MPI.LAND)
         return same_size and self.made_at.equation.harmonics == at.equation.harmonics
 
     def apply(self, b: np.ndarray) -> np.ndarray:
-        """Return B^-1 b, or near it, for this rank's pairs that were active, (m, 3, N_H) both.  Collective: one gather."""
+        """Return B^-1 b, exact or approximate, for this rank's pairs ``active_owned``, (m, 3, N_H).  Collective: one gather."""
         N_H = b.shape[-1]
         amplitudes = to_complex(self.made_at.equation.gather(b.reshape(-1, N_H)))
         for n in range(amplitudes.shape[1]):
@@ -45,12 +45,12 @@ class PairsPreconditioner:
         return to_real(amplitudes[self.local_rows], N_H).reshape(b.shape)
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
-        """Return B_n^-1 b, or near it, of the n-th harmonic of the set, complex (n_rows,) both.  Local."""
+        """Return B_n^-1 b, exact or approximate, for the n-th harmonic of the set, complex (n_rows,).  Local."""
         raise NotImplementedError
 
 
 class HarmonicPreconditioner(PairsPreconditioner):
-    """Factors of B_n, eq. (5.5), for the pairs active at one linearisation; applied to residuals near by.  Collective."""
+    """Factors of B_n, eq. (5.5), for the active pairs of a linearisation; reused for nearby ones.  Collective."""
 
     def __init__(self, at: Linearisation):
         super().__init__(at)
@@ -62,20 +62,20 @@ class HarmonicPreconditioner(PairsPreconditioner):
             self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
-        return zgetrs(*self.factors[n], b)[0]  # lu_solve without its checks, thousands of times a curve
+        return zgetrs(*self.factors[n], b)[0]  # lu_solve without its checks, for thousands of calls per curve
 
 
 def rows_of_rank(at: Linearisation) -> slice:
-    """Return the place of this rank's active pairs among the rows of all, 3 a pair.  Collective: one gather."""
+    """Return the slice of this rank's active pairs in the rows of all ranks, 3 per pair.  Collective: one gather."""
     comm, n = at.equation.comm, len(at.forces.active_owned)
     first = 3 * sum(comm.allgather(n)[: comm.rank])
     return slice(first, first + 3 * n)
 
 
 def applied(preconditioner: Any, x: np.ndarray, at: Linearisation) -> np.ndarray:
-    """Return a preconditioner's answer to rows ``x`` of this rank's active pairs at another linearisation, flat.
+    """Return the preconditioned rows ``x`` of this rank's active pairs at another linearisation, flat.
 
-    The identity for pairs that were not active where it was made.  Collective.
+    The preconditioner is the identity for pairs that were not active where it was built.  Collective.
     """
     active, made_of = at.forces.active_owned, preconditioner.active_owned
     rows = x.reshape(len(active), *at.equation.shape[1:])
@@ -88,7 +88,7 @@ def applied(preconditioner: Any, x: np.ndarray, at: Linearisation) -> np.ndarray
 
 
 def complex_linear(P: np.ndarray, N_H: int) -> np.ndarray:
-    """Return the complex-linear, harmonic-diagonal part of dp/dU, (m, n_harmonics, 3, 3), of blocks (m, 3 N_H, 3 N_H).
+    """Return the complex-linear, harmonic-diagonal part (m, n_harmonics, 3, 3) of blocks dp/dU (m, 3 N_H, 3 N_H).
 
     Local.
 

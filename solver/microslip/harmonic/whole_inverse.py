@@ -1,7 +1,7 @@
-"""The inverse of a small Jacobian I + G P, harmonics coupled: a preconditioner that leaves GMRES nothing to do.
+"""The inverse of a small Jacobian I + G P with coupled harmonics: an exact preconditioner.
 
-A joint far stiffer or softer than its structure makes I + G P so badly conditioned that GMRES goes through every dimension
-of a small system, and breaks down in it.  Where the system is small, its matrix is formed and factored instead.
+With a joint much stiffer or softer than its structure, I + G P is so ill-conditioned that GMRES needs as many iterations as a
+small system has unknowns, or breaks down.  The matrix of a small system is therefore assembled and factored.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import scipy.linalg
 from .linearisation import Linearisation
 from .preconditioner import rows_of_rank
 
-LARGEST = 400  # rows of the active pairs, all harmonics, up to which the matrix is formed
+LARGEST = 400  # rows of the active pairs, all harmonics, up to which the matrix is assembled
 
 
 class WholeInverse:
@@ -27,16 +27,16 @@ class WholeInverse:
         G_P = np.matmul(blocks, P).swapaxes(0, 1).reshape(columns.shape)
         G_P[np.diag_indices_from(G_P)] += 1.0
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # a singular one gives no step, which is seen then
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # singular: no finite step, which the caller detects
             self.factor = scipy.linalg.lu_factor(G_P, check_finite=False)
         self.local_rows = rows_of_rank(at)
 
     def apply(self, b: np.ndarray) -> np.ndarray:
-        """Return (I + G P)^-1 b for this rank's pairs that were active, (m, 3, N_H) both.  Collective: one gather."""
+        """Return (I + G P)^-1 b for this rank's active pairs, (m, 3, N_H) each.  Collective: one gather."""
         return self.solve(b[None])[0]
 
     def solve(self, b: np.ndarray) -> np.ndarray:
-        """Return (I + G P)^-1 b for several right-hand sides, (n, m, 3, N_H) both, m active pairs of this rank.  Collective."""
+        """Return (I + G P)^-1 b for several right-hand sides, (n, m, 3, N_H) each, m active pairs of this rank.  Collective."""
         by_row = self.made_at.equation.gather(
             b.reshape(len(b), 3 * b.shape[1], b.shape[-1]).swapaxes(0, 1)
         )  # (3 n_active, n, N_H)
