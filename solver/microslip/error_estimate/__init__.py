@@ -1,1 +1,1 @@
-"""What is wrong with a converged point, estimated from the point itself: a bar on the response it reports."""
+"""Error bars on the response of a converged point, estimated from the point itself."""

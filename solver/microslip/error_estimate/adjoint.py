@@ -1,4 +1,4 @@
-"""The adjoint of the outputs at a point, and derivatives by numbers of the contact law that it gives."""
+"""The adjoint of the outputs at a point, and its derivatives of the outputs by parameters of the contact law."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from ..harmonic.operating_point import LawParameter
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """The adjoint of cos 1, then sin 1, of the outputs, which a change d_r of the residual changes by tau d_r, d_p by -chi d_p.
+    """The adjoint of the outputs: cos 1, then sin 1, change by tau d_r for a residual d_r, and by -chi d_p for a change d_p of p.
 
-    This rank's part of both, docs/theory.md, section 11; n = 2 n_outputs.
+    This rank's parts of chi and tau, docs/theory.md, section 11; n = 2 n_outputs.
     """
 
     linear: Linearisation
@@ -23,13 +23,13 @@ class Adjoint:
     is_found: bool
 
     def by_law(self, parameter: LawParameter) -> np.ndarray:
-        """Return the derivative of the outputs by a number of the contact law along solutions, (n,).
+        """Return the derivative of the outputs by a parameter of the contact law along solutions, (n,).
 
         Collective: one gather and one sum.
 
         Raises
         ------
-        ValueError : a stiffness, by which the structure changes, too: tau and :meth:`Linearisation.rate` give its part
+        ValueError : a stiffness, which also changes the structure: tau and :meth:`Linearisation.rate` give its derivative
         """
         if parameter.is_stiffness:
             raise ValueError(f"{parameter.name} changes the structure as well as the contact law")

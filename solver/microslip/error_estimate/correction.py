@@ -1,4 +1,4 @@
-"""The amplitude corrected by an enriched problem, and the bar of what remains (docs/theory.md, section 11)."""
+"""The amplitude corrected by an enriched problem, and the bar of the remaining error (docs/theory.md, section 11)."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from ..points.error_parts import PARTS, SAFETY, total
 from .adjoint import Adjoint
 
-OF_HARMONICS = 0.2  # share of that part which is left: the harmonics settle to a tenth, and more would follow beyond them
-OF_SAMPLES = 0.25  # the same of the samples, whose limit is extrapolated
-OF_SLIDERS = 0.25  # and of the elements that pairs are divided into
-MOST_STEPS = 14  # of the iteration in which the pairs follow the changes
-FAR = 0.2  # of the amplitude: where the later steps go farther, and do not settle, no solution is near
-OF_SECOND = 0.2  # and of what is beyond first order, which is known to a tenth of the way
+OF_HARMONICS = 0.2  # remaining fraction of this part: the iteration is converged to a tenth, and higher harmonics are missing
+OF_SAMPLES = 0.25  # remaining fraction of the samples part, whose limit is extrapolated
+OF_SLIDERS = 0.25  # remaining fraction of the sliders part, whose limit is extrapolated
+MOST_STEPS = 14  # of the iteration (11.4)
+FAR = 0.2  # of the amplitude: if the later steps go further without convergence, there is no solution near the point
+OF_SECOND = 0.2  # remaining fraction of the terms beyond first order, which are converged to a tenth
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What enriched problems say of the complex amplitudes of harmonic 1, cos - i sin, at a point."""
+    """Error estimate of the complex amplitudes of harmonic 1, cos - i sin, at a point, from enriched problems."""
 
-    parts: np.ndarray  # (n_outputs, n_parts) sizes of what they change, as in ``PARTS`` [m]
-    correction: np.ndarray  # (n_outputs,) complex: what they change, signed; 0 where that is not known well enough [m]
-    remaining: np.ndarray  # (n_outputs,) error bar of the amplitudes with it [m]
+    parts: np.ndarray  # (n_outputs, n_parts) sizes of the changes, as in ``PARTS`` [m]
+    correction: np.ndarray  # (n_outputs,) complex: signed change; 0 where it is not accurate enough [m]
+    remaining: np.ndarray  # (n_outputs,) error bar of the corrected amplitudes [m]
     is_near: bool = True  # a solution of the enriched equations was found near the point
     adjoint: Adjoint | None = None  # of the outputs; None where all pairs stick
 
@@ -31,19 +31,19 @@ class Estimate:
 def corrected(
     parts: np.ndarray, linear: np.ndarray, steps: np.ndarray, is_settled: bool, truncated: np.ndarray, amplitude: np.ndarray
 ) -> Estimate:
-    """Return the estimate of what changes do to cos 1 and then sin 1 of the outputs, n = 2 n_outputs rows each.  Local.
+    """Return the error estimate from changes of cos 1 and then sin 1 of the outputs, n = 2 n_outputs rows each.  Local.
 
-    docs/theory.md, eq. (11.4).  What is beyond first order comes from the harmonics above all, and counts with them.  Where the
-    steps do not settle nothing is corrected, and the part of the harmonics is the farthest that later ones went; where that is
-    far, no solution of the enriched equations lies near the point, and the part is the amplitude itself, at least.
+    docs/theory.md, eq. (11.4).  Terms beyond first order come mainly from the harmonics, and are added to their part.  If the
+    iteration does not converge, there is no correction, and the harmonics part is at least the largest change in the later steps;
+    if this change is large, no solution of the enriched equations lies near the point, and the part is at least the amplitude.
 
     Parameters
     ----------
     parts : (n_parts, n) of the bar, as in ``PARTS``, of either sign
     linear : (6, n) signed changes to first order: of the basis, harmonics, samples, pairs, solver, sliders
-    steps : (n_steps, n) all of them to all orders, as the pairs follow them step by step
-    is_settled : whether the last of these is the end
-    truncated : (n,) what truncated modes change at most, of unknown sign
+    steps : (n_steps, n) total changes to all orders, in each step of the iteration
+    is_settled : whether the iteration converged with the last step
+    truncated : (n,) upper bound of the change by truncated modes, without sign
     amplitude : (n,) of the point
     """
     sizes = _sizes(parts).T
@@ -65,9 +65,8 @@ def corrected(
 def parts_of_corrected(parts: np.ndarray, remaining: np.ndarray) -> np.ndarray:
     """Return the parts of the bar of the corrected amplitudes, (n_outputs, n_parts) [m].  Local.
 
-    What is left of the parts of samples and sliders is known; what is not first order counts with the harmonics, from which most
-    of it comes.
-    An amplitude that is not corrected has the parts that it had.
+    Samples and sliders have their remaining fractions; terms beyond first order are part of the harmonics, from which they mainly
+    come.  Without a correction the parts do not change.
 
     Parameters
     ----------

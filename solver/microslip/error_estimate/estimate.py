@@ -1,12 +1,12 @@
 """The error bar of a converged point: six parts, each through the adjoint of the requested output.
 
-docs/theory.md, section 11.  The solution U of (5.1) is put into an enriched problem: all pairs, more harmonics, more samples,
-more elements of divided pairs, the truncated modes.  To first order, what that changes in the output is the change of the contact
-forces times the adjoint chi of the output, which one linear solve gives:
+docs/theory.md, section 11.  The solution U of (5.1) is inserted into an enriched problem: all pairs, more harmonics, more
+samples, more elements per divided pair, the truncated modes.  To first order, the change of the output is the change of the
+contact forces times the adjoint chi of the output, the solution of one linear system:
 
     (1 + G^T P^T) chi = B^T,      d output = - chi . d p,
 
-with B = d output / d p at fixed motion of the pairs.  With their signs the parts correct the output (correction.py).
+with B = d output / d p at fixed motion of the pairs.  The signed parts correct the output (correction.py).
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ from ..receptance.truncated_modes import EnrichedModel, Truncation
 from .adjoint import Adjoint
 from .correction import MOST_STEPS, Estimate, corrected
 
-FINER = 2  # times the samples of the enriched problem
-SAMPLES = 4  # of the more harmonics, each, at least
+FINER = 2  # factor of the number of samples in the enriched problem
+SAMPLES = 4  # least number of samples per additional harmonic
 MOST_SWEEPS = 20  # steps of the iteration for the higher harmonics
-SETTLED = 0.1  # relative miss at which it ends
-FOLLOWED = 0.1  # step over the way from the point, at which the pairs have followed the changes
+SETTLED = 0.1  # relative residual at which this iteration ends
+FOLLOWED = 0.1  # step relative to the distance from the point, at which the iteration (11.4) ends
 
 
 @dataclass(frozen=True)
 class Changes:
-    """What enriched problems change in the contact forces, in the harmonics solved for, (3 n_pairs, N_H) [N]."""
+    """Changes of the contact forces in enriched problems, in the harmonics of the solution, (3 n_pairs, N_H) [N]."""
 
     harmonics: np.ndarray
     samples: np.ndarray
     pairs: np.ndarray
     sliders: np.ndarray
     wider: HarmonicBalance  # the equation with more harmonics
-    higher: np.ndarray  # (n_owned, 3, N_H of wider) the harmonics that it has more, as far as they have settled [m]
-    without: np.ndarray  # (3 n_pairs, N_H) its forces without these, of which ``harmonics`` are the change [N]
-    unsettled: float = 1.0  # by how much more than ``SETTLED`` those miss; 1 where they have settled
+    higher: np.ndarray  # (n_owned, 3, N_H of wider) motion in the additional harmonics, as far as converged [m]
+    without: np.ndarray  # (3 n_pairs, N_H) forces of ``wider`` without ``higher``, to which ``harmonics`` is the change [N]
+    unsettled: float = 1.0  # residual of ``higher`` divided by ``SETTLED``; 1 if converged
 
     @property
     def signed(self) -> tuple[np.ndarray, ...]:
@@ -67,20 +67,20 @@ class Changes:
 
 @dataclass(frozen=True)
 class Higher:
-    """The harmonics above those solved for, as far as they have settled."""
+    """The harmonics above those of the solution, as far as converged."""
 
     motion: np.ndarray  # (n_owned, 3, N_H of the wider set) m
     forces: ContactForces  # under all harmonics
-    miss: float = 0.0  # of what these excite, relative
+    miss: float = 0.0  # relative residual
 
 
 @dataclass(frozen=True)
 class JointChanges:
-    """What changes do to the outputs' cos 1, then sin 1, by way of the pairs; n = 2 n_outputs."""
+    """Changes of the outputs' cos 1, then sin 1, through the motion of the pairs; n = 2 n_outputs."""
 
-    linear: np.ndarray  # (6, n) of harmonics, samples, pairs, sliders, solver and basis, to first order [m]
-    steps: np.ndarray  # (n_steps, n) of the iteration in which the pairs follow them, to all orders; 1 where all pairs stick [m]
-    is_settled: bool  # that iteration has come to an end
+    linear: np.ndarray  # (6, n) by harmonics, samples, pairs, sliders, solver and basis, to first order [m]
+    steps: np.ndarray  # (n_steps, n) by all, to all orders, in each step of the iteration; n_steps = 1 if all pairs stick [m]
+    is_settled: bool  # the iteration converged
     modes: np.ndarray  # (n, n_samples, N_H) samples of the truncated modes, R^T tau
     is_adjoint_found: bool
     adjoint: Adjoint | None = None  # None where all pairs stick
@@ -96,8 +96,8 @@ class ErrorEstimator:
     def __init__(self, enriched: EnrichedModel):
         self.enriched = enriched
         self.adjoint_solver, self.forward_solver = AdjointSolver(enriched.structure.comm), AdjointSolver(enriched.structure.comm)
-        self._models: dict[Harmonics, ReducedModel] = {}  # enriched ones, by harmonics
-        self._with_springs: tuple[object, EnrichedModel] = None, enriched  # of the models: their springs, and what they are of
+        self._models: dict[Harmonics, ReducedModel] = {}  # enriched models, by harmonics
+        self._with_springs: tuple[object, EnrichedModel] = None, enriched  # springs and structure of the cached models
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
@@ -119,7 +119,7 @@ class ErrorEstimator:
         return self._models[harmonics]
 
     def exact(self, equation: HarmonicBalance) -> HarmonicBalance:
-        """Return the same equation of the enriched model.  Local."""
+        """Return the same equation for the enriched model.  Local."""
         return equation if self.enriched.is_solved else equation.of(self.enriched_model(equation.model, equation.harmonics))
 
     def at(
@@ -130,11 +130,11 @@ class ErrorEstimator:
         selected: np.ndarray,
         of_all: ContactForces | None = None,
     ) -> Estimate | None:
-        """Return what enriched problems say of the complex amplitude of harmonic 1 of the outputs.
+        """Return the error estimate of the complex amplitude of harmonic 1 of the outputs.
 
-        Collective.  None without harmonic 1.  Where an adjoint is not found the solver's part is the amplitude itself.
+        Collective.  None without harmonic 1.  If the adjoint solve fails, the solver part is the amplitude itself.
         ``U`` (n_owned, 3, N_H) solves ``equation`` with the ``selected`` pairs at a point; ``of_all`` are the contact forces
-        of all pairs there, with tangents, where they are known.
+        of all pairs at the point, with tangents, if available.
         """
         model, n_out = equation.model, equation.model.n_outputs
         if 1 not in model.harmonics:
@@ -149,7 +149,7 @@ class ErrorEstimator:
         n_samples = 0 if truncation.is_exact else SAMPLES_OF_MODES
         through_joint = JointChanges.nothing(
             2 * n_out, n_samples, exact.model.N_H
-        )  # all pairs stick, in the enriched problems too
+        )  # all pairs stick, also in the enriched problems
         if len(forces.active) > 0 or changes.are_any:
             through_joint = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes, truncation)
         by_harmonics, by_samples, by_pairs, by_sliders, by_solver, by_basis = through_joint.linear
@@ -183,7 +183,7 @@ class ErrorEstimator:
         changes: Changes,
         truncation: Truncation,
     ) -> JointChanges:
-        """Return what all changes do to the outputs by way of the pairs; ``linear`` is the enriched model's linearisation.
+        """Return the changes of the outputs through the motion of the pairs; ``linear`` is the enriched model's linearisation.
 
         Collective: sums over the ranks, and a broadcast.  docs/theory.md, eq. (11.2).
         """
@@ -224,12 +224,12 @@ class ErrorEstimator:
         changes: Changes,
         of_outputs: Callable[[np.ndarray, np.ndarray], np.ndarray],
     ) -> tuple[list[np.ndarray], bool]:
-        """Return what changes do to the outputs, step by step as the pairs follow them, and whether they come to an end.
+        """Return the change of the outputs in each step of the iteration (11.4), and whether it converged.
 
-        Collective.  That end is a solution of the enriched equations near the point.  ``p`` (3 n_pairs, N_H) are the forces under
-        ``U``; ``of_outputs`` returns this rank's part of what a change of p and a residual do to the outputs.
+        Collective.  The limit is a solution of the enriched equations near the point.  ``p`` (3 n_pairs, N_H) are the forces
+        under ``U``; ``of_outputs`` returns this rank's part of the change of the outputs by a change of p and a residual.
         docs/theory.md, eq. (11.4): Newton's method with the tangents of the point, and the fixed-point iteration of the higher
-        harmonics, mixed together.
+        harmonics, with a common Anderson acceleration.
         """
         steps: list[np.ndarray] = []
         exact, more, wider = linear.equation, changes.wider.harmonics, changes.wider
@@ -256,10 +256,10 @@ class ErrorEstimator:
         return steps, False
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray) -> Changes:
-        """Return what enriched problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
+        """Return the changes in enriched problems of ``p`` of the selected pairs; ``p_all`` is p of all pairs.  Collective.
 
-        The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of that fixed-point
-        iteration, mixed so that it also converges where a harmonic lies near a resonance.
+        The higher harmonics are excited by the contact forces, U_n = -G_n p_n: a few steps of this fixed-point iteration, with
+        Anderson acceleration, so that it also converges with a harmonic near a resonance.
         """
         harmonics, more, everything = exact.harmonics, extended(exact.harmonics), exact.every_pair
         finer = exact.resolved(harmonics, FINER * exact.n_samples)
@@ -273,15 +273,15 @@ class ErrorEstimator:
         solution = with_higher(wider, at, harmonics, U_more, Higher(np.zeros_like(U_more), at_wider), SETTLED)
         without = more.carry(wider.full_force(at_wider), harmonics)
         by_harmonics = more.carry(wider.full_force(solution.forces), harmonics) - without
-        unsettled = max(1.0, solution.miss / SETTLED)  # what never settled is known no better than that
+        unsettled = max(1.0, solution.miss / SETTLED)  # without convergence the error is larger in proportion
         by_sliders = self.by_sliders(exact, U, p_all)
         return Changes(by_harmonics, by_samples, p_all - p, by_sliders, wider, solution.motion, without, unsettled)
 
     @staticmethod
     def by_sliders(exact: HarmonicBalance, U: np.ndarray, p_all: np.ndarray) -> np.ndarray:
-        """Return what infinitely many elements of each pair that is divided into some change in ``p_all``, (3 n_pairs, N_H) [N].
+        """Return the change of ``p_all`` in the limit of infinitely many elements per divided pair, (3 n_pairs, N_H) [N].
 
-        Collective: one maximum over the ranks, and a gather where a pair is divided.
+        Collective: one maximum over the ranks, and a gather if any pair is divided.
         """
         order = exact.comm.allreduce(exact.law.elements_order, MPI.MAX)
         if order == 0:
@@ -294,9 +294,9 @@ class ErrorEstimator:
 def with_higher(
     wider: HarmonicBalance, at: OperatingPoint, low: Harmonics, U: np.ndarray, start: Higher, settled: float
 ) -> Higher:
-    """Return the harmonics above ``low`` that the contact forces under ``U`` (n_owned, 3, N_H of ``wider``) and them excite.
+    """Return the harmonics above ``low`` that the contact forces excite, under ``U`` (n_owned, 3, N_H of ``wider``) plus them.
 
-    Collective.  The iteration ends where they miss by ``settled``.
+    Collective.  The iteration ends at the relative residual ``settled``.
     """
     forces, higher, miss = start.forces, start.motion, start.miss
     mixing = Anderson(wider)
@@ -311,7 +311,7 @@ def with_higher(
 def above(wider: HarmonicBalance, at: OperatingPoint, low: Harmonics, forces: ContactForces) -> np.ndarray:
     """Return the motion above the harmonics ``low`` that contact forces excite, (n_owned, 3, N_H of ``wider``) [m].
 
-    Collective where static columns are new.
+    Collective where static columns are missing.
     """
     if len(forces.active) == 0:
         return np.zeros(wider.shape)
@@ -327,7 +327,7 @@ def norm2(values: np.ndarray) -> float:
 def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
     """Return B, minus the derivative of the outputs' cos 1, then sin 1, with respect to p, (2 n_outputs, 3 n_pairs, N_H).  Local.
 
-    docs/theory.md, eq. (11.1).  With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine moves by
+    docs/theory.md, eq. (11.1).  With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine changes by
     -(Re A p_c + Im A p_s), the sine by Im A p_c - Re A p_s.
     """
     A = model.output_receptance(omega, 1)
@@ -345,6 +345,6 @@ def output_amplitude(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> 
 
 
 def extended(harmonics: Harmonics) -> Harmonics:
-    """Return the enriched problem's set: the same, with about twice as many; odd ones alone where it has no others.  Local."""
+    """Return the harmonics of the enriched problem, about twice as many; only odd ones if ``harmonics`` are odd.  Local."""
     highest = 2 * harmonics.highest + 3
     return Harmonics.odd_up_to(highest) if all(n % 2 for n in harmonics.chosen) else Harmonics.up_to(highest)
