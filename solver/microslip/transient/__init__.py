@@ -1,1 +1,1 @@
-"""The reduced model in time: steps, contact in a step, steady state.  NumPy; nothing here knows harmonic balance's kernel."""
+"""Time integration of the reduced model: scheme, contact in a step, steady state.  Independent of harmonic balance's kernel."""

@@ -1,4 +1,4 @@
-"""March many points through a period, each step with its contact problem (docs/theory.md, section 10)."""
+"""Time marching of many points through a period, with the contact problem of each step (docs/theory.md, section 10)."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from .scheme import RHO, GeneralisedAlpha, Motion, fitted_angle
 from .transient_model import TransientModel
 
 _NEWTON = 60  # iterations of a step
-_TOLERANCE = 1e-10  # of a step's contact forces, over the largest force of the joint's springs in the period
-_NO_INERTIA = 1e-9  # 1 - share of the joint's springs in the flexibility of a step: below it nothing but them resists a motion
-_MOST_ROWS = 3000  # of pairs of which these shares are computed
-_BLOCK = 512  # rows of the flexibility that are copied at a time
-_HALVINGS = 4  # of a Newton step that makes the error grow
+_TOLERANCE = 1e-10  # of a step's contact forces, relative to the largest force of the joint's springs in the period
+_NO_INERTIA = 1e-9  # 1 - share of the joint's springs in the flexibility of a step: below it only they resist the motion
+_MOST_ROWS = 3000  # of pairs up to which these shares are computed
+_BLOCK = 512  # rows of the flexibility copied at a time
+_HALVINGS = 4  # of a Newton step that increases the error
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """What a period left behind; samples at the ends of the steps."""
+    """Record of a period; samples at the ends of the steps."""
 
     eta: np.ndarray  # (n_steps, B, m)
     v: np.ndarray  # (n_steps, B, m)
     p: np.ndarray  # (n_steps, B, 3 n_pairs) N
-    state: np.ndarray  # (B, n_pairs) uint8: the most that happened to a pair, STICK < SLIP < OPEN
+    state: np.ndarray  # (B, n_pairs) uint8: maximum over the period, STICK < SLIP < OPEN
 
 
 class March:
-    """B points of a model, each with its frequency and level, through periods of ``n_steps`` steps."""
+    """Marches B points of a model, each with its frequency and level, through periods of ``n_steps`` steps."""
 
     def __init__(self, model: TransientModel, omega: np.ndarray, level: np.ndarray, n_steps: int, rho: float = RHO):
         self.model, self.omega, self.level, self.n_steps = model, omega, level, n_steps
@@ -43,12 +43,12 @@ class March:
     def period(self, z: Motion, contact: np.ndarray, ramp: np.ndarray | None = None) -> tuple[Motion, np.ndarray, Cycle]:
         """Return motion and contact after a period, and its record.  Local.
 
-        ``contact`` is p with what the law remembers, (B, n_pairs (3 + n_memory)); ``ramp`` (n_steps,) multiplies the loads at the
-        ends of the steps.
+        ``contact`` is p with the internal variables of the law, (B, n_pairs (3 + n_memory)); ``ramp`` (n_steps,) multiplies the
+        loads at the ends of the steps.
 
         Raises
         ------
-        ConvergenceError : the contact problem of a step has no solution that Newton finds
+        ConvergenceError : Newton's method does not converge in the contact problem of a step
         """
         model, B = self.model, len(self.level)
         step = StepContact(model, self.scheme)
@@ -60,7 +60,7 @@ class March:
             np.zeros((B, model.n_pairs), dtype=np.uint8),
         )
         factor = np.ones(self.n_steps) if ramp is None else ramp
-        before = 1.0 if ramp is None else 2.0 * ramp[0] - ramp[1]  # the factor at the beginning of the period
+        before = 1.0 if ramp is None else 2.0 * ramp[0] - ramp[1]  # the factor at the start of the period
         q_load = before * self.level[:, None] * (model.modes.b @ self.f[-1])
         guess = p = model.forces(contact)
         for k in range(self.n_steps):
@@ -82,8 +82,7 @@ class StepContact:
     """The contact problem at the end of a step, p = law(p_before, du_free - G_h p), eq. (10.4), of B points.
 
     G_h = G + R_phi (d eta / d q) R_phi^T is the flexibility within a step.  Newton's method with the exact derivative of the
-    return map: of the pairs that stick p is known, so that a linear system of the moving components alone is left, a point at a
-    time.
+    return map: p of sticking pairs is known, so that the linear system of a point has only the moving components.
     """
 
     def __init__(self, model: TransientModel, scheme: GeneralisedAlpha):
@@ -103,7 +102,7 @@ class StepContact:
         return G_p + self.flexibility.apply(few @ R_phi[rows]) @ R_phi.T
 
     def solve(self, du_free: np.ndarray, before: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return p with the law's memory (B, n_pairs (3 + n_memory)) and states (B, n_pairs) at the end of the step.  Local."""
+        """Return p with internal variables (B, n_pairs (3 + n_memory)) and states (B, n_pairs) at the end of the step.  Local."""
         self.scale = np.maximum(self.scale, np.abs(self.springs * du_free).max(axis=1, initial=0.0))
         p, after, new, L, state = self._law(du_free, before, guess)
         error = self._error(p, new)
@@ -126,7 +125,7 @@ class StepContact:
         )
 
     def _advice(self, b: int) -> str:
-        """Say what may help: modes, where released pairs of the b-th point leave motions that nothing resists, eq. (10.5)."""
+        """Return advice: more modes, if released pairs of the b-th point allow motions without resistance, eq. (10.5)."""
         root, n_modes = np.sqrt(self.model.law.stiffness.ravel()), self.model.modes.R_phi.shape[1]
         rows = np.flatnonzero(root)
         if len(rows) > _MOST_ROWS:
@@ -143,7 +142,7 @@ class StepContact:
         )
 
     def _law(self, du_free, before, p):
-        """Return p, the law's answer to it, with its memory and alone, its derivative and the states."""
+        """Return p, the forces of the law under it with and without internal variables, their derivative, and the states."""
         n_pairs, n_kept = self.model.n_pairs, 3 + self.model.law.n_memory
         du = (du_free - self.apply(p)).reshape(len(p), n_pairs, 3)
         after, L, state = self.model.law.step(du, before.reshape(len(p), n_pairs, n_kept))
@@ -154,7 +153,7 @@ class StepContact:
         return np.abs(new - p).max(axis=1, initial=0.0)
 
     def _newton(self, p, new, L, wrong) -> np.ndarray:
-        """Return Newton's step dp, (1 + L G_h) dp = new - p, of the ``wrong`` points; zero for the others."""
+        """Return the Newton step dp, (1 + L G_h) dp = new - p, of the ``wrong`` points; zero for the others."""
         step, model, R_phi = np.zeros_like(p), self.model, self.model.modes.R_phi
         step[wrong] = (new - p)[wrong]
         moving = L.any(axis=-1)  # (B, n, 3): rows of L that are not zero

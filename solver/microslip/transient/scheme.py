@@ -1,4 +1,4 @@
-"""Generalised-alpha steps of the modal equations, for many points at once (docs/theory.md, section 10).
+"""Generalised-alpha time integration of the modal equations, for many points at once (docs/theory.md, section 10).
 
 J. Chung, G. M. Hulbert: A time integration algorithm for structural dynamics with improved numerical dissipation: the
 generalized-alpha method, Journal of Applied Mechanics 60 (1993) 371.
@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from ..receptance.damping import Damping, StepFlexibility
 
-RHO = 0.9  # spectral radius at infinite frequency: what the step does not resolve loses 10 % a step
+RHO = 0.9  # spectral radius at infinite frequency: unresolved modes decay by 10 % per step
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,15 @@ class Motion:
 
 
 class GeneralisedAlpha:
-    """eta'' + C eta' + Omega^2 eta = q(t) in steps ``h`` (B,) [s]; a step is split where the contact force at its end enters.
+    """eta'' + C eta' + Omega^2 eta = q(t) in steps ``h`` (B,) [s]; the contact force at the end of a step is added separately.
 
     docs/theory.md, eq. (10.2).
 
     Parameters
     ----------
-    omega_n, damping : (m,) and phi^T C phi, of every point
+    omega_n, damping : (m,) and phi^T C phi, the same for every point
     h : (B,) s
-    rho : spectral radius at infinite frequency, 0 to 1; 1 loses nothing
+    rho : spectral radius at infinite frequency, 0 to 1; no numerical damping at 1
     """
 
     def __init__(self, omega_n: np.ndarray, damping: Damping, h: np.ndarray, rho: float = RHO):
@@ -54,7 +54,7 @@ class GeneralisedAlpha:
         return GeneralisedAlpha(self.omega_n, self.damping, self.h[points, 0], self.rho)
 
     def free(self, z: Motion, q_before: np.ndarray, q: np.ndarray) -> Motion:
-        """Return the motion after a step under modal forces ``q_before`` at its begin, ``q`` at its end, (B, m).  Local."""
+        """Return the motion after a step under modal forces ``q_before`` at its start, ``q`` at its end, (B, m).  Local."""
         h, now = self.h, 1.0 - self.alpha_f
         eta = z.eta + h * z.v + h**2 * (0.5 - self.beta) * z.a
         v = z.v + h * (1.0 - self.gamma) * z.a
@@ -63,7 +63,7 @@ class GeneralisedAlpha:
         return Motion(eta + self.beta * h**2 * a, v + self.gamma * h * a, a)
 
     def kicked(self, z: Motion, q: np.ndarray) -> Motion:
-        """Return the motion with a further modal force ``q`` (B, m) at the end of the step.  Local."""
+        """Return the motion with an additional modal force ``q`` (B, m) at the end of the step.  Local."""
         a = (1.0 - self.alpha_f) * self.A.solve(q)
         return Motion(z.eta + self.beta * self.h**2 * a, z.v + self.gamma * self.h * a, z.a + a)
 
@@ -78,12 +78,12 @@ class GeneralisedAlpha:
         return np.stack([self.omega_n * z.eta, z.v, z.a / self.omega_n], axis=-1)
 
     def unpack(self, x: np.ndarray) -> Motion:
-        """Undo :meth:`pack`.  Local."""
+        """Return the motion from scaled coordinates, the inverse of :meth:`pack`.  Local."""
         return Motion(x[..., 0] / self.omega_n, x[..., 1].copy(), x[..., 2] * self.omega_n)
 
     def solve_period(self, x: np.ndarray, n_steps: int) -> np.ndarray:
         """Return y with y - Phi^n_steps y = x for scaled coordinates (B, m, 3), Phi being a step without force.  Local."""
-        n = 3 * self.damping.n_coupled  # a block of 3 x 3 a mode with modal damping, else of all
+        n = 3 * self.damping.n_coupled  # with modal damping one 3 x 3 block per mode, else one block of all modes
         blocks = (len(x), 3 * len(self.omega_n) // n, n)
         units = [np.broadcast_to(unit, blocks).reshape(x.shape) for unit in np.eye(n)]
         Phi = np.stack([self._scaled_step(unit).reshape(blocks) for unit in units], axis=-1)
@@ -97,18 +97,18 @@ class GeneralisedAlpha:
 
 
 def fitted_angle(n_steps: int, rho: float = RHO) -> float:
-    """Return omega h such that an undamped oscillator of frequency omega takes exactly ``n_steps`` steps a period.  Local.
+    """Return omega h such that an undamped oscillator of frequency omega takes exactly ``n_steps`` steps per period.  Local.
 
-    docs/theory.md, eq. (10.3).  Generalised-alpha, like the trapezoidal rule, lengthens periods by (omega h)^2 / 12 of
-    themselves at rho = 1.  At a resonance of damping ratio zeta that shift counts by 1 / zeta.  A step of omega h instead of
-    2 pi / n_steps takes it out.
+    docs/theory.md, eq. (10.3).  Generalised-alpha, like the trapezoidal rule, has a relative period elongation of
+    (omega h)^2 / 12 at rho = 1.  At a resonance with damping ratio zeta its effect is multiplied by 1 / zeta.  A step of omega h
+    instead of 2 pi / n_steps removes it.
     """
     exact = 2.0 * np.pi / n_steps
     return float(brentq(lambda angle: step_angle(angle, rho) - exact, 0.5 * exact, 1.5 * exact, xtol=1e-15, rtol=1e-14))
 
 
 def step_angle(angle: float, rho: float = RHO) -> float:
-    """Return by how much an undamped oscillator turns in a step of omega h = ``angle`` [rad].  Local."""
+    """Return the phase advance of an undamped oscillator in a step of omega h = ``angle`` [rad].  Local."""
     factors = step_factors(angle, rho)
     return float(np.angle(factors[np.argmax(factors.imag)]))  # the third, spurious one is real
 

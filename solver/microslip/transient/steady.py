@@ -1,4 +1,4 @@
-"""The steady state: a motion that a period of time steps leaves as it was (docs/theory.md, section 10)."""
+"""The steady state: a motion that repeats after a period of time steps (docs/theory.md, section 10)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from .march import Cycle, March
 from .scheme import Motion
 from .transient_model import TransientModel
 
-DEPTH = 8  # differences that the acceleration remembers
-_LARGEST = (2.0, 20.0)  # corrections of motion and of contact forces over F: an excursion would bring slip of its own
-_CUT = 1e-7  # of the largest singular value: differences that say nothing new
+DEPTH = 8  # differences in the history of the acceleration
+_LARGEST = (2.0, 20.0)  # bounds of |step| / |F| of motion and contact forces: an excursion would cause additional slip
+_CUT = 1e-7  # of the largest singular value: linearly dependent differences
 _SETTLING = 20  # periods of the law under a given motion
 RAMP = 20  # periods over which the load rises from rest
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a march begins, at t = 0: B motions, and contact forces p = f_nl - K_J du with what the law remembers beside them.
+    """Initial state of a march, at t = 0: B motions, contact forces p = f_nl - K_J du and internal variables of the law.
 
     ``p`` is (B, n_pairs (3 + n_memory)) [N].
     """
@@ -36,17 +36,17 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Periods of B points that came closest to repeating, and how close."""
+    """The period of each of B points that is closest to a steady state, and its distance."""
 
-    start: Start  # of that period
+    start: Start  # of this period
     cycle: Cycle
-    periods: np.ndarray  # (B,) marched until then
-    change: np.ndarray  # (B,) of motion and contact forces in a period, over their size
-    distance: np.ndarray  # (B,) from the steady state, over the motion: the change divided by what decays of it in a period
+    periods: np.ndarray  # (B,) periods marched up to this one
+    change: np.ndarray  # (B,) of motion and contact forces in a period, relative to their size
+    distance: np.ndarray  # (B,) from the steady state, relative to the motion: the change, amplified by (1 - Phi^N)^-1
 
 
 def from_rest(model: TransientModel, n_points: int) -> Start:
-    """Return rest, no traction.  Local."""
+    """Return the state of rest without traction.  Local."""
     zero = np.zeros((n_points, len(model.modes.omega_n)))
     return Start(Motion(zero, zero, zero), np.zeros((n_points, model.n_pairs * (3 + model.law.n_memory))))
 
@@ -54,8 +54,8 @@ def from_rest(model: TransientModel, n_points: int) -> Start:
 def from_harmonics(model: TransientModel, omega: np.ndarray, eta: np.ndarray, U: np.ndarray, n_steps: int) -> Start:
     """Return the state at t = 0 of periodic motions, eta (B, m, N_H) and U (B, n_pairs, 3, N_H).  Local.
 
-    The sliders stand where the rule of section 3 puts them under that motion: from w = w0 at the first sample, until a period
-    repeats or ``_SETTLING`` of them have passed.
+    Slider positions follow from the march of section 3 under this motion: from w = w0 at the first sample, until a period repeats
+    or for ``_SETTLING`` periods.
     """
     n = np.arange(1, eta.shape[-1] // 2 + 1)
     w = omega[:, None]
@@ -72,7 +72,7 @@ def from_harmonics(model: TransientModel, omega: np.ndarray, eta: np.ndarray, U:
 
 
 class Acceleration:
-    """Anderson's acceleration of x <- x + F(x) for one point, x being the motion and the contact forces.
+    """Anderson acceleration of x <- x + F(x) for one point, where x has the motion and the contact forces.
 
     D. G. Anderson: Iterative procedures for nonlinear integral equations, Journal of the ACM 12 (1965) 547.
     """
@@ -84,7 +84,7 @@ class Acceleration:
         self.last: tuple[np.ndarray, np.ndarray] | None = None
 
     def next(self, x: np.ndarray, F: np.ndarray) -> np.ndarray:
-        """Return the next x; what F leaves as it is, the sliders of pairs that stick, stays.  Local."""
+        """Return the next x; components with F = 0, sliders of sticking pairs, do not change.  Local."""
         if self.last is not None:
             self.dx.append(x - self.last[0])
             self.dF.append(F - self.last[1])
@@ -110,16 +110,16 @@ def steady_state(
     accelerated: bool = True,
     said: Callable[[str], None] = lambda text: None,
 ) -> Found:
-    """Return for every point the period that repeats itself, or came closest.  Local.
+    """Return for every point the steady period, or the period closest to it.  Local.
 
-    Unless ``accelerated`` nothing but time brings the points to their steady state, from rest under a load that grows over
-    ``RAMP`` periods.  Else motion and contact forces at the beginning of a period are corrected after each: the motion first by
-    what a period of the stuck structure would need, (1 - Phi^N)^-1 (x_N - x_0), the contact forces by the law; then both by
-    Anderson's acceleration of that.  Ends at ``distance`` <= ``tolerance`` and a change of p of 10 ``tolerance`` in a period.
+    Without ``accelerated`` the points are marched to their steady state, from rest under a load that grows over ``RAMP`` periods.
+    Otherwise motion and contact forces at the start of a period are corrected after each period: the motion by the correction
+    for the stuck structure, (1 - Phi^N)^-1 (x_N - x_0), the contact forces by the law; this fixed-point iteration has Anderson
+    acceleration.  Ends at ``distance`` <= ``tolerance`` and a change of p of at most 10 ``tolerance`` in a period.
 
     Raises
     ------
-    ConvergenceError : a step has no solution that Newton finds
+    ConvergenceError : Newton's method does not converge in a step
     """
     B = len(march.level)
     accelerations = [Acceleration(3 * len(march.model.modes.omega_n)) for _ in range(B)] if accelerated else None
@@ -167,7 +167,7 @@ def _accelerated(
     before: np.ndarray,
     after: np.ndarray,
 ) -> Start:
-    """Return where the next period of every point begins: motion and contact forces, each in the root of an energy.  Local."""
+    """Return the start of the next period of every point; motion and forces are accelerated in units of root energy.  Local."""
     n, shape, root = motion[0].size, motion[0].shape, march.model.memory_scale
     x = [
         acceleration.next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
@@ -227,7 +227,7 @@ def coefficients(values: np.ndarray, H: int) -> np.ndarray:
 def energies(
     model: TransientModel, omega: np.ndarray, level: np.ndarray, cycle: Cycle
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return input, viscous and friction loss a period, (B,) [J], by the trapezoidal rule.  Local."""
+    """Return input, viscous and friction loss per period, (B,) [J], by the trapezoidal rule.  Local."""
     du, _, along = samples(model, omega, level, cycle)
     f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]
     damping = (cycle.v * model.modes.damping.apply_to_rows(cycle.v)).sum(axis=(0, 2)) * 2.0 * np.pi / omega / len(cycle.eta)

@@ -1,4 +1,4 @@
-"""The reduced model for time integration: the numbers that harmonic balance uses, on every rank (docs/theory.md, section 10)."""
+"""The reduced model for time integration: the data of harmonic balance, on every rank (docs/theory.md, section 10)."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from ..receptance.modes import DampedModes
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.rigid_motion import RigidMotion
 
-_ASKED_FROM = 1e8  # bytes of G from which memory is asked for before they are taken
-_BLOCK = 512  # rows of G that are made at a time
+_ASKED_FROM = 1e8  # bytes of G from which the available memory is checked first
+_BLOCK = 512  # rows of G computed at a time
 _FEWER = "fewer ranks on each machine, or a coarser mesh of the contact surfaces, need less"
 
 
 @dataclass(frozen=True, eq=False)
 class TransientModel:
-    """Modes and what is left of statics beside them; du = R_phi eta + s f - G p, eq. (10.1); everything replicated."""
+    """Modes and residual flexibility; du = R_phi eta + s f - G p, eq. (10.1); everything replicated."""
 
     modes: DampedModes
     G: np.ndarray  # (3 n_pairs, 3 n_pairs) G_static - R_phi Omega^-2 R_phi^T [m/N]
     s: np.ndarray  # (3 n_pairs, n_loads) du_static - R_phi Omega^-2 b [m/N]
-    out_f: np.ndarray  # (n_outputs, n_loads) outputs' residual flexibility to the loads [m/N]
-    out_p: np.ndarray  # (n_outputs, 3 n_pairs) the same to p
-    load_f: np.ndarray  # (n_loads, n_loads) the loads' own [m/N]
+    out_f: np.ndarray  # (n_outputs, n_loads) residual flexibility between outputs and loads [m/N]
+    out_p: np.ndarray  # (n_outputs, 3 n_pairs) between outputs and p [m/N]
+    load_f: np.ndarray  # (n_loads, n_loads) between loads [m/N]
     f: np.ndarray  # (n_loads, N_H) Fourier coefficients of the loads at unit level
     law: Law
     rigid: RigidMotion | None = None  # of a structure without supports: contact forces do not move it
@@ -39,12 +39,12 @@ class TransientModel:
 
     @property
     def memory_scale(self) -> np.ndarray:
-        """What numbers of p and memory are over, in the root of an energy, (n_pairs (3 + n_memory),) [(N/m)^1/2]."""
+        """Divisors that convert p and internal variables to units of root energy, (n_pairs (3 + n_memory),) [(N/m)^1/2]."""
         root = np.sqrt(np.where(self.law.springs > 0.0, self.law.springs, 1.0))
         return np.concatenate([root, np.repeat(root[:, :1], self.law.n_memory, axis=1)], axis=1).ravel()
 
     def forces(self, contact: np.ndarray) -> np.ndarray:
-        """Return p (..., 3 n_pairs) of p with what the law remembers beside it, (..., n_pairs (3 + n_memory)) [N].  Local."""
+        """Return p (..., 3 n_pairs) from p with internal variables, (..., n_pairs (3 + n_memory)) [N].  Local."""
         by_pair = contact.reshape(*contact.shape[:-1], self.n_pairs, 3 + self.law.n_memory)
         return by_pair[..., :3].reshape(*contact.shape[:-1], 3 * self.n_pairs)
 
@@ -61,7 +61,7 @@ class TransientModel:
         return np.stack([np.roll(synthesise(each, n_steps), -1, axis=1).T for each in q], axis=1)
 
     def rigid_loss(self, omega: np.ndarray, level: np.ndarray) -> np.ndarray:
-        """Return what dampers take of that motion a period, (B,) [J].  Local."""
+        """Return the loss of the rigid-body motion in dampers per period, (B,) [J].  Local."""
         n, rigid = np.arange(self.f.shape[1] // 2 + 1), self.rigid
         return np.array([0.0 if rigid is None else rigid.loss(a * self.f, n, w) for a, w in zip(level, omega)])
 
@@ -69,8 +69,8 @@ class TransientModel:
 def transient_model(model: ReducedModel, law: Law) -> TransientModel:
     """Return the model of eq. (10.1).
 
-    Collective on ``model.comm``: static columns of all pairs, and a gather of G, of which every rank needs all: it marches points
-    of its own.
+    Collective on ``model.comm``: static columns of all pairs, and a gather of the whole G to every rank, as each rank marches
+    different points.
 
     Raises
     ------
@@ -94,16 +94,16 @@ def transient_model(model: ReducedModel, law: Law) -> TransientModel:
 
 
 def _refuse_what_does_not_fit(model: ReducedModel) -> None:
-    """Raise ResourceError where G, and the static columns that it is made of, do not fit into memory.  Collective."""
+    """Raise ResourceError if G and the static columns do not fit into memory.  Collective."""
     n_owned, n_missing = model.owned.stop - model.owned.start, np.count_nonzero(~model.groups[0].receptance.static.G_static.known)
     if 72.0 * model.n_pairs**2 > _ASKED_FROM:
-        n_rows = n_owned if model.comm.size > 1 else 0  # beside what is gathered of them
+        n_rows = n_owned if model.comm.size > 1 else 0  # in addition to the gathered rows
         needed = 72.0 * (model.n_pairs**2 + n_rows * model.n_pairs + n_missing * n_owned)
         refuse_beyond(model.comm, needed, f"time integration: the flexibility between all {model.n_pairs} pairs", _FEWER)
 
 
 def _residual_flexibility(model: ReducedModel, R_flexibility: np.ndarray) -> np.ndarray:
-    """Return G of eq. (10.1), (3 n_pairs, 3 n_pairs) [m/N], whose rows each rank makes for its pairs.  Collective."""
+    """Return G of eq. (10.1), (3 n_pairs, 3 n_pairs) [m/N]; each rank computes the rows of its pairs.  Collective."""
     modes, static = model.groups[0].receptance.modes, model.groups[0].receptance.static
     columns = static.G_static.chosen(np.arange(model.n_pairs))
     first, n_owned = 3 * model.owned.start, 3 * (model.owned.stop - model.owned.start)
