@@ -1,1 +1,1 @@
-"""MPI and PETSc: their start, agreement between ranks, groups of ranks, who owns what, parts of a graph by METIS."""
+"""MPI and PETSc: initialisation, agreement between ranks, groups of ranks, ownership, graph partition by METIS."""

@@ -1,4 +1,4 @@
-"""Errors and results agreed on by all ranks before any of them reads on."""
+"""Errors and results that all ranks agree on before they continue."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def raise_together(comm: MPI.Comm, problem: str | None, error: type[MicroslipError]) -> None:
     """Raise ``error`` on every rank if any rank passes a ``problem`` text.
 
-    Collective on ``comm``.  The message is that of the lowest rank with a problem.
+    Collective on ``comm``.  The message comes from the lowest rank with a problem.
     """
     moved()
     problems = [(rank, text) for rank, text in enumerate(comm.allgather(problem)) if text]
@@ -54,15 +54,15 @@ def on_root(comm: MPI.Comm, function: Callable[..., Any], *args: Any, share: boo
 
 
 def on_each(comm: MPI.Comm, function: Callable[..., Any], *args: Any) -> Any:
-    """Call ``function(*args)`` on every rank, which share the work, and return this rank's result.
+    """Call ``function(*args)`` on every rank, for a part of the work each, and return this rank's result.
 
     Collective on ``comm``: one gather.  ``function`` itself must not be collective.
 
     Raises
     ------
-    Whatever ``function`` raises on the lowest rank on which it does, on every rank.
+    On every rank, the error that ``function`` raises on the lowest rank with an error.
     """
-    with unwatched():  # the shares may take long, and longer than those of others
+    with unwatched():  # a rank may take long, and longer than the others
         value, problems = _each(comm, function, args)
     for error in problems:
         if error is not None:
@@ -71,7 +71,7 @@ def on_each(comm: MPI.Comm, function: Callable[..., Any], *args: Any) -> Any:
 
 
 def _each(comm: MPI.Comm, function: Callable[..., Any], args: tuple) -> tuple[Any, list[Exception | None]]:
-    """Return the result of ``function`` on this rank, and what it raised on each.  Collective."""
+    """Return the result of ``function`` on this rank, and its error on each rank, if any.  Collective."""
     value: Any = None
     problem: Exception | None = None
     try:

@@ -1,6 +1,6 @@
-"""METIS, and what it does to signals: it answers SIGTERM itself while it works, and leaves it so that system calls go on.
+"""METIS, and a correction of its signal handling: METIS handles SIGTERM itself, and afterwards signals do not interrupt calls.
 
-A rank that then waits in a write, to a terminal or to mpirun, would never hear that it is to stop.
+A rank that waits in a system call, for example a write to a terminal or to mpirun, would then not react to a signal.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ NAME = "METIS"
 
 
 def partition(graph: sp.csr_matrix, n_parts: int, weights: np.ndarray) -> np.ndarray:
-    """Return the part of every node of a graph, (n,), parts alike in weight and with few edges between them.  Local.
+    """Return the part of every node of a graph, (n,), with parts of equal weight and few cut edges.  Local.
 
-    Raises CaseError where METIS is missing, Interrupted where a signal ended it.
+    Raises CaseError if METIS is missing, Interrupted if a signal ended it.
     """
     metis = _metis("several ranks need METIS")
     with _at_work():
@@ -30,7 +30,7 @@ def partition(graph: sp.csr_matrix, n_parts: int, weights: np.ndarray) -> np.nda
 
 
 def nested_dissection(graph: sp.csr_matrix) -> np.ndarray:
-    """Return the nodes of a graph, (n,), in an order in which its factor fills in little.  Local; raises as `partition`."""
+    """Return a fill-reducing order of the nodes of a graph, (n,).  Local; raises as `partition`."""
     metis = _metis("a factor's order needs METIS")
     with _at_work():
         order, _ = metis.nested_dissection(adjacency=_adjacency(metis, graph))
@@ -38,7 +38,7 @@ def nested_dissection(graph: sp.csr_matrix) -> np.ndarray:
 
 
 def _metis(needed: str):
-    """Return METIS as a module of Python."""
+    """Return the Python module of METIS."""
     try:
         import pymetis
     except ImportError:
@@ -47,16 +47,16 @@ def _metis(needed: str):
 
 
 def _adjacency(metis, graph: sp.csr_matrix):
-    """Return the edges of a graph as METIS takes them."""
+    """Return the edges of a graph in the format of METIS."""
     return metis.CSRAdjacency(graph.indptr.astype(np.int32), graph.indices.astype(np.int32))
 
 
 @contextmanager
 def _at_work() -> Iterator[None]:
-    """Take signals back from METIS after the block, and say of one that ended it."""
+    """Restore the signal settings after the block, and raise Interrupted if a signal ended METIS."""
     try:
         yield
-    except RuntimeError as problem:  # of which pymetis does not say more
+    except RuntimeError as problem:  # pymetis gives no cause
         raise Interrupted("stopped by SIGTERM, or by want of memory, while METIS was at work on the mesh") from problem
     finally:
         for number in STOPPING:

@@ -1,4 +1,4 @@
-"""Who owns what where nothing but the count decides, which rows belong to what, and sums over all."""
+"""Even distribution of items over ranks, rows of pairs, sums over ranks and gathers of rows."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 
 def split_evenly(n: int, size: int) -> np.ndarray:
-    """Return (size + 1,) limits that split n items over ``size`` ranks; a rank may get none.  Local."""
+    """Return (size + 1,) limits that distribute n items over ``size`` ranks; a rank may have none.  Local."""
     return np.array([n * rank // size for rank in range(size + 1)])
 
 
 def rows_of(pairs: np.ndarray) -> np.ndarray:
-    """Return the three rows of each of some pairs or places (m,), (3 m,).  Local."""
+    """Return the three rows of each pair or place ``pairs`` (m,), (3 m,).  Local."""
     return (3 * np.asarray(pairs)[:, None] + np.arange(3)).ravel()
 
 
@@ -29,9 +29,9 @@ def summed(comm: MPI.Comm, partial: np.ndarray) -> np.ndarray:
 
 
 def gathered_rows(comm: MPI.Comm, owned: np.ndarray, limits: np.ndarray, root: int | None = None) -> np.ndarray | None:
-    """Return rows (limits[-1], n) of which each rank has its own, limits[rank] to limits[rank + 1].
+    """Return the rows of all ranks, (limits[-1], n); this rank owns the rows limits[rank] to limits[rank + 1].
 
-    Collective on ``comm``: one gather.  On every rank, or on ``root`` alone, None elsewhere.  One rank's rows are not copied.
+    Collective on ``comm``: one gather.  Result on every rank, or on ``root`` only and None elsewhere.  No copy on one rank.
     """
     if comm.size == 1:
         return owned

@@ -1,7 +1,7 @@
 """Start PETSc and SLEPc once, with the options of this program only.
 
 Debian's Python packages of PETSc and SLEPc are found through a link that only its development packages
-install; :func:`locate` adds the packages' own folders instead, so that nobody has to set a variable.
+install; :func:`locate` adds the folders of the packages instead, so that no environment variable is needed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
-_REFUSED = (62, 63, 86, 92)  # errors of PETSc: a wrong argument, one out of range, an unknown kind, a solver not there
+_REFUSED = (62, 63, 86, 92)  # errors of PETSc: wrong argument, argument out of range, unknown type, missing solver
 PREFIXES = ("static_", "modes_", "hb_")
 _DEBIAN = {
     "petsc4py": ("PETSC_DIR", "/usr/lib/petscdir/petsc*/*-real"),
@@ -28,7 +28,7 @@ _DEBIAN = {
 
 
 def locate() -> None:
-    """Make petsc4py and slepc4py importable where Debian keeps them.  Local."""
+    """Make petsc4py and slepc4py importable from Debian's folders.  Local."""
     for module, (variable, pattern) in _DEBIAN.items():
         if importlib.util.find_spec(module) is not None:
             continue
@@ -44,8 +44,8 @@ def locate() -> None:
 def initialise(options: list[str] | None = None):
     """Initialise MPI, PETSc and SLEPc and return ``(PETSc, SLEPc)``.  Collective on all ranks.
 
-    ``options`` are what followed ``--`` on the command line, already checked.  No ``.petscrc`` is read:
-    it could execute code from the working directory.
+    ``options`` are the options after ``--`` on the command line, already checked.  No ``.petscrc`` is read,
+    since it could execute code from the working directory.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     locate()
@@ -64,10 +64,10 @@ def initialise(options: list[str] | None = None):
 
 
 def free(*objects: PETSc.Object) -> None:
-    """Destroy objects of PETSc and SLEPc; after a signal that stops do nothing.  Collective.
+    """Destroy objects of PETSc and SLEPc; do nothing after a signal that stops the program.  Collective.
 
-    The signal may have left a solver of theirs in the middle of its work: PETSc then refuses to free them, or crashes, and the
-    other ranks do not take part.
+    The signal may have interrupted a solver: PETSc then refuses to free its objects, or crashes, and the other ranks do not take
+    part.
     """
     if not is_stopping():
         for each in objects:
@@ -83,9 +83,9 @@ def everyone() -> MPI.Comm:
 
 
 def unused_options(options: tuple[str, ...]) -> list[str]:
-    """Return the names of ``options`` (names and values as given to PETSc) that no solver has asked for so far.
+    """Return the names of ``options`` (names and values as given to PETSc) that no solver has read so far.
 
-    Local; the same on every rank.  petsc4py does not pass on what PETSc notes, so its library is asked itself.
+    Local; the same on every rank.  Calls PETSc's library directly, since petsc4py has no such function.
     """
     from petsc4py import PETSc
 
@@ -101,7 +101,7 @@ def unused_options(options: tuple[str, ...]) -> list[str]:
 
 
 def refused_option(problem: BaseException) -> str | None:
-    """Return what PETSc says of a value that it refuses, and the options that were given; None of anything else.  Local."""
+    """Return PETSc's message on a refused option value, with the given options; None for any other error.  Local."""
     if getattr(problem, "ierr", None) not in _REFUSED:
         return None
     from petsc4py import PETSc

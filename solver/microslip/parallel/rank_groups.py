@@ -1,7 +1,7 @@
-"""Groups of ranks at work side by side: the split, a counter that deals the tasks, and reports to rank 0.
+"""Groups of ranks that work concurrently: the split, a counter that distributes the tasks, and reports to rank 0.
 
-Rank 0 works in the first group like any other rank.  The root of a group is its lowest rank; what it tells rank 0 travels
-while both go on, and is heard whenever rank 0 tells something itself, and at the end until all groups are done.
+Rank 0 works in the first group like any other rank.  The root of a group is its lowest rank.  Its messages to rank 0 are
+non-blocking; rank 0 receives them whenever it reports itself, and at the end until all groups have finished.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from ..messages.errors import CaseError, Interrupted, MicroslipError
 from .ownership import split_evenly
 
 _REPORT, _END = 1, 2  # tags: from a root to rank 0, and back
-_PAUSE = 0.002  # s between two looks for a message: other ranks may compute on this processor
+_PAUSE = 0.002  # s between two probes for a message: other ranks may compute on this processor
 
 
 def refuse_too_many(n_groups: int, n_ranks: int) -> None:
-    """Refuse groups without a rank.  Local.
+    """Raise an error if a group would have no rank.  Local.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def refuse_too_many(n_groups: int, n_ranks: int) -> None:
 
 @dataclass(frozen=True)
 class Groups:
-    """The ranks of ``world`` in groups of consecutive ones, as equal in size as can be."""
+    """The ranks of ``world`` in groups of consecutive ranks, as equal in size as possible."""
 
     world: Any
     comm: Any  # of this rank's group
@@ -58,22 +58,22 @@ class Groups:
 
     @property
     def where(self) -> str:
-        """Name the ranks of this group."""
+        """The ranks of this group, for messages."""
         first, last = self.limits[self.number], self.limits[self.number + 1] - 1
         return f"rank {first}" if first == last else f"ranks {first} to {last}"
 
 
 def split(world, n_groups: int) -> Groups:
-    """Return the ranks of ``world`` in ``n_groups`` groups, at most one a rank.  Collective on ``world``."""
+    """Return the ranks of ``world`` in ``n_groups`` groups, at most as many as ranks.  Collective on ``world``."""
     limits = split_evenly(world.size, n_groups)
     number = int(np.searchsorted(limits, world.rank, side="right")) - 1
     return Groups(world, world.Split(number, world.rank), number, limits)
 
 
 class Counter:
-    """Deals 0, 1, 2, ..., each number once, to whoever asks first.  Collective on ``world``, as is ``free``.
+    """Returns 0, 1, 2, ..., each number once over all ranks, in the order of calls.  Collective on ``world``, as is ``free``.
 
-    It lies in the memory of rank 0, where the others count it up themselves: rank 0 need not stop to serve them.
+    The counter is in the memory of rank 0; other ranks increment it by one-sided communication, without action of rank 0.
     """
 
     def __init__(self, world):
@@ -98,7 +98,7 @@ class Counter:
 
 
 def dealt(groups: Groups, counter: Counter, n_tasks: int) -> Iterator[int]:
-    """Yield the tasks of 0 to ``n_tasks`` - 1 that fall to this rank's group: the next one whenever it has done the last.
+    """Yield the tasks of this rank's group out of 0 to ``n_tasks`` - 1: a new task whenever it has finished one.
 
     Collective on ``groups.comm``.
     """
@@ -107,28 +107,28 @@ def dealt(groups: Groups, counter: Counter, n_tasks: int) -> Iterator[int]:
 
 
 class Reports:
-    """What the groups tell rank 0 of the world while all of them work.  Collective on ``groups.world``, as is ``free``.
+    """Messages of the groups to rank 0 of the world while all of them work.  Collective on ``groups.world``, as is ``free``.
 
-    All other methods are local; they do something on the roots of the groups only.
+    All other methods are local, and act on the roots of the groups only.
 
     Parameters
     ----------
-    hear : called on rank 0 with the arguments of each ``notify``, those of a group in its order
+    hear : called on rank 0 with the arguments of each ``notify``; messages of a group arrive in order
     """
 
     def __init__(self, groups: Groups, hear: Callable[..., None]):
         self._world, self._hear = groups.world.Dup(), hear
         self._is_root = groups.is_root
-        self._at_work = {int(rank) for rank in groups.limits[1:-1]}  # roots that rank 0 still hears from
+        self._at_work = {int(rank) for rank in groups.limits[1:-1]}  # roots that may still send to rank 0
         self._other_ranks = sorted(self._at_work)
         self._sent: list[MPI.Request] = []
 
     def notify(self, *news: Any) -> None:
-        """Tell rank 0 something; on rank 0 hear what the others have told meanwhile, too.
+        """Send a message to rank 0; on rank 0, also receive the messages of the other groups.
 
         Raises
         ------
-        MicroslipError : what ended another group
+        MicroslipError : the error that ended another group
         """
         if self._world.rank == 0:
             self._hear(*news)
@@ -138,11 +138,11 @@ class Reports:
             self._send(0, _REPORT, news)
 
     def listen(self) -> None:
-        """Hear what has arrived so far.  On rank 0.
+        """Receive all messages that have arrived.  On rank 0.
 
         Raises
         ------
-        MicroslipError : what ended another group
+        MicroslipError : the error that ended another group
         """
         status = MPI.Status()
         while self._world.iprobe(tag=_REPORT, status=status):
@@ -155,11 +155,11 @@ class Reports:
                 self._hear(*news)
 
     def finish(self) -> None:
-        """Wait until rank 0 has heard everything from every group.
+        """Wait until rank 0 has received all messages of all groups.
 
         Raises
         ------
-        MicroslipError : what ended another group
+        MicroslipError : the error that ended another group
         """
         if self._world.rank > 0:
             self._send(0, _REPORT, None)
@@ -173,9 +173,9 @@ class Reports:
 
     @contextmanager
     def shared_failure(self) -> Iterator[None]:
-        """Let what ends one group end all of them: rank 0 passes it on, and each raises it when it next reports.
+        """Let an error in one group end all groups: rank 0 forwards the error, and each group raises it at its next report.
 
-        Rank 0 keeps what had arrived when it was interrupted.
+        If rank 0 is interrupted, it first receives the messages that have arrived.
         """
         try:
             yield
@@ -195,7 +195,7 @@ class Reports:
         self._world.Free()
 
     def _go_on(self) -> bool:
-        """Return whether rank 0 has ended the work; raise what it passed on."""
+        """Return whether rank 0 has ended the work; raise the error that it forwarded, if any."""
         if not self._world.iprobe(source=0, tag=_END):
             return False
         problem = self._world.recv(source=0, tag=_END)
@@ -208,6 +208,6 @@ class Reports:
             self._send(rank, _END, problem)
 
     def _send(self, rank: int, tag: int, what: Any) -> None:
-        """Send without waiting; a request keeps its message until it has gone."""
+        """Send without blocking; a request stores its message until it is sent."""
         self._sent = [request for request in self._sent if not request.Test()]
         self._sent.append(self._world.isend(what, rank, tag))
