@@ -1,1 +1,1 @@
-"""Modes of the stuck structure and static columns, both by the kept factor."""
+"""Modes of the stuck structure and static columns, both with the stored factor."""

@@ -1,4 +1,4 @@
-"""Static columns by the kept factor, many right-hand sides at a time."""
+"""Static columns with the stored factor, many right-hand sides at a time."""
 
 from __future__ import annotations
 
@@ -13,34 +13,35 @@ from ..parallel.ownership import summed
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
-_BATCH, _FEWEST = 128, 16  # right-hand sides at a time, most and least; more gain nothing (docs/validation.md)
-_BATCH_BYTES = 2.5e8  # of a batch of solutions, over all ranks; of entries of the inverse
-_FEW = 16  # right-hand sides up to which solves are as quick as entries of the inverse
-_MOST_ENTRIES = 3  # columns of the inverse a right-hand side: each costs a sixth to a third of a solve
-_MOST_ROWS = 0.1  # of the inverse, as a share: the fewer, the less of the factor is passed
-_AGREE = 1e-9  # entries of the inverse against a solve, each column of size 1
+_BATCH, _FEWEST = 128, 16  # largest and smallest batch of right-hand sides; larger ones are no faster (docs/validation.md)
+_BATCH_BYTES = 2.5e8  # of a batch of solutions over all ranks, or of entries of the inverse
+_FEW = 16  # right-hand sides up to which solves are as fast as entries of the inverse
+_MOST_ENTRIES = 3  # columns of the inverse per right-hand side: each costs a sixth to a third of a solve
+_MOST_ROWS = 0.1  # fraction of the rows of the inverse: with fewer rows, a smaller part of the factor is traversed
+_AGREE = 1e-9  # difference of entries of the inverse from a solve, for columns of size 1
 
 
 @dataclass(frozen=True, eq=False)
 class RowSums:
-    """What a checked solve says beforehand of left @ K_L^-1 @ right: random sums of the rows of each column.
+    """Check sums of left @ K_L^-1 @ right from a checked solve: sums of the rows of each column with random weights.
 
-    K_L is symmetric, so that the sums w of all columns are one solution, right^T K_L^-1 left^T w.
+    K_L is symmetric, so that the weighted sums of all columns are one solution, right^T K_L^-1 left^T w.
     """
 
     weights: np.ndarray  # (m_l,) w, of either sign
     sums: np.ndarray  # (m_r,) w^T left @ K_L^-1 @ right
 
     def of(self, columns: np.ndarray) -> RowSums:
-        """Return those of some columns.  Local."""
+        """Return the check sums of some columns.  Local."""
         return replace(self, sums=self.sums[columns])
 
     def agree(self, product: np.ndarray) -> bool:
-        """Tell whether they are those of a product (m_l, m_r), each column of size 1.  Local.
+        """Return whether a product (m_l, m_r) has these sums, with each column scaled to size 1.  Local.
 
-        Signs are random, so that the expected square of a sum's difference is the square of the column's: a bad column shows.
+        With random signs the expected square of the difference of a sum is the squared error of the column, so that a wrong
+        column is detected.
         """
-        with np.errstate(divide="ignore", invalid="ignore"):  # a column of zeros agrees with nothing
+        with np.errstate(divide="ignore", invalid="ignore"):  # a column of zeros never agrees
             difference = (self.weights @ product - self.sums) / np.linalg.norm(product, axis=0)
         return bool(np.linalg.norm(difference) <= _AGREE * np.sqrt(len(difference)))
 
@@ -54,14 +55,14 @@ def static_columns(
 ) -> np.ndarray:
     """Return left @ K_L^-1 @ right.
 
-    Collective on the system's communicator: one sum over the ranks a batch.
+    Collective on the system's communicator: one sum over the ranks per batch.
 
     Parameters
     ----------
     left : (m_l, n_dof), the same on every rank; for example R, or the output rows
     right : (n_dof, m_r), the same on every rank; for example R^T, or the loads
     row_ranges : (size + 1,); if given, rank r receives rows row_ranges[r]:row_ranges[r + 1] only
-    known : what the product is checked by; without it a solve is made for that where it takes one
+    known : check sums of the product; without them an additional solve checks the product, where needed
 
     Returns
     -------
@@ -69,7 +70,7 @@ def static_columns(
 
     Notes
     -----
-    K_L is symmetric: whichever of ``left`` and ``right`` has fewer columns that are not zero is solved for.
+    K_L is symmetric: the right-hand sides are ``left^T`` or ``right``, whichever has fewer non-zero columns.
     """
     left, right = sp.csr_matrix(left), sp.csc_matrix(right)
     rows = slice(None) if row_ranges is None else slice(*row_ranges[linearised.system.comm.rank :][:2])
@@ -81,7 +82,7 @@ def static_columns(
 def _solve_right(
     linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, known: RowSums | None
 ) -> np.ndarray:
-    """Return ``rows`` of left @ K_L^-1 @ right, solving for the columns of ``right`` that are not zero.  Collective."""
+    """Return ``rows`` of left @ K_L^-1 @ right by solves for the non-zero columns of ``right``.  Collective."""
     loaded = np.flatnonzero(np.diff(right.indptr))
     product = np.zeros((len(range(*rows.indices(left.shape[0]))), right.shape[1]))
     entries = _by_inverse(linearised, left, right[:, loaded], rows, known and known.of(loaded))
@@ -90,7 +91,7 @@ def _solve_right(
 
 
 def _by_solves(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice) -> np.ndarray:
-    """Return ``rows`` of left @ K_L^-1 @ right by a solve for every column.  Collective."""
+    """Return ``rows`` of left @ K_L^-1 @ right by one solve per column.  Collective."""
     comm, (n_dof, m) = linearised.system.comm, right.shape
     left_owned = left[:, slice(*linearised.K_L.getOwnershipRange())]
     batch = int(np.clip(_BATCH_BYTES / (8 * n_dof), _FEWEST, _BATCH))
@@ -105,9 +106,9 @@ def _by_solves(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix
 def _by_inverse(
     linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, known: RowSums | None
 ) -> np.ndarray | None:
-    """Return ``rows`` of left @ K_L^-1 @ right by those entries of K_L^-1 that it takes, checked by what is known or a solve.
+    """Return ``rows`` of left @ K_L^-1 @ right from the required entries of K_L^-1, checked by ``known`` or a solve.
 
-    Collective.  None, on every rank, where solves are quicker, or entries are not to be had or not accurate.
+    Collective.  None, on every rank, if solves are faster, or the entries are not available or not accurate.
     """
     comm, factor, (n_dof, m) = linearised.system.comm, linearised.factor, right.shape
     seen, forced = np.unique(left.indices), np.unique(right.indices)
@@ -131,8 +132,8 @@ def _by_inverse(
 def _agrees(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, product: np.ndarray) -> bool:
     """Return whether left @ K_L^-1 @ right is ``product``, by a random sum of its columns.  Collective: one checked solve.
 
-    The columns are scaled to size 1 and their signs random, so that the expected square of the difference is the sum of all
-    squares: one bad column shows.
+    Columns are scaled to size 1 with random signs, so that the expected square of the difference is the sum of all squared
+    errors, and a single wrong column is detected.
     """
     comm, owned = linearised.system.comm, slice(*linearised.K_L.getOwnershipRange())
     size = np.linalg.norm(product, axis=0)

@@ -1,4 +1,4 @@
-"""The lowest modes phi of (K_L, M): solved with the kept factor, checked, and proved complete."""
+"""The lowest modes phi of (K_L, M): computed with the stored factor, checked, and proved complete."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
 RESIDUAL_LIMIT = 1e-5  # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
-_ROUNDING = 1e-13  # the same beside |diag(K_L) phi|, where rounding of K_L phi explains it
-_DENSE = 400  # DOFs up to which LAPACK is the quickest
+_ROUNDING = 1e-13  # the same relative to |diag(K_L) phi|, for rounding errors of K_L phi
+_DENSE = 400  # DOFs up to which LAPACK is fastest
 _GUARD = 2  # modes beyond the wanted ones, to find a gap for the proof
 _MAX_TRIES = 5
-_CORRECTIONS = 2  # of modes whose residuals are above the limit, at most
+_CORRECTIONS = 2  # largest number of corrections of modes with residuals above the limit
 _EQUAL = 1e-6  # relative difference of components that count as equally large
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Undamped modes of the stuck structure, M-normalised, rising."""
+    """Undamped modes of the stuck structure, M-normalised, in ascending order."""
 
     omega_n: np.ndarray  # (n,) rad/s
     phi_owned: np.ndarray  # (n_owned, n) this rank's rows [kg^-1/2]
@@ -45,32 +45,32 @@ class Modes:
 
     @property
     def n_proved(self) -> int:
-        """How many of the first of them are proved to be the lowest."""
+        """Number of leading modes that are proved to be the lowest."""
         return len(self.omega_n) if self.info.get("complete", True) else min(self.info.get("proved", 0), len(self.omega_n))
 
 
 def lowest_modes(
     linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
 ) -> Modes:
-    """Return the ``n_modes`` lowest modes of (K_L, M), of a free structure the lowest elastic ones.
+    """Return the ``n_modes`` lowest modes of (K_L, M), for a free structure the lowest elastic modes.
 
     Collective on the system's communicator.
 
     Parameters
     ----------
     linearised : ``K_L``, ``M``, ``factor`` of K_L, ``system``
-    verify : prove by the inertia of K_L - sigma M that no mode is missing: one more factorisation
-    fewer_will_do : return all there are where fewer motions have mass
-    search : that of an earlier call, to go on with
+    verify : prove by the inertia of K_L - sigma M that no mode is missing: one additional factorisation
+    fewer_will_do : return all existing modes if fewer motions have mass
+    search : search of an earlier call, to be continued
 
     Returns
     -------
-    Modes : phi^T M phi = I; the largest component of each mode is positive, whatever the partition
+    Modes : phi^T M phi = I; the largest component of each mode is positive, independent of the partition
 
     Raises
     ------
-    CaseError : more modes asked for than there are DOFs, or motions with mass
-    ConvergenceError : not converged, a residual too large, or a mode missing after all tries; on every rank
+    CaseError : ``n_modes`` exceeds the number of DOFs, or of motions with mass
+    ConvergenceError : no convergence, a residual too large, or a mode missing after all tries; on every rank
     """
     start = perf_counter()
     n_dof = linearised.M.getSize()[0] - linearised.factor.n_rigid
@@ -97,15 +97,15 @@ def lowest_modes(
 
 
 def first_of(modes: Modes, n_modes: int) -> Modes:
-    """Return the first ``n_modes`` of some modes, in the memory of all.  Local."""
+    """Return the first ``n_modes`` of ``modes``, as views of their arrays.  Local."""
     return Modes(modes.omega_n[:n_modes], modes.phi_owned[:, :n_modes], modes.info)
 
 
 def is_complete(linearised: Linearised, modes: Modes, n_modes: int, copies: int = 1) -> bool:
-    """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: one factorisation, if any.
+    """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: up to two factorisations.
 
-    All that were found but the last are proved at once if they can be: another run may need some of them.  Of a complex matrix
-    in real form each mode counts in ``copies``, two.
+    If possible, all computed modes except the last are proved at once, as another run may need more of them.  For a complex
+    matrix in real form ``copies`` is 2, as each mode is counted twice.
     """
     if modes.info.get("complete", True):
         return True  # all of the spectrum
@@ -128,22 +128,22 @@ def _count_below(linearised: Linearised, sigma: float) -> int:
 
 
 def _shifts(linearised: Linearised) -> tuple[float, ...]:
-    """Return the shifts at which counts come cheap.  Local."""
+    """Return the shifts at which a count needs no factorisation.  Local."""
     solver = linearised.factor.solver
     return solver.of_sector.shifts if isinstance(solver, DiameterFactor) else ()
 
 
 def _proof(n_below: int, sigma: float) -> dict[str, Any]:
-    """Return what is known of a proof."""
+    """Return the entries on a proof for the information on the modes."""
     return {"proof": f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz", "proved": n_below}
 
 
 def _solve(
     linearised: Linearised, n_modes: int, n_least: int, verify: bool, search: ModeSearch | None
 ) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return at least ``n_modes`` (theta, phi) and how they were found, complete if ``verify``.  Collective.
+    """Return at least ``n_modes`` (theta, phi), proved complete if ``verify``, and information on the search.  Collective.
 
-    All there are, at least ``n_least``, where no more motions have mass.
+    If fewer motions have mass, all of them, which must be at least ``n_least``.
     """
     n_dof = linearised.M.getSize()[0]
     if n_dof <= _DENSE or SHARE * n_modes > n_dof:
@@ -180,7 +180,7 @@ def _forces(linearised: Linearised, phi_owned: np.ndarray) -> Forces:
 
 
 def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray, forces: Forces) -> float:
-    """Return the largest relative residual; raise if a mode is wrong or not M-orthonormal.  Collective."""
+    """Return the largest relative residual; raise if a residual is too large or modes are not M-orthonormal.  Collective."""
     comm = linearised.system.comm
     residual, relative = _residuals(linearised, eigenvalues, phi_owned, forces)
     wrong = ~(relative <= 1.0)
@@ -199,9 +199,9 @@ def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarra
 def _residuals(
     linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray, forces: Forces
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return |K_L phi - omega^2 M phi| / |omega^2 M phi| of modes, and its share of the limit, (n,) each.  Collective.
+    """Return |K_L phi - omega^2 M phi| / |omega^2 M phi| of modes, and its ratio to the limit, (n,) each.  Collective.
 
-    The limit is wider where rounding of K_L phi explains it.
+    The limit includes the expected rounding error of K_L phi.
     """
     comm, (elastic_owned, M_phi_owned) = linearised.system.comm, forces
     inertia_owned = M_phi_owned * eigenvalues
@@ -214,11 +214,11 @@ def _residuals(
 def _signs(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
     """Return (n,) signs that make the largest component of each mode positive.  Collective.
 
-    Of components that are equally large, as in a symmetric structure, the first in the order of the user's nodes decides,
-    not the first row, which depends on the partition.
+    Of equally large components, as in a symmetric structure, the first in the order of the user's nodes is used, not the first
+    row, which depends on the partition.
     """
     comm, columns = linearised.system.comm, np.arange(phi_owned.shape[1])
-    phi_owned = np.vstack([phi_owned, np.ones(len(columns))])  # one row more, last in order: a rank may own none
+    phi_owned = np.vstack([phi_owned, np.ones(len(columns))])  # an additional row, last in the order, as a rank may own no rows
     nobody = np.iinfo(np.int64).max
     number = np.append(user_order(linearised), nobody)
     largest = np.max(comm.allgather(np.max(np.abs(phi_owned[:-1]), axis=0, initial=0.0)), axis=0)

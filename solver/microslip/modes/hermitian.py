@@ -1,4 +1,4 @@
-"""The modes of a complex Hermitian pencil from those of its real form, in which each one is a plane: z and i z."""
+"""The modes of a complex Hermitian pencil from its real form, in which each mode spans a plane: z and i z."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .user_order import user_order
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
-_EQUAL = 1e-6  # relative difference of squares of frequencies whose modes are told apart together
+_EQUAL = 1e-6  # relative difference of squared frequencies up to which modes are separated together
 _SIZE = 1e-6  # relative difference of components that count as equally large
 
 
@@ -25,8 +25,8 @@ def lowest_complex_modes(
 ) -> Modes:
     """Return the ``n_modes`` lowest modes of a complex (K_L, M) that ``linearised`` has in real form.
 
-    Collective on the system's communicator.  The real modes are found, checked and proved complete by
-    :func:`.eigen.lowest_modes`, twice as many; one complex mode is taken of each pair of them.
+    Collective on the system's communicator.  :func:`.eigen.lowest_modes` computes twice as many real modes, checked and proved
+    complete; each pair of them gives one complex mode.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def lowest_complex_modes(
 def lowest_modes_of(
     linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
 ) -> Modes:
-    """Return the ``n_modes`` lowest modes, complex ones where the matrices are in real form.  Collective."""
+    """Return the ``n_modes`` lowest modes, complex if the matrices are in real form.  Collective."""
     lowest = lowest_complex_modes if linearised.maps.is_complex else lowest_modes
     return lowest(linearised, n_modes, verify, fewer_will_do, search)
 
@@ -63,7 +63,7 @@ def conjugated(modes: Modes) -> Modes:
 
 
 def _together(squares: np.ndarray) -> list[tuple[int, int]]:
-    """Return the ranges of real modes whose frequencies are equal, each of an even number."""
+    """Return the ranges of real modes with equal frequencies, each with an even number of modes."""
     apart = np.flatnonzero(np.diff(squares) > _EQUAL * squares[1:]) + 1
     ends = [0, *(int(end) for end in apart if end % 2 == 0), len(squares)]
     return list(zip(ends, ends[1:]))
@@ -72,8 +72,8 @@ def _together(squares: np.ndarray) -> list[tuple[int, int]]:
 def _of_planes(linearised: Linearised, real: Modes, some: slice) -> tuple[np.ndarray, np.ndarray]:
     """Return (eigenvalues, phi) of half as many complex modes as there are real ones in ``some``.  Collective: sums.
 
-    docs/theory.md, eq. (14.5).  As complex vectors the real modes span a space of half their number.  Of the last ones of a
-    multiple frequency the partners may be missing; then they span more, of which any part serves.
+    docs/theory.md, eq. (14.5).  As complex vectors the real modes span a space of half their number.  If the last ones belong to
+    a multiple frequency, some partners may be missing; the space is then larger, and any subspace of it is valid.
     """
     comm, Z_owned = linearised.system.comm, complex_columns(real.phi_owned[:, some])
     m = Z_owned.shape[1] // 2
@@ -89,10 +89,10 @@ def _of_planes(linearised: Linearised, real: Modes, some: slice) -> tuple[np.nda
 def _phases(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
     """Return factors of size 1 that make the largest component of each mode real and positive, (n,).  Collective.
 
-    Of components that are equally large the first in the order of the user's nodes decides.
+    Of equally large components, the first in the order of the user's nodes is used.
     """
     comm, columns = linearised.system.comm, np.arange(phi_owned.shape[1])
-    padded = np.vstack([phi_owned, np.ones(len(columns))])  # one row more, last in order: a rank may own none
+    padded = np.vstack([phi_owned, np.ones(len(columns))])  # an additional row, last in the order, as a rank may own no rows
     nobody = np.iinfo(np.int64).max
     number = np.append(user_order(linearised)[0::2], nobody)
     largest = np.max(comm.allgather(np.abs(padded[:-1]).max(axis=0, initial=0.0)), axis=0)

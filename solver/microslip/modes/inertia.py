@@ -1,4 +1,4 @@
-"""The proof that no mode is missing: as many negative pivots of K_L - sigma M as modes lie below sigma."""
+"""The proof that no mode is missing: K_L - sigma M has as many negative pivots as there are modes below sigma."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..linear.mumps import SINGULAR
 from ..linear.ordering import Elimination, Order
 from ..messages.errors import ConvergenceError
 
-_GAP = 1e-6  # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
+_GAP = 1e-6  # (next - last) / last of omega_n^2 that separates two modes; closer modes count as equal
 
 
 def find_gap(eigenvalues: np.ndarray, n_wanted: int, shifts: Sequence[float] = ()) -> tuple[int, float]:
     """Return (n_below, sigma): a count of n_below modes below sigma proves that the first ``n_wanted`` are the lowest.  Local.
 
-    Sigma lies in the first gap above them.  If they end in a cluster without an end in sight, it lies just below the
-    cluster: any of its modes are as good as others.  ``eigenvalues`` (n,) omega_n^2 rising, [rad2/s2].  One of some ``shifts`` is
-    preferred where it lies in a gap above the wanted modes.
+    Sigma lies in the first gap above them.  If they end within a multiple eigenvalue that continues to the last of the
+    ``eigenvalues``, sigma lies just below it: any of its modes are equally valid.  ``eigenvalues`` (n,) are omega_n^2 ascending
+    [rad2/s2].  A value of ``shifts`` is preferred if it lies in a gap above the wanted modes.
     """
     for sigma in shifts:
         n_below = int(np.searchsorted(eigenvalues, sigma))
@@ -37,10 +37,10 @@ def find_gap(eigenvalues: np.ndarray, n_wanted: int, shifts: Sequence[float] = (
 
 
 def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float, order: Order | None = None) -> int:
-    """Return how many eigenvalues omega_n^2 of (K_L, M) lie below ``sigma`` [rad2/s2]: Sylvester's law of inertia.
+    """Return how many eigenvalues omega_n^2 of (K_L, M) lie below ``sigma`` [rad2/s2], by Sylvester's law of inertia.
 
-    Collective: one factorisation.  Its pivots alone are kept, which takes a quarter of the memory of a factor or less.  It is
-    L D L^T with pivoting, whose count is that of a matrix which differs from K_L - sigma M by rounding.
+    Collective: one factorisation L D L^T with pivoting, of which only the pivots are stored, with a quarter of the memory of a
+    factor or less.  The count is exact for a matrix that differs from K_L - sigma M by rounding.
 
     Raises
     ------

@@ -19,12 +19,12 @@ _MASSLESS = 1e-13  # eigenvalue of M, scaled to a unit diagonal, of a motion wit
 
 
 def dense_modes(linearised: Linearised, n_wanted: int, n_least: int) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return the ``n_wanted`` largest (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I.
+    """Return the ``n_wanted`` largest (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 descending, phi^T M phi = I.
 
-    All there are, where fewer motions have mass.
+    If fewer motions have mass, all of them are returned.
 
-    Collective: K_L and M are gathered on rank 0, the modes broadcast.  M phi = theta K_L phi is solved, so that M may be
-    singular and the low modes stay accurate beside very stiff springs.
+    Collective: K_L and M are gathered on rank 0, the modes broadcast.  The problem is solved as M phi = theta K_L phi, so that M
+    may be singular and the low modes are accurate in the presence of very stiff springs.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def dense_modes(linearised: Linearised, n_wanted: int, n_least: int) -> tuple[np
 def _solve(
     K_L: np.ndarray, M: np.ndarray, M_phi_r: np.ndarray | None, n_wanted: int, n_least: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the modes; those of a free structure among the motions with phi_r^T M x = 0.  Local, rank 0."""
+    """Return the modes; for a free structure, only motions x with phi_r^T M x = 0.  Local, rank 0."""
     if M_phi_r is not None:
         Q = scipy.linalg.qr(M_phi_r)[0][:, M_phi_r.shape[1] :]
         theta, y = _solve(Q.T @ K_L @ Q, Q.T @ M @ Q, None, n_wanted, n_least)
@@ -65,7 +65,7 @@ def _solve(
 
 
 def _rank(M: np.ndarray) -> int:
-    """Return the number of motions with mass, whatever the units and sizes of the masses."""
+    """Return the number of motions with mass, independent of the units and sizes of the masses."""
     mass = M.diagonal()
     size = np.sqrt(mass[mass > 0.0])
     scaled = M[np.ix_(mass > 0.0, mass > 0.0)] / np.outer(size, size)

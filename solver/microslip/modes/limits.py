@@ -1,23 +1,23 @@
-"""How many modes may be asked for: what `check` tells and `run` refuses before anything is factored."""
+"""The largest number of modes: reported by `check`, and enforced by `run` before any factorisation."""
 
 from __future__ import annotations
 
 from ..messages.errors import CaseError
 
-FEW = 20  # a structure of so many DOFs keeps all of its modes
-SMALL = 4_000  # DOFs up to which LAPACK may take all of the spectrum: minutes, and 0.13 GB a matrix
-SHARE = 3  # beyond n_dof / SHARE modes a Krylov space is as large as the structure: LAPACK takes over
+FEW = 20  # DOFs up to which a structure retains all of its modes
+SMALL = 4_000  # DOFs up to which LAPACK may compute the whole spectrum: minutes, and 0.13 GB per matrix
+SHARE = 3  # beyond n_dof / SHARE modes a Krylov space is as large as the structure: LAPACK is used instead
 
 
 def most_modes(n_dof: int) -> int:
-    """Return the largest number of modes that is computed of a structure of ``n_dof`` degrees of freedom.  Local."""
+    """Return the largest number of modes computed for a structure of ``n_dof`` degrees of freedom.  Local."""
     return n_dof if n_dof <= SMALL else n_dof // SHARE
 
 
 def refuse_too_many(n_modes: int | None, n_dof: int, path) -> None:
-    """Raise CaseError if the scene's [solver] ``modes`` (None: left to the program) are too many.  Local.
+    """Raise CaseError if the scene's [solver] ``modes`` (None: chosen by the program) is too large.  Local.
 
-    ``path`` of the scene file, for the message.
+    ``path`` is the path of the scene file, for the message.
     """
     if n_modes is None or n_modes <= most_modes(n_dof):
         return

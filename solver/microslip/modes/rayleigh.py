@@ -1,8 +1,8 @@
-"""Eigenvalues to the accuracy of the matrices themselves: Rayleigh quotients in extended precision, where it matters.
+"""Eigenvalues to the accuracy of the matrices: Rayleigh quotients in extended precision, where needed.
 
-The first bending mode of a fine mesh has an eigenvalue some 1e9 times below the largest one.  Rounding in the factor, and
-in K_L phi, which is a small difference of large numbers, then changes its frequency by 1e-9, and by another 1e-9 on another
-number of ranks.  The vector is good enough: its error enters squared.
+The first bending mode of a fine mesh has an eigenvalue about 1e9 times below the largest one.  Rounding in the factor, and in
+K_L phi, a small difference of large numbers, then changes its frequency by 1e-9, differently for each number of ranks.  The
+eigenvector is accurate enough, since the error of a Rayleigh quotient is of second order in it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from ._energies import energies
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
-_NOISE = 1e-11  # of omega_n^2, expected from rounding, that is let pass
+_NOISE = 1e-11  # of omega_n^2: expected rounding error that is accepted
 
 
 def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
-    """Return the modes with phi^T M phi = I to rounding, (n_owned, n): an eigensolver leaves as much as it iterated with.
+    """Return the modes with phi^T M phi = I to roundoff, (n_owned, n); an eigensolver reaches only its tolerance.
 
-    Collective: one product and one sum.  Gram and Schmidt in rising order, by the Cholesky factor.
+    Collective: one product and one sum.  Gram-Schmidt in ascending order, by the Cholesky factor.
     """
     overlap = gram(linearised.system.comm, phi_owned, multiply(linearised.M, phi_owned))
     factor = scipy.linalg.cholesky(0.5 * (overlap + overlap.T))
@@ -38,10 +38,10 @@ def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray
 def iterated_once(
     linearised: Linearised, phi_owned: np.ndarray, solve: Callable[[np.ndarray], np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (eigenvalues, phi) after a step of subspace iteration, omega_n^2 rising [rad2/s2], phi^T M phi = I.
+    """Return (eigenvalues, phi) after a step of subspace iteration, omega_n^2 ascending [rad2/s2], phi^T M phi = I.
 
-    Collective: one block of solves, by default checked and refined.  Where joints are far stiffer than bodies, solves without
-    refinement leave residuals above the limit.
+    Collective: one block of solves, by default checked and refined.  With joints much stiffer than the bodies, residuals after
+    solves without refinement are above the limit.
     """
     comm, solve = linearised.system.comm, solve or linearised.factor.solve
     X_owned = orthonormalised(linearised, solve(multiply(linearised.M, phi_owned)))
@@ -50,9 +50,9 @@ def iterated_once(
 
 
 def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
-    """Return omega_n^2 = phi^T K_L phi for the modes in which rounding shows, the given ones otherwise, (n,) [rad2/s2].
+    """Return omega_n^2 = phi^T K_L phi for the modes with visible rounding errors, the given values otherwise, (n,) [rad2/s2].
 
-    Collective.  phi is M-normalised.  Rounding is taken as eps phi^T diag(K_L) phi / sqrt(n_dof), as for a sum of
+    Collective.  phi is M-normalised.  The rounding error is estimated as eps phi^T diag(K_L) phi / sqrt(n_dof), as for a sum of
     independent errors.
     """
     comm, n_dof = linearised.system.comm, linearised.M.getSize()[0]
@@ -77,7 +77,7 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
 
 
 def _energies(A: PETSc.Mat, X_owned: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the owned rows' part of x^T A x of every column of X (n_dof, m), (m,), in extended precision.  Local."""
+    """Return the owned rows' part of x^T A x for every column of X (n_dof, m), (m,), in extended precision.  Local."""
     starts, columns, values = A.getValuesCSR()
     return energies(
         starts.astype(np.int32, copy=False),

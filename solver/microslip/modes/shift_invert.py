@@ -1,8 +1,8 @@
-"""The lowest modes by SLEPc: an eigensolver of K_L^-1 M, shift-invert at 0, that solves with the factor of K_L.
+"""The lowest modes by SLEPc: an eigensolver of K_L^-1 M, shift-invert at 0, with solves by the factor of K_L.
 
-docs/theory.md, section 4.  Krylov-Schur takes the fewest solves.  Where the factor lies on disk, a pass over it costs more than
-the vectors, and subspace iteration solves for all its vectors in one pass.  Subspace iteration also takes over where the proof by
-inertia misses modes: it converges to all copies of a multiple eigenvalue together, of which a Krylov space holds one.
+docs/theory.md, section 4.  Krylov-Schur needs the fewest solves.  With a factor on disk, a pass over it costs more than the
+vectors, and subspace iteration solves for all its vectors in one pass.  Subspace iteration is also used if the proof by inertia
+shows missing modes: it converges to all copies of a multiple eigenvalue together, whereas a Krylov space contains one of them.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ PREFIX = "modes_"  # of the PETSc options
 _TRIES = 3  # each in a space twice as large as the last
 _TOLERANCE = 5e-7  # |K_L^-1 M phi - theta phi| / theta before the block of solves that ends a search
 _MOST_ITERATIONS = 200
-_MORE = (12, 1.0)  # vectors of a Krylov space beyond the modes wanted: at least, and a mode
-_MORE_IN_BLOCKS = (12, 1.5, 96)  # the same of subspace iteration, and the most: each pass converges by the ratio of theta
-_BLOCKS = 3  # of the size of the subspace that SLEPc keeps
-_KEEP = 0.85  # part of the Krylov space that a restart keeps: the test of convergence comes often, and little is lost
+_MORE = (12, 1.0)  # vectors of a Krylov space beyond the wanted modes: at least, and per mode
+_MORE_IN_BLOCKS = (12, 1.5, 96)  # for subspace iteration, with a maximum: a pass converges by a ratio of theta
+_BLOCKS = 3  # blocks of the size of the subspace that SLEPc allocates
+_KEEP = 0.85  # fraction of the Krylov space retained at a restart: convergence is tested often, and little is discarded
 _KEY = 40  # of the random start vectors
 
 
 def basis_size(n_wanted: int, n_dof: int) -> int:
-    """Return how many vectors the search for so many modes takes at most.  Local."""
+    """Return the largest number of vectors in a search for ``n_wanted`` modes.  Local."""
     return _BLOCKS * _subspace_size("subspace", n_wanted, n_dof)
 
 
 def _subspace_size(kind: str, n_wanted: int, n_dof: int) -> int:
-    """Return the dimension of the space in which an eigensolver looks for so many modes.  Local."""
+    """Return the dimension of the search space of an eigensolver for ``n_wanted`` modes.  Local."""
     if kind == "subspace":
         least, a_mode, most = _MORE_IN_BLOCKS
         return min(n_dof, n_wanted + int(np.clip(a_mode * n_wanted, least, most)))
@@ -49,31 +49,31 @@ def _subspace_size(kind: str, n_wanted: int, n_dof: int) -> int:
 
 
 class ModeSearch:
-    """The lowest modes, more of them at each call.
+    """An incremental search for the lowest modes.
 
-    To Krylov-Schur the modes computed before are a deflation space, to subspace iteration a part of its first space.
+    Modes of earlier calls are a deflation space of Krylov-Schur, and a part of the initial space of subspace iteration.
     All methods are collective on the matrices' communicator.
     """
 
     def __init__(self, linearised: Linearised):
         self.linearised = linearised
-        self._theta = np.zeros(0)  # falling
+        self._theta = np.zeros(0)  # descending
         self._phi_owned = np.zeros((linearised.M.getLocalSize()[0], 0), order="F")
-        self._least = 0  # modes to compute, whatever is wanted
+        self._least = 0  # lower bound of the number of modes to compute
         has_rows = np.diff(linearised.M.getOwnershipRanges()).min() > 0
         self._in_blocks = "subspace" if has_rows else "krylovschur"  # SLEPc 3.18 cannot normalise a block without rows
         self._kind = self._in_blocks if linearised.factor.info.get("out_of_core") else "krylovschur"
         self._info: dict = {"basis": 0, "restarts": 0, "complete": False, "messages": ()}
-        self._n_solves = 0  # of SLEPc, each with its start vector
+        self._n_solves = 0  # solves of SLEPc, each with a different start vector
 
     def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
-        """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I nearly.
+        """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 descending, phi^T M phi = I nearly.
 
-        All there are, where fewer motions have mass: "complete" in the dictionary of what is worth knowing.
+        If fewer motions have mass, all of them, with "complete" in the dictionary of information on the search.
 
         Raises
         ------
-        ConvergenceError : fewer modes converged, in larger spaces too; on every rank
+        ConvergenceError : fewer modes converged, also in larger spaces; on every rank
         """
         n_wanted = max(n_wanted, self._least)
         if n_wanted > len(self._theta) and not self._info["complete"]:
@@ -83,12 +83,12 @@ class ModeSearch:
         return self._theta, self._phi_owned, self._info
 
     def renew(self, n_missing: int) -> None:
-        """Compute ``n_missing`` modes more at the next call, copies of a multiple one together: a proof missed them."""
+        """Compute ``n_missing`` additional modes at the next call, including copies of multiple eigenvalues."""
         self._least = len(self._theta) + n_missing
         self._kind = self._in_blocks
 
     def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
-        """Return at least ``n_wanted`` (theta, phi), more than there are, and what is worth knowing of the search."""
+        """Return at least ``n_wanted`` (theta, phi), more than stored so far, and information on the search."""
         linearised, n_dof, n_before = self.linearised, self.linearised.M.getSize()[0], len(self._theta)
         kind = PETSc.Options(PREFIX).getString("eps_type", self._kind)
         is_deflated = kind != "subspace" and n_before > 0
@@ -102,7 +102,7 @@ class ModeSearch:
         eps.setType(kind)
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
         eps.setTarget(0.0)
-        eps.setPurify(False)  # a solve a mode
+        eps.setPurify(False)  # saves a solve per mode
         eps.setDimensions(n_sought, _subspace_size(kind, n_sought, n_dof))
         eps.setTolerances(_TOLERANCE, _MOST_ITERATIONS)
         if kind == "krylovschur":
@@ -120,16 +120,16 @@ class ModeSearch:
             phi_owned, info = _converged(eps, linearised)
         finally:
             free(start, *before, ksp, eps)
-            solves.factor = None  # petsc4py may not free what holds this
+            solves.factor = None  # petsc4py may not free the object that refers to it
         if is_deflated:
             phi_owned = np.hstack([self._phi_owned, phi_owned])
         eigenvalues, phi_owned = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)
         return 1.0 / eigenvalues, phi_owned, info | {"messages": messages}
 
     def _start(self) -> np.ndarray:
-        """Return a start vector, (n_owned,): random signs, and loads over masses, of which K_L^-1 M makes static motions.
+        """Return a start vector, (n_owned,): random signs, plus loads divided by masses, which K_L^-1 M maps to static motions.
 
-        Both have the same size by M.  Collective; the same on any number of ranks.
+        Both have the same M-norm.  Collective; the same on any number of ranks.
         """
         M, system = self.linearised.M, self.linearised.system
         mass, (first, end) = diagonal_owned(M)[:, None], M.getOwnershipRange()
@@ -151,7 +151,7 @@ def _vector(A: PETSc.Mat, owned: np.ndarray) -> PETSc.Vec:
 
 
 class _SolvesByFactor:
-    """Preconditioner that is the factor of K_L, which SLEPc would free if it were given the factor's own KSP."""
+    """Preconditioner that solves with the factor of K_L; SLEPc would free the KSP of the factor itself."""
 
     def __init__(self, factor: Factor):
         self.factor: Factor | None = factor
@@ -161,7 +161,7 @@ class _SolvesByFactor:
         x.setArray(self._solve(b.getArray()[:, None])[:, 0])
 
     def matApply(self, pc: PETSc.PC, B: PETSc.Mat, X: PETSc.Mat) -> None:
-        """Solve for a block of them in one pass over the factor.  Collective."""
+        """Solve for a block of right-hand sides in one pass over the factor.  Collective."""
         X.getDenseArray()[:] = self._solve(B.getDenseArray())
         X.assemble()
 
@@ -173,7 +173,7 @@ class _SolvesByFactor:
 
 
 def _solver(comm: PETSc.Comm, solves: _SolvesByFactor) -> PETSc.KSP:
-    """Return a KSP that solves with the factor there is and does not own it.  Collective."""
+    """Return a KSP that solves with the existing factor without owning it.  Collective."""
     ksp = PETSc.KSP().create(comm)
     ksp.setOptionsPrefix(f"{PREFIX}st_")
     ksp.setType(PETSc.KSP.Type.PREONLY)
@@ -185,16 +185,16 @@ def _solver(comm: PETSc.Comm, solves: _SolvesByFactor) -> PETSc.KSP:
 
 
 def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, ...]:
-    """Solve, again in a space twice as large where too few modes converged; return lines on that.  Collective.
+    """Solve, and repeat in a space twice as large if too few modes converged; return messages on it.  Collective.
 
     Raises
     ------
-    ConvergenceError : fewer modes converged in the largest space, too; on every rank
+    ConvergenceError : fewer modes converged even in the largest space; on every rank
     """
     messages: list[str] = []
     for _ in range(_TRIES):
         with patient():
-            eps.solve()  # what a signal ends in here cannot be freed any more
+            eps.solve()  # after a signal in here, the object cannot be freed
         basis = eps.getDimensions()[1]
         if _has_modes(eps, n_wanted):
             return tuple(messages)
@@ -207,7 +207,7 @@ def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, .
 
 
 def _has_modes(eps: SLEPc.EPS, n_wanted: int) -> bool:
-    """Return whether ``n_wanted`` modes converged, or all there are: the Krylov space broke down.
+    """Return whether ``n_wanted`` modes converged, or all existing modes, as the Krylov space broke down.
 
     Local; counts agree on all ranks.
     """

@@ -1,4 +1,4 @@
-"""Rows in the order of the user's nodes, which no partition changes: for signs, and for modes that are kept in files."""
+"""Rows in the order of the user's nodes, independent of the partition: for signs of modes, and for modes stored in files."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ if TYPE_CHECKING:
 
 
 def user_order(linearised: Linearised) -> np.ndarray:
-    """Return (n_owned,) the place of each owned row in an order that does not depend on the partition.  Local."""
+    """Return (n_owned,) the position of each owned row in an order that is independent of the partition.  Local."""
     maps = getattr(linearised.system, "maps", linearised.system)
     row_start, row_end = linearised.M.getOwnershipRange()
-    if maps is not linearised.system:  # real and imaginary parts side by side
+    if maps is not linearised.system:  # real and imaginary parts alternate
         number = _places(maps, maps.rows.start, maps.rows.stop)
         return (2 * number[:, None] + np.arange(2)).ravel()
     return _places(maps, row_start, row_end)
 
 
 def _places(system: System, row_start: int, row_end: int) -> np.ndarray:
-    """Return the place of each row of a system from ``row_start`` to ``row_end`` - 1."""
+    """Return the position of each row of a system from ``row_start`` to ``row_end`` - 1."""
     if system.dof is None:
         return np.arange(row_start, row_end)
     constraints = getattr(system, "constraints", None)
@@ -48,6 +48,6 @@ def from_user_order(linearised: Linearised, fields: np.ndarray | None) -> np.nda
     places = comm.gather(user_order(linearised))
     shares: list[np.ndarray] = []
     if places is not None and fields is not None:
-        rank_of = np.argsort(np.argsort(np.concatenate(places)))  # place among all, of each row in rank order
+        rank_of = np.argsort(np.argsort(np.concatenate(places)))  # global position of each row in rank order
         shares = np.split(fields[rank_of], np.cumsum([len(place) for place in places])[:-1])
     return np.asfortranarray(comm.scatter(shares))
