@@ -105,7 +105,7 @@ class Bundle:
         return _joined([self.take(part)._cycle_of_part(U[part], n_samples, tangents, harmonics) for part in parts])
 
     def _cycle_of_part(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
-        """Return eq. (3.10) for a motion U (n, 3, N_H), from the elements that come into contact; others carry no force."""
+        """Return eq. (3.10) for a motion U (n, 3, N_H), from elements that touch; the others carry no force.  Local."""
         n, _, N_H = U.shape
         touching = np.flatnonzero(self._touch(U, n_samples, harmonics))
         pair, elements = touching // self.size, self.elements.take(touching)
