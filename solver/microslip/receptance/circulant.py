@@ -1,11 +1,11 @@
-"""A tuned disc in the coordinates of its sectors: what each nodal diameter has, transformed over the sectors.
+"""A tuned disc in the coordinates of its sectors: data of the nodal diameters, transformed over the sectors.
 
-Any linear map A of a disc of alike sectors is block circulant: from sector t to sector s it is
+Any linear map A of a disc of identical sectors is block circulant: from sector t to sector s it is
 
     A_st = 1/N sum_d exp(i d (s - t) alpha) A(d),                                                                    (17.1)
 
-the inverse discrete Fourier transform of the maps of the diameters, and real.  ``of_diameters`` are those of d = 0, 1, ...,
-N // 2; N - d has the conjugate of d.  docs/theory.md, section 17.  NumPy only; everything is local.
+the inverse discrete Fourier transform of the maps of the diameters, and real.  ``of_diameters`` are the maps of d = 0, 1, ...,
+N // 2; the map of N - d is the conjugate of that of d.  docs/theory.md, section 17.  NumPy only; everything is local.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .static_columns import StaticColumns
 
 @dataclass(frozen=True)
 class Waves:
-    """The transforms over the sectors of a disc."""
+    """Transforms over the sectors of a disc."""
 
     n_sectors: int
 
@@ -31,21 +31,21 @@ class Waves:
         return range(self.n_sectors // 2 + 1)
 
     def is_real(self, d: int) -> bool:
-        """Return whether a diameter is its own conjugate: 0, and half of the sectors."""
+        """Return whether a diameter is its own conjugate: 0, and half the number of sectors."""
         return 2 * d % self.n_sectors == 0
 
     def blocks(self, of_diameters: Sequence[np.ndarray]) -> np.ndarray:
-        """Return C, (N, a, b): the block from sector t to sector s is C[(s - t) mod N].  eq. (17.1)."""
+        """Return C, (N, a, b), eq. (17.1): the block from sector t to sector s is C[(s - t) mod N]."""
         return np.fft.irfft(np.array(of_diameters), n=self.n_sectors, axis=0)
 
     def response(self, of_diameters: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarray:
-        """Return motions (N a, k) of all sectors under k forces that act in sector t ``weights`` (N, k) times: maps (a, k)."""
+        """Return motions (N a, k) of all sectors under k forces, multiplied by ``weights`` (N, k) in each sector; maps (a, k)."""
         spectrum = np.fft.rfft(weights, axis=0)
         product = np.fft.irfft(np.array(of_diameters) * spectrum[:, None, :], n=self.n_sectors, axis=0)
         return product.reshape(-1, product.shape[-1])
 
     def work(self, of_diameters: Sequence[np.ndarray], left: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """Return the product (j, k) of maps (j, k) with ``left`` (N, j) and ``right`` (N, k) weights of the sectors."""
+        """Return the work (j, k) of maps (j, k) between ``left`` (N, j) and ``right`` (N, k) weights of the sectors."""
         motion = self.response(of_diameters, right).reshape(self.n_sectors, *of_diameters[0].shape)
         return np.einsum("sj,sjk->jk", left, motion)
 
@@ -58,8 +58,8 @@ class Waves:
     def rows(self, of_diameters: Sequence[np.ndarray]) -> np.ndarray:
         """Return rows of the real modes of the disc, (N a, M), from complex rows (a, m) of the modes of each diameter.
 
-        Each complex mode is two real ones, sqrt(2/N) Re and Im of exp(i d s alpha) times it, one after the other by diameter:
-        eq. (17.2).
+        Each complex mode gives two real ones, sqrt(2/N) times the real and imaginary part of exp(i d s alpha) phi, ordered by
+        diameter: eq. (17.2).
         """
         return np.hstack([self._rows(d, rows) for d, rows in zip(self.diameters, of_diameters)])
 
@@ -72,13 +72,13 @@ class Waves:
         return np.hstack([turned.real, turned.imag])
 
     def counts(self, of_diameters: Sequence[int]) -> list[int]:
-        """Return the number of real modes of each diameter, from those of its complex ones."""
+        """Return the number of real modes of each diameter, from the numbers of complex modes."""
         return [m if self.is_real(d) else 2 * m for d, m in zip(self.diameters, of_diameters)]
 
     def spectrum(self, q: np.ndarray, n_modes: Sequence[int]) -> list[np.ndarray]:
-        """Return the coordinates (m, k) of the modes of each diameter whose transform back is that of real modes q (M, k).
+        """Return the coordinates (m, k) of the modes of each diameter that correspond to coordinates q (M, k) of the real modes.
 
-        The motion of the sectors is the inverse transform of phi(d) times these.
+        The motion of the sectors is the inverse transform of phi(d) times these coordinates.
         """
         parts = np.split(q, np.cumsum(self.counts(n_modes))[:-1])
         return [
@@ -87,9 +87,9 @@ class Waves:
         ]
 
     def modes(self, of_diameters: Sequence[ProjectedModes], weights: np.ndarray) -> ProjectedModes:
-        """Return the real modes of the disc projected on pairs, loads and outputs of all sectors, by diameter.
+        """Return the real modes of the disc projected on pairs, loads and outputs of all sectors, ordered by diameter.
 
-        ``weights`` (N, n_loads) say how often each load acts in each sector.
+        ``weights`` (N, n_loads) are the factors of each load in each sector.
         """
         omega_n = np.concatenate(
             [np.tile(modes.omega_n, 1 if self.is_real(d) else 2) for d, modes in zip(self.diameters, of_diameters)]
@@ -119,15 +119,15 @@ class Waves:
 
 
 class CirculantColumns(StaticColumns):
-    """G_static of a tuned disc, eq. (17.1): all columns are known, those of sector t being those of sector 0, turned.
+    """G_static of a tuned disc, eq. (17.1): all columns are known; columns of sector t are those of sector 0, rotated.
 
-    Of a column j of sector 0 the rows in the sectors 0, 1, ..., N - 1, 0, 1, ... lie in memory one after the other; a column of
-    sector t is a window of them that begins with sector N - t.  The memory is that of two columns for N.
+    The rows of a column of sector 0 are stored for the sectors 0, 1, ..., N - 1, 0, 1, ..., N - 1; the column of sector t is a
+    window of them that starts at sector N - t.  The memory is that of two columns instead of N.
 
     Parameters
     ----------
     blocks : (N, 3 n, 3 n) static response of sector k under forces in sector 0 [m/N]
-    owned : the pairs of this rank, of those of all sectors
+    owned : the pairs of this rank, among the pairs of all sectors
     """
 
     def __init__(self, blocks: np.ndarray, owned: slice):

@@ -17,9 +17,9 @@ from .rows import Rows
 
 
 class GroupColumns:
-    """Columns of G_n(omega) of one group of harmonics that belong to some pairs; rows are those of this rank's pairs.
+    """Columns of G_n(omega) of one harmonic group for some pairs, with the rows of this rank's pairs.
 
-    Forces and motions are real coefficients of the group's harmonics, N_H of them.  All methods are local.
+    Forces and motions are the N_H real coefficients of the group's harmonics.  All methods are local.
     """
 
     def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
@@ -29,7 +29,7 @@ class GroupColumns:
         self.R_owned = modes.R_phi[owned]
 
     def dynamic(self, c: Flexibility, p: np.ndarray) -> np.ndarray:
-        """Return R phi c_n phi^H R^H p, (3 n_owned, N_H): minus R phi eta of docs/theory.md, eq. (4.3), under p alone."""
+        """Return R phi c_n phi^H R^H p, (3 n_owned, N_H): minus R phi eta of docs/theory.md, eq. (4.3), under p only."""
         return matrix_times(self.R_owned, c.apply(adjoint_times(self.R_active, p)))
 
     def apply(self, p: np.ndarray) -> np.ndarray:
@@ -52,12 +52,12 @@ class GroupColumns:
         return self.G_static.part(part).columns(rows).T
 
     def dynamic_block(self, i: int, part: np.ndarray) -> np.ndarray:
-        """Return the dynamic part of G_n of the i-th harmonic between some rows of the active pairs."""
+        """Return the dynamic part of G_n for the i-th harmonic between the rows ``part`` of the active pairs."""
         return self.c.between(self.R_active[part], i, self.R_active[part])
 
 
 class ReceptanceColumns:
-    """Columns of G_n(omega), all harmonics of the set, that belong to some pairs; rows are those of this rank's pairs.
+    """Columns of G_n(omega), all harmonics of the set, for some pairs, with the rows of this rank's pairs.
 
     docs/theory.md, eq. (4.2).
     """
@@ -74,12 +74,12 @@ class ReceptanceColumns:
         return rows_of(self._owned(self.active))
 
     def _owned(self, pairs: np.ndarray) -> np.ndarray:
-        """Return the pairs of this rank among some, counted from its first."""
+        """Return the pairs of this rank among ``pairs``, counted from its first."""
         first, last = self.model.owned.start, self.model.owned.stop
         return pairs[(pairs >= first) & (pairs < last)] - first
 
     def _joined(self, term: Callable[[GroupColumns, np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-        """Return the products of the groups with their columns of x, (n, N_H)."""
+        """Return the products of the groups with their coefficients of x, joined to (n, N_H)."""
         return self.model.joined([term(group, x[:, group.group.columns]) for group in self.groups])
 
     def apply(self, p: np.ndarray) -> np.ndarray:
@@ -91,9 +91,9 @@ class ReceptanceColumns:
     def apply_rate(
         self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: Sequence[np.ndarray] | None = None
     ) -> np.ndarray:
-        """Return dG p on this rank's pairs, (n_owned, 3, N_H): eq. (5.2).  Local; of G itself, not of an adjoint.
+        """Return dG p on this rank's pairs, (n_owned, 3, N_H): eq. (5.2).  Local; not for an adjoint.
 
-        dG is the rate of G where omega changes at ``d_omega``, a damping sigma M at ``d_sigma``, that of each group at ``d_C``.
+        dG is the rate of G for the rates ``d_omega`` of omega, ``d_sigma`` of a damping sigma M, ``d_C`` of each group's damping.
         """
         rates = self.model.flexibility_rates(self.omega, d_omega, d_sigma, d_C)
         terms = [group.dynamic(rate, p[:, group.group.columns]) for group, rate in zip(self.groups, rates)]
@@ -102,12 +102,12 @@ class ReceptanceColumns:
     def apply_transposed(self, x: np.ndarray) -> np.ndarray:
         """Return this rank's part of G^T x for x (n_owned, 3, N_H), (3 n_active, N_H).  Local; to be summed over the ranks.
 
-        G as a map of real coefficients: of complex amplitudes it is G^H.
+        G^T is the transposed map of real coefficients, which is G^H for complex amplitudes.
         """
         return self._joined(GroupColumns.apply_adjoint, x.reshape(-1, x.shape[-1]))
 
     def adjoint(self) -> ReceptanceColumns:
-        """Return the columns of the transposed of G, a map of real coefficients.  Local."""
+        """Return the columns of the transpose of G as a map of real coefficients.  Local."""
         other = copy(self)
         other.groups = [group.adjoint() for group in self.groups]
         return other
@@ -117,8 +117,8 @@ class ReceptanceColumns:
     def blocks(self, chosen: np.ndarray | None = None) -> Iterator[np.ndarray]:
         """Return G_n between the active pairs for each harmonic of the set, (3 n_active, 3 n_active), complex [m/N].
 
-        Collective: one gather for each group, before the first is asked for.  Between the ``chosen`` ones alone, (m,) numbers
-        among the active pairs, rising, where they are given: (3 m, 3 m).
+        Collective: one gather for each group, before the first block.  With ``chosen``, ascending numbers (m,) among the active
+        pairs, only between these pairs: (3 m, 3 m).
         """
         part, rows = np.arange(3 * len(self.active)), self.rows
         if chosen is not None:
@@ -130,9 +130,9 @@ class ReceptanceColumns:
         return (static[k] + self.groups[k].dynamic_block(i, part) for k, i in at)
 
     def moved_by(self, chosen: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return G_n p_n of this rank's active pairs, complex (n_harmonics, 3 n_active_owned, k) [m].  Local.
+        """Return G_n p_n on this rank's active pairs, complex (n_harmonics, 3 n_active_owned, k) [m].  Local.
 
-        ``p`` (m, n_harmonics, 3, k) [N] are the amplitudes of forces on the ``chosen`` ones (m,) of the active pairs.
+        ``p`` (m, n_harmonics, 3, k) [N] are the amplitudes of forces on the pairs ``chosen`` (m,) among the active ones.
         """
         rows, forces = rows_of(chosen), p.swapaxes(0, 1).reshape(p.shape[1], -1, p.shape[3]).astype(complex)
         static = [group.static_block(rows, self.rows) for group in self.groups]
@@ -146,9 +146,9 @@ class ReceptanceColumns:
         return moved
 
     def static_coupling(self, pair: int) -> np.ndarray:
-        """Return the size of the static motion of this rank's active pairs under forces on one of the active ones, (m,).
+        """Return the size of the static motion of this rank's active pairs under forces on one active ``pair``, (m,).
 
-        Local.  The first group decides for all groups which pairs are near each other.
+        Local.  The first group is used for all groups.
         """
         block = self.groups[0].static_block(rows_of(np.array([pair])), self.rows).T  # (3, 3 m)
         return np.linalg.norm(block.reshape(3, -1, 3), axis=(0, 2))
@@ -170,10 +170,10 @@ class ReceptanceColumns:
 
 
 class ActiveColumns:
-    """Columns and rows of G_n(omega) of pairs that do not stick, in one array for each group and of a precision to choose.
+    """Columns and rows of G_n(omega) of active pairs, in one array per group, in single or double precision.
 
-    Forces come in units of 1 / ``unit`` [N], the same on all ranks, so that single precision neither overflows nor vanishes,
-    whatever the units of the scene.  Collective on the model's communicator.
+    Forces have the unit 1 / ``unit`` [N], the same on all ranks, so that single precision neither overflows nor underflows,
+    independent of the units of the scene.  Collective on the model's communicator.
     """
 
     def __init__(self, G: ReceptanceColumns, precision: type):
@@ -188,7 +188,7 @@ class ActiveColumns:
         self.move_to(G)
 
     def move_to(self, G: ReceptanceColumns) -> None:
-        """Take over the frequency of ``G``, of the same pairs.  Local."""
+        """Update to the frequency of ``G``, which has the same pairs.  Local."""
         for scaled, group in zip(self._groups, G.groups):
             scaled.c = Flexibility(group.c.c * scaled.R_unit * (scaled.R_unit / self.unit))  # no unit
 
@@ -199,7 +199,7 @@ class ActiveColumns:
         return self.model.joined([scaled.apply(p[:, group.columns]) for scaled, group in zip(self._groups, self.model.groups)])
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
-        """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in those units.  Local."""
+        """Return G p for several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in these units.  Local."""
         p = p.astype(self.precision, copy=False)
         if len(self._groups) == 1:
             return self._groups[0].apply_to_several(p)
@@ -207,13 +207,13 @@ class ActiveColumns:
         return self.model.joined([scaled.apply_to_several(p[..., group.columns]) for scaled, group in of_groups])
 
     def in_units(self, P: np.ndarray) -> np.ndarray:
-        """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
+        """Return tangents P [N/m] scaled to forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
         unitless: np.ndarray = np.empty_like(P, dtype=self.precision)
         return np.multiply(P, self.unit, out=unitless, casting="same_kind")
 
 
 class _RealGroup:
-    """The columns of a real group: static columns and modes side by side, multiplied by compiled products."""
+    """The columns of a real group: static columns followed by modes, multiplied by compiled products."""
 
     c: Flexibility  # without unit
 
@@ -237,7 +237,7 @@ class _RealGroup:
         return product.reshape(n, N_H, self.n_rows).swapaxes(1, 2)
 
     def _answered(self, product: np.ndarray) -> np.ndarray:
-        """Return the pairs' columns of a product (n N_H, 3 m + n_modes), including the response of the modes to their forces."""
+        """Return the pairs' columns of a product (n N_H, 3 m + n_modes), with the response of the modes to their modal forces."""
         if self.c.couples_modes:
             forces = product[:, self.n_rows :].reshape(-1, self.N_H, product.shape[1] - self.n_rows)
             eta = self.c.apply(np.moveaxis(forces, 2, 0).astype(float))  # (n_modes, n, N_H)

@@ -1,8 +1,8 @@
 """Damping of modes, modal or full; dynamic flexibilities and the matrices of a time step.
 
-Two other places ask which of the two a damping is: columns.py, whose compiled product knows the diagonal alone, and
-reduction/truncation.py, where a full matrix drags at the truncated modes.  Modal damping keeps everything diagonal: m numbers
-take the place of an (m, m) matrix, for each harmonic or each point of a time integration.  NumPy only; everything is local.
+Only two other modules distinguish the two kinds: columns.py, whose compiled product exists for the diagonal only, and
+reduction/truncation.py, where a full matrix exerts damping forces on the truncated modes.  With modal damping all matrices are
+diagonal: m numbers instead of (m, m) for each harmonic or each point of a time integration.  NumPy only; everything is local.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ import numpy as np
 
 from ..fourier.amplitudes import to_complex, to_real
 
-_COUPLES = 1e-12  # |C_ij| / sqrt(C_ii C_jj) between modes beyond which a damping matrix is kept full
+_COUPLES = 1e-12  # |C_ij| / sqrt(C_ii C_jj) between modes beyond which a damping matrix is stored as full
 
 
 def diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
-    """Return the diagonal (m,) of a Hermitian matrix (m, m) that couples no modes; else itself.  Local."""
+    """Return the diagonal (m,) of a Hermitian matrix (m, m) if it couples no modes, otherwise the matrix.  Local."""
     size = np.sqrt(np.abs(np.diag(modal)))
     is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)
     return modal if is_coupled.any() else np.diag(modal).real.copy()
 
 
 def added(C: np.ndarray, of_modes: np.ndarray) -> np.ndarray:
-    """Return a damping, (m,) or (m, m), with that of each mode (m,) added.  Local."""
+    """Return a damping C, (m,) or (m, m), plus the damping of each mode (m,).  Local."""
     return C + (of_modes if C.ndim == 1 else np.diag(of_modes))
 
 
 class StatedDamping(Protocol):
-    """What a scene states for the modes, whichever these are."""
+    """Damping stated in a scene for modes, which applies to any set of modes."""
 
     @property
     def structural(self) -> float:
@@ -42,7 +42,7 @@ class StatedDamping(Protocol):
 
 
 def structural_damping(omega_n: np.ndarray, R_phi: np.ndarray, K_J: np.ndarray, eta: float) -> np.ndarray:
-    """Return eta phi^H K phi [1/s2], K without the springs of the joints: diagonal where nothing couples the modes, else full.
+    """Return eta phi^H K phi [1/s2], K without the springs of the joints, as diagonal if it couples no modes, otherwise full.
 
     Local.  docs/theory.md, eq. (13.2); phi^H K_L phi is diagonal.  ``K_J`` is (3 n_pairs,) [N/m].
     """
@@ -52,7 +52,7 @@ def structural_damping(omega_n: np.ndarray, R_phi: np.ndarray, K_J: np.ndarray, 
 
 @dataclass(frozen=True, eq=False)
 class Damping:
-    """phi^H C phi of M-normalised modes [1/s], and of structural damping eta phi^T K phi [1/s2]."""
+    """phi^H C phi of M-normalised modes [1/s], and eta phi^T K phi of structural damping [1/s2]."""
 
     C: np.ndarray  # (m,) 2 zeta omega_n of modal damping, or the full, Hermitian (m, m)
     S: np.ndarray | None = None  # of the same shape; None: no structural damping
@@ -69,7 +69,7 @@ class Damping:
 
     @property
     def n_coupled(self) -> int:
-        """How many modes follow one: 1 with modal damping."""
+        """Number of modes coupled to each other: 1 with modal damping."""
         return len(self.C) if self.couples_modes else 1
 
     @property
@@ -79,13 +79,13 @@ class Damping:
 
     @property
     def structural_diagonal(self) -> np.ndarray:
-        """eta omega_n^2 where all stiffness is that of the bodies, (m,) [1/s2]."""
+        """Diagonal of S, (m,) [1/s2]; eta omega_n^2 if there are no springs of joints."""
         if self.S is None:
             return np.zeros(len(self.C))
         return np.diag(self.S).real if self.couples_modes else self.S
 
     def plus(self, sigma: float) -> Damping:
-        """Return it with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""
+        """Return the damping with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""
         return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma), self.S)
 
     def conjugated(self) -> Damping:
@@ -93,21 +93,21 @@ class Damping:
         return Damping(self.C.conj(), None if self.S is None else self.S.conj())
 
     def apply(self, eta: np.ndarray) -> np.ndarray:
-        """Return phi^H C phi eta, (m, n) both."""
+        """Return phi^H C phi eta, (m, n) each."""
         return self.C @ eta if self.couples_modes else self.C[:, None] * eta
 
     def apply_structural(self, eta: np.ndarray) -> np.ndarray:
-        """Return the structural damping times eta, (m, n) both."""
+        """Return the structural damping times eta, (m, n) each."""
         if self.S is None:
             return np.zeros_like(eta)
         return self.S @ eta if self.couples_modes else self.S[:, None] * eta
 
     def apply_to_rows(self, v: np.ndarray) -> np.ndarray:
-        """Return the same of modal velocities in rows, (..., m) both."""
+        """Return phi^H C phi times modal velocities in rows, (..., m) each."""
         return v @ self.C.T if self.couples_modes else self.C * v
 
     def step_matrix(self, omega_n: np.ndarray, mass: float, rest: float, c: np.ndarray, k: np.ndarray) -> StepMatrix:
-        """Return A = mass + rest (c C + k Omega^2) of B points, c [s] and k [s2] being (B,)."""
+        """Return A = mass + rest (c C + k Omega^2) for B points, with c [s] and k [s2] of shape (B,)."""
         squares = omega_n**2
         if not self.couples_modes:
             return StepMatrix(mass + rest * (c[:, None] * self.C + k[:, None] * squares), is_inverse=False)
@@ -116,9 +116,9 @@ class Damping:
 
 
 class Flexibility:
-    """A complex matrix between the modes for each harmonic of a set, applied to real coefficients.
+    """A complex matrix over the modes for each harmonic of a set, applied to real coefficients.
 
-    ``c`` is (m, n_harmonics) where the matrices are diagonal, (n_harmonics, m, m) otherwise; read-only.
+    ``c`` is (m, n_harmonics) if the matrices are diagonal, otherwise (n_harmonics, m, m); read-only.
     """
 
     def __init__(self, c: np.ndarray):
@@ -148,29 +148,29 @@ class Flexibility:
         return self.c.conj()
 
     def adjoint(self) -> Flexibility:
-        """Return the one with c_n^H in place of c_n: apply then transposes the real matrix."""
+        """Return the flexibility with c_n^H instead of c_n: ``apply`` then uses the transposed real matrix."""
         return Flexibility(self.c.conj() if self.c.ndim == 2 else self.c.conj().swapaxes(1, 2))
 
     def between(self, x: np.ndarray, i: int, y: np.ndarray) -> np.ndarray:
-        """Return x c_n y^H, complex (a, b), of the i-th harmonic for participations x (a, m) and y (b, m)."""
+        """Return x c_n y^H, complex (a, b), for the i-th harmonic and participations x (a, m) and y (b, m)."""
         return (x * self.c[:, i] if self.c.ndim == 2 else x @ self.c[i]) @ y.conj().T
 
     def row(self, j: int, i: int) -> np.ndarray:
-        """Return row j of c_n of the i-th harmonic, complex (m,)."""
+        """Return row j of c_n for the i-th harmonic, complex (m,)."""
         return np.eye(len(self.c))[j] * self.c[j, i] if self.c.ndim == 2 else self.c[i, j]
 
 
 class DynamicFlexibility(Flexibility):
     """c_n = D_n^-1 - Omega^-2 [s2] at one frequency, D_n = Omega^2 - (n omega)^2 + i n omega phi^H C phi.
 
-    docs/theory.md, eq. (4.1).  Structural damping adds i eta phi^T K phi to D_n of the harmonics above the mean, eq. (13.2).
+    docs/theory.md, eq. (4.1).  Structural damping adds i eta phi^T K phi to D_n for n > 0, eq. (13.2).
 
     Parameters
     ----------
     omega_n : (m,) natural frequencies [rad/s]
     n : (n_harmonics,) numbers of the harmonics
     omega : excitation frequency [rad/s]
-    springs : (m,) further stiffness of the modes in harmonic 1 alone [1/s2]: D_1 + diag(springs); None: none
+    springs : (m,) additional stiffness of the modes in harmonic 1 only [1/s2]: D_1 + diag(springs); None: none
     """
 
     def __init__(self, omega_n: np.ndarray, damping: Damping, n: np.ndarray, omega: float, springs: np.ndarray | None = None):
@@ -193,9 +193,9 @@ class DynamicFlexibility(Flexibility):
             super().__init__((self.n_omega**2 - resistance - further) / (w2 * self.D))
 
     def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: np.ndarray | None = None) -> Flexibility:
-        """Return the rate of c_n while omega changes at ``d_omega``, a damping sigma M, 0 here, at ``d_sigma`` and C at ``d_C``.
+        """Return the rate of c_n for the rates ``d_omega`` of omega, ``d_sigma`` of a damping sigma M at sigma = 0, ``d_C`` of C.
 
-        ``d_C`` is (m, m), of any damping; the rate is then full.
+        ``d_C`` is (m, m) for any damping; the result is then full.
         """
         terms = [self._of_omega * d_omega] if d_omega != 0.0 or (d_sigma == 0.0 and d_C is None) else []
         if d_sigma != 0.0:
@@ -208,7 +208,7 @@ class DynamicFlexibility(Flexibility):
 
     @cached_property
     def _of_omega(self) -> np.ndarray:
-        """d c_n / d omega [s3], shaped as c_n."""
+        """d c_n / d omega [s3], with the shape of c_n."""
         n, n_omega = self.n, self.n_omega
         if not self.damping.couples_modes:
             return (2.0 * n * n_omega - 1j * self.damping.C[:, None] * n) / self.D**2
@@ -217,13 +217,13 @@ class DynamicFlexibility(Flexibility):
 
     @property
     def _of_sigma(self) -> np.ndarray:
-        """d c_n / d sigma [s3], shaped as c_n."""
+        """d c_n / d sigma [s3], with the shape of c_n."""
         if not self.damping.couples_modes:
             return -1j * self.n_omega * (self.c + 1.0 / self.squares[:, None]) ** 2
         return -1j * self.n_omega[:, None, None] * (self.inverse @ self.inverse)
 
     def whole(self, q: np.ndarray, i: int) -> np.ndarray:
-        """Return D_n^-1 q, complex (m, k), of the i-th harmonic: modal amplitudes under modal forces q (m, k)."""
+        """Return D_n^-1 q, complex (m, k), for the i-th harmonic: modal amplitudes under modal forces q (m, k)."""
         if self.damping.couples_modes:
             return (self.c[i] + np.diag(1.0 / self.squares)) @ q
         return (self.c[:, i] + 1.0 / self.squares)[:, None] * q
@@ -235,13 +235,13 @@ def _full(c: np.ndarray) -> np.ndarray:
 
 
 class StepMatrix:
-    """A positive definite matrix of the modes for each of B points, diagonal (B, m), or the inverse of a full one (B, m, m)."""
+    """A positive definite matrix over the modes for each of B points: diagonal (B, m), or the inverse of a full one (B, m, m)."""
 
     def __init__(self, values: np.ndarray, is_inverse: bool):
         self.values, self.is_inverse = values, is_inverse
 
     def solve(self, q: np.ndarray) -> np.ndarray:
-        """Return A^-1 q, (B, m) both."""
+        """Return A^-1 q, (B, m) each."""
         return np.einsum("bij,bj->bi", self.values, q) if self.is_inverse else q / self.values
 
     def flexibility(self, scale: np.ndarray) -> StepFlexibility:
@@ -256,10 +256,10 @@ class StepFlexibility:
         self.values = values
 
     def apply(self, q: np.ndarray) -> np.ndarray:
-        """Return it times q, (B, m) both."""
+        """Return (d eta / d q) q, (B, m) each."""
         return self.values * q if self.values.ndim == 2 else np.einsum("bij,bj->bi", self.values, q)
 
     def between(self, x: np.ndarray, b: int, y: np.ndarray) -> np.ndarray:
-        """Return x (d eta / d q) y^T, (k, l), of the b-th point for participations x (k, m) and y (l, m)."""
+        """Return x (d eta / d q) y^T, (k, l), for the b-th point and participations x (k, m) and y (l, m)."""
         d = self.values[b]
         return (x * d if d.ndim == 1 else x @ d) @ y.T

@@ -1,4 +1,4 @@
-"""How the loads vary in time, and in which harmonics a structure moves."""
+"""The time dependence of the loads, and the harmonics of the motion."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from ..messages.errors import CaseError
 
 @dataclass(frozen=True)
 class Excitation:
-    """The loads' shapes in time at unit level, cos(n omega t + phase), and the harmonics of every motion."""
+    """The time dependence of the loads at unit level, cos(n omega t + phase), and the harmonics of every motion."""
 
-    shapes: tuple[tuple[int, float], ...] = ()  # of each load its harmonic n and its phase [rad]
+    shapes: tuple[tuple[int, float], ...] = ()  # harmonic n and phase [rad] of each load
     harmonics: Harmonics = Harmonics.up_to(3)
 
     @property

@@ -1,11 +1,11 @@
-"""A model that is led by the amplitude of one of its modes (docs/theory.md, section 15).
+"""A model driven by the amplitude q of one of its modes, the leading mode (docs/theory.md, section 15).
 
-Mode j leads in harmonic 1 by a load s q M phi_j and a spring s of that mode alone, s = omega_j^2.  With the receptance G~ and the
+Mode j leads in harmonic 1 by a load s q M phi_j and a spring s of this mode only, s = omega_j^2.  With the receptance G~ and the
 linear motion U~ of D_1 + s e_j e_j^T,
 
     U = U~(q) - G~ p(U),        eta_j = q,
 
-in which load and spring cancel.  The first equation is not singular at the resonance of the mode, whatever its damping.
+in which load and spring cancel.  The first equation is not singular at the resonance of the mode, for any damping.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .reduced_model import ReducedModel
 
 
 def led_by(model: ReducedModel, j: int) -> ReducedModel:
-    """Return the model under omega_j^2 M phi_j [N per kg^1/2 m] in place of its loads, led by mode j (from 0), eq. (15.2).
+    """Return the model under omega_j^2 M phi_j [N per kg^1/2 m] instead of its loads, with leading mode j (from 0), eq. (15.2).
 
     Local.
     """
@@ -32,12 +32,12 @@ def led_by(model: ReducedModel, j: int) -> ReducedModel:
 
 
 def pushed_by(model: ReducedModel, j: int) -> ReducedModel:
-    """Return the model under the constant load omega_j^2 M phi_j in place of its loads, with the mean alone.  Local."""
+    """Return the model under the constant load omega_j^2 M phi_j instead of its loads, with the mean only.  Local."""
     return _under_mode(replace(model, f=np.zeros_like(model.f)).with_harmonics(Harmonics((0,))), j, 0)
 
 
 def _under_mode(model: ReducedModel, j: int, n: int) -> ReducedModel:
-    """Return the model under the load of mode j in harmonic n alone; above the mean the mode leads."""
+    """Return the model under the load of mode j in harmonic n only; for n > 0 the mode leads."""
     of_mode = model.receptances.group_of(1)
 
     def under(group: Hashable) -> Receptance:
@@ -51,7 +51,7 @@ def _under_mode(model: ReducedModel, j: int, n: int) -> ReducedModel:
 
 
 def _of_group(receptance: Receptance, j: int | None, leads: bool) -> Receptance:
-    """Return a receptance under that load; None: of a group that does not have the mode."""
+    """Return a receptance under the load of mode j; j is None for a group without the mode."""
     modes, static, rigid = receptance.modes, receptance.static, receptance.rigid
     chosen = np.zeros(len(modes.omega_n)) if j is None else np.eye(len(modes.omega_n))[j]
     springs = chosen * modes.omega_n**2
@@ -69,10 +69,10 @@ def _of_group(receptance: Receptance, j: int | None, leads: bool) -> Receptance:
 
 
 class Coordinate(NamedTuple):
-    """The motion of a mode in harmonic 1, eta = row (b q - R_phi^H p), complex, of a model that it leads."""
+    """The motion of the leading mode of a model in harmonic 1, eta = row (b q - R_phi^H p), complex."""
 
     per_load: complex  # row b: eta under a unit amplitude q without forces of the pairs
-    row: np.ndarray  # (m,) of D_1^-1, or of its rate [s2]
+    row: np.ndarray  # (m,) row of D_1^-1, or of its rate [s2]
     of_pairs: np.ndarray  # (3 n, m) R_phi of some pairs
 
     def under(self, q: float, p_1: np.ndarray) -> complex:
@@ -86,7 +86,7 @@ class Coordinate(NamedTuple):
 
 
 def coordinate(model: ReducedModel, j: int, omega: float, pairs: np.ndarray) -> Coordinate:
-    """Return the coordinate of the leading mode j, eq. (15.3), by the forces of some ``pairs``, at omega [rad/s].  Local."""
+    """Return the coordinate of the leading mode j, eq. (15.3), under forces of the ``pairs``, at omega [rad/s].  Local."""
     k, i = model.index_of(1)
     modes, c = model.groups[k].receptance.modes, model.flexibilities(omega)[k]
     row = c.row(j, i) + np.eye(len(modes.omega_n))[j] / modes.omega_n**2
@@ -94,7 +94,7 @@ def coordinate(model: ReducedModel, j: int, omega: float, pairs: np.ndarray) -> 
 
 
 def coordinate_rate(model: ReducedModel, j: int, omega: float, pairs: np.ndarray, d_omega: float, d_sigma: float) -> Coordinate:
-    """Return how it changes with the frequency and a damping sigma M, at the rates ``d_omega`` and ``d_sigma``.  Local."""
+    """Return the rate of the coordinate for rates ``d_omega`` of the frequency and ``d_sigma`` of a damping sigma M.  Local."""
     k, i = model.index_of(1)
     modes, rate = model.groups[k].receptance.modes, model.flexibility_rates(omega, d_omega, d_sigma)[k]
     row = rate.row(j, i)

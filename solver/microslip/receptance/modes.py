@@ -12,16 +12,16 @@ from .damping import Damping, DynamicFlexibility
 
 @dataclass(frozen=True, eq=False)
 class ProjectedModes:
-    """Modes of one (K_L, M), M-normalised, with the projected damping matrix of the structure.  Replicated."""
+    """M-normalised modes of a pencil (K_L, M), with the projected damping matrix of the structure.  Replicated."""
 
     omega_n: np.ndarray  # (m,) rad/s
     R_phi: np.ndarray  # (3 n_pairs, m) participation of the pairs
     b: np.ndarray  # (m, n_loads) phi^T f
     o: np.ndarray  # (n_outputs, m) output rows times phi
-    C: np.ndarray | None = None  # (m, m) phi^T C phi of the structure's damping matrix [1/s]; None: it has none
+    C: np.ndarray | None = None  # (m, m) phi^T C phi of the structure's damping matrix [1/s]; None: no damping matrix
 
     def first(self, n: int) -> ProjectedModes:
-        """Return the first n of them.  Local."""
+        """Return the first n modes.  Local."""
         C = None if self.C is None else self.C[:n, :n]
         return ProjectedModes(self.omega_n[:n], self.R_phi[:, :n], self.b[:n], self.o[:, :n], C)
 
@@ -33,18 +33,18 @@ class ProjectedModes:
 
 @dataclass(frozen=True, eq=False)
 class DampedModes:
-    """The same modes with all of their damping.  Replicated."""
+    """Modes as :class:`ProjectedModes`, with their complete damping.  Replicated."""
 
     omega_n: np.ndarray  # (m,) rad/s
     damping: Damping  # phi^T C phi
     R_phi: np.ndarray  # (3 n_pairs, m) participation of the pairs
     b: np.ndarray  # (m, n_loads) phi^T f
     o: np.ndarray  # (n_outputs, m) output rows times phi
-    springs: np.ndarray | None = None  # (m,) [1/s2] further stiffness in harmonic 1 alone: leading_mode.py
+    springs: np.ndarray | None = None  # (m,) [1/s2] additional stiffness in harmonic 1 only: leading_mode.py
 
     @property
     def zeta(self) -> np.ndarray:
-        """Damping ratios at resonance, (m,) [-]; of a full damping its diagonal, of structural damping half the loss factor."""
+        """Damping ratios at resonance, (m,) [-]: the diagonal of a full damping matrix, plus half the structural loss factor."""
         return self.viscous_ratio if self.damping.S is None else self.viscous_ratio + 0.5 * self.loss_factor
 
     @property
@@ -67,5 +67,5 @@ class DampedModes:
         return DampedModes(self.omega_n, damping, *participations, self.springs)
 
     def flexibility(self, harmonics: Harmonics, omega: float) -> DynamicFlexibility:
-        """Return c_n of (4.1) of a set of harmonics at ``omega`` [rad/s].  Local."""
+        """Return c_n of (4.1) for a set of harmonics at ``omega`` [rad/s].  Local."""
         return DynamicFlexibility(self.omega_n, self.damping, harmonics.numbers, omega, self.springs)

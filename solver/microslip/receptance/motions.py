@@ -1,4 +1,4 @@
-"""Motions of a reduced model under its loads at a level and contact forces p, (3 n_pairs, N_H), of all pairs."""
+"""Motions of a reduced model under its loads at a level and the contact forces p of all pairs, (3 n_pairs, N_H)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .reduced_model import ReducedModel
 
 
 class ActingForces(NamedTuple):
-    """What acts on a structure at a point: all its motion follows from that."""
+    """The forces on a structure at a point, which determine its motion."""
 
     level: float  # N
     omega: float  # rad/s
@@ -27,7 +27,7 @@ def linear_motion(model: ReducedModel, level: float, omega: float, rows: slice |
 
 
 def static_motion(model: ReducedModel, level: float) -> np.ndarray:
-    """Return du_static f, U_lin as it would be if nothing had inertia, of this rank's pairs, (3 n_owned, N_H) [m].  Local."""
+    """Return du_static f, the quasi-static U_lin of this rank's pairs, (3 n_owned, N_H) [m].  Local."""
     f, owned = level * model.f, model.owned_rows
     return model.joined([matrix_times(group.receptance.static.du_static[owned], f[:, group.columns]) for group in model.groups])
 
@@ -40,7 +40,7 @@ def linear_motion_rate(
     d_sigma: float = 0.0,
     d_C: Sequence[np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Return the rate of U_lin, (3 n_owned, N_H), as :meth:`ReceptanceColumns.apply_rate` has that of G.  Local."""
+    """Return the rate of U_lin, (3 n_owned, N_H), with rates as in :meth:`ReceptanceColumns.apply_rate`.  Local."""
     f, owned = level * model.f, model.owned_rows
     of_groups = zip(model.groups, model.flexibility_rates(omega, d_omega, d_sigma, d_C))
     return model.joined([group.receptance.linear_motion_rate(f[:, group.columns], rate, owned) for group, rate in of_groups])
@@ -61,6 +61,6 @@ def load_motion(model: ReducedModel, level: float, omega: float, p: np.ndarray) 
 
 
 def modal_motion(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> list[np.ndarray]:
-    """Return the complex modal amplitudes D_n^-1 phi^H (f - R^H p) of each group, (m, n_harmonics) of its own.  Local."""
+    """Return the complex modal amplitudes D_n^-1 phi^H (f - R^H p) of each group, (m, n_harmonics) each.  Local."""
     f, of_groups = level * model.f, zip(model.groups, model.flexibilities(omega))
     return [group.receptance.modal_motion(f[:, group.columns], p[:, group.columns], c) for group, c in of_groups]

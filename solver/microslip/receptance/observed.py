@@ -1,4 +1,4 @@
-"""Outputs that are no displacements: velocities, accelerations, absolute motion, contact forces (docs/theory.md, section 13)."""
+"""Outputs other than displacements: velocities, accelerations, absolute motion, contact forces (docs/theory.md, section 13)."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..fourier.harmonics import Harmonics
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """What makes outputs y of their rows o u, contact forces p and the acceleration a of the base.
+    """The map to outputs y from their rows o u, the contact forces p and the acceleration a of the base.
 
         y_n = (i n omega)^k (o u)_n + (i n omega)^(k - 2) a_n + c p_n.
 
     docs/theory.md, eq. (13.5).  Replicated.
     """
 
-    order: np.ndarray  # (n_outputs,) k: derivatives by time
+    order: np.ndarray  # (n_outputs,) k: order of the time derivative
     of_p: np.ndarray  # (n_outputs, 3 n_pairs) c
     of_base: np.ndarray  # (n_outputs, n_loads) acceleration of the base along the output under each load [m/s2]
 
@@ -40,7 +40,7 @@ class Observed:
         return n_omega ** self.order.astype(float)
 
     def of_forces(self, A: np.ndarray, n_omega: float) -> np.ndarray:
-        """Return minus the derivative of the outputs by p, (n_outputs, 3 n_pairs) complex, for A of o u [m/N].  Local."""
+        """Return minus the derivative of the outputs by p, complex (n_outputs, 3 n_pairs), from A of o u [m/N].  Local."""
         return (1j * n_omega) ** self.order[:, None] * A - self.of_p
 
 

@@ -1,4 +1,4 @@
-"""A reduced model for some of the ranks, which continue without the others."""
+"""A reduced model for a subset of the ranks, which continue independently of the others."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 Reduced = TypeVar("Reduced", bound=ReducedStructure)
-_BATCH = 128  # pairs whose columns travel together
+_BATCH = 128  # pairs whose columns are exchanged together
 
 
 def on_ranks(model: Reduced, comm: MPI.Comm) -> Reduced:
-    """Return the same model, or structure, with its pairs split over the ranks of ``comm``, a part of those of ``model.comm``.
+    """Return the same model, or structure, with its pairs distributed over the ranks of ``comm``, a subset of ``model.comm``.
 
-    Collective on ``model.comm``: the receptances of *all* groups of harmonics are made, and the static columns of *all* pairs
-    solved for.  The factor is spread over all ranks, so that some of them cannot solve for a pair that leaves sticking later.
+    Collective on ``model.comm``: computes the receptances of *all* groups of harmonics and the static columns of *all* pairs.
+    The factor is distributed over all ranks, so that a subset cannot solve for a pair that slips later.
     """
     receptances = {}
     for group in model.receptances.groups:
@@ -35,7 +35,7 @@ def on_ranks(model: Reduced, comm: MPI.Comm) -> Reduced:
 
 
 def _columns_on(model: ReducedStructure, columns: StaticColumns, comm: MPI.Comm) -> StaticColumns:
-    """Return the static columns of all pairs with the rows of this rank's share in ``comm``.  Collective on ``model.comm``."""
+    """Return the static columns of all pairs with the rows of this rank's pairs in ``comm``.  Collective on ``model.comm``."""
     first, last = (int(pair) for pair in split_evenly(model.n_pairs, comm.size)[comm.rank : comm.rank + 2])
     wanted = model.comm.allgather((first, last))
     moved = StaticColumns(model.n_pairs, last - first, _no_solve, is_complex=columns.is_complex)
@@ -48,7 +48,7 @@ def _columns_on(model: ReducedStructure, columns: StaticColumns, comm: MPI.Comm)
 
 
 def _rows_between(rows: np.ndarray, owned: slice, first: int, last: int) -> np.ndarray:
-    """Return those of ``rows``, of the pairs ``owned``, that belong to the pairs ``first`` to ``last`` - 1.  Local."""
+    """Return the part of ``rows`` of the pairs ``owned`` that belongs to the pairs ``first`` to ``last`` - 1.  Local."""
     start = max(first, owned.start)
     stop = max(start, min(last, owned.stop))
     return rows[3 * (start - owned.start) : 3 * (stop - owned.start)]

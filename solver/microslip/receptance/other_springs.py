@@ -1,4 +1,4 @@
-"""Reduced structures, models and enriched models with other contact stiffness than they were built with."""
+"""Reduced structures, models and enriched models with a changed contact stiffness."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Reduced = TypeVar("Reduced", bound=ReducedStructure)
 
 
 def with_springs(structure: Reduced, change: SpringChange) -> Reduced:
-    """Return the same structure, or model, with other springs; each group of harmonics when it is needed.  Local."""
+    """Return the same structure, or model, with changed springs; harmonic groups are updated on demand.  Local."""
     updates = structure.receptances.mapped(lambda receptance: SpringUpdate(structure.comm, receptance, change))
     return replace(structure, receptances=updates.mapped(lambda update: update.receptance), spring_updates=updates)
 
 
 def enriched_with_springs(enriched: EnrichedModel, structure: ReducedStructure) -> EnrichedModel:
-    """Return an enriched model with the springs of a structure by :func:`with_springs`.  Local.
+    """Return an enriched model with the springs of a ``structure`` from :func:`with_springs`.  Local.
 
-    Samples of truncated modes raise ValueError, where they are needed, if structural damping couples these to the joint.
+    Access to the truncated modes raises ValueError if structural damping couples them to the joint.
     """
     updates = structure.spring_updates
     if updates is None:
@@ -39,13 +39,13 @@ def enriched_with_springs(enriched: EnrichedModel, structure: ReducedStructure) 
 
 
 def _truncated(update: SpringUpdate, before: TruncatedModes | None) -> TruncatedModes | None:
-    """Return the truncated modes with other springs: their samples exactly, W of loads and outputs as these change it.
+    """Return the truncated modes with changed springs: exact samples, and W of loads and outputs updated by the samples.
 
     Collective: one gather.
 
     Raises
     ------
-    ValueError : structural damping couples truncated modes to the joint, which the samples do not know of other springs
+    ValueError : structural damping couples truncated modes to the joint, for which there is no update
     """
     if before is None:
         return None

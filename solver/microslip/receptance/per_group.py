@@ -1,6 +1,6 @@
 """Harmonics in groups: harmonics of one group share stiffness, modes and static response (docs/theory.md, section 4).
 
-A plain structure has one group; of a disc of alike sectors the harmonics of one nodal diameter are one.
+A plain structure has one group; in a disc of identical sectors, the harmonics of one nodal diameter form a group.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class PerGroup(Generic[T]):
     ----------
     make : collective; returns the value of a group
     group_of : returns the group of harmonic n
-    groups : all groups there are
+    groups : all groups
     """
 
     def __init__(
@@ -42,17 +42,17 @@ class PerGroup(Generic[T]):
         return cls(lambda group: value)
 
     def of_group(self, group: Hashable) -> T:
-        """Return the value of a group.  Collective where it is new."""
+        """Return the value of a group.  Collective if it is not computed yet."""
         if group not in self._computed:
             self._computed[group] = self._make(group)
         return self._computed[group]
 
     def of(self, n: int) -> T:
-        """Return the value of the group of harmonic n.  Collective where it is new."""
+        """Return the value of the group of harmonic n.  Collective if it is not computed yet."""
         return self.of_group(self.group_of(n))
 
     def mapped(self, change: Callable[[T], S]) -> PerGroup[S]:
-        """Return the values changed by ``change``, on demand.  Local."""
+        """Return the values mapped by ``change``, on demand.  Local."""
         return PerGroup(lambda group: change(self.of_group(group)), self.group_of, self.groups)
 
     @property

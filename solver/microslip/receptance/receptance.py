@@ -1,11 +1,11 @@
 """The receptance of one harmonic group: modes and static response between pairs, loads and outputs.
 
-Between any two of them with modal participations x, y, in harmonic n (docs/theory.md, eq. (4.1)),
+Between any two of these with modal participations x, y, in harmonic n (docs/theory.md, eq. (4.1)),
 
     A_n(omega) = A_static + x c_n(omega) y^H.
 
-All of it is real for a structure by itself, complex where neighbours move with another phase.  Motions and forces are real
-coefficients [mean, cos, sin, ...] of the group's harmonics, of which the complex amplitude is cos - i sin.
+Participations and A_static are real for a plain structure, complex for a sector whose neighbours have another phase.  Motions and
+forces are real coefficients [mean, cos, sin, ...] of the group's harmonics; the complex amplitude is cos - i sin.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from .static_response import StaticResponse
 
 @dataclass(frozen=True, eq=False)
 class Receptance:
-    """What belongs to one group of harmonics, docs/theory.md, eq. (4.1).  All methods are local; N_H counts its coefficients."""
+    """Data of one harmonic group, docs/theory.md, eq. (4.1).  All methods are local; N_H counts coefficients of the group."""
 
-    modes: DampedModes  # elastic ones
-    static: StaticResponse  # of a free structure that of inertia relief
+    modes: DampedModes  # elastic modes
+    static: StaticResponse  # by inertia relief for a structure without supports
     rigid: RigidMotion | None = None  # of a structure without supports
 
     @property
@@ -34,14 +34,14 @@ class Receptance:
         return np.iscomplexobj(self.modes.R_phi) or self.static.G_static.is_complex
 
     def with_damping(self, sigma: float) -> Receptance:
-        """Return the same with sigma M [1/s] added to the damping matrix."""
+        """Return the receptance with sigma M [1/s] added to the damping matrix."""
         rigid = self.rigid and self.rigid.with_damping(sigma)
         return replace(self, modes=self.modes.with_damping(sigma), rigid=rigid)
 
     def conjugated(self) -> Receptance:
         """Return the receptance of conj(K_L), conj(M) and conj(C) under conjugate load vectors: of nodal diameter N - d from d.
 
-        The static columns, by far the most memory, are a view of those here.  A real receptance is its own conjugate.
+        The static columns, which need by far the most memory, are a view.  A real receptance is returned itself.
         """
         return replace(self, modes=self.modes.conjugated(), static=self.static.conjugated()) if self.is_complex else self
 
@@ -55,7 +55,7 @@ class Receptance:
         return matrix_times(self.static.du_static[rows], f) + matrix_times(self.modes.R_phi[rows], c.apply(self.modal_forces(f)))
 
     def linear_motion_rate(self, f: np.ndarray, rate: Flexibility, rows: slice) -> np.ndarray:
-        """Return the rate of that motion, (n_rows, N_H), for the ``rate`` of c_n."""
+        """Return the rate of :meth:`linear_motion`, (n_rows, N_H), for the ``rate`` of c_n."""
         return matrix_times(self.modes.R_phi[rows], rate.apply(self.modal_forces(f)))
 
     def output_motion(self, f: np.ndarray, p: np.ndarray, c: DynamicFlexibility) -> np.ndarray:

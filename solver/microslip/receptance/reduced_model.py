@@ -1,4 +1,4 @@
-"""What harmonic balance solves with: a reduced structure under its loads, in a set of harmonics.
+"""The model of harmonic balance: a reduced structure under its loads, in a set of harmonics.
 
 Coefficients are real, in the order of fourier/harmonics.py; the complex amplitude of harmonic n is cos - i sin.
 """
@@ -19,16 +19,16 @@ from .excitation import Excitation
 from .receptance import Receptance
 from .reduced_structure import ReducedStructure
 
-_KEPT = 4  # frequencies of which a model keeps the flexibilities
+_KEPT = 4  # frequencies for which a model caches the flexibilities
 
 
 @dataclass(frozen=True, eq=False)
 class HarmonicGroup:
-    """What a set of harmonics has of one group."""
+    """The harmonics of a set that belong to one group."""
 
     receptance: Receptance
     harmonics: Harmonics
-    columns: slice | np.ndarray  # of their coefficients among those of the whole set; a slice where it is all of them
+    columns: slice | np.ndarray  # of their coefficients in the whole set; a slice if the group has all of them
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,18 +36,18 @@ class ReducedModel(ReducedStructure):
     """A reduced structure, the Fourier coefficients of its loads and the harmonics of every motion."""
 
     f: np.ndarray  # (n_loads, N_H) at unit level
-    harmonics: Harmonics  # in whose order coefficients run
-    H_recorded: int = 1  # results have the harmonics 0 to this one at least
-    stated_damping: StatedDamping | None = None  # for the modes, also those of other contact stiffness; None: a matrix
+    harmonics: Harmonics  # in the order of the coefficients
+    H_recorded: int = 1  # results have at least the harmonics 0 to this one
+    stated_damping: StatedDamping | None = None  # for the modes, also with a changed contact stiffness; None: a matrix
     _flexibilities: dict[float, tuple[DynamicFlexibility, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, structure: ReducedStructure, excitation: Excitation, damping: StatedDamping | None = None) -> ReducedModel:
-        """Return the model of a structure that is excited so.  Local; all arrays of the structure are shared.
+        """Return the model of a structure under an excitation.  Local; all arrays of the structure are shared.
 
         Raises
         ------
-        CaseError : a load in a harmonic that is not in the set, or a constant one that moves a free structure away
+        CaseError : a load acts in a harmonic that is not in the set, or constant loads on a free structure are not in balance
         """
         parts = _parts(structure)
         if excitation.harmonics.has_mean and any(n == 0 for n, _ in excitation.shapes):
@@ -57,7 +57,7 @@ class ReducedModel(ReducedStructure):
         return cls(**parts, f=excitation.coefficients, harmonics=excitation.harmonics, stated_damping=damping)
 
     def on(self, structure: ReducedStructure) -> ReducedModel:
-        """Return another structure under the same loads, in the same harmonics.  Local."""
+        """Return the model of another structure under the same loads, in the same harmonics.  Local."""
         return replace(self, **_parts(structure))
 
     @cached_property
@@ -66,11 +66,11 @@ class ReducedModel(ReducedStructure):
 
     @property
     def recorded(self) -> Harmonics:
-        """The full set 0, 1, ..., H of results: all harmonics ever used, and harmonic 1, zero where it is not."""
+        """The full set 0, 1, ..., H of results: all harmonics ever used and harmonic 1; unused ones are zero."""
         return Harmonics.up_to(max(self.H_recorded, self.harmonics.highest))
 
     def with_harmonics(self, harmonics: Harmonics) -> ReducedModel:
-        """Return the same model on another set of harmonics; all else is shared, the static columns too.  Local.
+        """Return the same model with another set of harmonics; everything else is shared, including static columns.  Local.
 
         Raises
         ------
@@ -86,14 +86,14 @@ class ReducedModel(ReducedStructure):
         return replace(self, f=f, harmonics=harmonics, H_recorded=self.recorded.highest)
 
     def with_damping(self, sigma: float) -> ReducedModel:
-        """Return the same model with sigma M [1/s] added to its damping matrix; all else is shared.  Local."""
+        """Return the same model with sigma M [1/s] added to its damping matrix; everything else is shared.  Local."""
         return replace(self, receptances=self.receptances.mapped(lambda receptance: receptance.with_damping(sigma)))
 
-    # -- harmonic by harmonic: each group on the columns of its own ------------------------------------------------
+    # -- products by harmonic group --------------------------------------------------------------------------------
 
     @cached_property
     def groups(self) -> tuple[HarmonicGroup, ...]:
-        """The groups of the set, by their first harmonics.  Collective where one is new."""
+        """The groups of the set, ordered by their first harmonics.  Collective if one is not computed yet."""
         harmonics, group_of = self.harmonics, self.receptances.group_of
         chosen: dict[Hashable, list[int]] = {}
         for n in harmonics.chosen:
@@ -106,7 +106,7 @@ class ReducedModel(ReducedStructure):
 
     @property
     def omega_n(self) -> np.ndarray:
-        """Natural frequencies of all groups of the set, one after the other, (n,) [rad/s].  Collective where one is new."""
+        """Natural frequencies of all groups of the set, concatenated, (n,) [rad/s].  Collective if one is not computed yet."""
         return np.concatenate([group.receptance.modes.omega_n for group in self.groups])
 
     @property
@@ -116,15 +116,15 @@ class ReducedModel(ReducedStructure):
 
     @property
     def n_modes(self) -> int:
-        """Modes that a harmonic has, at most."""
+        """The largest number of modes of a harmonic."""
         return max(len(group.receptance.modes.omega_n) for group in self.groups)
 
     def flexibilities(self, omega: float) -> tuple[DynamicFlexibility, ...]:
-        """Return c_n of each group.  Kept for the last few frequencies; collective where a group is new."""
+        """Return c_n of each group.  Cached for the last few frequencies; collective if a group is not computed yet."""
         flexibilities = self._flexibilities.pop(omega, None) or tuple(
             group.receptance.modes.flexibility(group.harmonics, omega) for group in self.groups
         )
-        self._flexibilities[omega] = flexibilities  # the last
+        self._flexibilities[omega] = flexibilities  # now the most recent
         if len(self._flexibilities) > _KEPT:
             del self._flexibilities[next(iter(self._flexibilities))]
         return flexibilities
@@ -132,14 +132,14 @@ class ReducedModel(ReducedStructure):
     def flexibility_rates(
         self, omega: float, d_omega: float, d_sigma: float, d_C: Sequence[np.ndarray] | None = None
     ) -> list[Flexibility]:
-        """Return the rates of c_n of each group, as :meth:`DynamicFlexibility.rate` has them; ``d_C`` of each group."""
+        """Return the rates of c_n of each group, see :meth:`DynamicFlexibility.rate`; ``d_C`` has one matrix per group."""
         c_n = self.flexibilities(omega)
         if d_C is None:
             return [c.rate(d_omega, d_sigma) for c in c_n]
         return [c.rate(d_omega, d_sigma, of_group) for c, of_group in zip(c_n, d_C)]
 
     def joined(self, terms: Sequence[np.ndarray]) -> np.ndarray:
-        """Return terms of the groups, each (..., N_H of its own), as one array (..., N_H); the term itself of one.  Local."""
+        """Return terms of the groups, each (..., N_H of the group), as one array (..., N_H); a single term itself.  Local."""
         if len(terms) == 1:
             return terms[0]
         joined_terms = np.empty((*terms[0].shape[:-1], self.N_H))
@@ -148,7 +148,7 @@ class ReducedModel(ReducedStructure):
         return joined_terms
 
     def index_of(self, n: int) -> tuple[int, int]:
-        """Return the number of the group of harmonic n, and the place of n in it.  Local."""
+        """Return the index of the group of harmonic n, and the index of n in this group.  Local."""
         return next((k, group.harmonics.chosen.index(n)) for k, group in enumerate(self.groups) if n in group.harmonics)
 
     def output_receptance(self, omega: float, n: int) -> np.ndarray:
@@ -158,11 +158,11 @@ class ReducedModel(ReducedStructure):
         return A if self.observed is None else self.observed.of_forces(A, n * omega)
 
     def expect_to_slip(self, pairs: np.ndarray) -> None:
-        """Have the static columns of these pairs solved for first, where others leave room.  Local; the same on every rank."""
+        """Set the order in which batches are filled with static columns of further pairs.  Local; the same on every rank."""
         for group in self.groups:
             group.receptance.static.G_static.expect(pairs)
 
 
 def _parts(structure: ReducedStructure) -> dict[str, Any]:
-    """Return the fields of a structure, also where it is a model."""
+    """Return the fields of a structure, which may be a model."""
     return {item.name: getattr(structure, item.name) for item in fields(ReducedStructure)}

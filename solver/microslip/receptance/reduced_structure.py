@@ -1,4 +1,4 @@
-"""What a reduction makes of a structure: the receptance of its pairs, loads and outputs, whatever acts on it and how fast."""
+"""The result of a reduction: the receptance of pairs, loads and outputs, independent of loads and frequency."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 class ReducedStructure:
     """The receptance of each harmonic group, computed on demand.
 
-    Everything is replicated except the columns of ``G_static``, whose rows live with their pairs.
+    Everything is replicated except the columns of ``G_static``, whose rows are on the owners of the pairs.
     """
 
     comm: MPI.Comm
     n_pairs: int
     n_outputs: int
     receptances: PerGroup[Receptance]
-    observed: Observed | None = None  # the map from rows to outputs; None: they are displacements
-    spring_updates: PerGroup[SpringUpdate] | None = None  # to other contact stiffness than the structure was built with
+    observed: Observed | None = None  # the map from rows to outputs; None: outputs are displacements
+    spring_updates: PerGroup[SpringUpdate] | None = None  # updates to another contact stiffness
 
     def receptance_of(self, n: int) -> Receptance:
-        """Return the receptance of harmonic n.  Collective where its group is new."""
+        """Return the receptance of harmonic n.  Collective if its group is not computed yet."""
         return self.receptances.of(n)
 
     @property

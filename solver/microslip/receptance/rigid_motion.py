@@ -1,10 +1,10 @@
-"""Rigid-body motion of a structure without supports, as loads and outputs see it (docs/theory.md, section 4).
+"""Rigid-body motion of a structure without supports, for loads and outputs (docs/theory.md, section 4).
 
-Contact forces are internal and do not move the structure as a whole, R phi_r = 0.  Loads do: with masses of 1,
+Contact forces are internal and do not move the structure as a whole, R phi_r = 0.  Loads do: with modal masses of 1,
 
     q_n = (-(n omega)^2 + i n omega phi_r^T C phi_r)^-1 phi_r^T f_n,       u_n = phi_r q_n + elastic motion,        (4.9)
 
-and q_0 = 0: where a structure is on average no constant load in balance says.
+and q_0 = 0: constant loads in balance do not determine the mean position.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class RigidMotion:
     C: np.ndarray  # (n, n) phi_r^T C phi_r [1/s]
 
     def with_damping(self, sigma: float) -> RigidMotion:
-        """Return the same with sigma M [1/s] added to the damping matrix."""
+        """Return the same modes with sigma M [1/s] added to the damping matrix."""
         return replace(self, C=self.C + sigma * np.eye(len(self.C)))
 
     def coordinates(self, f: np.ndarray, n_omega: np.ndarray) -> np.ndarray:
@@ -40,7 +40,7 @@ class RigidMotion:
         return to_real(q, f.shape[1])
 
     def loss(self, f: np.ndarray, n: np.ndarray, omega: float) -> float:
-        """Return what dampers take of this motion, with harmonics n of omega [J per cycle]."""
+        """Return the loss of this motion in dampers, with harmonics n of omega [J per cycle]."""
         q = to_complex(self.coordinates(f, n * omega))
         return float(np.pi * omega * np.sum(n**2 * (q.conj() * (self.C @ q)).real))
 

@@ -1,4 +1,4 @@
-"""Products of a matrix, whose rows may lie anywhere in memory, with few vectors: one pass over the rows, and no copy of them."""
+"""Products of a matrix with few vectors; its rows may be anywhere in memory, and are read once without a copy."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from ._row_products import combine, pick, project
 
 
 class Rows:
-    """A matrix A (m, n) by the places of its rows, in double or single precision.  Local.
+    """A matrix A (m, n) given by the addresses of its rows, in double or single precision.  Local.
 
     Parameters
     ----------
-    places : (m,) addresses of the rows, of ``n`` numbers each, contiguous
+    places : (m,) addresses of the rows, each with ``n`` contiguous numbers
     precision : of the numbers, np.float64 or np.float32
-    owner : the object whose memory has the rows, alive as long as the matrix
+    owner : the object that owns the memory of the rows, referenced to keep it alive
     """
 
     def __init__(self, places: np.ndarray, n: int, precision: type, owner: object):
@@ -26,7 +26,7 @@ class Rows:
         return cls(places_of(A), A.shape[1], A.dtype.type, A)
 
     def part(self, chosen: np.ndarray) -> Rows:
-        """Return some of the rows, (k,) by number, of the same memory."""
+        """Return the rows ``chosen`` (k,), in the same memory."""
         return Rows(self._places[chosen], self.shape[1], self.precision, self._owner)
 
     def combined(self, p: np.ndarray) -> np.ndarray:
@@ -52,7 +52,7 @@ class Rows:
         return columns
 
     def write_columns(self, wanted: np.ndarray, unit: float, out: np.ndarray) -> None:
-        """Write the columns ``wanted`` (k,), over ``unit``, into ``out`` (m, k), of any precision; A is in double precision."""
+        """Write the columns ``wanted`` (k,), divided by ``unit``, into ``out`` (m, k) of any precision; A must be double."""
         assert self.precision is np.float64 and out.shape == (self.shape[0], len(wanted))
         if out.size:
             pick(self._places, np.ascontiguousarray(wanted, dtype=np.intp), unit, out)

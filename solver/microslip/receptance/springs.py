@@ -1,12 +1,12 @@
-"""Other contact stiffness in a reduced structure: the exact low-rank update of its receptance (docs/theory.md, section 4).
+"""A change of the contact stiffness in a reduced structure: exact low-rank update of the receptance (docs/theory.md, section 4).
 
-With K' = K_L + R^H dK R in place of K_L, dK being diagonal, J the components where it is not zero and G = G_static,
+With K' = K_L + R^H dK R, where dK is diagonal, J the components with non-zero dK, and G = G_static,
 
     R K'^-1 = R K_L^-1 - G[:, J] T (R K_L^-1)[J],        T = dK (1 + G_JJ dK)^-1,                                   (4.7)
 
-and with the same T loads and outputs.  Modes become modes: Y = phi^H M K'^-1 M phi follows from (4.7), Y Q = Q Omega'^-2, and the
-motions K'^-1 M phi Q Omega'^2, of frequencies Omega', have exactly the receptance of the modes phi under forces -dK R u of the
-pairs.  No factor is needed, only the static columns of J.
+and the same T for loads and outputs.  Modes are updated as well: Y = phi^H M K'^-1 M phi follows from (4.7), Y Q = Q Omega'^-2,
+and the motions K'^-1 M phi Q Omega'^2 with frequencies Omega' have exactly the receptance of the modes phi under forces -dK R u
+of the pairs.  The update needs no factorisation of K', only the static columns of J.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from .static_response import StaticResponse
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-SYMMETRIC = 1e-9  # relative asymmetry of the updated receptance beyond which it has lost too many digits
+SYMMETRIC = 1e-9  # bound of the relative asymmetry of the updated receptance, a measure of lost digits
 UNSTATED = 1e-12  # relative difference from the stated damping below which a structure has no dampers
-MULTIPLE = 1e-9  # relative distance of squares of frequencies that are one
+MULTIPLE = 1e-9  # relative distance of squared frequencies that count as equal
 _LARGE = 1e8  # bytes of the update from which the memory is checked
 
 
 @dataclass(frozen=True, eq=False)
 class SpringChange:
-    """Other springs of the pairs; replicated."""
+    """A change of the springs of the pairs; replicated."""
 
     dK: np.ndarray  # (3 n_pairs,) change of K_J [N/m]
     K_J: np.ndarray  # (3 n_pairs,) with that change [N/m]
-    damping: StatedDamping | None = None  # modal damping as stated; None: the damping matrix stays
+    damping: StatedDamping | None = None  # modal damping as stated; None: constant damping matrix
 
 
 class SpringUpdate:
@@ -52,7 +52,7 @@ class SpringUpdate:
 
     Raises
     ------
-    ValueError : the update leaves too few digits, or nothing holds a body; on every rank
+    ValueError : the update loses too many digits, or leaves a body without support; on every rank
     ResourceError : not enough memory; on every rank
     """
 
@@ -93,11 +93,11 @@ class SpringUpdate:
         """Return f^H K'^-1 x, (n_loads, k), for u = f^H K_L^-1 x and v = R K_L^-1 x.  Local."""
         return u - self.before.static.du_static[self.J].conj().T @ (self.T @ v[self.J])
 
-    # -- what is updated -----------------------------------------------------------------------------------------
+    # -- updated quantities --------------------------------------------------------------------------------------
 
     @cached_property
     def receptance(self) -> Receptance:
-        """The receptance with the change.  Collective at first."""
+        """The receptance with the change.  Collective at the first access."""
         return replace(self.before, modes=self._modes(), static=self._static())
 
     def _modes(self) -> DampedModes:
@@ -134,7 +134,7 @@ def _inverse_change(G_JJ: np.ndarray, dK: np.ndarray) -> np.ndarray:
 
     Raises
     ------
-    ValueError : G with the change is not positive, or its asymmetry, which measures the digits lost, exceeds ``SYMMETRIC``
+    ValueError : the updated G is not positive, or its asymmetry, a measure of lost digits, exceeds ``SYMMETRIC``
     """
     A = np.eye(len(dK)) + G_JJ * dK
     try:
@@ -152,11 +152,11 @@ def _inverse_change(G_JJ: np.ndarray, dK: np.ndarray) -> np.ndarray:
 
 
 def _frequencies(squares: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return Omega' (m,), rising, and Q (m, m) of Y = Omega^-2 - B.  Local.
+    """Return Omega' (m,), ascending, and Q (m, m) of Y = Omega^-2 - B.  Local.
 
     Raises
     ------
-    ValueError : Y is not positive: nothing holds a body
+    ValueError : Y is not positive: a body is without support
     """
     y, Q = np.linalg.eigh(np.diag(1.0 / squares) - 0.5 * (B + B.conj().T))
     if len(y) and not y[0] > 0.0:
@@ -165,7 +165,7 @@ def _frequencies(squares: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _damping(modes: DampedModes, Q: np.ndarray, omega_n: np.ndarray, R_phi: np.ndarray, change: SpringChange) -> Damping:
-    """Return the damping of the motions Q of some modes: as stated for modes, and that of the structure's dampers.  Local."""
+    """Return the damping of the motions Q of some modes: stated damping of modes plus damping by dampers.  Local."""
     stated, C, S = change.damping, modes.damping.C, modes.damping.S
     if stated is None:
         return Damping(_between(Q, C), None if S is None else _between(Q, S))
@@ -177,9 +177,9 @@ def _damping(modes: DampedModes, Q: np.ndarray, omega_n: np.ndarray, R_phi: np.n
 
 
 def stated_damping_rate(modes: DampedModes, stated: StatedDamping, dK: np.ndarray) -> np.ndarray:
-    """Return the rate of phi^H C phi [1/s] of a stated damping where springs change at ``dK`` (3 n_pairs,), (m, m).  Local.
+    """Return the rate of phi^H C phi [1/s] of a stated damping for springs with the rate ``dK`` (3 n_pairs,), (m, m).  Local.
 
-    The first order of a function of a matrix: (g_i - g_j) / (l_i - l_j) times phi_i^H R^H dK R phi_j, l = omega_n^2, g as stated.
+    Derivative of a matrix function: (g_i - g_j) / (l_i - l_j) phi_i^H R^H dK R phi_j, l = omega_n^2, g the stated damping.
     """
     g, squares, h = stated.modal(modes.omega_n), modes.omega_n**2, 1e-3
     slope = (stated.modal((1.0 + h) * modes.omega_n) - stated.modal((1.0 - h) * modes.omega_n)) / (4.0 * h * squares)
@@ -190,6 +190,6 @@ def stated_damping_rate(modes: DampedModes, stated: StatedDamping, dK: np.ndarra
 
 
 def _between(Q: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """Return Q^H C Q, (m, m), or its diagonal where nothing couples the motions; C (m,) or (m, m).  Local."""
+    """Return Q^H C Q, (m, m), or its diagonal (m,) if it does not couple the motions; C (m,) or (m, m).  Local."""
     product = Q.conj().T @ (C @ Q if C.ndim == 2 else C[:, None] * Q)
     return diagonal_if_possible(0.5 * (product + product.conj().T))

@@ -1,4 +1,4 @@
-"""Columns of the static receptance G_static = R K_L^-1 R^T, solved for when a pair first leaves sticking."""
+"""Columns of the static receptance G_static = R K_L^-1 R^T, computed when a pair first slips or opens."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 
 from .rows import Rows, places_of
 
-BATCH = 24  # pairs solved for together: a few more right-hand sides cost little beside another pass
-FROM_DISK = 96  # the same where each pass reads the factor from disk
-_PART_BYTES = 2.5e8  # of columns solved for at a time, over all ranks: more are held twice, as solved for and as kept
+BATCH = 24  # pairs per solve: additional right-hand sides cost little compared with another pass over the factor
+FROM_DISK = 96  # the same if each pass reads the factor from disk
+_PART_BYTES = 2.5e8  # of columns per solve, over all ranks: these are temporarily in memory twice
 
 
 class StaticColumns:
-    """G_static by columns: p vanishes where a pair sticks, so only the others' columns are ever needed.
+    """G_static by columns: p vanishes where a pair sticks, so that only the columns of other pairs are needed.
 
-    Pairs that are likely to follow the missing ones are solved for with them, in the order of ``likely``: ``batch`` at a time,
-    and later as many as are known already, so that a joint that slips further and further takes few passes.
+    A solve for missing pairs includes pairs that are likely to slip next, in the order of ``likely``: up to ``batch`` pairs,
+    later as many as are already known, so that a joint with growing slip needs few passes.
 
     Parameters
     ----------
-    n_pairs, n_owned : pairs in all, and those whose rows this rank stores
+    n_pairs, n_owned : number of all pairs, and of pairs whose rows this rank stores
     solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
-    batch : pairs solved for together, at least
+    batch : smallest number of pairs per solve
     is_complex : whether columns are complex, G_static = R K_L^-1 R^H
     """
 
@@ -33,27 +33,27 @@ class StaticColumns:
     ):
         self.solve, self.batch, self.is_complex = solve, batch, is_complex
         self.n_owned = n_owned
-        # transposed, so that a pair's columns lie together; in the order in which they come, so that there is no more than needed
+        # transposed, so that the columns of a pair are contiguous; stored in the order of computation, without spare memory
         self._held: list[np.ndarray] = []
-        self._places = np.zeros((n_pairs, 3), dtype=np.intp)  # of each pair's columns
+        self._places = np.zeros((n_pairs, 3), dtype=np.intp)  # addresses of the columns of each pair
         self.known = np.zeros(n_pairs, dtype=bool)  # required pairs
-        self.stored = np.zeros(n_pairs, dtype=bool)  # stored pairs, of an earlier run if they were not required
-        self._largest = np.zeros(n_pairs)  # of the columns' entries, on this rank
+        self.stored = np.zeros(n_pairs, dtype=bool)  # stored pairs, from an earlier run if not required
+        self._largest = np.zeros(n_pairs)  # magnitude of the columns' entries, on this rank
         self.likely = np.empty(0, dtype=int)
-        self.batches, self.seconds = 0, 0.0  # solved for, and the time that took
-        self.on_new: Callable[[np.ndarray], None] = lambda pairs: None  # collective; hears of pairs whose columns were solved for
+        self.batches, self.seconds = 0, 0.0  # number of solved batches, and their time
+        self.on_new: Callable[[np.ndarray], None] = lambda pairs: None  # collective; called with pairs that have become known
         self._last: tuple[np.ndarray, ChosenColumns] | None = None  # pairs chosen last, and their columns
 
     def expect(self, pairs: np.ndarray) -> None:
-        """Solve for missing pairs in this order from now on, where others leave room.  Local; the same on every rank."""
+        """Set the order in which batches are filled with missing pairs.  Local; the same on every rank."""
         self.likely = pairs
 
     def subscribe(self, listener: Callable[[np.ndarray], None]) -> None:
-        """Tell of pairs whose columns were solved for from now on; ``listener`` is collective.  Local."""
+        """Call ``listener``, which is collective, with pairs whose columns become known from now on.  Local."""
         self.on_new = listener
 
     def require(self, pairs: np.ndarray) -> None:
-        """Solve for the columns of ``pairs`` (m,) that are not known yet.  Collective; the same pairs on every rank."""
+        """Compute the missing columns of ``pairs`` (m,).  Collective; the same pairs on every rank."""
         missing = pairs[~self.known[pairs]]
         if len(missing) == 0:
             return
@@ -72,12 +72,12 @@ class StaticColumns:
         self.batches, self.seconds = self.batches + 1, self.seconds + perf_counter() - start
 
     def put(self, pairs: np.ndarray, columns: np.ndarray) -> None:
-        """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N], as known.  Local."""
+        """Store this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N], as known.  Local."""
         self.store(pairs, columns)
         self.known[pairs] = True
 
     def store(self, pairs: np.ndarray, columns: np.ndarray) -> None:
-        """Take in the same for when they are required: the order in which columns become known decides which points a curve has.
+        """Store columns without marking them as known, since the points of a curve depend on the order of required columns.
 
         Local.
         """
@@ -88,12 +88,12 @@ class StaticColumns:
         self.stored[pairs], self._last = True, None
 
     def chosen(self, pairs: np.ndarray) -> ChosenColumns:
-        """Return the columns of ``pairs`` (m,), which are not copied.  Collective where some are new."""
+        """Return the columns of ``pairs`` (m,), without a copy.  Collective if some are missing."""
         self.require(pairs)
         return self.of_stored(pairs)
 
     def of_stored(self, pairs: np.ndarray) -> ChosenColumns:
-        """Return the columns of ``pairs`` (m,) that are stored, which are not copied.  Local."""
+        """Return the columns of ``pairs`` (m,), all of them stored, without a copy.  Local."""
         if self._last is None or not np.array_equal(self._last[0], pairs):
             largest = float(self._largest[pairs].max(initial=0.0))
             kind = ComplexColumns if self.is_complex else ChosenColumns
@@ -101,16 +101,16 @@ class StaticColumns:
         return self._last[1]
 
     def transposed(self, pairs: np.ndarray) -> np.ndarray:
-        """Return a copy of the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N].  Collective where some are new."""
+        """Return a copy of the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N].  Collective if some are missing."""
         return self.chosen(pairs).columns(np.arange(3 * self.n_owned))
 
     def conjugated(self) -> StaticColumns:
-        """Return a view of the complex conjugate of G_static: no column is copied or solved for twice.  Local."""
+        """Return a view of the complex conjugate of G_static: no column is copied or computed twice.  Local."""
         return ConjugateStaticColumns(self) if self.is_complex else self
 
 
 class ConjugateStaticColumns(StaticColumns):
-    """The complex conjugate of G_static, as a view of the columns of ``base``, which solves for them and counts its solutions.
+    """The complex conjugate of G_static, as a view of the columns of ``base``, which computes them and counts its solves.
 
     The groups of nodal diameters d and N - d have conjugate receptances.
     """
@@ -120,7 +120,7 @@ class ConjugateStaticColumns(StaticColumns):
         self._base, self.known, self.stored = base, base.known, base.stored
 
     def expect(self, pairs: np.ndarray) -> None:
-        """Order the missing pairs of both, as :meth:`StaticColumns.expect`.  Local."""
+        """Set the order of missing pairs for both, as :meth:`StaticColumns.expect`.  Local."""
         self._base.expect(pairs)
 
     def subscribe(self, listener: Callable[[np.ndarray], None]) -> None:
@@ -128,7 +128,7 @@ class ConjugateStaticColumns(StaticColumns):
         self._base.subscribe(listener)
 
     def require(self, pairs: np.ndarray) -> None:
-        """Solve for missing columns of both, as :meth:`StaticColumns.require`.  Collective."""
+        """Compute missing columns of both, as :meth:`StaticColumns.require`.  Collective."""
         self._base.require(pairs)
 
     def store(self, pairs: np.ndarray, columns: np.ndarray) -> None:
@@ -136,7 +136,7 @@ class ConjugateStaticColumns(StaticColumns):
         self._base.store(pairs, columns.conj())
 
     def of_stored(self, pairs: np.ndarray) -> ChosenColumns:
-        """Return the conjugates of stored columns of ``pairs`` (m,), which are not copied.  Local."""
+        """Return the conjugates of stored columns of ``pairs`` (m,), without a copy.  Local."""
         return ConjugateColumns.of_columns(self._base.of_stored(pairs))
 
     def conjugated(self) -> StaticColumns:
@@ -145,14 +145,14 @@ class ConjugateStaticColumns(StaticColumns):
 
 
 class ChosenColumns(Rows):
-    """Rows of this rank of the columns of some pairs, as the rows of the transposed matrix, (3 m, 3 n_owned) [m/N]."""
+    """Columns of some pairs on this rank, stored transposed, (3 m, 3 n_owned) [m/N]."""
 
     def __init__(self, places: np.ndarray, n: int, held: object, largest: float):
         super().__init__(places, n, np.float64, held)
-        self.largest = largest  # of its entries, in size
+        self.largest = largest  # largest magnitude of the entries
 
     def part(self, chosen: np.ndarray) -> ChosenColumns:
-        """Return some of the columns, (k,) by number, of the same memory."""
+        """Return the columns ``chosen`` (k,), in the same memory."""
         return type(self)(self._places[chosen], self.n_rows, self._owner, self.largest)
 
     @property
@@ -170,7 +170,7 @@ class ChosenColumns(Rows):
 
 
 class ComplexColumns(ChosenColumns):
-    """The same of complex columns: real and imaginary part of a row lie side by side, as numbers of a real matrix."""
+    """Complex columns, stored as a real matrix with alternating real and imaginary parts of the rows."""
 
     def __init__(self, places: np.ndarray, n: int, held: object, largest: float):
         super().__init__(places, 2 * n, held, largest)
@@ -180,7 +180,7 @@ class ComplexColumns(ChosenColumns):
         return self.shape[1] // 2
 
     def apply(self, p: np.ndarray) -> np.ndarray:
-        """Return the same; amplitudes are cos - i sin, and there is no mean."""
+        """Return G p as the base class; amplitudes are cos - i sin, and there is no mean."""
         product = self.combined(p).view(complex)  # (N_H, n_rows), of cosines and of sines
         cos, sin = product[0::2], product[1::2]
         y = np.empty((self.n_rows, p.shape[1]))
@@ -188,7 +188,7 @@ class ComplexColumns(ChosenColumns):
         return y
 
     def apply_adjoint(self, x: np.ndarray) -> np.ndarray:
-        """Return the same; amplitudes are cos - i sin, and there is no mean."""
+        """Return G^H x as the base class; amplitudes are cos - i sin, and there is no mean."""
         sides = np.empty((self.n_rows, 2, x.shape[1]))
         cos, sin = x[:, 0::2], x[:, 1::2]
         sides[:, 0, 0::2], sides[:, 1, 0::2] = cos, -sin
@@ -202,7 +202,7 @@ class ComplexColumns(ChosenColumns):
 
 
 class ConjugateColumns(ComplexColumns):
-    """The complex conjugates of complex columns, of the same memory: conj(G) p is the conjugate of G conj(p)."""
+    """The complex conjugates of complex columns, in the same memory: conj(G) p is the conjugate of G conj(p)."""
 
     @classmethod
     def of_columns(cls, base: ChosenColumns) -> ConjugateColumns:

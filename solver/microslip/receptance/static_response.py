@@ -1,4 +1,4 @@
-"""The static response of pairs, outputs and loads to each other: docs/theory.md, section 4."""
+"""The static response between pairs, outputs and loads: docs/theory.md, section 4."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from .static_columns import StaticColumns
 
 @dataclass(frozen=True, eq=False)
 class StaticResponse:
-    """K_L^-1 between pairs, outputs and loads; replicated but for ``G_static``, the home of the static columns."""
+    """K_L^-1 between pairs, outputs and loads; replicated, except ``G_static`` with the static columns."""
 
     G_static: StaticColumns  # of R K_L^-1 R^T, solved for on demand; rows of this rank's pairs
     du_static: np.ndarray  # (3 n_pairs, n_loads) R K_L^-1 f
     out_static: np.ndarray  # (n_outputs, n_loads) o K_L^-1 f
     out_R: np.ndarray  # (n_outputs, 3 n_pairs) o K_L^-1 R^T
     load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
-    outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
-    row_sums: np.ndarray | None = None  # (3 n_pairs,) of G_static with random signs [m/N]; None where it is not solved for
+    outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each output
+    row_sums: np.ndarray | None = None  # (3 n_pairs,) of G_static with random signs [m/N]; None if not computed by solves
 
     def conjugated(self) -> StaticResponse:
         """Return the response of the complex conjugate stiffness; ``G_static`` is a view.  Local."""

@@ -1,7 +1,8 @@
-"""What structural damping does between the modes used and the truncated ones (docs/theory.md, section 13).
+"""Coupling between retained and truncated modes by structural damping (docs/theory.md, section 13).
 
-The springs of the joint have no structural damping, so that eta phi^H K phi couples all modes: d x, d = eta R^H K_J R phi,
-of the modes used acts on the truncated ones, a quarter of a cycle late, and those act back on the modes used.
+The springs of the joint have no structural damping, so that eta phi^H K phi couples all modes: the force d x of the retained
+modes, d = eta R^H K_J R phi, acts on the truncated modes with a lag of a quarter of a cycle, and these act back on the retained
+modes.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from .reduced_model import HarmonicGroup
 
 @dataclass(frozen=True)
 class StructuralCoupling:
-    """The static response Z d of the truncated modes, a column per mode used, projected on pairs, outputs, loads and d.
+    """The static response Z d of the truncated modes, one column per retained mode, projected on pairs, outputs, loads and d.
 
     docs/theory.md, eq. (13.8).
     """
@@ -28,9 +29,9 @@ class StructuralCoupling:
     modal: np.ndarray  # (m, m) d^H Z d
 
     def changes(self, group: HarmonicGroup, c: DynamicFlexibility, f: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return the magnitude of its changes of cos 1 and then sin 1 of the output rows, (2 n_outputs,) [m].  Local.
+        """Return the magnitude of the changes of cos 1 and then sin 1 of the output rows, (2 n_outputs,) [m].  Local.
 
-        With the pairs' forces held: u_left = Z (f - R^H p) + i Z d x.  ``f`` (n_loads, N_H) and ``p`` (3 n_pairs, N_H) are
+        At constant forces of the pairs: u_left = Z (f - R^H p) + i Z d x.  ``f`` (n_loads, N_H) and ``p`` (3 n_pairs, N_H) are
         coefficients of the group.
         """
         i, modes = group.harmonics.chosen.index(1), group.receptance.modes

@@ -1,4 +1,4 @@
-"""Subdomains of pairs that are coupled strongly, from the receptance itself: no positions are needed."""
+"""Subdomains of strongly coupled pairs, from the receptance, without coordinates of the pairs."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from .columns import ReceptanceColumns
 
-_LEAST = 1e-30  # of a pair's own compliance: a coupling is taken to be no weaker
+_LEAST = 1e-30  # lower bound of a coupling, relative to the pair's own motion
 
 
 def bisected(G: ReceptanceColumns, subdomains: list[np.ndarray], most: int) -> list[np.ndarray]:
-    """Return ``subdomains`` of active pairs halved until none has more than ``most``.  Collective: three gathers a halving.
+    """Return ``subdomains`` of active pairs, bisected until none has more than ``most``.  Collective: three gathers a bisection.
 
-    Subdomains are numbers (k,) among the active pairs, rising; the same on every rank.
+    Subdomains are ascending numbers (k,) among the active pairs, the same on every rank.
     """
     small, waiting = [], subdomains[::-1]
     while waiting:
@@ -25,9 +25,9 @@ def bisected(G: ReceptanceColumns, subdomains: list[np.ndarray], most: int) -> l
 
 
 def _halves(G: ReceptanceColumns, subdomain: np.ndarray) -> list[np.ndarray]:
-    """Return the half of a subdomain nearer to one end of it, and the half nearer to the other.  Collective.
+    """Return two halves of a subdomain, each with the pairs more strongly coupled to one of its two ends.  Collective.
 
-    The ends are a pair that is coupled least to some pair, and one that is coupled least to that; near means coupled more.
+    The ends are the pair most weakly coupled to an arbitrary pair, and the pair most weakly coupled to this one.
     """
     first = subdomain[np.argmin(coupling(G, int(subdomain[0]))[subdomain])]
     to_first = coupling(G, int(first))[subdomain]
@@ -38,7 +38,7 @@ def _halves(G: ReceptanceColumns, subdomain: np.ndarray) -> list[np.ndarray]:
 
 
 def coupling(G: ReceptanceColumns, pair: int) -> np.ndarray:
-    """Return the static motion of each active pair under forces on one of them, (n_active,), over that pair's own motion.
+    """Return the static motion of each active pair under forces on ``pair``, relative to the motion of ``pair``, (n_active,).
 
     Collective: one gather.
     """

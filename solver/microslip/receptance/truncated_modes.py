@@ -1,12 +1,12 @@
-"""How strongly forces act on the truncated modes, without knowing them (docs/theory.md, section 11).
+"""Estimate of the response of truncated modes, without computing them (docs/theory.md, section 11).
 
-The receptance (4.1) lacks E_n = sum over k > m of phi_k c_kn phi_k^H of the modes that are truncated.  Below their resonances
+The receptance (4.1) lacks E_n = sum over k > m of phi_k c_kn phi_k^H of the truncated modes.  Below their resonances
 
     E_n ~ (n omega)^2 W,        W = sum over k > m of phi_k phi_k^H / omega_k^4 = Z M Z,        Z = K_L^-1 - phi Omega^-2 phi^H,
 
-and W is sampled: with random vectors s of covariance M, W is the mean of (Z s)(Z s)^H.  A few static solutions once, however
-many pairs there are.  A damping alpha M + beta K adds -i n omega (alpha W + beta Z), structural damping -i eta Z, a ratio zeta
--2 i n omega zeta times what lies between W and Z: no more than their geometric mean, where x E_n x is asked for.
+and W is sampled: with random vectors s of covariance M, W is the mean of (Z s)(Z s)^H.  This needs a few static solutions once,
+for any number of pairs.  A damping alpha M + beta K adds -i n omega (alpha W + beta Z), structural damping -i eta Z, and a ratio
+zeta -2 i n omega zeta times a matrix between W and Z, which in x^H E_n x is at most their geometric mean.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from .structural_coupling import StructuralCoupling
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-SAMPLES = 32  # random vectors: norms are known to about a quarter
+SAMPLES = 32  # random vectors: norms are accurate to about a quarter
 KEY = 20  # of the random vectors
-LAST = 3  # modes whose kinetic energy they have
-_NEAR = 0.9  # of that frequency: a harmonic above it is taken to lie here
+LAST = 3  # highest computed modes, to whose kinetic energy the vectors are scaled
+_NEAR = 0.9  # upper bound of n omega relative to ``TruncatedModes.omega``
 
 
 @dataclass(frozen=True)
 class DampingBeyond:
-    """Of the truncated modes: phi_k^H C phi_k ~ alpha + 2 zeta omega_k + beta omega_k^2, and a loss factor in addition to it."""
+    """Damping of the truncated modes: phi_k^H C phi_k ~ alpha + 2 zeta omega_k + beta omega_k^2, plus a loss factor."""
 
     alpha: float = 0.0  # 1/s
     ratio: float = 0.0  # zeta
@@ -48,16 +48,16 @@ class DampingBeyond:
 class TruncatedModes:
     """The samples Z s of one harmonic group, projected on pairs, outputs and loads; replicated."""
 
-    omega: float  # rad/s: what the loads move beyond the modes used vibrates about here, or above
-    highest: float  # rad/s, of the last mode used
+    omega: float  # rad/s: effective frequency at which the loads excite the truncated modes
+    highest: float  # rad/s, of the highest retained mode
     damping: DampingBeyond
     of_pairs: np.ndarray  # (3 n_pairs, SAMPLES)
     of_outputs: np.ndarray  # (n_outputs, SAMPLES)
     of_loads: np.ndarray  # (n_loads, SAMPLES)
     direct: np.ndarray  # (n_outputs, n_loads) W between outputs and loads, exactly
     drive_point: np.ndarray  # (n_loads,) W of each load with itself, exactly
-    residual: np.ndarray  # (n_outputs, n_loads) their static flexibility without the modes used, exactly [m/N]
-    coupling: StructuralCoupling | None  # of structural damping with a joint
+    residual: np.ndarray  # (n_outputs, n_loads) Z between outputs and loads, exactly [m/N]
+    coupling: StructuralCoupling | None  # by structural damping with a joint
 
     def with_damping(self, sigma: float) -> TruncatedModes:
         """Return the same modes with sigma M [1/s] added to the damping matrix.  Local."""
@@ -70,7 +70,7 @@ class TruncatedModes:
 
     @property
     def _of_mass(self) -> float:
-        """Factor of -i n omega W in E_n, where that is all that is known [1/s]."""
+        """Factor of -i n omega W in E_n, if only W is known [1/s]."""
         return self.damping.alpha + 2.0 * self.damping.ratio * self.highest
 
     def _lost(self, n_omega: np.ndarray) -> np.ndarray:
@@ -80,23 +80,23 @@ class TruncatedModes:
     def through_joint(
         self, group: HarmonicGroup, omega: float, f: np.ndarray, p: np.ndarray, samples: np.ndarray, factors: np.ndarray
     ) -> np.ndarray:
-        """Return the bound of their changes of the outputs through the pairs, all harmonics of the group, (2 n_outputs,).  Local.
+        """Return a bound of the changes of the outputs through the pairs, all harmonics of the group, (2 n_outputs,).  Local.
 
-        By Cauchy and Schwarz, harmonic by harmonic.  ``f`` (n_loads, N_H), ``p`` (3 n_pairs, N_H) and ``samples`` (2 n_outputs,
-        SAMPLES, N_H) are coefficients of the group, ``factors`` (n_outputs,) those of the outputs' rows.
+        By the Cauchy-Schwarz inequality for each harmonic.  ``f`` (n_loads, N_H), ``p`` (3 n_pairs, N_H) and ``samples``
+        (2 n_outputs, SAMPLES, N_H) are coefficients of the group, ``factors`` (n_outputs,) the factors of the outputs' rows.
         """
         loads, pairs = adjoint_times(self.of_loads, f), adjoint_times(self.of_pairs, p)
         numbers = group.harmonics.numbers
-        straight = np.zeros((len(samples), len(numbers)))  # harmonic 1 of an output is its own
+        straight = np.zeros((len(samples), len(numbers)))  # direct part, in harmonic 1 only
         straight[:, numbers == 1] = np.tile(np.linalg.norm(self.of_outputs, axis=1) * factors, 2)[:, None]
         through = straight * _norms(pairs, group) + _norms(samples, group) * _norms(loads - pairs, group)
         lost = np.where(numbers > 0, self._lost(omega * numbers), 0.0)
-        return through @ (self.gains(omega * numbers) + lost * self.omega**2)  # static parts are about W omega^2
+        return through @ (self.gains(omega * numbers) + lost * self.omega**2)  # Z is about omega^2 W
 
     def direct_changes(self, omega: float, f_1: np.ndarray) -> np.ndarray:
-        """Return their changes of cos 1 and then sin 1 of the output rows under loads alone, (2 n_outputs,).  Local.
+        """Return the changes of cos 1 and then sin 1 of the output rows under the loads only, (2 n_outputs,).  Local.
 
-        Exactly, but for the order beyond W.  ``f_1`` (n_loads, 2) are cosine and sine of the loads.
+        Exact except for terms of higher order than W.  ``f_1`` (n_loads, 2) are cosine and sine of the loads.
         """
         n_omega = np.array([omega])
         of_W, of_Z = (np.abs(matrix_times(each, f_1)).T.ravel() for each in (self.direct, self.residual))
@@ -106,7 +106,7 @@ class TruncatedModes:
 
 @dataclass(frozen=True)
 class Truncation:
-    """The truncated modes of each group of a model's harmonics; None of a group that has all of its modes."""
+    """The truncated modes of each group of a model's harmonics; None for a group with all of its modes."""
 
     model: ReducedModel
     of_groups: tuple[TruncatedModes | None, ...]
@@ -117,7 +117,7 @@ class Truncation:
         return all(truncated is None for truncated in self.of_groups)
 
     def samples_of(self, tau: np.ndarray) -> np.ndarray:
-        """Return this rank's part of the samples of R^H tau, (n, SAMPLES, N_H), of rows tau (n, 3 n_owned, N_H).  Local."""
+        """Return this rank's part of the samples of R^H tau, (n, SAMPLES, N_H), for rows tau (n, 3 n_owned, N_H).  Local."""
         samples, owned = np.zeros((len(tau), SAMPLES, self.model.N_H)), self.model.owned_rows
         for group, truncated in zip(self.model.groups, self.of_groups):
             if truncated is not None:
@@ -128,14 +128,13 @@ class Truncation:
     def changes(self, level: float, omega: float, p: np.ndarray, samples: np.ndarray) -> np.ndarray:
         """Return the changes of cos 1 and then sin 1 of the outputs by the truncated modes, (2 n_outputs,) [m].  Local.
 
-        From a load straight to an output exactly, but for the order beyond W; by way of the pairs at most.
-
-        docs/theory.md, eq. (11.2).
+        The part directly from loads to outputs is exact except for terms of higher order than W; the part through the pairs is
+        an upper bound.  docs/theory.md, eq. (11.2).
 
         Parameters
         ----------
         p : (3 n_pairs, N_H) forces of the pairs [N]
-        samples : (2 n_outputs, SAMPLES, N_H) samples of what an output receives by way of the pairs, R^H tau
+        samples : (2 n_outputs, SAMPLES, N_H) samples of R^H tau, the adjoint forces of an output on the pairs
         """
         model, f = self.model, level * self.model.f
         factors, total = np.broadcast_to(model.output_factors(omega), model.n_outputs), np.zeros(2 * model.n_outputs)
@@ -152,7 +151,7 @@ class Truncation:
 def _straight(
     truncated: TruncatedModes, group: HarmonicGroup, c: DynamicFlexibility, omega: float, f: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
-    """Return the direct changes of harmonic 1 of the output rows, by loads and the modes used, (2 n_outputs,)."""
+    """Return the direct changes of harmonic 1 of the output rows, by loads and retained modes, (2 n_outputs,)."""
     first = group.harmonics.columns(1)
     changes = truncated.direct_changes(omega, f[:, first])
     if truncated.coupling is not None:
@@ -175,7 +174,7 @@ def of_samples(
     damping: DampingBeyond,
     coupling: StructuralCoupling | None,
 ) -> TruncatedModes:
-    """Return the truncated modes of a receptance by samples.  Local.
+    """Return the truncated modes of a receptance from samples.  Local.
 
     Parameters
     ----------
@@ -184,7 +183,7 @@ def of_samples(
     """
     modes, static = receptance.modes, receptance.static
     n_rows, n_out = len(static.du_static), len(static.out_static)
-    # Rayleigh's quotients of the loads: energy x^H K_L^-1 x over x^H W x, without the modes used
+    # Rayleigh quotients of the loads in the truncated modes: x^H Z x / x^H W x
     energy = np.diag(static.load_static).real - (np.abs(modes.b) ** 2 / modes.omega_n[:, None] ** 2).sum(axis=0)
     squares = np.maximum(energy, 0.0) / np.maximum(drive_point, np.finfo(float).tiny)
     effective = np.sqrt(squares[squares > 0.0].min(initial=np.inf))
@@ -205,24 +204,24 @@ def of_samples(
 
 @dataclass(frozen=True)
 class EnrichedModel:
-    """The receptance with an exact static residual, and samples of the truncated modes of each group; None where none is."""
+    """The receptance with an exact static residual, and samples of the truncated modes of each group; None without any."""
 
     structure: ReducedStructure
     truncated: PerGroup[TruncatedModes | None]
-    is_solved: bool  # whether it is the very model that is solved
+    is_solved: bool  # whether the solved model has the same structure
 
     @classmethod
     def of_all_modes(cls, structure: ReducedStructure) -> EnrichedModel:
-        """Return a structure from which no mode is truncated, as the enriched model of itself.  Local."""
+        """Return a structure without truncated modes as its own enriched model.  Local."""
         return cls(structure, structure.receptances.mapped(lambda _: None), True)
 
     def truncation(self, model: ReducedModel, sigma: float = 0.0) -> Truncation:
-        """Return the truncated modes of a model's harmonics, with a damping sigma M [1/s].  Collective where a group is new."""
+        """Return the truncated modes for a model's harmonics, with a damping sigma M [1/s].  Collective if a group is new."""
         of_groups = (self.truncated.of(group.harmonics.chosen[0]) for group in model.groups)
         return Truncation(model, tuple(each and each.with_damping(sigma) for each in of_groups))
 
     def on_ranks(self, solved: ReducedStructure, comm: MPI.Comm) -> EnrichedModel:
-        """Return the same for some of the ranks, which solve the model ``solved``.  Collective on ``structure.comm``."""
+        """Return the same model for a subset of the ranks, which solves ``solved``.  Collective on ``structure.comm``."""
         made = {group: self.truncated.of_group(group) for group in self.truncated.groups}
         truncated = PerGroup(made.__getitem__, self.truncated.group_of, self.truncated.groups)
         return replace(self, structure=solved if self.is_solved else on_ranks(self.structure, comm), truncated=truncated)
