@@ -1,1 +1,1 @@
-"""From the stuck structure to the receptance of its pairs: one interface, the methods in methods/, the choice of modes."""
+"""Reduction of the stuck structure to the receptance of its pairs: one interface, the methods in methods/, choice of modes."""

@@ -16,7 +16,7 @@ from .truncation import TruncationBound, truncation_bound
 
 Stuck = TypeVar("Stuck", bound=StuckStructure)
 _AT_ONCE = 400  # DOFs up to which LAPACK computes all modes at once
-_START, _MOST = 12, 600  # modes of the first batch, each further one has twice as many; and of the last
+_START, _MOST = 12, 600  # modes of the first and the last batch; each batch has twice as many as the one before
 _EQUAL = 1e-6  # relative difference of equal frequencies, which are used or truncated together
 
 
@@ -41,7 +41,7 @@ def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]
 
 
 def as_stated(omega_n: np.ndarray, settings: ReductionSettings, n_dof: int) -> str:
-    """Return the line on the reason where the number of modes is stated.  Local."""
+    """Return the line on the reason for a stated number of modes.  Local."""
     return f"modes: {settings.modes}, as [solver] modes says" + _missing(omega_n, settings.band, n_dof)
 
 

@@ -45,12 +45,12 @@ def enriched_model_of(stuck: StuckStructure, reduction: Reduction, settings: Red
     return EnrichedModel(reduction.structure if is_solved else reduce_structure(stuck, damping), truncated, is_solved)
 
 
-# -- what is solved for, once: beyond all modes that were computed -------------------------------------------------
+# -- samples beyond all computed modes, computed once --------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Random vectors s, loads and outputs under Z = K_L^-1 - phi Omega^-2 phi^H beyond all N modes computed; replicated.
+    """Responses to random vectors s, loads and outputs under Z = K_L^-1 - phi Omega^-2 phi^H of all N computed modes; replicated.
 
     s has the covariance diag(M).  docs/theory.md, section 11.
     """
@@ -58,11 +58,11 @@ class Samples:
     rows: np.ndarray  # (3 n_pairs + n_outputs + n_loads, SAMPLES) Z s projected on pairs, outputs and loads
     direct: np.ndarray  # (n_outputs, n_loads) W = Z M Z between outputs and loads
     drive_point: np.ndarray  # (n_loads,) W of each load with itself
-    energies: np.ndarray  # (N,) of each mode in diag(M)
+    energies: np.ndarray  # (N,) phi^H diag(M) phi of each mode
     amplitudes: np.ndarray  # (N, SAMPLES) phi^H s
     mass: float  # sum of (Z s)^H M Z s
     damping: float = 0.0  # sum of (Z s)^H C Z s with the structure's damping matrix C
-    coupled: np.ndarray | None = None  # (N, SAMPLES) phi^H C Z s; None: there is no C
+    coupled: np.ndarray | None = None  # (N, SAMPLES) phi^H C Z s; None without C
 
 
 SAMPLED, COUPLED = "samples", "structural coupling"  # keys of results computed once for the modes of a structure
@@ -97,7 +97,7 @@ def samples_beyond(stuck: StuckStructure) -> Samples:
 
 
 def coupling_beyond(stuck: StuckStructure) -> StructuralCoupling:
-    """Return Z under d = R^H K_J R phi of all computed modes, for a loss factor of 1, once.  Collective: a solve per mode."""
+    """Return Z d, d = R^H K_J R phi of all computed modes, for a loss factor of 1, cached.  Collective: a solve per mode."""
 
     def make() -> StructuralCoupling:
         system, everything = stuck.system, stuck.using(stuck.n_computed)
@@ -115,7 +115,7 @@ def beyond_modes(stuck: StuckStructure, right_owned: np.ndarray) -> np.ndarray:
     return stuck.solve(right_owned) - stuck.modes.phi_owned @ of_modes
 
 
-# -- beyond the modes in use: with the terms of those that were computed in addition -------------------------------
+# -- samples beyond the modes in use: with the terms of the further computed modes ---------------------------------
 
 
 def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: ModalDamping | None = None) -> TruncatedModes | None:
@@ -129,7 +129,7 @@ def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: Moda
     samples, projected, between = samples_beyond(stuck), stuck.projected, slice(stuck.n_modes, None)
     squares, o, b = projected.omega_n[between] ** 2, projected.o[:, between], projected.b[between]
     motions = samples.amplitudes[between] / squares[:, None]
-    # random vectors are scaled to have the kinetic energy of the highest modes in use
+    # random vectors are scaled to the kinetic energy of the highest modes in use
     scale = 1.0 / np.sqrt(samples.energies[: stuck.n_modes][-LAST:].mean() * SAMPLES)
     rows = scale * (samples.rows + _of_modes(projected, between) @ motions)
     direct = samples.direct + (o / squares**2) @ b
@@ -145,7 +145,7 @@ def truncated_modes(stuck: StuckStructure, receptance: Receptance, damping: Moda
 
 
 def structural_coupling(stuck: StuckStructure, eta: float) -> StructuralCoupling:
-    """Return how a loss factor couples the modes in use to the truncated ones.  Collective if it must be computed."""
+    """Return the coupling of the modes in use to the truncated ones by a loss factor.  Collective if it must be computed."""
     coupling, projected, n = coupling_beyond(stuck), stuck.projected, stuck.n_modes
     between, K_J = slice(n, None), stuck.pairs.law.stiffness.reshape(-1, 1)
     of_modes = projected.R_phi[:, between].conj().T @ (K_J * projected.R_phi[:, :n])  # phi^H d of the modes in between
@@ -165,5 +165,5 @@ def _of_modes(projected: ProjectedModes, between: slice) -> np.ndarray:
 
 
 def _parts(stuck: StuckStructure, rows: np.ndarray) -> Sequence[np.ndarray]:
-    """Return rows as those of pairs, outputs and loads.  Local."""
+    """Return rows split into pairs, outputs and loads.  Local."""
     return np.split(rows, np.cumsum([3 * stuck.pairs.n_pairs, len(stuck.statics.out_static)]))

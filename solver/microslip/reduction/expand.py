@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 def displacements(stuck: StuckStructure, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
     """Return the harmonics of u on this rank's rows at some points, (n_owned, N_H) each [m].
 
-    Collective: static solves with N_H right-hand sides a point, all of a group of harmonics at once.  u = K_L^-1 (f - R^H p) +
-    phi c(omega) phi^H (f - R^H p), and rigid-body motion; docs/theory.md, section 4.  The harmonics of the points may be others
-    than the model's.
+    Collective: static solves with N_H right-hand sides per point, all of a harmonic group at once.  u = K_L^-1 (f - R^H p) +
+    phi c(omega) phi^H (f - R^H p), plus rigid-body motion; docs/theory.md, section 4.  The harmonics of the points may differ
+    from those of the model.
     """
     full = [model.with_harmonics(Harmonics.full(p.shape[-1])) for _, _, p in points]
     fields: list[list[np.ndarray]] = [[] for _ in points]
@@ -53,7 +53,7 @@ def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
 
 
 def motions_at_nodes(system: System, owned: np.ndarray) -> np.ndarray | None:
-    """Return the harmonics of a motion per node, (n_nodes, 3, N_H), on rank 0 (None elsewhere); of a disc those of sector 0.
+    """Return the harmonics of a motion per node, (n_nodes, 3, N_H), on rank 0 (None elsewhere); for a disc, of sector 0.
 
     Collective: one gather.  ``owned`` (n_owned, N_H) are the coefficients of this rank's rows, all harmonics from 0 on.
     """
@@ -68,7 +68,7 @@ def peak_displacements(
 ) -> list[tuple[int, np.ndarray]]:
     """Return the number of each branch's point of largest response and the harmonics of u there, (n_nodes, 3, N_H) [m].
 
-    Collective: all at once; fields as recorded on rank 0, empty elsewhere.  Branches have points.
+    Collective: all branches at once; fields as recorded on rank 0, empty elsewhere.  Every branch must have points.
     """
     peaks = [branch.peak for branch in branches]
     at = [(branch, branch.points[peak]) for branch, peak in zip(branches, peaks)]

@@ -10,7 +10,7 @@ from .settings import ReductionSettings
 
 @dataclass(frozen=True)
 class Counts:
-    """How many there are."""
+    """Numbers of modes, DOFs, pairs and loads."""
 
     modes: int
     dof: int
@@ -20,6 +20,6 @@ class Counts:
 
 @dataclass(frozen=True)
 class Facts:
-    coordinates: Callable[[ReductionSettings, Counts], int]  # unknowns that a harmonic coefficient has at most
-    makes_basis: bool = False  # of vectors of the whole structure, all of them in memory at once
+    coordinates: Callable[[ReductionSettings, Counts], int]  # largest number of unknowns per harmonic coefficient
+    makes_basis: bool = False  # of vectors of the whole structure, all in memory at the same time
     knows_range: bool = False  # the reduction depends on the requested frequencies and harmonics

@@ -1,7 +1,7 @@
-"""The bodies without their joint: free-interface modes, rigid-body modes among them, and residual attachment modes.
+"""The bodies without their joint: free-interface modes, including rigid-body modes, and residual attachment modes.
 
-Only the joint connects the bodies, so one eigenproblem of (K, M) gives the modes of all of them.  If a body is free, K is
-singular; K + alpha M is factored in its place, with alpha far below the first elastic eigenvalue.
+Only the joint connects the bodies, so that one eigenproblem of (K, M) gives the modes of all bodies.  If a body is free, K is
+singular; K + alpha M is factored instead, with alpha far below the first elastic eigenvalue.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from ..modes.eigen import Modes, lowest_modes
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 
-SHIFT = 1e-2  # alpha over the lowest eigenvalue of the stuck structure
-RIGID = 1e-6  # eigenvalue over the lowest one of the stuck structure below which a mode is of a rigid body
-_CONVERGED = 1e-12  # relative change of the attachment modes that is still to come
+SHIFT = 1e-2  # alpha relative to the lowest eigenvalue of the stuck structure
+RIGID = 1e-6  # eigenvalue, relative to the lowest one of the stuck structure, below which a mode is a rigid-body mode
+_CONVERGED = 1e-12  # estimated relative remaining change of the attachment modes
 _MOST_ROUNDS = 40
 _BATCH = 128
-_MOST_PARTS_UNNAMED = 3  # that matrices without a mesh are taken to have
+_MOST_PARTS_UNNAMED = 3  # assumed number of parts of matrices without a mesh
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class FreeBodies:
 
     linearised: Linearised
     alpha: float  # 1/s2
-    omega_2: np.ndarray  # (n,) eigenvalues of (K, M) [rad2/s2], of rigid bodies about 0
+    omega_2: np.ndarray  # (n,) eigenvalues of (K, M) [rad2/s2], about 0 for rigid-body modes
     phi_owned: np.ndarray  # (n_owned, n) phi^T M phi = I
 
     def destroy(self) -> None:
@@ -43,9 +43,9 @@ class FreeBodies:
 
 
 def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodies:
-    """Return the lowest modes of the bodies without their joint, as many as of the stuck structure.
+    """Return the lowest modes of the bodies without their joint, as many as the stuck structure has.
 
-    Collective: one factorisation, and one more to prove the modes complete.
+    Collective: one factorisation, and another one to prove the modes complete.
 
     Raises
     ------
@@ -91,18 +91,18 @@ def _count_rigid(free: Modes, alpha: float, modes: Modes) -> int:
 
 
 def residual_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.ndarray:
-    """Return Z = sum of phi_k phi_k^T F / omega_k^2 over the modes not computed, this rank's rows (n_owned, n_forces).
+    """Return Z = sum of phi_k phi_k^T F / omega_k^2 over the truncated modes, this rank's rows (n_owned, n_forces).
 
-    Collective.  docs/theory.md, eq. (8.3).  Inertia relief is inherent: Z is M-orthogonal to the computed modes, rigid-body
-    modes among them, and so is the load P F = F - M phi phi^T F that it balances.  K Z = P F is solved by its shifted factor,
+    Collective.  docs/theory.md, eq. (8.3).  Inertia relief is inherent: Z is M-orthogonal to the computed modes, including
+    rigid-body modes, and the load P F = F - M phi phi^T F is orthogonal to them.  K Z = P F is solved with the shifted factor,
 
         (K + alpha M) Z_new = P F + alpha M Z,
 
-    which converges by alpha / (omega_k^2 + alpha) of the first truncated mode.
+    with the convergence rate alpha / (omega_k^2 + alpha) of the first truncated mode.
 
     Raises
     ------
-    ConvergenceError : not within ``_MOST_ROUNDS``; on every rank
+    ConvergenceError : no convergence within ``_MOST_ROUNDS``; on every rank
     """
     Z_owned = np.zeros((len(free.phi_owned), forces.shape[1]), order="F")
     for start in range(0, forces.shape[1], _BATCH):
@@ -118,14 +118,14 @@ def _batch_of_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.nd
     participation = gram(comm, phi_owned, forces.tocsr()[first:last].toarray())
     first_Z = factor.solve_sparse(forces) - phi_owned @ (participation / (free.omega_2 + free.alpha)[:, None])
     Z_owned = first_Z = _without(free, first_Z)
-    if len(free.omega_2) >= system.n_dof:  # every mode is computed: what is left is rounding
+    if len(free.omega_2) >= system.n_dof:  # all modes are computed: the rest is roundoff
         return Z_owned
     size = change = np.maximum(column_norms(comm, Z_owned), 1e-300)
     for _ in range(_MOST_ROUNDS):
         before, new = change, first_Z + _without(free, factor.solve(free.alpha * multiply(system.M, Z_owned)))
         change = column_norms(comm, new - Z_owned)
         Z_owned = new
-        to_come = change * np.minimum(change / np.maximum(before, 1e-300), 1.0)  # the next change, at the rate of this one
+        to_come = change * np.minimum(change / np.maximum(before, 1e-300), 1.0)  # estimate of the next change from the last rate
         if np.all(to_come <= _CONVERGED * size):
             return Z_owned
     raise ConvergenceError(
@@ -135,6 +135,6 @@ def _batch_of_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.nd
 
 
 def _without(free: FreeBodies, Z_owned: np.ndarray) -> np.ndarray:
-    """Return Z without its part along the computed modes, M-orthogonally.  Collective: one product, one sum."""
+    """Return the M-orthogonal projection of Z on the complement of the computed modes.  Collective: one product, one sum."""
     system = free.linearised.system
     return Z_owned - free.phi_owned @ gram(system.comm, free.phi_owned, multiply(system.M, Z_owned))

@@ -4,9 +4,9 @@ The modes of the reduced pencil,
 
     V^T M V q = theta V^T K_L V q,      theta = 1 / omega^2,      phi = V q,
 
-are all modes in the span of V.  With all of them, and the static response of these modes alone, the receptance of the
-pairs is that of the reduced equations without any further approximation.  Solved for theta, so that motions nearly without
-mass are harmless.
+are all modes in the span of V.  With all of them, and the static response of these modes only, the receptance of the pairs is
+that of the reduced equations without further approximation.  The eigenvalue is theta, so that motions almost without mass do no
+harm.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ from .stuck import StuckStructure, project_modes
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-DEPENDENT = 1e-13  # strain energy of a combination of columns, each scaled to energy 1, below which it is dropped
-NEARLY_DEPENDENT = 1e-8  # the same, below which rounding shows and the projection is made twice
-MASSLESS = 1e-16  # theta over the largest: motions with less mass count as massless
-_BLOCKS = 4  # blocks of the basis' size held at a time
+DEPENDENT = 1e-13  # strain energy of a combination of columns, each scaled to energy 1, below which it is discarded
+NEARLY_DEPENDENT = 1e-8  # the same, below which rounding errors require a second projection
+MASSLESS = 1e-16  # theta relative to the largest: motions below it count as massless
+_BLOCKS = 4  # blocks of the basis' size in memory at the same time
 
 
 def reduce_on_basis(
@@ -57,7 +57,7 @@ def reduce_on_basis(
 ) -> Reduction:
     """Return the Galerkin reduction on the columns of V, this rank's rows (n_owned, n_V).
 
-    Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
+    Collective on the system's communicator.  ``unknowns`` is the reported number per harmonic coefficient, by default n_V.
     """
     rigid = stuck.factor.rigid
     omega_n, phi_owned = galerkin_modes(stuck, V_owned if rigid is None else rigid.elastic(V_owned))
@@ -76,17 +76,17 @@ def reduce_on_basis(
 
 
 def reduction_of_basis(stuck: StuckStructure, basis: Basis, settings: ReductionSettings, displacements: Expansion) -> Reduction:
-    """Return the reduction whose modes are those of a basis.  Local."""
+    """Return the reduction with the modes of a basis.  Local."""
     modes = damped_modes(basis.modes, stuck.pairs.law.stiffness.ravel(), settings.damping)
     structure = structure_of_modes(stuck.comm, modes, stuck.observed, damped_rigid(stuck, settings.damping))
     return Reduction(structure, AllPairs(coordinates=basis.unknowns), displacements, basis.leaves_out, basis)
 
 
 def galerkin_modes(stuck: StuckStructure, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, rising, phi^T M phi = I.
+    """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, ascending, phi^T M phi = I.
 
-    Collective: sums of the reduced matrices, twice where columns nearly depend on each other.  The second pass starts from the
-    modes of the first, in which a low mode is no longer the small difference of stiff columns.  docs/theory.md, eq. (8.1).
+    Collective: sums of the reduced matrices, twice if columns are nearly dependent.  The second pass starts from the modes of
+    the first, in which a low mode is no longer a small difference of stiff columns.  docs/theory.md, eq. (8.1).
     """
     comm = stuck.comm
     phi_owned, least = V_owned, 0.0
@@ -103,9 +103,10 @@ def galerkin_modes(stuck: StuckStructure, V_owned: np.ndarray) -> tuple[np.ndarr
 
 
 def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return (theta, q): M_r q = theta K_r q, theta falling, q^T K_r q = I, without dependent directions.  Local.
+    """Return (theta, q): M_r q = theta K_r q, theta descending, q^T K_r q = I, without dependent directions.  Local.
 
-    docs/theory.md, eq. (8.1).  And the least energy of a combination of columns that was kept, over the largest.
+    docs/theory.md, eq. (8.1).  The third value is the smallest energy of a retained combination of columns, relative to the
+    largest.
     """
     energy = np.maximum(np.diag(K_r), 0.0)
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)

@@ -1,4 +1,4 @@
-"""The degrees of freedom of the joint, taken from R: those of both bodies at every pair."""
+"""The degrees of freedom of both bodies at every pair, from R."""
 
 from __future__ import annotations
 

@@ -11,11 +11,11 @@ from ..linear.joint_springs import Linearised
 from ..modes.shift_invert import basis_size
 from .settings import ReductionSettings
 
-# bytes an entry of K, of the arrays held at once; M has a third of the entries
+# bytes per entry of K, of the arrays in memory at the same time; M has a third of the entries
 HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M in PETSc
-ENTERED = 8.0  # the half of K_L - sigma M that is passed to MUMPS, with indices
-MERGED = HELD + ENTERED  # the same while it is put together from rows of K_L and M
-SHARPENED = 1e8  # bytes of some rows of K_L twice and in extended precision, for the eigenvalues
+ENTERED = 8.0  # one triangle of K_L - sigma M, passed to MUMPS with indices
+MERGED = HELD + ENTERED  # the same while it is assembled from rows of K_L and M
+SHARPENED = 1e8  # bytes of some rows of K_L, copied and in extended precision, for the eigenvalues
 PICKED = 24  # modes assumed if the program chooses their number
 VECTORS = 3  # blocks of the modes' size in addition to the basis of the eigensolver
 

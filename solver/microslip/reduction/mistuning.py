@@ -1,7 +1,7 @@
-"""Blades of other stiffness and mass in a disc: component mode mistuning (docs/theory.md, section 17).
+"""A disc with blades of different stiffness and mass: component mode mistuning (docs/theory.md, section 17).
 
-A change of the blades' stiffness and mass couples the tuned modes of all nodal diameters by small matrices; their motions among
-the modes computed are found again.  What the truncated modes add stays that of alike blades.
+A change of the blades' stiffness and mass couples the tuned modes of all nodal diameters by small matrices; the eigenproblem is
+solved again in the computed modes.  The contribution of the truncated modes remains that of identical blades.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from petsc4py import PETSc
 
 Stuck = TypeVar("Stuck", bound=StuckStructure)
-_SHAPED = 8  # modes that have them
-_INDEPENDENT = 1e-10  # mass of a static shape without the share of the modes, over its mass with it
+_SHAPED = 8  # modes with static shapes
+_INDEPENDENT = 1e-10  # modal mass of a static shape without its part in the modes, relative to the whole shape
 
 
 def with_static_shapes(stuck: Stuck, blades: tuple[PETSc.Mat, PETSc.Mat]) -> Stuck:
-    """Return a structure of one nodal diameter with Ritz vectors among its modes: static shapes without the share of its modes.
+    """Return a structure of one nodal diameter with additional Ritz vectors: static shapes without their part in the modes.
 
-    Collective: solves, three for each of the first modes and one for each load and output.  The shapes are those of loads and
-    outputs, and in the first modes of the forces of the stuck joint and of the stiffness and mass of the blade.
+    Collective: solves, three for each of the first modes and one for each load and output.  The shapes are the static responses
+    to loads, to output rows, and, in each of the first modes, to the forces of the stuck joint, K_b phi and M_b phi of the blade.
     """
     system, comm, rows = stuck.system, stuck.comm, stuck.rows
     first = slice(min(_SHAPED, stuck.n_modes))
@@ -65,7 +65,7 @@ def with_static_shapes(stuck: Stuck, blades: tuple[PETSc.Mat, PETSc.Mat]) -> Stu
 
 
 def _ritz(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return squares of frequencies (r,) and M-normalised vectors (m, r) of the independent ones among m vectors.  Local."""
+    """Return squared frequencies (r,) and M-normalised Ritz vectors (m, r) in the span of m vectors of rank r.  Local."""
     sizes, U = np.linalg.eigh(0.5 * (M + M.conj().T))
     U = U[:, sizes > _INDEPENDENT] / np.sqrt(sizes[sizes > _INDEPENDENT])
     of_U = U.conj().T @ K @ U
@@ -74,7 +74,7 @@ def _ritz(K: np.ndarray, M: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def blade_forms(tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PETSc.Mat, PETSc.Mat]) -> list[np.ndarray]:
-    """Return V^T K_b V and V^T M_b V of the blade of a sector, (M, M) each, V being real and imaginary parts of all modes.
+    """Return V^T K_b V and V^T M_b V of the blade of a sector, (M, M) each, with real and imaginary parts of all modes in V.
 
     Collective: gathers of the modes, and products.  ``blades`` are K_b and M_b on the rows of the nodes.
     """
@@ -87,7 +87,7 @@ def blade_forms(tuned: Sequence[StuckStructure], waves: Waves, blades: tuple[PET
 
 
 def _nodal(stuck: StuckStructure) -> sp.csr_matrix:
-    """Return T of the rows of the nodes, (n_nodal, n_dof)."""
+    """Return the rows of the nodes of the constraint matrix T, (n_nodal, n_dof)."""
     constraints = stuck.system.constraints
     assert constraints is not None, "a disc"
     return constraints.T[: constraints.n_nodal]
@@ -102,9 +102,9 @@ def _on_nodes(stuck: StuckStructure, matrix: PETSc.Mat) -> np.ndarray:
 def changed_modes(
     tuned: Sequence[StuckStructure], waves: Waves, forms: Sequence[np.ndarray], factors: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (M,), rising, and modes (M, M) of a disc with other blades, in its tuned modes: eq. (17.5).
+    """Return frequencies (M,), ascending, and modes (M, M) of a disc with changed blades, in its tuned modes: eq. (17.5).
 
-    Collective: one broadcast.  ``factors`` (N,) of the stiffness and of the mass of the blades.
+    Collective: one broadcast.  ``factors`` are the factors (N,) of the stiffness and of the mass of the blades.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def _in_sector(waves: Waves, n_modes: Sequence[int], s: int) -> np.ndarray:
 
 
 def with_modes_changed(static: StaticResponse, before: ProjectedModes, after: ProjectedModes, owned: slice) -> StaticResponse:
-    """Return a static response with the share of some modes exchanged, eq. (17.6); static columns on demand.  Local.
+    """Return a static response with the contribution of some modes replaced, eq. (17.6); static columns on demand.  Local.
 
     ``owned`` are the rows of the pairs of this rank.
     """
@@ -171,6 +171,6 @@ def with_modes_changed(static: StaticResponse, before: ProjectedModes, after: Pr
 
 
 def _rows(modes: ProjectedModes, name: str) -> np.ndarray:
-    """Return what modes do to pairs, outputs or loads, (n, M).  Local."""
+    """Return the projection of modes on pairs, outputs or loads, (n, M).  Local."""
     rows = getattr(modes, name)
     return rows.T if name == "b" else rows

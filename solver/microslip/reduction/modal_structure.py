@@ -14,11 +14,11 @@ from ..receptance.truncated_modes import DampingBeyond
 from .settings import ModalDamping
 from .stuck import StuckStructure
 
-_ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi over the largest that counts as zero
+_ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi, relative to the largest, that counts as zero
 
 
 def damping_beyond(damping: ModalDamping | None, modes: DampedModes) -> DampingBeyond:
-    """Return the damping of the truncated modes: as stated, with the damping of the last mode by dampers or a matrix.  Local."""
+    """Return the damping of the truncated modes: as stated, plus that of the last mode by dampers or a matrix.  Local."""
     if damping is None:
         return DampingBeyond(float(modes.damping.diagonal[-1]))
     of_matrix = float(modes.damping.diagonal[-1] - damping.modal(modes.omega_n)[-1])
@@ -29,7 +29,7 @@ def damping_beyond(damping: ModalDamping | None, modes: DampedModes) -> DampingB
 
 
 def projected_damping(C: np.ndarray) -> np.ndarray:
-    """Return phi^H C phi of the user's C [1/s]: its diagonal (m,) where nothing couples the modes, else itself, (m, m).  Local.
+    """Return phi^H C phi of the user's C [1/s], as a diagonal (m,) if it couples no modes, otherwise (m, m).  Local.
 
     Raises
     ------
@@ -57,28 +57,28 @@ def all_damping(modes: ProjectedModes, damping: ModalDamping | None) -> np.ndarr
 
 
 def damped_modes(modes: ProjectedModes, K_J: np.ndarray, damping: ModalDamping | None) -> DampedModes:
-    """Return modes with all of their damping; ``K_J`` (3 n_pairs,) are the springs of the joints [N/m].  Local."""
+    """Return modes with their complete damping; ``K_J`` (3 n_pairs,) are the springs of the joints [N/m].  Local."""
     eta = 0.0 if damping is None else damping.structural
     S = structural_damping(modes.omega_n, modes.R_phi, K_J, eta) if eta > 0.0 else None
     return DampedModes(modes.omega_n, Damping(all_damping(modes, damping), S), modes.R_phi, modes.b, modes.o)
 
 
 def stuck_receptance(stuck: StuckStructure, damping: ModalDamping | None) -> Receptance:
-    """Return the receptance of one group of harmonics: modes of its stuck structure, with its exact static response.  Local."""
+    """Return the receptance of one harmonic group: modes of its stuck structure, with its exact static response.  Local."""
     K_J = stuck.pairs.law.stiffness.ravel()
     modes = damped_modes(stuck.projected.first(stuck.n_modes), K_J, damping)
     return Receptance(modes, stuck.statics, damped_rigid(stuck, damping))
 
 
 def damped_rigid(stuck: StuckStructure, damping: ModalDamping | None) -> RigidMotion | None:
-    """Return the rigid-body motion of a free structure with all of its damping, Rayleigh's alpha M among it.  Local."""
+    """Return the rigid-body motion of a free structure with its complete damping, including Rayleigh's alpha M.  Local."""
     if stuck.rigid is None or damping is None:
         return stuck.rigid
     return stuck.rigid.with_damping(float(damping.modal(np.zeros(1))[0]))
 
 
 def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> ReducedStructure:
-    """Return the modes of a structure with its exact static response: of harmonic 1 now, of other groups on demand.
+    """Return the reduced structure by modes and exact static response: for harmonic 1 now, for other groups on demand.
 
     Local.
 

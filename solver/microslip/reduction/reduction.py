@@ -19,10 +19,10 @@ Expansion = Callable[[ReducedModel, Sequence[ActingForces]], list[np.ndarray]]  
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """The modes in the span of a basis, which are the whole model of a Galerkin method."""
+    """The modes in the span of a basis, which are the complete model of a Galerkin method."""
 
     modes: ProjectedModes
-    unknowns: int  # reported, a harmonic coefficient
+    unknowns: int  # reported number per harmonic coefficient
     leaves_out: Literal["basis", "nothing"]
 
 
@@ -35,6 +35,6 @@ class Reduction:
     displacements: Expansion
     leaves_out: Literal[
         "modes", "basis", "nothing"
-    ]  # parts of the error: "modes" (their dynamics), "basis" (what it does not span)
+    ]  # parts of the error: "modes" (dynamics of truncated modes), "basis" (motions outside its span)
     basis: Basis | None = None  # of a Galerkin method
     phi_owned: np.ndarray | None = None  # (n_owned, m) the modes of the basis, if they were computed

@@ -12,9 +12,9 @@ from ..receptance.excitation import Excitation
 
 @dataclass(frozen=True, kw_only=True)
 class ModalDamping:
-    """Of the modes of the stuck structure their ratios, or Rayleigh's alpha M + beta K_L; of the bodies a loss factor beside it.
+    """Damping ratios of the modes of the stuck structure, or Rayleigh's alpha M + beta K_L, plus a loss factor of the bodies.
 
-    Without ``ratio`` the modes beyond the list of ``ratios`` have the last of it.
+    Without ``ratio``, modes beyond the list ``ratios`` have its last value.
     """
 
     ratio: float | None = None  # of all modes without an entry in ``ratios`` or ``of_modes``
@@ -45,14 +45,14 @@ class ReductionSettings:
     """A method, its modes and the loads."""
 
     method: str = "receptance"
-    modes: int | None = None  # as many as stated; None: as few as meet the accuracy
-    accuracy: float = 1e-3  # of the response over its linear peak
+    modes: int | None = None  # number as stated; None: the smallest number that meets the accuracy
+    accuracy: float = 1e-3  # of the response, relative to its linear peak
     insists: bool = False  # whether the accuracy was stated
     verify_modes: bool = True  # verify by a count that no mode is missed
     excitation: Excitation = Excitation()  # the loads for which modes are chosen
     damping: ModalDamping | None = None  # None: the structure has a damping matrix
     band: Band = Band()
-    level: float = 1.0  # the highest [N]
+    level: float = 1.0  # highest level [N]
     interface_modes: int = 40  # shapes of the joint
     condensed: bool = False  # rubin with relative interface DOFs only
     in_point_check: bool = False  # adaptive methods check all pairs inside the point

@@ -50,8 +50,8 @@ class Factored:
     """The parts of a stuck structure that are as large as its mesh."""
 
     linearised: Linearised  # K_L, M, and the factor of K_L
-    modes: Modes  # all that were computed
-    mesh: Mesh | None = None  # rank 0 only; None of matrices whose rows belong to no nodes
+    modes: Modes  # all computed modes
+    mesh: Mesh | None = None  # rank 0 only; None for matrices whose rows do not belong to nodes
 
 
 class OnDemand:
@@ -91,24 +91,24 @@ class StuckStructure:
     The projections on pairs, loads and outputs are small arrays, the same on every rank except the static columns.  Matrices,
     factor and modes over all DOFs come from ``factored``: a structure restored from a file computes them on demand.
 
-    Of a disc at one nodal diameter all of it may be complex; matrices and factor then are in real form (assembly/real_form.py),
-    and vectors over the DOFs complex.  The group of the other direction has the conjugates of all of it.
+    For a disc at one nodal diameter all quantities may be complex; matrices and factor are then in real form
+    (assembly/real_form.py), and vectors over the DOFs complex.  The group of the opposite direction has the conjugates.
     """
 
     comm: MPI.Comm
     n_dof: int
     pairs: ContactPairs
     statics: StaticResponse
-    projected: ProjectedModes  # all that were computed; the first ``n_modes`` are used
+    projected: ProjectedModes  # all computed modes, of which the first ``n_modes`` are used
     n_modes: int
-    n_proved: int  # of the modes computed: the first ones that are proved to be the lowest
-    observed: Observed | None  # what makes outputs of their rows; None: all are displacements
+    n_proved: int  # number of the first computed modes that are proved to be the lowest
+    observed: Observed | None  # map from rows to outputs; None: all are displacements
     factored: OnDemand
-    rigid: RigidMotion | None = None  # of a structure without supports, with the damping of its dampers alone
-    groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: every harmonic has this one
-    group: Hashable = only_group(0)  # its own
+    rigid: RigidMotion | None = None  # of a structure without supports, with the damping of its dampers only
+    groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: this structure for every harmonic
+    group: Hashable = only_group(0)  # the group of this structure
     is_conjugate: bool = False  # whether the matrices and the factor are those of the conjugate group
-    results: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # results that depend on it alone, by key
+    results: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # cached results of this structure, by key
 
     @classmethod
     def of(
@@ -120,7 +120,7 @@ class StuckStructure:
         mesh: Mesh | None = None,
         **more: Any,
     ) -> Self:
-        """Return the stuck structure of a factor and its modes, if there are any.  Collective: one sum or two."""
+        """Return the stuck structure from a factor and modes, if there are any.  Collective: one or two sums."""
         system = linearised.maps
         if modes is None:
             n_owned = system.rows.stop - system.rows.start
@@ -154,22 +154,22 @@ class StuckStructure:
         return {stuck.group: stuck for stuck in others} | {self.group: self}
 
     def has(self, n: int) -> bool:
-        """Return whether harmonic n belongs to its group.  Local."""
+        """Return whether harmonic n belongs to the group of this structure.  Local."""
         return self.per_group.group_of(n) == self.group
 
     @property
     def omega_n(self) -> np.ndarray:
-        """Natural frequencies of the modes used, (n_modes,) [rad/s]."""
+        """Natural frequencies of the modes in use, (n_modes,) [rad/s]."""
         return self.projected.omega_n[: self.n_modes]
 
     @property
     def excited(self) -> StuckStructure:
-        """The structure whose modes a range of the response counts, and results show."""
+        """The structure to whose modes mode numbers in a response range and in results refer."""
         return self
 
     @property
     def n_elastic(self) -> int:
-        """The number of elastic modes there are, some of them without mass."""
+        """The number of all elastic modes, including those without mass."""
         return self.n_dof - (0 if self.rigid is None else len(self.rigid.b))
 
     @property
@@ -190,19 +190,19 @@ class StuckStructure:
 
     @property
     def modes(self) -> Modes:
-        """The modes used, over all DOFs; collective if they must be computed first."""
+        """The modes in use, over all DOFs; collective if they must be computed first."""
         return first_of(self.factored().modes, self.n_modes)
 
     @property
     def n_computed(self) -> int:
-        """Modes computed, of which the first ones are used."""
+        """Number of computed modes, of which the first ``n_modes`` are in use."""
         return len(self.projected.omega_n)
 
     def using(self, n_modes: int) -> Self:
-        """Return the structure with the first ``n_modes`` of the modes computed in use.  Local."""
+        """Return the structure with the first ``n_modes`` computed modes in use.  Local."""
         return replace(self, n_modes=n_modes)
 
-    # -- what takes the factor; collective -------------------------------------------------------------------------
+    # -- matrices and factor; collective ---------------------------------------------------------------------------
 
     @property
     def K_L(self) -> PETSc.Mat:
@@ -218,13 +218,13 @@ class StuckStructure:
         return self.linearised.maps.rows
 
     def product(self, A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of A X, (n_owned, q), of one of the structure's matrices."""
+        """Return this rank's rows of A X, (n_owned, q), for one of the structure's matrices A."""
         if not self.is_complex:
             return multiply(A, X_owned)
         return self._conjugated(multiply(A, self._conjugated(X_owned.astype(complex, copy=False))))
 
     def _conjugated(self, X: np.ndarray) -> np.ndarray:
-        """Return X, or its conjugate where the matrices are those of the conjugate group.  Local."""
+        """Return X, or its conjugate if the matrices are those of the conjugate group.  Local."""
         return X.conj() if self.is_conjugate else X
 
     @property
@@ -235,7 +235,7 @@ class StuckStructure:
 
     @property
     def factor(self) -> Factor:
-        """That of K_L."""
+        """The factor of K_L."""
         return self.linearised.factor
 
     def in_user_order(self, owned: np.ndarray) -> np.ndarray | None:
@@ -265,7 +265,7 @@ class StuckStructure:
         return forces
 
     def _times_complex(self, A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of A X for complex X, (n_owned, q), whether the structure is complex or not."""
+        """Return this rank's rows of A X for complex X, (n_owned, q), for a real or complex structure."""
         if self.is_complex:
             return self.product(A, X_owned)
         real, imaginary = np.hsplit(multiply(A, np.hstack([X_owned.real, X_owned.imag])), 2)
@@ -276,7 +276,7 @@ class StuckStructure:
         return gram(self.comm, self.modes.phi_owned, forces_owned)
 
     def solve(self, forces_owned: np.ndarray) -> np.ndarray:
-        """Return K_L^-1 times columns, real or complex, (n_owned, q) both, this rank's rows."""
+        """Return K_L^-1 times columns, real or complex, (n_owned, q) each, this rank's rows."""
         if self.is_complex:
             forces = self._conjugated(forces_owned.astype(complex, copy=False))
             return self._conjugated(complex_columns(self.factor.solve(real_columns(forces))))
@@ -289,7 +289,7 @@ class StuckStructure:
     def static_motions(self, at: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[np.ndarray]:
         """Return K_L^-1 (f - R^H p), this rank's rows (n_owned, N_H) each, under coefficients f and p: all at once.
 
-        Of a group with complex matrices there are two right-hand sides a harmonic and component of its forces.
+        A group with complex matrices has one right-hand side in real form per harmonic.
         """
         is_complex = self.is_complex
         amplitudes = [(to_complex(f), to_complex(p)) if is_complex else (f, p) for f, p in at]
@@ -302,12 +302,12 @@ class StuckStructure:
     def rigid_field(self, receptance: Receptance, f: np.ndarray, n_omega: np.ndarray) -> np.ndarray:
         """Return the rigid-body motion of this rank's rows, (n_owned, N_H), under loads f (n_loads, N_H).
 
-        A single zero, (1, 1), where supports hold the structure.
+        A single zero, (1, 1), for a structure with supports.
         """
         if receptance.rigid is None or self.rigid is None:
             return np.zeros((1, 1))
         modes = self.factor.rigid
-        here = project_rigid(self.system, modes)  # of the factor's modes: stored ones may have other signs
+        here = project_rigid(self.system, modes)  # with the factor's modes, as stored ones may have other signs
         assert modes is not None and here is not None, "the factor of a free structure"
         alpha = float((receptance.rigid.C - self.rigid.C)[0, 0])
         return modes.phi_owned @ here.with_damping(alpha).coordinates(f, n_omega)
@@ -323,14 +323,14 @@ class StuckStructure:
     def lowest_modes(
         self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
     ) -> Modes:
-        """Return the lowest modes, see :func:`~microslip.modes.eigen.lowest_modes`; it raises what that does."""
+        """Return the lowest modes; arguments and errors as in :func:`~microslip.modes.eigen.lowest_modes`."""
         modes = lowest_modes_of(self.linearised, n_modes, verify, fewer_will_do, search)
         return conjugated(modes) if self.is_conjugate else modes
 
     def with_lowest(
         self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
     ) -> Self:
-        """Return the structure with its lowest ``n_modes`` in use: those computed already, or as :meth:`lowest_modes` has them.
+        """Return the structure with its lowest ``n_modes`` in use: computed already, or by :meth:`lowest_modes`.
 
         Collective.
         """
@@ -341,9 +341,9 @@ class StuckStructure:
         return self.with_modes(self.lowest_modes(n_modes, verify, fewer_will_do, search))
 
     def using_proved(self, n_modes: int) -> Self | None:
-        """Return the structure with its first ``n_modes`` in use, None where they are not proved to be the lowest.
+        """Return the structure with its first ``n_modes`` in use, None if they cannot be proved to be the lowest.
 
-        Collective: one factorisation, if the proof is not there.
+        Collective: a factorisation, unless they are already proved.
         """
         if n_modes <= self.n_proved:
             return self.using(n_modes)
@@ -353,22 +353,22 @@ class StuckStructure:
         return replace(self, n_modes=n_modes, n_proved=factored.modes.n_proved)
 
     def sharpened(self, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
-        """Return the eigenvalues of modes again, as exact as their vectors allow: :func:`~microslip.modes.rayleigh.sharpened`."""
+        """Return improved eigenvalues of modes, by :func:`~microslip.modes.rayleigh.sharpened`."""
         return sharpened(self.linearised, eigenvalues, phi_owned)
 
     def bring_K_back(self) -> None:
-        """Make ``system.K`` again, where it was freed."""
+        """Recreate ``system.K`` if it was freed."""
         self.linearised.bring_K_back()
 
     def with_modes(self, modes: Modes) -> Self:
-        """Return the same structure with other modes.  Collective: one sum, with a damping matrix another."""
+        """Return the same structure with other modes.  Collective: one sum, with a damping matrix two."""
         projected = project_modes(self.linearised.maps, modes.omega_n, self._conjugated(modes.phi_owned))
         projected, factored = projected.conjugated() if self.is_conjugate else projected, replace(self.factored(), modes=modes)
         n_modes = len(modes.omega_n)
         return replace(self, projected=projected, n_modes=n_modes, n_proved=modes.n_proved, factored=OnDemand.of(factored))
 
     def of_conjugate(self, group: Hashable) -> Self:
-        """Return the structure of the group whose matrices are the conjugates of these; no memory of their size.  Local."""
+        """Return the structure of the group with the conjugate matrices, without memory of their size.  Local."""
 
         def factored() -> Factored:
             here = self.factored()
@@ -392,9 +392,9 @@ class StuckStructure:
 
 
 def static_response(linearised: Linearised) -> StaticResponse:
-    """Return the static response: n_loads + n_outputs + 1 solves now, those of pairs when they first slip or open.
+    """Return the static response: n_loads + n_outputs + 1 solves now, solves of pairs when they first slip or open.
 
-    Collective on the system's communicator.  One solve has random forces on all pairs, by which their columns are checked.
+    Collective on the system's communicator.  One solve has random forces on all pairs, for the check of their columns.
     """
     system = linearised.maps
     n_rows, n_out, n_load = system.R.shape[0], system.outputs.shape[0], system.loads.shape[1]
@@ -422,9 +422,9 @@ def flexibility_between(
     row_ranges: np.ndarray | None = None,
     known: RowSums | None = None,
 ) -> np.ndarray:
-    """Return left @ K_L^-1 @ right, :func:`~microslip.modes.constraint.static_columns`, also of complex matrices.
+    """Return left @ K_L^-1 @ right as :func:`~microslip.modes.constraint.static_columns`, also for complex matrices.
 
-    Collective: a solve a column in real form, too.
+    Collective: one solve per column, also in real form.
     """
     if not linearised.maps.is_complex:
         return static_columns(linearised, left, right, row_ranges, known)
@@ -435,7 +435,7 @@ def flexibility_between(
 
 
 def random_weights(n_rows: int) -> np.ndarray:
-    """Return the weights of the row sums that static columns are checked by, (n_rows,).  Local."""
+    """Return the weights of the row sums for the check of static columns, (n_rows,).  Local."""
     return np.random.default_rng(n_rows).choice([-1.0, 1.0], n_rows)
 
 
@@ -456,13 +456,13 @@ def project_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray) ->
 
 
 def project_rigid(system: System, modes: RigidModes | None) -> RigidMotion | None:
-    """Return what loads and outputs see of rigid-body modes, None where there are none.
+    """Return the rigid-body modes projected on loads and outputs, None if there are none.
 
     Collective: one sum, with a damping matrix two.
 
     Raises
     ------
-    CaseError : dampers hold the structure to ground; on every rank
+    CaseError : dampers connect the structure to ground; on every rank
     """
     if modes is None:
         return None
@@ -500,8 +500,8 @@ def pair_columns(
 ) -> StaticColumns:
     """Return the columns of R K_L^-1 R^H, which the factor computes on demand.  Local.
 
-    ``row_sums`` (3 n_pairs,) are G_static times the random weights, by which the columns are checked.  Where there is no memory
-    for columns, computing them raises ResourceError on every rank.
+    ``row_sums`` (3 n_pairs,) are G_static times the random weights, for the check of the columns.  Without enough memory for
+    columns, their computation raises ResourceError on every rank.
     """
     n_rows = len(row_sums)
     pair_ranges, sums = split_evenly(n_rows // 3, comm.size), RowSums(random_weights(n_rows), row_sums.conj())

@@ -1,13 +1,15 @@
-"""What the truncated modes would change in the response: the bound that decides how many are needed.
+"""A bound of the change of the response by the truncated modes, which determines the number of modes.
 
-docs/theory.md, section 4.  In harmonic n the truncated modes act with their static flexibility; what they would do beyond it is
-sum over k > m of phi_k c_kn phi_k^T.  With the residual norm |x|_m^2 = sum over k > m of (phi_k^T x)^2 / omega_k^2, which the
-static solution knows without the modes, x^T K_L^-1 x - sum over k <= m, any motion y under any force x is wrong by at most
+docs/theory.md, section 4.  In harmonic n the truncated modes act with their static flexibility; their dynamic part,
+sum over k > m of phi_k c_kn phi_k^T, is missing.  With the residual norm |x|_m^2 = sum over k > m of (phi_k^T x)^2 / omega_k^2,
+which follows from the static solution without these modes, x^T K_L^-1 x - sum over k <= m, the error of any motion y under any
+force x is at most
 
     rho_n |y|_m |x|_m,          rho_n = max over k > m of omega_k^2 |c_kn|.                                          (4.4)
 
-Forces are the loads and R^T p; motions are the outputs and, through the joint, the pairs'.  Before anything is solved, p is
-that of the stuck motion at a resonance, at the highest level: what exceeds half of the friction limit or of the preload.
+Forces are the loads and R^T p; motions are those of the outputs and, through the joint, of the pairs.  The bound is computed
+before the response, with p of the stuck motion at a resonance, at the highest level: the part beyond half of the friction limit
+or of the preload.
 """
 
 from __future__ import annotations
@@ -29,17 +31,17 @@ from .modal_structure import reduce_structure
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 
-_EARLY = 0.5  # share of its limit from which a pair counts as slipping or open: its neighbours' slip loads it further
-_RESONANCES = 3  # frequencies at which the joint stores most energy, where its part is evaluated
-_FAINT = 1e-3  # of the largest output's peak: fainter outputs are judged against that
+_EARLY = 0.5  # fraction of the limit from which a pair counts as slipping or open, as slip of its neighbours adds load
+_RESONANCES = 3  # number of resonances with most energy in the joint at which the part through the joint is evaluated
+_FAINT = 1e-3  # smallest reference amplitude of an output, relative to the peak of the largest output
 _COLUMNS = 32  # complex right-hand sides at a time
 
 
 @dataclass(frozen=True)
 class TruncationBound:
-    """Bounds for 1 to n modes kept, each (n,) relative to the linear peak of an output, the worst of the outputs."""
+    """Bounds for 1 to n retained modes, (n,) each, relative to the linear peak of an output; maximum over the outputs."""
 
-    direct: np.ndarray  # from the loads straight to the outputs
+    direct: np.ndarray  # directly from the loads to the outputs
     joint: np.ndarray  # through the contact forces
 
     @property
@@ -49,20 +51,20 @@ class TruncationBound:
 
 @dataclass(frozen=True)
 class Resonance:
-    """Residual norms (n,) of what acts at one frequency, one load harmonic h, at the highest level."""
+    """Residual norms (n,) of the forces at one frequency for one load harmonic h, at the highest level."""
 
     omega: float
     p: np.ndarray  # of R^T p
     damping_force: np.ndarray  # of n omega C u + eta K u: a full damping matrix couples the truncated modes to the motion
-    pairs: np.ndarray  # (n, n_outputs) of the motion of the pairs that an output feels
-    damping_force_adjoint: np.ndarray  # (n, n_outputs)
+    pairs: np.ndarray  # (n, n_outputs) of the adjoint forces of each output on the pairs
+    damping_force_adjoint: np.ndarray  # (n, n_outputs) of their damping forces
 
 
 def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> TruncationBound:
-    """Return the bounds of (4.5) for keeping the first 1 to n of the n modes of a group of harmonics that are in use.
+    """Return the bounds of (4.5) with the first 1 to n of the n modes of a harmonic group retained.
 
-    Collective on the system's communicator: a few static solves.  The mode after the last kept must be known: the last entries,
-    of all n kept, are infinite.  Loads may act in other groups, too: these have the modes of ``stuck.per_group``.
+    Collective on the system's communicator: a few static solves.  A bound needs the first truncated mode, so that the entry for
+    all n modes is infinite.  Loads may also act in other groups, which have the modes of ``stuck.per_group``.
 
     docs/theory.md, eq. (4.5).
     """
@@ -74,14 +76,14 @@ def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> Trun
     resonant = model.omega_n[(model.omega_n > low) & (model.omega_n < high)]
     omegas = np.union1d(np.linspace(low, high, 60), resonant)
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
-    peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
+    peaks = comm.bcast(output_peaks(model, omegas))  # bitwise equal on all ranks: collective calls depend on it
     direct, joint = np.zeros((2, n))
     if not loaded or not peaks.any():
         return TruncationBound(direct, joint)  # a constant load: the static part is exact
     peaks = np.maximum(peaks, _FAINT * peaks.max())
     of_load = {h: norms.of_load(_load(model, h)) for h in loaded if stuck.has(h)}
     of_output = norms.of_outputs()
-    # of the rows of the outputs, where velocities and the like count most
+    # peaks of the output rows, at the frequency where the factors of velocities and accelerations are largest
     peaks_u = {h: peaks / model.output_factors(h * high) for h in loaded}
     for h, of_h in of_load.items():
         error = (gains(modes, h * high) * of_h)[:, None] * of_output / peaks_u[h]
@@ -92,14 +94,14 @@ def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> Trun
             numbers = [n for n in settings.excitation.harmonics.above_mean if stuck.has(n)]
             error = _through_the_joint(modes, numbers, at, h, of_load.get(h), of_output, settings.level) / peaks_u[h]
             joint = np.maximum(joint, error.max(axis=1))
-    direct[-1] = np.inf  # the first truncated mode is not known
+    direct[-1] = np.inf  # the first truncated mode is unknown
     return TruncationBound(direct, joint)
 
 
 def model_for(stuck: StuckStructure, settings: ReductionSettings) -> ReducedModel:
-    """Return the model by which the modes of one group of harmonics are chosen: its own harmonics, and those of the loads.
+    """Return the model for the choice of modes of one harmonic group, with its harmonics and those of the loads.
 
-    Collective where the group of a load is new.
+    Collective if the group of a load is not computed yet.
     """
     model = ReducedModel.of(reduce_structure(stuck, settings.damping), settings.excitation)
     if len(stuck.per_group.groups) == 1:
@@ -111,9 +113,9 @@ def model_for(stuck: StuckStructure, settings: ReductionSettings) -> ReducedMode
 def _through_the_joint(
     modes: DampedModes, numbers: list[int], at: Resonance, h: int, of_load: np.ndarray | None, of_output: np.ndarray, level: float
 ) -> np.ndarray:
-    """Return the sum over the harmonics n of (4.5) but for load and output themselves, (n, n_outputs) [m/N].  Local.
+    """Return the sum over the harmonics n of (4.5) without the direct part of load and output, (n, n_outputs) [m/N].  Local.
 
-    The drag of a full damping matrix is no part of the static solution: it counts with 1 + rho.
+    The force of a full damping matrix is not part of the static solution and has the factor 1 + rho.
     """
     error = np.zeros_like(of_output)
     for n in numbers:
@@ -134,17 +136,17 @@ def _through_the_joint(
 def _content(n: int, h: int) -> float:
     """Return a bound of harmonic n in a slider's motion under a motion in harmonic h, relative to that motion.  Local.
 
-    The slider moves with the pair while it slips and rests otherwise, so that the total variation of its velocity over a
-    cycle is at most four times the largest, and its n-th harmonic at most 4 / pi (h / n)^2.
+    The slider moves with the pair during slip and rests otherwise, so that the total variation of its velocity over a cycle is at
+    most four times the maximum, and its n-th harmonic at most 4 / pi (h / n)^2.
     """
     return 1.0 if n <= h else 4.0 / np.pi * (h / n) ** 2
 
 
 def gains(modes: DampedModes, n_omega: float) -> np.ndarray:
-    """Return rho of eq. (4.4) for keeping 1 to n modes, (n,): the largest of the truncated modes, at n omega.  Local.
+    """Return rho of eq. (4.4) for 1 to n retained modes, (n,): the maximum over the truncated modes, at n omega.  Local.
 
     omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first truncated mode its
-    parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
+    terms are largest for this mode or for the one with most damping; above, rho is the height of the least damped resonance.
     Structural damping adds the loss factor to 2 zeta s.
     """
     first, zeta = np.append(modes.omega_n[1:], np.inf), _of_truncated(modes.zeta, np.minimum)
@@ -157,19 +159,19 @@ def gains(modes: DampedModes, n_omega: float) -> np.ndarray:
 
 
 def _of_truncated(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
-    """Return the extreme value of the truncated modes where 1 to n are kept, (n,); beyond the n, that of the last one."""
+    """Return the extreme value over the truncated modes for 1 to n retained modes, (n,); for n, the value of the last mode."""
     return extreme.accumulate(np.append(values[1:], values[-1])[::-1])[::-1]
 
 
 def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
-    """Return the largest amplitude of each output on the linear curve, (n_outputs,) [m/N], any harmonic but the mean.  Local."""
+    """Return the largest amplitude of each output on the linear curve, (n_outputs,) [m/N], over all harmonics n > 0.  Local."""
     nothing = np.zeros((3 * model.n_pairs, model.N_H))
     motions = [to_complex(output_motion(model, 1.0, omega, nothing)) for omega in omegas]
     return np.abs(motions)[:, :, model.harmonics.numbers > 0].max(axis=(0, 2), initial=0.0)
 
 
 def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]:
-    """Return the frequencies at which the stuck joint stores most energy, and the last of the range.  Local."""
+    """Return the frequencies of the highest peaks of the energy in the stuck joint, and the end of the range.  Local."""
     K_J = law.stiffness.reshape(-1, 1)
     U = [to_complex(linear_motion(model, 1.0, omega, slice(None)))[:, model.harmonics.numbers > 0] for omega in omegas]
     energy = np.array([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U])
@@ -182,7 +184,7 @@ def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]
 def acting(
     norms: Norms, model: ReducedModel, law: Law, at_which: list[tuple[int, float]], settings: ReductionSettings
 ) -> list[Resonance]:
-    """Return the residual norms of what acts in each harmonic h at each omega of ``at_which``.  Collective: all at once."""
+    """Return the residual norms of the forces in each harmonic h at each omega of ``at_which``.  Collective: all at once."""
     everything = [_at_joint(model, law, h, omega, settings.level) for h, omega in at_which]
     of_everything = np.split(norms.of_pairs(np.hstack([p for p, _ in everything])), len(everything), axis=1)
     resonances = []
@@ -194,7 +196,7 @@ def acting(
 
 
 def _at_joint(model: ReducedModel, law: Law, h: int, omega: float, level: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return forces of pairs (3 n_pairs, 1 + n_outputs), complex, and modal motions z, under the loads and those outputs feel.
+    """Return complex forces of pairs (3 n_pairs, 1 + n_outputs) and modal motions z: under the loads, and adjoints of outputs.
 
     Local.
     """
@@ -216,7 +218,7 @@ def _load(model: ReducedModel, h: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Norms:
-    """The residual norms |x|_m of what acts on the structure of a group, for keeping 1 to n of its n modes.  Collective.
+    """The residual norms |x|_m of forces on the structure of a group, for 1 to n of its n modes retained.  Collective.
 
     docs/theory.md, eq. (4.4).
     """
@@ -231,16 +233,16 @@ class Norms:
         return np.sqrt(np.maximum(static.real - of_computed, 0.0))
 
     def of_load(self, f: np.ndarray) -> np.ndarray:
-        """Return those of complex load coefficients (n_loads,), (n,).  Local."""
+        """Return the norms of complex load coefficients (n_loads,), (n,).  Local."""
         static = np.array([f.conj() @ self.receptance.static.load_static @ f])
         return self.beyond(static, self.receptance.modes.b @ f[:, None])[:, 0]
 
     def of_outputs(self) -> np.ndarray:
-        """Return those of the rows of the outputs, (n, n_outputs).  Local."""
+        """Return the norms of the rows of the outputs, (n, n_outputs).  Local."""
         return self.beyond(self.receptance.static.outputs_static, self.receptance.modes.o.conj().T)
 
     def of_pairs(self, p: np.ndarray) -> np.ndarray:
-        """Return those of R^H p, p complex (3 n_pairs, q), (n, q): by static columns where all are there, or by solves."""
+        """Return the norms of R^H p, p complex (3 n_pairs, q), (n, q): from static columns if all are stored, or by solves."""
         static, comm = self.receptance.static, self.stuck.comm
         moving = comm.bcast(np.flatnonzero(p.reshape(self.stuck.pairs.n_pairs, -1).any(axis=1)))
         if not static.G_static.stored[moving].all():
@@ -252,12 +254,12 @@ class Norms:
         return self.beyond(summed(comm, np.einsum("ij,ij->j", owned.conj(), Gp_owned)), of_modes)
 
     def of_damping_force(self, z: np.ndarray, n_omega: float) -> np.ndarray:
-        """Return those of the damping forces of modal motions z, complex (n, q), at n omega, (n, q): by solves."""
+        """Return the norms of the damping forces of modal motions z, complex (n, q), at n omega, (n, q): by solves."""
         damping = self.settings.damping
         return self.of_forces(self.stuck.damping_forces(z, n_omega, 0.0 if damping is None else damping.structural))
 
     def of_forces(self, X_owned: np.ndarray) -> np.ndarray:
-        """Return those of complex columns X (n_owned, q), (n, q): 2 q static solves."""
+        """Return the norms of complex columns X (n_owned, q), (n, q): 2 q static solves."""
         stuck, static = self.stuck, np.zeros(X_owned.shape[1], dtype=complex)
         for start in range(0, len(static), _COLUMNS):
             x_owned = X_owned[:, start : start + _COLUMNS]

@@ -1,7 +1,7 @@
-"""A disc whose sectors may differ, with the pairs of all sectors, from the structures of the nodal diameters of alike ones.
+"""A disc whose sectors may differ, with the pairs of all sectors, from the nodal diameters of the disc with identical sectors.
 
-Loads, outputs and pairs are those of all sectors, and everything is real.  Motions over the DOFs have a row for each DOF of a
-sector and each sector, the sectors of a DOF one after the other.  docs/theory.md, section 17.
+Loads, outputs and pairs are those of all sectors, and everything is real.  Motions over the DOFs have a row for each DOF and
+sector; the sectors of a DOF are consecutive.  docs/theory.md, section 17.
 """
 
 from __future__ import annotations
@@ -46,26 +46,26 @@ _KEY = 21  # of the random phases of the diameters
 class WholeDisc(StuckStructure):
     """The stuck structure of a whole disc: one real group of harmonics."""
 
-    tuned: tuple[StuckStructure, ...]  # of the nodal diameters 0, 1, ..., N // 2 of alike sectors
-    weights: np.ndarray  # (N, n_loads) how often each load acts in each sector
-    of_tuned: np.ndarray  # (M, M) its modes in coordinates of the tuned ones, which are in the order of the diameters
-    turns: np.ndarray  # (N, 3, 3) of the sectors about the axis
-    diameter: int  # that the loads excite in harmonic 1, 0 to N // 2
-    has_other_blades: bool = False  # whether its modes are others than the tuned ones
+    tuned: tuple[StuckStructure, ...]  # of the nodal diameters 0, 1, ..., N // 2, with identical sectors
+    weights: np.ndarray  # (N, n_loads) factor of each load in each sector
+    of_tuned: np.ndarray  # (M, M) its modes in coordinates of the tuned modes, which are ordered by diameter
+    turns: np.ndarray  # (N, 3, 3) rotations of the sectors about the axis
+    diameter: int  # nodal diameter excited by the loads in harmonic 1, 0 to N // 2
+    has_other_blades: bool = False  # whether its modes differ from the tuned modes
 
     @property
     def waves(self) -> Waves:
-        """The transforms over its sectors."""
+        """Transforms over the sectors."""
         return Waves(len(self.weights))
 
     @property
     def excited(self) -> StuckStructure:
-        """The structure of the nodal diameter that the loads excite, with alike sectors."""
+        """The structure of the nodal diameter that the loads excite, with identical sectors."""
         return self.tuned[self.diameter]
 
     @property
     def change_of_springs(self) -> np.ndarray:
-        """What the contact stiffness of each pair has more than that of alike sectors, (3 n_pairs,) [N/m]."""
+        """Difference of the contact stiffness of each pair from that of the tuned disc, (3 n_pairs,) [N/m]."""
         alike = self.tuned[0].pairs.law.stiffness.ravel()
         return self.pairs.law.stiffness.ravel() - np.tile(alike, self.waves.n_sectors)
 
@@ -85,13 +85,13 @@ class WholeDisc(StuckStructure):
 def of_all_sectors(
     tuned: Sequence[StuckStructure], pairs: ContactPairs, leads: np.ndarray, factors: np.ndarray
 ) -> dict[str, Any]:
-    """Return the fields of the stuck structure of a disc of alike sectors.  Collective: gathers of the static columns.
+    """Return the fields of the stuck structure of a disc of identical sectors.  Collective: gathers of the static columns.
 
     Parameters
     ----------
     tuned : of the nodal diameters 0, 1, ..., N // 2
     pairs : of all sectors
-    leads : (n_loads,) n h of each load: by n h s alpha it leads in sector s
+    leads : (n_loads,) n h of each load, whose phase in sector s leads by n h s alpha
     factors : (N,) of the loads of each sector
     """
     N, first = len(factors), tuned[0]
@@ -115,7 +115,7 @@ def of_all_sectors(
 
 
 def tuned_modes(tuned: Sequence[StuckStructure], waves: Waves, weights: np.ndarray) -> ProjectedModes:
-    """Return the modes of a disc of alike sectors, by diameter, projected on pairs, loads and outputs of all.  Local."""
+    """Return the modes of a disc of identical sectors, by diameter, projected on pairs, loads and outputs of all.  Local."""
     used = [each.projected.first(each.n_modes) for each in tuned]
     return waves.modes([replace(each, b=np.repeat(each.b, 2, axis=1)) for each in used], weights)
 
@@ -123,9 +123,9 @@ def tuned_modes(tuned: Sequence[StuckStructure], waves: Waves, weights: np.ndarr
 def with_other_blades(
     fields: Mapping[str, Any], tuned: Sequence[StuckStructure], blades: tuple[PETSc.Mat, PETSc.Mat], factors: Sequence[np.ndarray]
 ) -> dict[str, Any]:
-    """Return the fields of a disc whose blades have other stiffness and mass, from those of alike ones.  Collective.
+    """Return the fields of a disc with changed stiffness and mass of its blades, from the fields of the tuned disc.  Collective.
 
-    ``factors`` (N,) of the stiffness and of the mass of the blades.
+    ``factors`` are the factors (N,) of the stiffness and of the mass of the blades.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def with_other_blades(
 
 
 def load_weights(leads: np.ndarray, factors: np.ndarray) -> np.ndarray:
-    """Return how often the two real shapes of each load act in each sector, (N, 2 n_loads): eq. (17.3).  Local.
+    """Return the factors of the two real shapes of each load in each sector, (N, 2 n_loads): eq. (17.3).  Local.
 
     cos(x + b) = cos b cos x + sin b cos(x + pi / 2), b = n h s alpha.
     """
@@ -151,7 +151,7 @@ def load_weights(leads: np.ndarray, factors: np.ndarray) -> np.ndarray:
 
 
 def _twice(of_loads: np.ndarray) -> np.ndarray:
-    """Return columns of loads (a, n_loads) for their two real shapes, (a, 2 n_loads).  Local."""
+    """Return the columns of loads (a, n_loads), repeated for their two real shapes, (a, 2 n_loads).  Local."""
     return np.repeat(of_loads, 2, axis=1)
 
 
@@ -187,13 +187,13 @@ def _observed(of_sector: Observed | None, N: int, n_loads: int) -> Observed | No
 
 
 def in_coordinates(modes: ProjectedModes, omega_n: np.ndarray, X: np.ndarray) -> ProjectedModes:
-    """Return the motions X (M, M) of some modes as modes of frequencies ``omega_n``.  Local."""
+    """Return the combinations X (M, M) of some modes as modes with frequencies ``omega_n``.  Local."""
     C = None if modes.C is None else X.T @ modes.C @ X
     return ProjectedModes(omega_n, modes.R_phi @ X, X.T @ modes.b, modes.o @ X, C)
 
 
 def with_contact_stiffness(disc: WholeDisc, structure: ReducedStructure, damping: ModalDamping | None) -> ReducedStructure:
-    """Return the reduced structure with the contact stiffness of each sector, exactly.  Local."""
+    """Return the reduced structure with the contact stiffness of each sector; the update is exact.  Local."""
     dK = disc.change_of_springs
     if not dK.any():
         return structure
@@ -206,7 +206,7 @@ def with_contact_stiffness(disc: WholeDisc, structure: ReducedStructure, damping
 def truncated_of_all(disc: WholeDisc, parts: Sequence[TruncatedModes | None], receptance: Receptance) -> TruncatedModes | None:
     """Return the truncated modes of a whole disc from those of its nodal diameters; None if there are none.  Local.
 
-    The samples of each diameter get a random phase, so that those of different sectors are independent: eq. (17.4).
+    The samples of each diameter have a random phase, so that samples of different sectors are independent: eq. (17.4).
     """
     known = [part for part in parts if part is not None]
     if not known:
@@ -243,7 +243,7 @@ _ARRAYS = ("of_pairs", "of_outputs", "of_loads", "direct", "drive_point")
 def displacements(disc: WholeDisc, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
     """Return the harmonics of u of all sectors on this rank's rows at some points, (n_owned N, N_H) each [m].
 
-    Collective: static solves, as many for each nodal diameter as a point has coefficients.
+    Collective: for each nodal diameter, as many static solves as a point has coefficients.
     """
     return [_displacement(disc, model.with_harmonics(Harmonics.full(point.p.shape[-1])), point) for point in points]
 
@@ -257,7 +257,7 @@ def _displacement(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> 
     c = receptance.modes.flexibility(model.harmonics, point.omega)
     q = receptance.modal_forces(f, p)
     eta = disc.of_tuned @ c.apply(q)
-    if disc.has_other_blades:  # the static share of the tuned modes is in the static solution
+    if disc.has_other_blades:  # the static solution has the static part of the tuned modes
         static_share = disc.of_tuned @ (q / receptance.modes.omega_n[:, None] ** 2)
         eta = eta + static_share - _tuned_share(disc, f, p)
     of_sectors = (disc.weights[:, :, None] * f).reshape(N, -1, 2, N_H).sum(axis=2)
@@ -270,7 +270,7 @@ def _displacement(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> 
 
 
 def _forces_of_other_springs(disc: WholeDisc, model: ReducedModel, point: ActingForces) -> np.ndarray:
-    """Return the forces that other contact stiffness adds, (3 n_pairs, N_H) [N]; 0 where all have that of one.  Collective."""
+    """Return the forces of the differences in contact stiffness, (3 n_pairs, N_H) [N]; 0 without any.  Collective."""
     dK = disc.change_of_springs
     if not dK.any():
         return np.zeros_like(point.p)

@@ -1,4 +1,4 @@
-"""The reduction methods, one file each, one registry: what ``method`` names.
+"""The reduction methods, one file each, and their registry by the names of ``method``.
 
 A method takes the stuck structure and the settings and returns a :class:`Reduction` by its ``reduce``; or, if it uses the
 structure's modes with their exact static response, it has a ``selection`` of the set B.  Harmonic balance and continuation do
@@ -25,7 +25,7 @@ from . import adaptive, adaptive_energy, craig_bampton, full, joint_interface_mo
 
 
 class Method(Protocol):
-    """What each file has."""
+    """Interface of each file."""
 
     FACTS: Facts
 
@@ -43,7 +43,7 @@ METHODS: dict[str, Method] = {
 
 
 def _with(function: str) -> dict[str, Callable[..., Any]]:
-    """Return a function of the methods whose file has it."""
+    """Return a ``function`` of all methods whose file has it, by name."""
     return {name: getattr(method, function) for name, method in METHODS.items() if hasattr(method, function)}
 
 
@@ -53,13 +53,13 @@ SELECTIONS: dict[str, Callable[[ReductionSettings], Selection]] = _with("selecti
 
 
 def check_size(settings: ReductionSettings, system: System) -> None:
-    """Refuse a structure that is too large for the method, before anything is solved.  Collective on ``system.comm``."""
+    """Refuse a structure that is too large for the method, before any solve.  Collective on ``system.comm``."""
     if settings.method in CHECKS:
         CHECKS[settings.method](settings, system)
 
 
 def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
-    """Refuse too few modes for the method, before anything is reduced.  Collective.
+    """Refuse too few modes for the method, before the reduction.  Collective.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def keeps_to_K_L(settings: ReductionSettings) -> bool:
 def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction by the requested method, or in the internal-variable form (docs/theory.md, section 4).
 
-    Collective; in that form with static solves for a pair when it first slips or opens.
+    Collective; the internal-variable form includes static solves when a pair first slips or opens.
     """
     if not keeps_to_K_L(settings):
         check_size(settings, stuck.system)

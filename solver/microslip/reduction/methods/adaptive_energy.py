@@ -1,4 +1,4 @@
-"""`adaptive-energy`: the same, with the pairs that lost energy in the last solution, or opened."""
+"""`adaptive-energy`: as `adaptive`, with the pairs that dissipated energy or opened in the last solution."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 
     u_i = phi q - K_ii^-1 K_ib u_b,        V = [phi, psi]
 
-with b the interface DOFs of both bodies, all physical, and i the others; phi the lowest modes of (K_ii, M_ii).  A matrix with
-the rows and columns of b replaced by a diagonal has K_ii for its inner block, the rows of the system for its layout, and no
-mass at b: its modes are those with the interface fixed.
+with b the interface DOFs of both bodies, all physical, and i the others; phi the lowest modes of (K_ii, M_ii).  The matrices
+have the layout of the system, with rows and columns of b replaced by a diagonal in K and by zero in M: their modes are the modes
+with fixed interface.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FACTS = Facts(lambda _, n: n.modes + 6 * n.pairs, makes_basis=True)
 
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
-    """Return the reduction.  Collective: a factorisation, modes, and a solve an interface DOF."""
+    """Return the reduction.  Collective: a factorisation, modes, and one solve per interface DOF."""
     system = stuck.system
     b = interface_dofs(system.R)
     fixed, k = fix_interface(system, b)
@@ -64,7 +64,7 @@ def fix_interface(system: System, b: np.ndarray) -> tuple[Linearised, float]:
 
 
 def constraint_modes(system: System, fixed: Linearised, b: np.ndarray, k: float) -> np.ndarray:
-    """Return psi, this rank's rows (n_owned, n_b): the static shape for a unit motion of each interface DOF alone.
+    """Return psi, this rank's rows (n_owned, n_b): the static shape for a unit motion of one interface DOF, the others fixed.
 
     Collective: a product with K and a solve for each.  docs/theory.md, eq. (8.4).
     """

@@ -1,19 +1,19 @@
 """`full`: harmonic balance on the unreduced finite-element system, condensed to the pairs; the reference of small scenes.
 
-The basis holds the lowest modes phi_1 .. phi_m and, on their complement, the block Krylov space of the static response,
+The basis has the lowest modes phi_1 .. phi_m and, on their complement, the block Krylov space of the static response,
 
     V = [phi, Z_0, Z_1, .., Z_j],      Z_0 = K_L^-1 Y - phi Omega^-2 phi^T Y,      Z_k = K_L^-1 M Z_(k-1),
 
-with Y = [R^T, loads, outputs^T].  Galerkin's projection on it matches the first 2 j + 2 terms of the residual receptance's power
-series in kappa = (n omega)^2,
+with Y = [R^T, loads, outputs^T].  The Galerkin projection matches the first 2 j + 2 terms of the power series of the residual
+receptance in kappa = (n omega)^2,
 
     G_res(kappa) = sum_k kappa^k Y^T (K_L^-1 M)^k K_L^-1 Y       on the complement,
 
-so that what is left out falls below ratio^(2 j + 2) of it, ratio = kappa_max / omega_(m + 1)^2: j follows from the range of the
-scene, and the response is that of the unreduced system to rounding.  With every mode computed, Z_0 is what has no mass.
+so that the relative error is below ratio^(2 j + 2), ratio = kappa_max / omega_(m + 1)^2: j follows from the range of the scene,
+and the response is that of the unreduced system to roundoff.  If all modes are computed, Z_0 has the motions without mass.
 
-Rayleigh damping is exact.  A damping ratio is that of every mode of (K_L, M): of the m modes exactly, of those beyond by the
-Ritz vectors of the Krylov space.  A damping matrix couples all modes, and needs every one.
+Rayleigh damping is exact.  A damping ratio applies to every mode of (K_L, M): exactly to the m modes, through the Ritz vectors of
+the Krylov space to the higher ones.  A damping matrix couples all modes, and needs all of them.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ if TYPE_CHECKING:
 
     from ...assembly.system import System
 
-ALL_MODES = 1000  # DOFs up to which every mode is computed
-MOST_WITH_C = 3000  # the same with a damping matrix: beyond, `full` is refused
+ALL_MODES = 1000  # DOFs up to which all modes are computed
+MOST_WITH_C = 3000  # the same with a damping matrix: beyond it, `full` is refused
 ACCURACY = 1e-13  # of the residual receptance
-MOST_RATIO = 0.25  # kappa_max over omega_m^2: beyond, more modes are computed
+MOST_RATIO = 0.25  # largest kappa_max / omega_m^2: beyond it, more modes are computed
 _LEAST_BLOCKS = 2
 
 FACTS = Facts(lambda _, n: n.dof, knows_range=True)
@@ -68,7 +68,7 @@ def check(settings: ReductionSettings, system: System) -> None:
 
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
-    """Return the reduction.  Collective: more modes where the range asks for them, and the solves of the Krylov space.
+    """Return the reduction.  Collective: more modes if the range requires them, and the solves of the Krylov space.
 
     Raises
     ------
@@ -96,12 +96,12 @@ def modes_beyond(stuck: StuckStructure, settings: ReductionSettings) -> tuple[Mo
 
 
 def n_blocks_for(ratio: float) -> int:
-    """Return the least number of blocks with ratio^(2 n_blocks) below ``ACCURACY``.  Local."""
+    """Return the smallest number of blocks with ratio^(2 n_blocks) below ``ACCURACY``.  Local."""
     return max(_LEAST_BLOCKS, int(np.ceil(np.log(ACCURACY) / (2.0 * np.log(ratio)))))
 
 
 def krylov_blocks(stuck: StuckStructure, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> list[np.ndarray]:
-    """Return Z_0 .. Z_(n_blocks - 1) of eq. (8.7), this rank's rows (n_owned, m) each.  Collective: m solves a block."""
+    """Return Z_0 .. Z_(n_blocks - 1) of eq. (8.7), this rank's rows (n_owned, m) each.  Collective: m solves per block."""
     comm, phi_owned = stuck.comm, modes.phi_owned
 
     def on_complement(Z_owned: np.ndarray) -> np.ndarray:

@@ -1,15 +1,14 @@
-"""`joint-interface-modes`: pairs of opposite forces at the joint, and few modes of what they cause.
+"""`joint-interface-modes`: responses to opposite forces at the joint, reduced to a few modes.
 
 From W. Witteveen and H. Irschik, *Efficient mode-based computational approach for jointed structures: joint interface modes*,
-AIAA Journal 47 (2009): the classical modes of a structure are enriched by shapes of the joint that are computed once and for
-all under Newton's third law, equal and opposite forces on the two surfaces, and reduced in number by an eigenproblem of their
-own.  Here
+AIAA Journal 47 (2009): the classical modes of a structure are enriched by shapes of the joint, computed once under equal and
+opposite forces on the two surfaces (Newton's third law), and reduced in number by a separate eigenproblem.  Here
 
     Z = K_L^-1 R^T - phi Omega^-2 phi^T R^T,        Z^T K_L Z v = lambda Z^T M Z v,
 
-and the ``[solver] interface_modes`` lowest Z v are kept.  Our choice: the classical modes phi are those of the stuck structure,
-so that the linear response is that of `receptance` whatever is kept; Z is what these leave of the static response; the static
-shapes of the loads are in the basis.
+and the ``[solver] interface_modes`` lowest Z v are retained.  Our choice: the classical modes phi are those of the stuck
+structure, so that the linear response is that of `receptance` for any number of shapes; Z is the static response without its part
+in phi; the static shapes of the loads are in the basis.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ FACTS = Facts(lambda settings, n: n.modes + min(settings.interface_modes, 3 * n.
 
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
-    """Return the reduction.  Collective: 3 solves a pair."""
+    """Return the reduction.  Collective: 3 solves per pair."""
     system, phi_owned = stuck.system, stuck.modes.phi_owned
     Z_owned = stuck.solve_sparse(system.R.T.tocsc())
     Z_owned -= phi_owned @ gram(system.comm, phi_owned, multiply(stuck.M, Z_owned))
@@ -37,7 +36,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 
 
 def lowest_shapes(stuck: StuckStructure, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:
-    """Return the ``n_wanted`` lowest modes in the span of Z, eq. (8.5), or all there are; this rank's rows.  Collective."""
+    """Return the ``n_wanted`` lowest modes in the span of Z, eq. (8.5), or all if fewer; this rank's rows.  Collective."""
     comm = stuck.comm
     K_r, M_r = (gram(comm, Z_owned, multiply(A, Z_owned)) for A in (stuck.K_L, stuck.M))
     _, v, _ = on_root(comm, reduced_modes, K_r, M_r)

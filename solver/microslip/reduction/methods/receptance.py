@@ -1,4 +1,4 @@
-"""`receptance`: no pair is ever dropped; pairs that stick cost nothing but their contact law."""
+"""`receptance`: all pairs are included; a sticking pair costs only the evaluation of its contact law."""
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 
     u = phi q + Z g,        V = [phi, Z]
 
-with phi the lowest modes of (K, M), without the joint's springs, rigid-body modes included, and Z the residual attachment modes
-of unit forces at the interface and of the loads.  Plain, both bodies' interface DOFs are loaded one by one, 6 a pair: all of
-them stay physical.  ``[solver] condensed`` loads the relative DOFs only, 3 a pair.
+with phi the lowest modes of (K, M) without the joint's springs, including rigid-body modes, and Z the residual attachment modes
+of unit forces at the interface and of the loads.  By default there is a unit force on each interface DOF of both bodies, 6 per
+pair, so that all of them remain physical; with ``[solver] condensed`` on the relative DOFs only, 3 per pair.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""`trial-vectors`: how the modes change as the joint changes its stiffness (trial vector derivatives).
+"""`trial-vectors`: derivatives of the modes by the stiffness of the joint (trial vector derivatives).
 
 From W. Witteveen and F. Pichler, *Efficient model order reduction for the dynamics of nonlinear multilayer sheet structures with
 trial vector derivatives*, Shock and Vibration (2014), and *Efficient model order reduction for the nonlinear dynamics of jointed
@@ -7,12 +7,12 @@ joints; the static part of that dependence,
 
     d phi_i / d q_j = -K_L^-1 R^T (d K_J / d q_j) R phi_i ,
 
-enriches the basis, after a weighted proper orthogonal decomposition has kept the main directions of the many.
+enriches the basis, reduced to its main directions by a weighted proper orthogonal decomposition.
 
-Our choice, because the stiffness of our joint has corners instead of a derivative: K_J of a pair changes in proportion to each of
-its three relative displacements, one derivative for each, d K_J / d q_j = diag(K_J) r_cj for c = x, y, z; the weight of a
-derivative is 1 / (omega_i^2 omega_j^2), what the two modes move under equal forces; the decomposition is in the strain energy
-of the stuck structure; the static shapes of the loads are in the basis.  ``[solver] interface_modes`` directions are kept.
+Our choice, because the stiffness of our joint has corners and no derivative: K_J of a pair changes in proportion to each of its
+three relative displacements, one derivative for each, d K_J / d q_j = diag(K_J) r_cj for c = x, y, z; the weight of a derivative
+is 1 / (omega_i^2 omega_j^2), the motion of the two modes under equal forces; the decomposition uses the strain energy of the
+stuck structure; the static shapes of the loads are in the basis.  ``[solver] interface_modes`` directions are retained.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FACTS = Facts(lambda settings, n: n.modes + min(settings.interface_modes, 3 * n.
 
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
-    """Return the reduction.  Collective: 3 solves a pair."""
+    """Return the reduction.  Collective: 3 solves per pair."""
     system, modes = stuck.system, stuck.modes
     X_owned = stuck.solve_sparse(system.R.T.tocsc())
     flexibility = summed(system.comm, system.R[:, stuck.rows] @ X_owned)
@@ -51,7 +51,7 @@ def derivative_forces(K_J: np.ndarray, r: np.ndarray, omega_n: np.ndarray) -> np
 
 
 def main_directions(forces: np.ndarray, flexibility: np.ndarray, n_wanted: int) -> np.ndarray:
-    """Return the ``n_wanted`` main directions of ``forces``, (3 n_pairs, m), in the strain energy f^T G f they cause.  Local.
+    """Return the ``n_wanted`` main directions of ``forces``, (3 n_pairs, m), in terms of the strain energy f^T G f.  Local.
 
     With G = L L^T these are the left singular vectors of L^T F, mapped back by L^-T.
     """
