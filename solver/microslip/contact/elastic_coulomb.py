@@ -290,7 +290,7 @@ class ElasticCoulomb:
         here, moved = (law.cycle(U, n_samples, False, harmonics).p for law in (self, there))
         return (moved - here) / step[:, None, None]
 
-    # -- a step of time ----------------------------------------------------------------------------------------
+    # -- a time step -------------------------------------------------------------------------------------------
 
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return p and internal variables after a step to ``du``, the derivative of p, and the states.

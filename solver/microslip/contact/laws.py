@@ -192,7 +192,7 @@ def _parts(names: Sequence[str] | np.ndarray, columns: Columns) -> Iterator[tupl
 
 
 def columns_on_area(law: str, keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what the pairs of a joint of surfaces have by their law, (n,) each; ``keys`` are per area.  Local."""
+    """Return the columns of the pairs of a joint of surfaces by their law, (n,) each; ``keys`` are per area.  Local."""
     return {**columns_of_joint(law, keys, len(area)), **LAWS[law].on_area(keys, area)}
 
 

@@ -30,7 +30,7 @@ def lowest_complex_modes(
 
     Returns
     -------
-    Modes : phi^H M phi = I, complex; the largest component of each mode is real and positive, whatever the partition
+    Modes : phi^H M phi = I, complex; the largest component of each mode is real and positive, independent of the partition
 
     Raises
     ------

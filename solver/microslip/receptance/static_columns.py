@@ -140,7 +140,7 @@ class ConjugateStaticColumns(StaticColumns):
         return ConjugateColumns.of_columns(self._base.of_stored(pairs))
 
     def conjugated(self) -> StaticColumns:
-        """Return the columns of which these are a view.  Local."""
+        """Return the columns of ``base``.  Local."""
         return self._base
 
 
