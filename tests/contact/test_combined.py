@@ -221,7 +221,7 @@ def test_the_same_number_twice_is_that_number():
 
 def test_a_circle_takes_one_number():
     one = np.ones(2)
-    with pytest.raises(ValueError, match="k_ty of pair 1 differs from x: that takes separate limits"):
+    with pytest.raises(ValueError, match="k_ty of pair 1 differs from x, which needs separate limits"):
         ElasticCoulomb(one, one, one, one, np.array([True, False]), k_ty=2.0 * one)
     with pytest.raises(ValueError, match="mu_y of pair 0 differs"):
         ElasticCoulomb(one, one, one, one, one > 0, mu_y=0.0 * one)

@@ -71,7 +71,7 @@ class ElasticCoulomb:
             differs = values != of_x
             bad = differs & ~(self.separate & (values > 0.0) & (of_x > 0.0))
             if bad.any():
-                raise ValueError(f"{name} of pair {np.argmax(bad)} differs from x: that takes separate limits, and both above 0")
+                raise ValueError(f"{name} of pair {np.argmax(bad)} differs from x, which needs separate limits and both above 0")
             object.__setattr__(self, name, values if differs.any() else None)
 
     @property

@@ -32,7 +32,9 @@ def preload_with(name: str, N0: np.ndarray, k_n: np.ndarray, pairs: np.ndarray, 
     crosses = (changed > 0.0) != (N0 > 0.0)
     if crosses.any():
         i = np.argmax(crosses)
-        raise ValueError(f"N0 of pair {i} goes from {N0[i]:g} to {changed[i]:g}: a preload and a gap do not become each other")
+        raise ValueError(
+            f"N0 of pair {i} goes from {N0[i]:g} to {changed[i]:g}: a preload cannot become a gap, or a gap a preload"
+        )
     return changed
 
 

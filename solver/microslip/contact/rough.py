@@ -165,7 +165,7 @@ class Rough(OfElements):
         if self.n_pairs != n:
             raise ValueError(f"harmonics of {n} pairs with the law of {self.n_pairs}")
         if np.any(self.is_open & ~self.open_at_rest):
-            raise ValueError("a cycle about a state without pressure in which pairs have springs: they are open at rest")
+            raise ValueError("a cycle needs pairs without pressure at rest to be open at rest, without springs")
         tangential = self.bundle.cycle(U, n_samples, tangents, harmonics)
         harmonics = harmonics or Harmonics.full(N_H)
         E, F = synthesis_matrix(harmonics, n_samples), analysis_matrix(harmonics, n_samples)

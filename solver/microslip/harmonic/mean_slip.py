@@ -74,7 +74,9 @@ def _largest_share(model: ReducedModel, law: Law) -> float:
         return share
     if n_rows > _FEW:
         needed = 8.0 * n_rows * (len(owned) + (2 * n_rows if comm.rank == 0 else 0))
-        refuse_beyond(comm, needed, f"what holds the mean slip of {model.n_pairs} pairs", "use fewer ranks on each machine")
+        refuse_beyond(
+            comm, needed, f"test for undetermined mean slip of {model.n_pairs} pairs", "use fewer ranks on each machine"
+        )
     scaled = columns.columns(owned).T
     scaled *= root_owned
     scaled *= root[:, 0]

@@ -57,7 +57,7 @@ def _at_work() -> Iterator[None]:
     try:
         yield
     except RuntimeError as problem:  # pymetis gives no cause
-        raise Interrupted("stopped by SIGTERM, or by want of memory, while METIS was at work on the mesh") from problem
+        raise Interrupted("stopped by SIGTERM, or for lack of memory, while METIS was processing the mesh") from problem
     finally:
         for number in STOPPING:
             signal.siginterrupt(number, True)

@@ -55,4 +55,4 @@ def _rows_between(rows: np.ndarray, owned: slice, first: int, last: int) -> np.n
 
 
 def _no_solve(pairs: np.ndarray) -> np.ndarray:
-    raise AssertionError(f"the columns of all pairs were solved for before the ranks parted, but {len(pairs)} are missing")
+    raise AssertionError(f"the columns of all pairs were computed before the split of the ranks, but {len(pairs)} are missing")

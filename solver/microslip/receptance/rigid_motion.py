@@ -50,5 +50,5 @@ class RigidMotion:
         if (np.abs(self.b @ mean) > BALANCED * (np.abs(self.b) @ np.abs(mean))).any():
             raise CaseError(
                 "[[loads]] with harmonic = 0: constant loads on a structure without supports are not in balance, and would move "
-                "it away; add [[supports]], or loads whose forces and moments add up to nothing"
+                "it away; add [[supports]], or loads whose forces and moments add up to zero"
             )

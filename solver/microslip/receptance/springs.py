@@ -62,7 +62,7 @@ class SpringUpdate:
         needed = 40.0 * len(self.J) ** 2 * (2 if receptance.is_complex else 1)
         if needed > _LARGE:
             refuse_beyond(
-                comm, needed, f"other contact stiffness of {len(self.J)} components", "build the structure again with it"
+                comm, needed, f"change of the contact stiffness of {len(self.J)} components", "build the structure again with it"
             )
         pairs, G = np.unique(self.J // 3), receptance.static.G_static
         n_owned = np.array(comm.allgather(G.n_owned))
@@ -146,7 +146,7 @@ def _inverse_change(G_JJ: np.ndarray, dK: np.ndarray) -> np.ndarray:
     if not loss <= SYMMETRIC or (len(dK) and np.linalg.eigvalsh(G)[0] < -SYMMETRIC * size):
         raise ValueError(
             f"contact stiffness of {len(dK)} springs differs so much that the static receptance has an asymmetry of {loss:.1e} "
-            f"(bound {SYMMETRIC:.0e}), or that nothing holds a body: build the structure again with that stiffness"
+            f"(bound {SYMMETRIC:.0e}), or a body has no support: build the structure again with that stiffness"
         )
     return 0.5 * (T + T.conj().T)
 
@@ -160,7 +160,7 @@ def _frequencies(squares: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nda
     """
     y, Q = np.linalg.eigh(np.diag(1.0 / squares) - 0.5 * (B + B.conj().T))
     if len(y) and not y[0] > 0.0:
-        raise ValueError("contact stiffness so different leaves a mode without stiffness: build the structure again with it")
+        raise ValueError("the changed contact stiffness leaves a mode without stiffness: build the structure again with it")
     return y[::-1] ** -0.5, Q[:, ::-1]
 
 

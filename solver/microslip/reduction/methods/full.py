@@ -60,8 +60,8 @@ def check(settings: ReductionSettings, system: System) -> None:
     n_dof, has_C = system.n_dof, system.C is not None
     if has_C and n_dof > MOST_WITH_C:
         raise CaseError(
-            f'{settings.where}: [solver] method = "full" with a damping matrix, [model] damping or dampers, needs every mode, of '
-            f'{MOST_WITH_C} DOF at most; there are {n_dof}. Choose "receptance", or state [damping] in its place'
+            f'{settings.where}: [solver] method = "full" with a damping matrix, [model] damping or dampers, needs all modes, '
+            f'possible for at most {MOST_WITH_C} DOF; there are {n_dof}. Choose "receptance", or state [damping] in its place'
         )
     n_columns = n_dof if n_dof <= ALL_MODES or has_C else _LEAST_BLOCKS * (system.R.shape[0] + 2)
     _refuse_too_large(settings.where, n_dof, n_columns, system.comm)
