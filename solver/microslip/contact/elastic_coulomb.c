@@ -1,26 +1,27 @@
 /* Contact forces over sampled periods and their exact derivatives: the compiled part of elastic_coulomb.py.
  * Compiled for several kinds of processor, see elastic_coulomb.h.
  *
- * The law of docs/theory.md, section 3, marched until a period repeats, which is kept.  Motion du_t and slider position w are both
- * measured from the slider's start w0, so that w = 0 at first, T = k_t (du_t - w) and p_t = -k_t w.  With the slip distance
- * rho = mu N / k_t and r = du_t - w the pair sticks while |r| < rho (circle), or while each direction does (separate), and w follows
- * the motion where |r| would exceed it.  rho = 0 (open, or mu = 0) is free sliding: w = du_t, T and its derivative vanish.
+ * The law of docs/theory.md, section 3, marched to its steady cycle.  Motion du_t and slider position w are relative to the
+ * initial slider position w0, so that w = 0 at the start, T = k_t (du_t - w) and p_t = -k_t w.  With the slip distance
+ * rho = mu N / k_t and r = du_t - w the pair sticks while |r| < rho (circle), or while each direction does (separate), and w
+ * follows the motion where |r| would exceed rho.  rho = 0 (open, or mu = 0) is free sliding: w = du_t, and T and its derivative
+ * vanish.
  *
- * From sample i to sample j the motion and N are taken along straight lines, and what happens on the way is found exactly, or to
- * second order where slip turns; or, "sampled", the return map is applied at j alone.
+ * From sample i to sample j the motion and N follow straight lines; the path of the slider in between is exact, or of second
+ * order where slip changes its direction.  With "sampled" the return map is applied at j only.
  *
  * The derivative W = dw/dU has rows x, y and the columns of U_x, U_y, U_z.  A step in which the slider moves does, with rows e of E,
  *
  *     W <- A W + C_i (x) e_i + C_j (x) e_j,
  *
- * and W stays as it is while the pair sticks.  So dp_t/dU = -k_t sum over slips of (sum of F until the next) (x) W,
- * a product of two thin matrices with one row a slip, and another for what a change within a step adds to its area.
+ * and W is constant while the pair sticks.  Hence dp_t/dU = -k_t sum over slips of (sum of F until the next slip) (x) W,
+ * a product of two thin matrices with one row per slip, and a further row for the area of a step in which the state changes.
  *
- * Coefficients run [mean if there is one, then cos and sin of each harmonic]: there is a mean exactly if N_H is odd.  Which
- * harmonics they are, E and F alone know.
+ * Coefficients are [mean if there is one, then cos and sin of each harmonic]: there is a mean exactly if N_H is odd.  The
+ * numbers of the harmonics enter through E and F only.
  *
- * LANES pairs are marched side by side, as many as a register of the processor holds: comparisons of longer vectors would be taken
- * apart number by number.  Arrays of samples keep the lane as their last index.
+ * LANES pairs are marched at once, as many as fit into a register of the processor: comparisons of longer vectors would be
+ * compiled to scalar code.  The lane is the last index of arrays of samples.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -35,20 +36,20 @@
 #define INLINED static inline __attribute__((always_inline))
 
 #ifndef LANES
-#define LANES 2                                     /* pairs side by side */
+#define LANES 2                                     /* pairs marched at once */
 #endif
-enum { CHUNK = 32 };                                /* slips that a matrix product takes at once */
+enum { CHUNK = 32 };                                /* slips per matrix product */
 enum { STICK = 0, SLIP = 1, OPEN = 2 };
-enum { MOST_PERIODS = 100 };                         /* after which a slider that still creeps is left where it is */
-enum { ROUND = 4 };                                 /* periods, after which pairs that have come to their cycles leave */
-enum { CORNER_AFTER = 6 };                          /* periods after which a corner is looked for, and again */
-static const double SETTLED = 1e-14;                /* change of w in a period that repeats, over the slip distance */
-static const double ROUNDING = 1e-15;               /* and over the motion */
-static const double SLOWEST = 1.0 - 1e-6;           /* rate of a period above which no cycle is looked for */
-static const double NEAR_LIMIT = 1e-7;              /* relative to which a length is known but for a correction of first order */
-static const double ON_LIMIT = 1e-12;               /* relative distance from the friction limit that is none */
-static const double FORGOTTEN = 1e-20;              /* share of an older W that is below roundoff */
-static const double MOVES = 1e-14;                  /* relative slider step that is more than roundoff */
+enum { MOST_PERIODS = 100 };                         /* after which a slider that still drifts keeps its position */
+enum { ROUND = 4 };                                 /* periods after which pairs with a steady cycle leave their group */
+enum { CORNER_AFTER = 6 };                          /* periods between searches for a corner */
+static const double SETTLED = 1e-14;                /* largest change of w in a steady period, relative to the slip distance */
+static const double ROUNDING = 1e-15;               /* the same relative to the motion */
+static const double SLOWEST = 1.0 - 1e-6;           /* convergence rate of a period above which no secant step is made */
+static const double NEAR_LIMIT = 1e-7;              /* relative distance from the limit where lengths need one correction step */
+static const double ON_LIMIT = 1e-12;               /* relative distance from the friction limit that counts as zero */
+static const double FORGOTTEN = 1e-20;              /* fraction of an older W that is below roundoff */
+static const double MOVES = 1e-14;                  /* smallest relative slider step above roundoff */
 
 #pragma GCC diagnostic ignored "-Wpsabi"            /* lanes are never passed: every function that takes them is inlined */
 typedef double lanes __attribute__((vector_size(LANES * sizeof(double)), may_alias));
@@ -69,7 +70,7 @@ INLINED lanes size_of(lanes a)
     return pick(a < 0.0, -a, a);
 }
 
-INLINED lanes root(lanes a)                         /* 0 of what is below 0 */
+INLINED lanes root(lanes a)                         /* 0 for negative values */
 {
     double values[LANES] __attribute__((aligned(sizeof(lanes))));
     *(lanes *)values = pick(a > 0.0, a, a - a);
@@ -90,27 +91,27 @@ INLINED int any(mask a)
 typedef struct {                                    /* one group of LANES pairs */
     double N0[LANES], k_t[LANES], k_n[LANES];
     double give[LANES];                             /* mu / k_t, slip distance per normal force */
-    double start[3 * LANES];                        /* du less the sliders' start where the pair is at rest */
+    double start[3 * LANES];                        /* du at rest relative to the initial slider position, -w0 */
     double *U;                                      /* (N_H, 3, LANES) */
-    double *du;                                     /* (N_t, 3, LANES) less the sliders' start */
+    double *du;                                     /* (N_t, 3, LANES) relative to the initial slider position */
     double *rho;                                    /* (N_t, LANES) slip distance; infinite where k_t = 0 */
     double *per_rho;                                /* (N_t, LANES) 1 / rho */
-    double *N;                                      /* (N_t, LANES) N0 - k_n du_z: the normal force, or minus what is missing */
-    double *force;                                  /* (N_t, 3, LANES) p at the samples of the kept period */
-    double before[2 * LANES];                       /* sliders at the end of the period before */
+    double *N;                                      /* (N_t, LANES) N0 - k_n du_z: the normal force, or -k_n times the opening */
+    double *force;                                  /* (N_t, 3, LANES) p at the samples of the last period */
+    double before[2 * LANES];                       /* sliders at the end of the previous period */
     double *slider;                                 /* (N_t, 2, LANES) w at the samples of the last period */
     double *area;                                   /* (N_t, 2, LANES) of the steps to the samples */
     double *slides;                                 /* (N_t, LANES) 1 where the slider moves in the step to the sample */
     union {
         lanes all;
         double each[LANES];
-    } slipped;                                      /* in the kept period */
+    } slipped;                                      /* in the last period */
     double opened[LANES];
-    int at_corner[LANES];                           /* whether the slider crept to where two samples hold it, */
-    index_t corners[2 * LANES];                  /* and which */
+    int at_corner[LANES];                           /* whether the slider drifted to a corner, held by two samples, */
+    index_t corners[2 * LANES];                  /* and the numbers of these samples */
     double *p;                                      /* (N_H, 3, LANES) */
     struct step_map *maps;                          /* (N_t,) of the steps in which the slider of one pair moves */
-    index_t *events;                             /* (N_t,) the samples to which they lead */
+    index_t *events;                             /* (N_t,) samples at the ends of these steps */
     double *W;                                      /* (CHUNK + 1, 2, 3, stride) */
     double *G;                                      /* (CHUNK, stride) */
     double *sum;                                    /* (N_H, 2, 3, stride) */
@@ -118,7 +119,7 @@ typedef struct {                                    /* one group of LANES pairs 
 
 /* ---- matrix products -------------------------------------------------------------------------------------------- */
 
-/* add_product for a fixed number of rows: each pass over sum takes them all. */
+/* add_product for a fixed number of rows, all in one pass over sum. */
 INLINED void add_rows(double *restrict sum, const double *G, const double *W, const int n, index_t n_out,
                       index_t stride, const index_t width)
 {
@@ -133,7 +134,7 @@ INLINED void add_rows(double *restrict sum, const double *G, const double *W, co
     }
 }
 
-/* sum += G^T W over n rows: sum (n_out, width), G (n, stride) of which the first n_out columns count, W (n, width). */
+/* sum += G^T W over n rows: sum (n_out, width), the first n_out columns of G (n, stride), W (n, width). */
 INLINED void add_product(double *sum, const double *G, const double *W, index_t n, index_t n_out,
                          index_t stride, const index_t width)
 {
@@ -192,7 +193,7 @@ INLINED double mean_of(const double *U, index_t N_H)
     return N_H % 2 ? U[0] : 0.0;
 }
 
-/* No sample is further from the mean. */
+/* An upper bound of the distance of any sample from the mean. */
 INLINED double amplitude_bound(const double *U, index_t N_H)
 {
     double bound = 0.0;
@@ -201,7 +202,7 @@ INLINED double amplitude_bound(const double *U, index_t N_H)
     return bound;
 }
 
-/* True if even all harmonics peaking together leave the pair stuck and closed: most pairs of a quiet joint end here. */
+/* True if the pair is stuck and closed even with all harmonics at their peak together: true of most pairs in micro-slip. */
 INLINED int surely_stuck(const aft_pairs *pairs, index_t i, index_t N_H)
 {
     const double *x = pairs->U + 3 * N_H * i, *y = x + N_H, *z = y + N_H, margin = 1.0 - 1e-12;
@@ -235,8 +236,8 @@ INLINED void test_samples(aft_group *group, const aft_pairs *pairs, const aft_ta
 /* ---- a step from one sample to the next ------------------------------------------------------------------------- */
 
 /* Within a step the motion and the normal force run along straight lines, on which the slider's path is known, eq. (3.6).
- * The part of the step in which the pair is closed and has friction runs from s_0 to s_1, both 0 or 1 but for a pair that closes
- * or opens.  The slider stays where it is until sigma, the share of that part at which |r| = rho, and slides from then on. */
+ * The part of the step in which the pair is closed and has friction is from s_0 to s_1, 0 and 1 except for a pair that closes or
+ * opens.  The slider sticks until sigma, the fraction of that part at which |r| = rho, and then slides. */
 
 /* The area between a slider's path in a step, w_i until s_0, w_a until sigma, w_b at s_1, w_j at the end, and the line w_i w_j,
  * eq. (6.4). */
@@ -246,7 +247,7 @@ INLINED lanes polygon_area(lanes s_0, lanes sigma, lanes s_1, lanes w_i, lanes w
            + (sigma - s_0) * w_a;
 }
 
-typedef struct {                                    /* what a step is for all lanes */
+typedef struct {                                    /* data of a step for all lanes */
     lanes rho_i, rho_j, s_0, s_1;
     mask free_i, free_j, is_free;
 } step;
@@ -269,8 +270,8 @@ INLINED step begin_step(const aft_group *group, index_t i, index_t j)
     return s;
 }
 
-/* One step on all lanes, eq. (3.6): moves w, writes the area between the path of w in the step and the straight line between its ends,
- * over the step, and marks lanes whose slider moves (slides) and really moves (slipped). */
+/* One step on all lanes, eq. (3.6): updates w, writes the area between the path of w in the step and the straight line between
+ * its ends, and marks lanes whose slider moves (slides), and moves by more than roundoff (slipped). */
 INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w, lanes *area, lanes *slides, lanes *slipped)
 {
     const lanes zero = {0.0}, one = zero + 1.0, was_x = w[0], was_y = w[1];
@@ -284,9 +285,9 @@ INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w,
         return;
     }
     const lanes v_x = uj_x - ui_x, v_y = uj_y - ui_y;
-    const lanes a_x = ui_x + s.s_0 * v_x, a_y = ui_y + s.s_0 * v_y;                    /* where the closed part begins */
-    const lanes b_x = pick(s.free_j, ui_x + s.s_1 * v_x, uj_x), b_y = pick(s.free_j, ui_y + s.s_1 * v_y, uj_y);    /* and ends */
-    const lanes w_x = pick(s.free_i, a_x, was_x), w_y = pick(s.free_i, a_y, was_y);    /* a free slider is where the motion is */
+    const lanes a_x = ui_x + s.s_0 * v_x, a_y = ui_y + s.s_0 * v_y;                    /* start of the closed part */
+    const lanes b_x = pick(s.free_j, ui_x + s.s_1 * v_x, uj_x), b_y = pick(s.free_j, ui_y + s.s_1 * v_y, uj_y);    /* its end */
+    const lanes w_x = pick(s.free_i, a_x, was_x), w_y = pick(s.free_i, a_y, was_y);    /* a free slider follows the motion */
     const lanes V_x = b_x - a_x, V_y = b_y - a_y, d_rho = s.rho_j - s.rho_i;
     const lanes r_x = a_x - w_x, r_y = a_y - w_y, x = b_x - w_x, y = b_y - w_y;
     const mask slips = (x * x + y * y > s.rho_j * s.rho_j) & ~s.is_free;
@@ -305,14 +306,14 @@ INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w,
     const lanes chord = root(q_x * q_x + q_y * q_y), square = (at_x * at_x + at_y * at_y) * per_rho * per_rho;
     const mask on_circle = size_of(square - 1.0) < NEAR_LIMIT;
     lanes per_size = per_rho * (1.5 - 0.5 * square), d_x = at_x * per_size, d_y = at_y * per_size;
-    if (any(slips & ~on_circle)) {                      /* where sliders begin, or friction does */
+    if (any(slips & ~on_circle)) {                      /* at the start of the march, or where friction begins */
         const lanes size = root(at_x * at_x + at_y * at_y);
         const mask outside = size > 0.0;
         per_size = 1.0 / pick(outside, size, pick(chord > 0.0, chord, one));
         d_x = pick(on_circle, d_x, pick(outside, at_x, q_x) * per_size);
         d_y = pick(on_circle, d_y, pick(outside, at_y, q_y) * per_size);
     }
-    /* d turns towards the motion, eq. (3.6), here times the fourth power of a length */
+    /* rotation of d towards the motion, eq. (3.6), multiplied by the fourth power of a length */
     const lanes p = 0.5 * (rho_s + s.rho_j), pp = p * p, half = p + 0.5 * chord, Y = pp + chord * half;
     const lanes dq = (d_x * q_x + d_y * q_y) * half, den = Y * Y + pp * pp + dq * (Y + pp), turn = half * (Y + pp + dq);
     const mask turns = den > 0.0;
@@ -330,7 +331,7 @@ INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w,
     *slipped = pick((slips & (moved > roundoff)) | either, one, *slipped);
 }
 
-/* The same for separate limits: each direction by itself. */
+/* circle_step for separate limits: each direction separately. */
 INLINED void separate_step(const aft_group *group, index_t i, index_t j, lanes *w, lanes *area, lanes *slides, lanes *slipped)
 {
     const lanes zero = {0.0}, one = zero + 1.0;
@@ -353,7 +354,7 @@ INLINED void separate_step(const aft_group *group, index_t i, index_t j, lanes *
     }
 }
 
-/* The plain return map, eq. (3.3), which knows the ends of steps alone. */
+/* The return map, eq. (3.3), which uses only the ends of steps. */
 INLINED void sampled_circle_step(const aft_group *group, index_t j, double *w, double *slides, double *slipped)
 {
     const double *du = group->du + 3 * j * LANES, *rho = group->rho + j * LANES;
@@ -387,16 +388,16 @@ INLINED void sampled_separate_step(const aft_group *group, index_t j, double *w,
     }
 }
 
-/* ---- until the cycle repeats ------------------------------------------------------------------------------------ */
+/* ---- march to the steady cycle ---------------------------------------------------------------------------------- */
 
-/* The step that leads to sample j: to the first of all from itself, which puts sliders within their limits there. */
+/* The start of the step to sample j: sample 0 itself in the first period, so that sliders return within their limits there. */
 INLINED index_t begin_of(index_t j, index_t N_t, int is_first)
 {
     return j > 0 ? j - 1 : is_first ? 0 : N_t - 1;
 }
 
-/* One period on all lanes from w on, step by step to each sample; what it did is kept until the next.  The return map takes the
- * first sample of all as it is, with w = w0. */
+/* One period on all lanes from w, step by step to each sample; its record is stored until the next period.  The return map leaves
+ * the very first sample unchanged, with w = w0. */
 INLINED void march_period(aft_group *group, index_t N_t, int separate, int sampled, int is_first, double *w)
 {
     memset(&group->slipped, 0, sizeof group->slipped);
@@ -421,21 +422,21 @@ INLINED void march_period(aft_group *group, index_t N_t, int separate, int sampl
     }
 }
 
-/* How the cycle of one lane is looked for. */
+/* State of the search for the cycle of one lane. */
 enum { NOTHING_KNOWN, ONE_PERIOD, JUMPED, PLAIN, AT_CORNER };
 
 typedef struct {
     int knows;
-    double share;                                   /* of the jump that is tried */
-    double at[2], change[2];                        /* where a period began, and by how much it moved the slider */
-    double from[2], jump[2];                        /* the slider after that period, and the jump from there */
+    double share;                                   /* fraction of the jump in the current trial */
+    double at[2], change[2];                        /* slider at the start of a period, and its change in this period */
+    double from[2], jump[2];                        /* slider after this period, and the jump from there */
 } search;
 
-/* Move the slider w of a lane, which a period that began at w - c changed by c, so that it comes to its cycle sooner.
+/* Accelerate the convergence of the slider w of a lane, after a period from w - c to w.
  *
- * A period maps sliders at a rate below one in a single direction, for a slip forgets all of r but its angle.  There the secant through
- * the changes of two periods leads to the cycle.  A jump that ends in a cycle without slip, of which there are many, has gone too
- * far, for a slider creeps to the first of them; it is tried again with half its length, eq. (3.7). */
+ * A period contracts sliders in a single direction with a rate below one, since slip retains only the angle of r.  In this
+ * direction the secant through the changes of two periods gives the cycle.  A jump to a cycle without slip, of which there are
+ * many, is too long, since a slider drifts to the first of them; it is repeated with half its length, eq. (3.7). */
 INLINED void look_ahead(search *s, const double *c, int slipped, double *w)
 {
     const double at[2] = {w[0] - c[0], w[LANES] - c[LANES]}, size = c[0] * c[0] + c[LANES] * c[LANES];
@@ -468,8 +469,8 @@ INLINED void look_ahead(search *s, const double *c, int slipped, double *w)
     s->knows = JUMPED;
 }
 
-/* The farthest of the samples of lane l beyond the limits about w, g = |u - w| - rho, with its d; where a direction is given, of
- * those that push against it. */
+/* The sample of lane l with the largest excess g = |u - w| - rho about w, and its d; with a direction ``against``, only among the
+ * samples that push against it. */
 INLINED index_t farthest(const aft_group *group, index_t N_t, int l, const double *w, const double *against, double *g,
                             double *d)
 {
@@ -487,8 +488,8 @@ INLINED index_t farthest(const aft_group *group, index_t N_t, int l, const doubl
     return found;
 }
 
-/* Where a slider that is pushed back and forth comes to rest: at the corner of the region in which no sample moves it, g = 0 at two of
- * them, eq. (3.7).  From w by Newton's method; returns 0 where there is no such corner, as there is no such region. */
+/* The limit position of a slider that is pushed back and forth: the corner of the region in which no sample moves it, with
+ * g = 0 at two samples, eq. (3.7).  Newton's method from w; returns 0 if there is no such region and hence no corner. */
 INLINED int find_corner(const aft_group *group, index_t N_t, int l, double tolerance, double *w, index_t *corner)
 {
     double to[2] = {w[0], w[LANES]}, d_1[2], d_2[2], g_1, g_2;
@@ -511,16 +512,16 @@ INLINED int find_corner(const aft_group *group, index_t N_t, int l, double toler
     return 0;
 }
 
-typedef struct {                                    /* a pair on its way to its cycle */
-    index_t pair, place;                            /* its number, and that among the active ones */
+typedef struct {                                    /* a pair whose cycle is not reached yet */
+    index_t pair, place;                            /* its number, and its number among the active pairs */
     double w[2];
     int periods;                                    /* marched so far */
-    int has_jumped, slides_on;                      /* whether it has not come to its cycle yet */
+    int has_jumped, slides_on;                      /* whether it jumped; whether it has not reached its cycle */
     search search;
     index_t corner[2];                              /* the samples that hold it */
 } wanderer;
 
-/* What follows from the period that moved the slider of lane l from group->before to w. */
+/* Decide how to continue after a period that moved the slider of lane l from group->before to w. */
 INLINED void judge(aft_group *group, index_t N_t, int l, double tolerance, wanderer *pair, double *w)
 {
     const double c[LANES + 1] = {[0] = w[l] - group->before[l], [LANES] = w[LANES + l] - group->before[LANES + l]};
@@ -528,7 +529,7 @@ INLINED void judge(aft_group *group, index_t N_t, int l, double tolerance, wande
     const int slipped = group->slipped.each[l] > 0.0, stopped = pair->has_jumped && !slipped;
     pair->slides_on = 0;
     if (pair->search.knows == AT_CORNER)
-        group->slipped.each[l] = 0.0;                   /* it does, by rounding */
+        group->slipped.each[l] = 0.0;                   /* slip at a corner is roundoff */
     else if (change > tolerance || stopped) {
         pair->slides_on = 1;
         if (pair->periods < MOST_PERIODS) {
@@ -541,7 +542,7 @@ INLINED void judge(aft_group *group, index_t N_t, int l, double tolerance, wande
             pair->has_jumped |= pair->search.knows == JUMPED;
         }
     }
-    if (!pair->slides_on) {                             /* so that another period, for its neighbours, is the same to the bit */
+    if (!pair->slides_on) {                             /* so that further periods for the other lanes repeat this one bitwise */
         w[l] = group->before[l];
         w[LANES + l] = group->before[LANES + l];
     }
@@ -550,7 +551,7 @@ INLINED void judge(aft_group *group, index_t N_t, int l, double tolerance, wande
     group->corners[2 * l + 1] = pair->corner[1];
 }
 
-/* A round of periods from w0, eq. (3.5), or from where the round before left the sliders; ends where all repeat, eq. (3.7). */
+/* A round of periods from w0, eq. (3.5), or from the end of the last round, until all pairs have a steady cycle, eq. (3.7). */
 INLINED void march(aft_group *group, index_t N_t, int separate, int sampled, wanderer *pairs)
 {
     double w[2 * LANES] __attribute__((aligned(sizeof(lanes)))), tolerance[LANES] = {0.0};
@@ -585,20 +586,20 @@ INLINED void march(aft_group *group, index_t N_t, int separate, int sampled, wan
     }
 }
 
-/* What a normal force that changes its sign in a step adds to the mean of min(N, 0) over that step, beyond its ends' mean. */
+/* Difference of the mean of min(N, 0) over a step from the mean of its end values, if N changes its sign in the step. */
 INLINED double dip_area(double N_i, double N_j)
 {
     return (N_i > 0.0) != (N_j > 0.0) && N_i != N_j ? 0.5 * fabs(N_i * N_j) / fabs(N_i - N_j) : 0.0;
 }
 
-/* p at the samples, eq. (3.2) and eq. (3.4); the area of a step counts half at each of its ends, eq. (6.4). */
+/* p at the samples, eq. (3.2) and eq. (3.4); half the area of a step is added at each of its ends, eq. (6.4). */
 INLINED void find_forces(aft_group *group, index_t N_t, int sampled)
 {
     double closing[LANES], preload[LANES];
     memset(group->opened, 0, sizeof group->opened);
     for (int l = 0; l < LANES; l++) {
         preload[l] = group->N0[l] > 0.0 ? group->N0[l] : 0.0;
-        closing[l] = group->N0[l] < 0.0 ? -group->N0[l] : 0.0;      /* the preload that closing an initial gap takes */
+        closing[l] = group->N0[l] < 0.0 ? -group->N0[l] : 0.0;      /* normal force needed to close an initial gap */
     }
     for (index_t j = 0; j < N_t; j++) {
         const index_t i = j > 0 ? j - 1 : N_t - 1, k = j + 1 < N_t ? j + 1 : 0;
@@ -618,7 +619,7 @@ INLINED void find_forces(aft_group *group, index_t N_t, int sampled)
     }
 }
 
-/* The samples of p on the harmonics, eq. (6.1). */
+/* The harmonics of p from its samples, eq. (6.1). */
 INLINED void project(aft_group *group, const aft_tables *t)
 {
     memset(group->p, 0, (size_t)(3 * t->N_H * LANES) * sizeof(double));
@@ -627,7 +628,7 @@ INLINED void project(aft_group *group, const aft_tables *t)
 
 /* ---- derivatives ------------------------------------------------------------------------------------------------ */
 
-enum { INPUTS = 8 };                                /* of a step: w_x, w_y, u_x, u_y, N at its begin, u_x, u_y, N at its end */
+enum { INPUTS = 8 };                                /* of a step: w_x, w_y, u_x, u_y, N at its start, u_x, u_y, N at its end */
 typedef double gradient __attribute__((vector_size(INPUTS * sizeof(double))));
 
 typedef struct {                                    /* a value with its derivatives by the inputs of a step */
@@ -668,7 +669,7 @@ INLINED dual over(dual a, dual b)
     return (dual){(a.g - v * b.g) * inverse, v};
 }
 
-INLINED dual root_of(dual a)                        /* of 0: 0, with no derivative */
+INLINED dual root_of(dual a)                        /* derivative 0 at 0 */
 {
     const double size = sqrt(a.v > 0.0 ? a.v : 0.0), slope = size > 0.0 ? 0.5 / size : 0.0;
     return (dual){slope * a.g, size};
@@ -756,7 +757,7 @@ INLINED void circle_map(const lane_step *s, step_map *m)
         const dual B = plus(product(r[0], r[1], V[0], V[1]), -1.0, times(rho, d_rho));
         const dual A = plus(product(V[0], V[1], V[0], V[1]), -1.0, times(d_rho, d_rho));
         const double on = ON_LIMIT * rho.v * rho.v;
-        c.v = c.v < 0.0 ? c.v : 0.0;                /* but for rounding it is */
+        c.v = c.v < 0.0 ? c.v : 0.0;                /* remove roundoff */
         if (!(B.v > 0.0 ? c.v >= -on : A.v <= 0.0) && !s->free_i) {
             const dual S = root_of(plus(times(B, B), -1.0, times(A, c)));
             sigma = B.v > 0.0 ? over(scaled(-1.0, c), plus(B, 1.0, S)) : over(plus(S, -1.0, B), A);
@@ -818,7 +819,7 @@ INLINED void separate_map(const lane_step *s, step_map *m)
     }
 }
 
-/* The plain return map for one lane, eq. (6.2). */
+/* The return map for one lane, eq. (6.2). */
 INLINED void sampled_map(const lane_step *s, int separate, step_map *m)
 {
     const dual x = plus(s->u_j[0], -1.0, s->w[0]), y = plus(s->u_j[1], -1.0, s->w[1]), length = root_of(product(x, y, x, y));
@@ -837,9 +838,9 @@ INLINED void sampled_map(const lane_step *s, int separate, step_map *m)
 
 typedef double slopes __attribute__((vector_size(4 * sizeof(double))));    /* by q_p, q_n and p below; one is not used */
 
-/* circle_map for the usual step, one that slides from its begin to its end, closed.  Writes w and the slider's map; returns 0 where
- * the step is another.  With d = r / |r|, the normal n to it and the motion q = q_p d + q_n n in the step, eq. (3.6) reads
- * d' = T_p d + T_n n, T_p and T_n known of q_p, q_n and the mean p of the slip distances alone. */
+/* circle_map for the usual step, which slides from start to end, closed.  Writes w and the slider's map; returns 0 for any
+ * other step.  With d = r / |r|, its normal n and the motion q = q_p d + q_n n in the step, eq. (3.6) is d' = T_p d + T_n n,
+ * where T_p and T_n depend only on q_p, q_n and the mean p of the slip distances. */
 INLINED int sliding_map(const aft_group *group, index_t i, index_t j, int l, const double *w, step_map *m)
 {
     const double *u_i = group->du + 3 * i * LANES + l, *u_j = group->du + 3 * j * LANES + l;
@@ -864,7 +865,7 @@ INLINED int sliding_map(const aft_group *group, index_t i, index_t j, int l, con
     const slopes stays_by = (2.0 * (pp * Y_by + Y * pp_by) - stays * den_by) * per_den;
     const double T_p = stays + turn * q_p, T_n = turn * q_n, slope = -group->give[l] * group->k_n[l];
     const slopes T_p_by = stays_by + q_p * turn_by + turn * by_q_p, T_n_by = q_n * turn_by + turn * by_q_n;
-    /* d turns with r, by n . dr / |r|, and q_p and q_n with it */
+    /* d rotates with r, by n . dr / |r|, and changes q_p and q_n */
     const double p_by_angle = T_p_by[0] * q_n - T_p_by[1] * q_p - T_n, n_by_angle = T_n_by[0] * q_n - T_n_by[1] * q_p + T_p;
     m->has_area = 0;
     for (int a = 0; a < 2; a++) {
@@ -898,7 +899,7 @@ INLINED void map_of(const aft_group *group, index_t i, index_t j, int l, const d
         circle_map(&s, m);
 }
 
-/* W after a slip, or with the map of an area its derivative; e_i and e_j are rows of E.  May be the same array as before. */
+/* W after a slip, or the derivative of an area with its map; e_i and e_j are rows of E.  ``after`` may be ``before``. */
 INLINED void apply_map(double *after, const double *before, const struct step_map_of *m, const double *e_i, const double *e_j,
                        index_t stride)
 {
@@ -925,7 +926,7 @@ INLINED int moves(const aft_group *group, index_t i, index_t j, int l, int separ
     return !(inside && rho > 0.0 && (rho_i > 0.0 || sampled));
 }
 
-/* The maps of the kept period's slips, one lane; returns how many. */
+/* The maps of the slips of the last period for one lane; returns their number. */
 INLINED index_t find_maps(aft_group *group, index_t N_t, int l, int separate, int sampled)
 {
     index_t n = 0;
@@ -941,7 +942,7 @@ INLINED index_t find_maps(aft_group *group, index_t N_t, int l, int separate, in
     return n;
 }
 
-/* W of a lane that is left where its way there took it: a march from w0 with derivatives, until a period does not slide. */
+/* W of a lane whose final position depends on its path: a march from w0 with derivatives, until a period without slip. */
 INLINED void march_with_derivative(const aft_group *group, const aft_tables *t, int l, int separate, int sampled, double *W)
 {
     const index_t N_t = t->N_t, stride = t->stride;
@@ -965,13 +966,13 @@ INLINED void march_with_derivative(const aft_group *group, const aft_tables *t, 
     }
 }
 
-/* W of the cycle that n maps lead back to where it began, W = A W + C, eq. (6.5); returns 0, without W, where they leave more than one. */
+/* W of the steady cycle of n maps, W = A W + C, eq. (6.5); returns 0, without W, if it is not unique. */
 INLINED int find_fixed_point(const aft_group *group, const aft_tables *t, index_t n, double *W)
 {
     const index_t stride = t->stride;
     double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}}, largest = 1.0;
     index_t first = n;
-    while (first > 0 && largest > FORGOTTEN) {          /* what lies before has been forgotten */
+    while (first > 0 && largest > FORGOTTEN) {          /* earlier maps have no effect */
         const double (*A)[2] = group->maps[--first].slider.A;
         largest = 0.0;
         for (int a = 0; a < 2; a++) {
@@ -997,7 +998,7 @@ INLINED int find_fixed_point(const aft_group *group, const aft_tables *t, index_
     return 1;
 }
 
-/* W of a slider that two samples hold, d . dw = d . du - d rho at both. */
+/* W of a slider held by two samples, d . dw = d . du - d rho at both. */
 INLINED void corner_derivative(const aft_group *group, const aft_tables *t, int l, double *W)
 {
     const index_t stride = t->stride;
@@ -1021,7 +1022,7 @@ INLINED void corner_derivative(const aft_group *group, const aft_tables *t, int 
     }
 }
 
-/* W at the begin of the kept period, whose n maps are at hand, and are again: of the cycle that repeats, or of the way there. */
+/* W at the start of the last period with n maps: of the steady cycle, of a corner, or of the path. */
 INLINED void find_start(aft_group *group, const aft_tables *t, index_t n, int l, int separate, int sampled, double *W)
 {
     memset(W, 0, (size_t)(6 * t->stride) * sizeof(double));
@@ -1036,12 +1037,12 @@ INLINED void find_start(aft_group *group, const aft_tables *t, index_t n, int l,
     march_with_derivative(group, t, l, separate, sampled, W);
 }
 
-/* group->sum = sum over the kept period of F (x) W, and of the areas' derivatives, for lane l. */
+/* group->sum = sum over the last period of F (x) W, and of the areas' derivatives, for lane l. */
 INLINED void sum_slider_derivative(aft_group *group, const aft_tables *t, int l, int separate, int sampled)
 {
     const index_t N_t = t->N_t, stride = t->stride, width = 6 * stride;
     const index_t n_events = find_maps(group, N_t, l, separate, sampled);
-    double *before = group->W, *W = group->W + width;       /* row 0 of W keeps the last state */
+    double *before = group->W, *W = group->W + width;       /* row 0 has the last W of the previous chunk */
     const double *last = before;
     find_start(group, t, n_events, l, separate, sampled, before);
     memset(group->sum, 0, (size_t)(t->N_H * width) * sizeof(double));
@@ -1075,7 +1076,7 @@ INLINED void sum_slider_derivative(aft_group *group, const aft_tables *t, int l,
     add_product(group->sum, group->G, W, n, t->N_H, stride, width);
 }
 
-/* group->sum = what opening takes from the normal force of lane l, by u_z: sum over the open samples of F (x) E, and dips. */
+/* group->sum = derivative by u_z of the loss of normal force of lane l by opening: sum over open samples of F (x) E, and dips. */
 INLINED void sum_opening_derivative(aft_group *group, const aft_tables *t, int l, int sampled)
 {
     const index_t N_t = t->N_t, stride = t->stride;
@@ -1106,7 +1107,7 @@ INLINED void sum_opening_derivative(aft_group *group, const aft_tables *t, int l
     add_product(group->sum, group->G, group->W, n, t->N_H, stride, stride);
 }
 
-/* P of lane l, (3 N_H, 3 N_H).  The normal force does not know the tangential motion. */
+/* P of lane l, (3 N_H, 3 N_H).  The normal force does not depend on the tangential motion. */
 INLINED void differentiate(aft_group *group, const aft_tables *t, int l, int separate, int sampled, double *P)
 {
     const index_t N_H = t->N_H, stride = t->stride, width = 6 * stride;
@@ -1185,7 +1186,7 @@ int KERNEL(aft_leaves)(const aft_tables *t, const aft_pairs *pairs, index_t n, u
     return 0;
 }
 
-/* A round for some pairs; of those that have come to their cycles, or were given up, what was asked for. */
+/* A round for some pairs; writes the results of pairs with a steady cycle, or at MOST_PERIODS. */
 INLINED void march_round(aft_group *group, const aft_tables *t, const aft_pairs *pairs, wanderer *lane, int n_lanes, int separate,
                          double *p, unsigned char *state, unsigned char *creeps, double *P)
 {
@@ -1217,7 +1218,7 @@ INLINED void march_round(aft_group *group, const aft_tables *t, const aft_pairs 
 }
 
 /* March the m active pairs: writes their rows of p (n, 3, N_H), state and creeps (n,), and all of P (m, 3 N_H, 3 N_H) unless it
- * is NULL.  Pairs with a friction circle and with separate limits are grouped apart.  Returns -1 without memory. */
+ * is NULL.  Pairs with a friction circle and with separate limits form different groups.  Returns -1 without memory. */
 int KERNEL(aft_march)(const aft_tables *t, const aft_pairs *pairs, index_t m, const index_t *active, double *p,
               unsigned char *state, unsigned char *creeps, double *P)
 {

@@ -1,5 +1,6 @@
-/* The entry points of elastic_coulomb.c, which is compiled once for each kind of processor; the one at hand is chosen at run time.
- * Vector types ask for that: what the baseline of x86-64 lacks, a compiler takes apart before it looks at a function's own target. */
+/* The entry points of elastic_coulomb.c, which is compiled once for each kind of processor, selected at run time.  Vector types
+ * require separate files: operations missing in the baseline of x86-64 are lowered before a function's own target attribute
+ * applies. */
 #ifndef MICROSLIP_ELASTIC_COULOMB_H
 #define MICROSLIP_ELASTIC_COULOMB_H
 
@@ -12,7 +13,7 @@ typedef struct {
     index_t stride;                              /* N_H rounded up to a multiple of 4; padded with zeros */
     const double *E;                                /* (N_t, stride) rows of the synthesis matrix */
     const double *E_T;                              /* (N_H, N_t) its columns */
-    int sampled;                                    /* the return map at samples alone */
+    int sampled;                                    /* the return map at the samples only */
     const double *F;                                /* (N_t, stride) columns of the analysis matrix */
     const double *S;                                /* (N_t + 1, stride) their running sums, S_0 = 0 */
 } aft_tables;
@@ -20,7 +21,7 @@ typedef struct {
 typedef struct {
     const double *mu, *N0, *k_t, *k_n;              /* (n,) */
     const unsigned char *separate;                  /* (n,) */
-    const double *w0;                               /* (n, 2) the sliders' start */
+    const double *w0;                               /* (n, 2) initial slider positions */
     const double *U;                                /* (n, 3, N_H) */
 } aft_pairs;
 

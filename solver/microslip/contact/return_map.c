@@ -1,6 +1,6 @@
-/* A step of time of two Jenkins elements and a normal spring, in plain steps from docs/theory.md, section 3.
+/* A time step of two Jenkins elements and a normal spring, directly from docs/theory.md, section 3.
 
-   It shares no line with elastic_coulomb.c, which marches over cycles: time integration is the check of harmonic balance. */
+   It has no code in common with elastic_coulomb.c, which marches over cycles, as time integration verifies harmonic balance. */
 #include <math.h>
 #include <string.h>
 
@@ -8,8 +8,8 @@
 
 enum { STICK, SLIP, OPEN };
 
-/* dp/du (3, 3) [N/m] of a step, eq. (6.2); it is zero where the pair sticks.
-   slides, t and alpha = mu N / |T_pred| are those of x and y; mu_kn = mu k_n is 0 where the pair is open. */
+/* dp/du (3, 3) [N/m] of a step, eq. (6.2); zero where the pair sticks.
+   slides, t and alpha = mu N / |T_pred| have values for x and y; mu_kn = mu k_n is 0 where the pair is open. */
 static void step_derivative(const double k[2], const int slides[2], int separate, const double t[2], const double alpha[2],
                             const double mu_kn[2], double L[9])
 {
@@ -64,7 +64,7 @@ void return_steps(const spring_pairs *pairs, index_t n_points, const double *du,
             return_step(pairs, i, du, before, p, L, state);
 }
 
-#define ROUNDING 1e-10 /* of the largest force of the springs: less slip in a period is none */
+#define ROUNDING 1e-10 /* relative to the largest force of the springs: less slip in a period counts as none */
 
 enum { FROM_MEMORY = 4, FROM_MOTION = 6, OF_STEP = FROM_MEMORY + 2 * FROM_MOTION };
 
@@ -78,8 +78,8 @@ static void advance(const double D[4], double *a, index_t n)
     }
 }
 
-/* Marches the i-th pair from p (2,) [N] through n_t samples du (n_t, 3) [m] of a period, from the one after the first to the first
-   again; returns whether it only sticks, or slips by no more than rounding where it comes to its limit exactly. */
+/* Marches the i-th pair from p (2,) [N] through n_t samples du (n_t, 3) [m] of a period, from the second sample to the first
+   one of the next period; returns whether it sticks, or slips only by roundoff where it is exactly at its limit. */
 static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, const double *du, double p[2])
 {
     const double *k = pairs->k_t + 2 * i;
@@ -96,12 +96,12 @@ static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, cons
     return moved <= ROUNDING * most;
 }
 
-/* How p_t of pairs changes with itself and with the motion in each of n_steps steps of a periodic motion: docs/theory.md, section 16.
+/* Derivatives of p_t of pairs by p_t and by the motion in each of n_steps steps of a periodic motion: docs/theory.md, section 16.
 
-   The motion of the i-th pair is du[motion[i]] (n_steps n_sub, 3) [m]; the sliders stand where most_periods of it, at most, have
-   left them.  Within a step a change of motion is linear, d0 at its begin and d1 at its end.  M (n, n_steps, 3, 16) has for the
+   The motion of the i-th pair is du[motion[i]] (n_steps n_sub, 3) [m]; slider positions follow from at most most_periods
+   periods of it.  Within a step a change of motion is linear, d0 at its start and d1 at its end.  M (n, n_steps, 3, 16) has for
    p_t at the end of a step, for its mean over the step and for its mean weighted with the time, 0 ... 1, the derivatives by p_t
-   at the begin (2, 2) [-], by d0 and by d1 (2, 3) [N/m].  sticks (n,) is 1, and M unset, where a pair never leaves sticking. */
+   at the start (2, 2) [-], by d0 and by d1 (2, 3) [N/m].  sticks (n,) is 1, and M unset, for a pair that always sticks. */
 void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_steps, index_t n_sub, const double *du,
                  index_t most_periods, double *M, unsigned char *sticks)
 {

@@ -6,7 +6,7 @@
 
 typedef ptrdiff_t index_t;
 
-typedef struct {                     /* the parameters of n pairs, by pair; x and y beside each other */
+typedef struct {                     /* the parameters of n pairs; x and y of a pair are consecutive */
     index_t n;
     const double *mu, *k_t, *w0;     /* (n, 2) */
     const double *N0, *k_n;          /* (n,) */

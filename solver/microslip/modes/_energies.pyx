@@ -1,14 +1,14 @@
 # cython: language_level=3, boundscheck=False, wraparound=False
-"""x^T A x in extended precision; what for is stated in rayleigh.py."""
+"""x^T A x in extended precision, for rayleigh.py."""
 
 import numpy as np
 
 
 def energies(const int[::1] starts, const int[::1] columns, const double[::1] values, const double[:, ::1] X_rows,
              const double[:, ::1] X):
-    """Return the sums over the rows i given, and their columns j, of x_i A_ij x_j, (m,) np.longdouble.  Local.
+    """Return the sums of x_i A_ij x_j over the stored rows i of A and their columns j, (m,) np.longdouble.  Local.
 
-    ``X_rows`` (n_rows, m) are those rows of X (n, m).
+    ``X_rows`` (n_rows, m) are these rows of X (n, m).
     """
     cdef Py_ssize_t i, k, c, m = X.shape[1]
     found = np.zeros(m, dtype=np.longdouble)

@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
-"""Bridge from NumPy arrays to row_products.c; what it computes is stated there and in rows.py."""
+"""Bridge from NumPy arrays to row_products.c; see there and rows.py for the formulas."""
 
 cdef extern from "row_products.h" nogil:
     ctypedef void (*of_double)(Py_ssize_t m, const double **rows, Py_ssize_t n, const double *p, Py_ssize_t N, double *y) nogil
@@ -48,7 +48,7 @@ def project(const Py_ssize_t[::1] places, Py_ssize_t n, const real[:, ::1] x, re
 
 
 def pick(const Py_ssize_t[::1] places, const Py_ssize_t[::1] columns, double unit, real[:, :] out):
-    """Write the ``columns`` (k,) of A, over ``unit``, into ``out`` (m, k), for rows of A in double precision at ``places`` (m,)."""
+    """Write the ``columns`` (k,) of A divided by ``unit`` into ``out`` (m, k); rows of A are in double precision at ``places``."""
     cdef Py_ssize_t i, j
     cdef const double *row
     with nogil:
@@ -60,10 +60,10 @@ def pick(const Py_ssize_t[::1] places, const Py_ssize_t[::1] columns, double uni
 
 def answer(real[:, ::1] y, const real[:, ::1] R, const double complex[:, ::1] c, const Py_ssize_t[::1] cosines, bint has_mean,
            Py_ssize_t N_H, Py_ssize_t first):
-    """Add to ``y`` (N, n), from its first column on, what modes answer to the forces in its columns from ``first`` on.
+    """Add to the first n_rows columns of ``y`` (N, n) the response of modes to the modal forces in its columns from ``first``.
 
-    R (m, n_rows) are the modes in those rows, c (m, n_harmonics) their complex flexibilities, ``cosines`` (n_harmonics,) the places
-    of the harmonics among N_H coefficients; N is a multiple of N_H.
+    R (m, n_rows) are the modes in these rows, c (m, n_harmonics) their complex flexibilities, ``cosines`` (n_harmonics,) the
+    columns of the harmonics among N_H coefficients; N is a multiple of N_H.
     """
     cdef modal_answer modes
     if R.shape[0] == 0 or R.shape[1] == 0 or y.shape[0] == 0 or cosines.shape[0] == 0:

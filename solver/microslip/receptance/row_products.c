@@ -1,11 +1,11 @@
-/* Products of a matrix that is given by the places of its rows with few vectors, one pass over the matrix.
+/* Products of a matrix, given by the addresses of its rows, with few vectors, in one pass over the matrix.
  *
  *     combine: y = p^T A, (N, n), for p (m, N)        project: y = A x^T, (m, N), for x (N, n)
  *
- *     answer: y += R^T c q, for modal forces q that lie in y beside the rows of R^T; c is complex, a number a mode and harmonic
+ *     answer: y += R^T c q, for modal forces q that are further columns of y; c is complex, one number per mode and harmonic
  *
- * Rows of A are of length n each, contiguous, anywhere in memory.  What such products cost is reading A: blocks of ROWS rows and CHUNK
- * bytes stay in the fastest cache while all N vectors pass.  A library's matrix product copies A into an order of its own first.
+ * Rows of A have length n, contiguous, anywhere in memory.  The cost of such products is reading A: blocks of ROWS rows and CHUNK
+ * bytes stay in the fastest cache for all N vectors.  The matrix product of a library would first copy A.
  */
 #include "row_products.h"
 
@@ -16,9 +16,9 @@
 #define LANE_BYTES 16                               /* of a register of the processor */
 #endif
 
-enum { ROWS = 8 };                                  /* taken together */
-enum { CHUNK = 2048 };                              /* bytes of each at a time */
-enum { PART = 256 };                                /* rows that modes answer in at a time */
+enum { ROWS = 8 };                                  /* rows per block */
+enum { CHUNK = 2048 };                              /* bytes of each row per block */
+enum { PART = 256 };                                /* rows of R^T at a time */
 
 #pragma GCC diagnostic ignored "-Wpsabi"            /* lanes are never passed */
 typedef double lanes_of_double __attribute__((vector_size(LANE_BYTES), aligned(sizeof(double)), may_alias));

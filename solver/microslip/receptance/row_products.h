@@ -6,13 +6,13 @@
 
 typedef ptrdiff_t index_t;
 
-typedef struct {                                    /* m modes that answer in some harmonics of a set */
-    index_t m, first;                               /* of y, the column with the force of the first */
+typedef struct {                                    /* m modes that respond in some harmonics of a set */
+    index_t m, first;                               /* first: the column of y with the force of the first mode */
     const double *c;                                /* (m, n_harmonics) complex: amplitudes are cos - i sin */
     index_t n_harmonics;
-    const index_t *cosines;                         /* (n_harmonics,) their places among the N_H coefficients of the set */
-    int has_mean;                                   /* whether the first of them is the mean, which has no sine */
-    index_t N_H;                                    /* of each of the N / N_H vectors in y */
+    const index_t *cosines;                         /* (n_harmonics,) their columns among the N_H coefficients of the set */
+    int has_mean;                                   /* whether the first harmonic is the mean, which has no sine */
+    index_t N_H;                                    /* coefficients of each of the N / N_H vectors in y */
 } modal_answer;
 
 #define DECLARE_OF(type, suffix)                                                                                             \

@@ -63,7 +63,7 @@ void NAME(project)(index_t m, const REAL *const *rows, index_t n, const REAL *x,
         for (index_t start = 0; start < n; start += chunk) {
             const REAL *a[ROWS];
             for (int k = 0; k < ROWS; k++)
-                a[k] = rows[k < count ? j + k : j] + start;     /* beyond the last row the first again, for nothing */
+                a[k] = rows[k < count ? j + k : j] + start;     /* beyond the last row: the first, not used */
             for (index_t h = 0; h < N; h++) {
                 REAL sums[ROWS] = {0};
                 NAME(dots)(a, x + h * n + start, n - start < chunk ? n - start : chunk, sums);
@@ -74,7 +74,7 @@ void NAME(project)(index_t m, const REAL *const *rows, index_t n, const REAL *x,
     }
 }
 
-/* What the modes answer is summed by itself and added once: with stiff springs it is the little that G p differs from them by. */
+/* The response of the modes is summed separately and added once: with stiff springs it is a small correction. */
 void NAME(answer)(REAL *y, index_t N, index_t n, modal_answer modes, const REAL *R, index_t n_rows)
 {
     REAL of_cosine[PART], of_sine[PART];
