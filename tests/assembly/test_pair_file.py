@@ -36,7 +36,7 @@ def test_order_of_columns_blanks_capitals_comments_and_the_marks_of_a_spreadshee
     [
         # the header
         ([FIRST], ", line 1: the header must name the columns " + HEADER + ": x1 is missing; y1 is missing; z1 is missing"),
-        ([HEADER + ",mu", FIRST + ",1"], ": mu stands there twice"),
+        ([HEADER + ",mu", FIRST + ",1"], ": mu appears twice"),
         ([HEADER.replace(",", ";"), FIRST], ": values are separated by semicolons, not by commas"),
         (["# a comment", HEADER.replace("kn", "")], ", line 2: the header must name"),
         # numbers

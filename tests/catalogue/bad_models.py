@@ -153,7 +153,7 @@ STATED = [
     Case(
         "NBLOCK of words",
         "run bar_cdb.toml --out out",
-        ("bar.cdb: line 10: NBLOCK holds", "where numbers are due"),
+        ("bar.cdb: line 10: NBLOCK holds", "where numbers are expected"),
         edited("bar.cdb", "0.0000000000000E+00", "0.00000x0000000E+00"),
     ),
     Case(

@@ -115,7 +115,7 @@ STEP = "*STEP\n*STATIC\n*END STEP\n*STEP, PERTURBATION\n{}*FREQUENCY\n1\n*END ST
         ({"behaviour": PRESSED.replace("1e5\n", "")}, r"normal_stiffness \(line 34: a slope that is not stated\)"),
         ({"behaviour": PRESSED.replace("LINEAR", "EXPONENTIAL")}, r"\(line 34: a pressure that grows exponentially"),
         ({"behaviour": PRESSED.replace("LINEAR", "TABULAR")}, r"normal_stiffness \(line 34: a table of pressures\)"),
-        ({"behaviour": PRESSED.replace("LINEAR", "TIED")}, r"normal_stiffness \(line 34: springs that hold and pull\)"),
+        ({"behaviour": PRESSED.replace("LINEAR", "TIED")}, r"normal_stiffness \(line 34: springs that also act in tension\)"),
         ({"behaviour": PRESSED.replace("LINEAR", "SOFT")}, r"PRESSURE-OVERCLOSURE=SOFT, which this program does not have"),
         ({"behaviour": PRESSED.replace("LINEAR", "LINEAR, NO SEPARATION")}, r"\(line 34: contact that never opens\)"),
         ({"friction": ""}, r"friction 0: .*has to state tangential_stiffness \(line 33: no \*FRICTION\)$"),
@@ -145,9 +145,9 @@ def test_what_lacks_is_named_with_its_line_and_the_key_to_state(tmp_path, change
             r"line 31: \*CONTACT PAIR: there is no \*SURFACE INTERACTION, NAME=Dryy; nearest is 'DRY'",
         ),
         ({"pair": PAIR.replace("Lower", "Lowre")}, r"line 32: there is no \*SURFACE 'Lowre'; nearest is 'Lower'"),
-        ({"friction": "*FRICTION\nhigh\n"}, r"line 37: \*FRICTION holds 'high' where a number is due"),
+        ({"friction": "*FRICTION\nhigh\n"}, r"line 37: \*FRICTION holds 'high' where a number is expected"),
         ({"friction": "*FRICTION\n-0.3\n"}, r"line 37: \*FRICTION: the coefficient is -0.3, below 0"),
-        ({"behaviour": PRESSED.replace("1e5", "stiff")}, r"line 35: \*SURFACE BEHAVIOR holds 'stiff' where a number is due"),
+        ({"behaviour": PRESSED.replace("1e5", "stiff")}, r"line 35: \*SURFACE BEHAVIOR holds 'stiff' where a number is expected"),
     ],
 )
 def test_what_is_wrong_is_refused_by_its_line(tmp_path, changes, message):

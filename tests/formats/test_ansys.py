@@ -90,7 +90,7 @@ def test_what_the_commands_say_becomes_the_scene(tmp_path):
         ("MP,EY,1,1.0e9", "MP: EY of material 1: it is not isotropic"),
         ("MP,EX,1,1.0e9,1.0e6", "MP: EX of material 1 depends on the temperature"),
         ("CE,1,0,102,UX,1.0,103,ROTX,-1.0", "CE: an equation with a rotation of a node that leads no others"),
-        ("EBLOCK,10", "EBLOCK: a block in the format of elements that are no solids"),
+        ("EBLOCK,10", "EBLOCK: a block in the format of elements that are not solids"),
     ],
 )
 def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, command, says):
@@ -447,14 +447,14 @@ def test_an_input_file_of_workbench_says_what_the_archive_says(tmp_path, kind):
     for name, nodes in zip(names, ("BAR_BOTTOM", "PLATE_TOP")):
         ((block, _),) = found.groups[name].cells.items()
         assert set(found.cells[block].nodes.ravel()) == set(model.sets[nodes])
-    assert found.facts == ("title: bar on a plate--Modal (A5)", "units: MKS, as it says")
+    assert found.facts == ("title: bar on a plate--Modal (A5)", "units: MKS, as stated in the file")
 
 
 @pytest.mark.parametrize(
     "more, word, says",
     [
         ("en,501901,102,103", "E", "elements defined one by one .*CDWRITE"),
-        ("esel,s,type,,2\nnsle\nd,all,ux,0", "D", "a support of 'all', which is no node, component or selection known"),
+        ("esel,s,type,,2\nnsle\nd,all,ux,0", "D", "a support of 'all', which is not a known node, component or selection"),
         ("pp=8.1e10\nmp,gxy,1,pp", "MP", "GXY of material 1: it is not isotropic"),
         ("wobb,1", "WOBB", "not known"),
         (
@@ -499,16 +499,16 @@ def test_a_script_that_builds_its_mesh_is_refused_for_that(script, says, tmp_pat
     [
         (lambda text: text[: text.index("et,1,185") - 200], "the block of line 8 ends without -1; the file is truncated"),
         (lambda text: text[: text.index("eblock")], "its NBLOCK or EBLOCK is empty or damaged"),
-        (lambda text: text.replace("(1i9,3e20.9e3)", "(3f20.5)"), "line 9: a format like .* is due after NBLOCK"),
+        (lambda text: text.replace("(1i9,3e20.9e3)", "(3f20.5)"), "line 9: a format like .* is expected after NBLOCK"),
         (lambda text: text.replace("(1i9,3e20.9e3)", "(1i9,2e20.9e3)"), "three coordinates"),
-        (lambda text: text.replace("(19i9)", "(99i999)"), "the format .* is none of a block"),
-        (lambda text: text.replace(f"{8:9d}{0:9d}{1:9d}", f"{80:9d}{0:9d}{1:9d}"), "fewer nodes than it counts"),
-        (lambda text: text.replace(f"{101:9d} ", "     1x1 "), "line 10: NBLOCK holds .*where numbers are due"),
+        (lambda text: text.replace("(19i9)", "(99i999)"), "the format .* is not a format of a block"),
+        (lambda text: text.replace(f"{8:9d}{0:9d}{1:9d}", f"{80:9d}{0:9d}{1:9d}"), "fewer nodes than it states"),
+        (lambda text: text.replace(f"{101:9d} ", "     1x1 "), "line 10: NBLOCK holds .*where numbers are expected"),
         (
             lambda text: text.replace("CMBLOCK,PLATE_BASE,NODE,        8", "CMBLOCK,PLATE_BASE,NODE,999999999"),
             "the file ends before",
         ),
-        (lambda text: text.replace("keyo,cid,12,5", "keyo,cid,12,who"), "KEYOPT: 'who' where a number is due"),
+        (lambda text: text.replace("keyo,cid,12,5", "keyo,cid,12,who"), "KEYOPT: 'who' where a number is expected"),
     ],
 )
 def test_damaged_input_files_are_refused_with_one_message(tmp_path, change, says):

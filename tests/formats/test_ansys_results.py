@@ -68,7 +68,7 @@ def test_the_model_of_a_results_file_is_read(monkeypatch, file):
     assert model.numbers[model.groups["ROOT"].nodes].tolist() == [11, 12, 13, 14] and "ALL" in model.groups
     assert Support.of_file(group="D xyz", fix=("x", "y", "z")) in model.supports
     assert not [one for one in model.findings if one.changes]
-    assert "does not tell equations, couplings" in model.facts[-1]
+    assert "has no equations, couplings" in model.facts[-1]
 
 
 def test_what_of_it_changes_the_answer_is_found(monkeypatch, file):

@@ -63,7 +63,7 @@ VTK = "# vtk DataFile Version 4.2\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\n"
         ("abaqus", CUBE + f"*NSET, NSET=N, GENERATE\n1, 1e300, 1\n*BOUNDARY\nN, 1, {HUGE}\n", ""),
         ("abaqus", f'*NODE, NSET={"," * 200_000}"\n1,0,0,0\n', ""),
         ("ansys", f"NBLOCK,6,SOLID,1,{HUGE}\n(3i9,6e21.13e3)\n        1\nEBLOCK,19,SOLID,1,1\n(19i9)\n", "more than a file of"),
-        ("nastran", "GRID,1,,0.,0.,0.\nCTETRA,1,1,1,1,1,1\nSPC1,5,123,1,THRU,999999999999\n", "1 THRU 999999999999 asks"),
+        ("nastran", "GRID,1,,0.,0.,0.\nCTETRA,1,1,1,1,1,1\nSPC1,5,123,1,THRU,999999999999\n", "1 THRU 999999999999 requests"),
         ("nastran", f"GRID,1,,0.,0.,0.\nSPC1    5       123     1       THRU    {10**8 - 1}\n", "end the range at the last"),
         ("nastran", "\n" * 100_000, "empty"),
         ("unv", f"    -1\n  2412\n         1       115         1         1         7{HUGE}\n         1\n    -1\n", ""),
@@ -71,9 +71,9 @@ VTK = "# vtk DataFile Version 4.2\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\n"
         ("vtk", VTK + f"POINTS 1 double\n0 0 0\nCELLS 1 2\n1 0\nCELL_TYPES {HUGE}\n1\n", ""),
         ("vtk", (CASES / "vtk-cells_of_90_gigabytes").read_bytes(), "more memory than a file"),
         ("vtu", '<?xml version="1.0"?><VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece NumberOfPoints="9', ""),
-        ("mtx", f"%%MatrixMarket matrix coordinate real general\n{HUGE} {HUGE} 1\n1 1 1\n", "asks for"),
+        ("mtx", f"%%MatrixMarket matrix coordinate real general\n{HUGE} {HUGE} 1\n1 1 1\n", "header states"),
         ("mtx", "1e300,1, 1,1, 1.0\n", "whole numbers"),
-        ("calculix", "1e300 1 2.0\n", "asks for"),
+        ("calculix", "1e300 1 2.0\n", "header states"),
         ("dmig", f"DMIG,K,0,6,2,0\nDMIG*,K,{HUGE},1\n*,{HUGE},1,1.0\n", ""),
         ("harwell_boeing", f"t\n1 1 {HUGE} 1 0\nRUA {HUGE:>20} {HUGE} {HUGE}\n(1I8) (1I8) (1E20.12)\n", ""),
         ("pairs", "x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n1e300,1,2,3,4,5,0.3,1,0,1,1\n", "is not a DOF number"),
@@ -121,7 +121,7 @@ def test_an_element_that_lacks_a_node_does_not_take_one_of_the_next(tmp_path, ki
     lines, n = inp(plain(kind)).splitlines(), int(kind[3:])
     last = next(i for i, line in enumerate(lines) if line.startswith("*Element")) + n_lines
     lines[last] = lines[last].rpartition(",")[0]
-    assert f"element 1 has {n - 1} nodes, and {n} are due" in read(tmp_path, "abaqus", "\n".join(lines))
+    assert f"element 1 has {n - 1} nodes, and {n} are expected" in read(tmp_path, "abaqus", "\n".join(lines))
 
 
 @pytest.mark.parametrize(

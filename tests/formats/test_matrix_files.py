@@ -72,7 +72,7 @@ def test_what_rounding_left_of_symmetry_is_evened_out(tmp_path):
         (
             100.0 * np.tril(K) + K,
             " is not symmetric: entries (0, 1) and (1, 0), counted from 0, are -1 and -101; both triangles are "
-            "needed, or a Matrix Market file that says 'symmetric' in its first line",
+            "needed, or a Matrix Market file with 'symmetric' in its first line",
         ),
         (np.array([["a"]]), " holds no numbers"),
     ],

@@ -92,7 +92,7 @@ def test_a_superelement_of_ansys_has_rows_of_modes_and_may_be_a_triangle(tmp_pat
         (21, 186, "is of the kind"),
         (31, 186, "does not fit"),
         (12, 1, "a form that is not"),
-        (1, 8, "holds 9 numbers where 8 are due"),
+        (1, 8, "holds 9 numbers where 8 are expected"),
     ],
 )
 def test_a_superelement_of_another_form_is_refused(tmp_path, place, value, said):
@@ -177,7 +177,7 @@ def test_abaqus_beam_has_the_stiffness_and_mass_of_theory():
     condensed = A[np.ix_(rest, rest)] - A[np.ix_(rest, own)] @ np.linalg.solve(A[np.ix_(own, own)], A[np.ix_(own, rest)])
     at = rest.index(row["node 1 x"])
     assert condensed[at, at] == pytest.approx(100e6 * 0.25 / L, rel=1e-12)  # without the middle node
-    assert "2 DOFs belong to nodes that Abaqus made for itself" in K.notes[0]
+    assert "2 DOFs belong to internal nodes of Abaqus" in K.notes[0]
     along_y = ((M.dofs.nodes > 0) & (M.dofs.directions == 2)).astype(float)
     assert along_y @ M.matrix @ along_y == pytest.approx(100.0 * 0.25 * 3.0, rel=1e-12)
 
@@ -215,24 +215,24 @@ HUGE = "999999999999"
 @pytest.mark.parametrize(
     "name, content, said",
     [
-        ("K.mtx", f"%%MatrixMarket matrix coordinate real general\n{HUGE} {HUGE} 1\n1 1 1.0\n", "asks for 999999999999 rows"),
+        ("K.mtx", f"%%MatrixMarket matrix coordinate real general\n{HUGE} {HUGE} 1\n1 1 1.0\n", "states 999999999999 rows"),
         (
             "K.mtx",
             "%%MatrixMarket matrix coordinate real general\n2 2 900\n1 1 1.0\n",
-            "truncated: its header asks for 900 entries",
+            "truncated: its header states 900 entries",
         ),
         ("K.mtx", f"%%MatrixMarket matrix coordinate real general\n2 2 {HUGE}000\n1 1 1.0\n", "not enough memory"),
         (
             "K.mtx",
             "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n2 2 1.0 3.0\n",
-            "asks for 6 numbers, and it has 7",
+            "states 6 numbers, and it has 7",
         ),
         ("K.mtx", "%%MatrixMarket matrix array real general\n% nothing\n\n", "ends before the line of its size"),
         ("K.mtx", "1,1,1,1\n", "is not a Matrix Market file"),
         ("K.mtx", "1,9,1,9,4.0\n", "degree of freedom 9"),
         ("K.mtx", "1,1,1,1,nan\n", "not a finite number"),
         ("K.sti", "1 1 2.0\n0 1 3.0\n", "rows and columns must be whole numbers from 1"),
-        ("K.sti", f"{HUGE} 1 2.0\n", "asks for 999999999999 rows"),
+        ("K.sti", f"{HUGE} 1 2.0\n", "states 999999999999 rows"),
         ("K.petsc", "nothing", "is not a matrix of PETSc"),
         ("K.pch", "GRID,1\n", "holds no DMIG entries"),
         ("K.pch", "DMIG,K,0,6,1,0\nDMIG,K,1,1,,1,1,abc\n", "must be a float"),
@@ -297,7 +297,7 @@ def test_an_archive_that_claims_more_than_it_has(tmp_path):
         archive.writestr(
             "K.npy", np.lib.format.magic(1, 0) + header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (90000, 90000), }")
         )
-    with pytest.raises(CaseError, match="K.npy is truncated: its header asks for an array of shape"):
+    with pytest.raises(CaseError, match="K.npy is truncated: its header states an array of shape"):
         read(path)
 
 

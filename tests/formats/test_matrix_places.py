@@ -114,7 +114,7 @@ def test_nodes_without_rows_and_rows_without_nodes(tmp_path):
     with pytest.raises(CaseError, match="nobody tells which rows belong to which nodes; state \\[model\\] dofs"):
         structure(path)
     change(path, "nodes = ", 'dofs = "dofs.csv"\nnodes = ')
-    with pytest.raises(CaseError, match="nodes.csv, line 3: node 5 stands there twice"):
+    with pytest.raises(CaseError, match="nodes.csv, line 3: node 5 appears twice"):
         structure(path)
 
 

@@ -287,7 +287,7 @@ def test_defaults_of_grid_points_hold_them_and_a_set_that_is_not_asked_for_is_sa
     found = read_model(written(tmp_path, text=text))
     held = {axis: set().union(*(found.groups[s.group].nodes for s in found.supports if axis in s.fix)) for axis in "xy"}
     assert held == {"x": set(model.sets["PLATE_BASE"]), "y": set(range(len(model.points)))}
-    assert ["names no set; the only one there is, 1" in one.effect for one in found.findings if one.word == "SPC"] == [True]
+    assert ["names no set; the only set, 1" in one.effect for one in found.findings if one.word == "SPC"] == [True]
 
 
 def test_a_mean_of_equal_weights_is_taken_over_as_such(tmp_path):
@@ -341,7 +341,7 @@ def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, card, s
         (lambda text: text.replace("SPC1,1,123,", "SPC1,1,123,88888,"), "SPC1 names grid point 88888"),
         (lambda text: text + "INCLUDE '../other.bdf'\n", "it includes '../other.bdf', which lies outside of"),
         (lambda text: text + "INCLUDE 'none.bdf'\n", "it includes 'none.bdf', and there is no such file"),
-        (lambda text: text + "INCLUDE 'model.bdf'\n", "it includes 'model.bdf', which includes this file again"),
+        (lambda text: text + "INCLUDE 'model.bdf'\n", "it includes 'model.bdf', which includes this file"),
         (lambda text: "", "the file is empty"),
         (lambda text: "\x00\x01" * 500, "holds no grid points and elements"),
     ],

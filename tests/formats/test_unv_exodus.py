@@ -87,7 +87,7 @@ def test_empty_blocks_and_sets_of_an_exodus_file_hide_no_others(tmp_path):
             lambda text: text.replace("       102         1         1        11", "       101         1         1        11"),
             "number 101 is given",
         ),
-        (lambda text: text.replace("D-02", "X-02", 1), "where numbers are due"),
+        (lambda text: text.replace("D-02", "X-02", 1), "where numbers are expected"),
         (
             lambda text: text.replace("         1       115         1         1         7         8", "         1       115"),
             "six numbers",
@@ -129,7 +129,7 @@ def test_exodus_files_that_refer_to_others_or_are_damaged_are_refused(tmp_path):
     with pytest.raises(CaseError, match="model.e: "):
         read_model(path)
     path.write_bytes(b"something else")
-    with pytest.raises(CaseError, match="no NetCDF file"):
+    with pytest.raises(CaseError, match="not a NetCDF file"):
         read_model(path)
 
 

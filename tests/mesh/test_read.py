@@ -223,7 +223,7 @@ BAD = {
     "not a mesh": ("<html>404</html>", r"not a Gmsh file"),
     "version": (MSH.replace("4.1 0 8", "4 0 8"), r"Gmsh format 4 is not read, only 2.2 and 4.1"),
     "NaN": (MSH.replace("0 1 0\n0 0 1\n1", "0 nan 0\n0 0 1\n1"), r"1 of 6 nodes .* first is node 33 at \(0, nan, 0\)"),
-    "word for a number": (MSH.replace("9 9 9", "9 oops 9"), r"'oops' where a number is due"),
+    "word for a number": (MSH.replace("9 9 9", "9 oops 9"), r"'oops' where a number is expected"),
     "missing node": (MSH.replace("8 11 22 33 44", "8 11 22 33 66"), "element 8 names node 66, which the file does not hold"),
     "double node": (MSH.replace("\n77\n11", "\n55\n11"), r"node number 55 more than once"),
     "too few numbers": (MSH.replace("3 2 4 1\n", "3 2 4 2\n"), r"announces more than it holds"),

@@ -1,1 +1,1 @@
-"""Files of other programs: what they hold, in one common form, before a scene says what is used of it."""
+"""Readers of other programs' model files; each returns a ``FileModel``, and the scene selects from it."""

@@ -1,4 +1,4 @@
-"""Reading with a limit: a file gets no more memory than one of its size can need, whatever its counts say."""
+"""A memory limit while a file is read, set by the size of the file and not by the counts in it."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from contextlib import contextmanager, suppress
 from ..messages.errors import MeshError
 
 _FREE = 2**30  # bytes for any file
-_GAIN = 200  # bytes for each byte of a file: the cards of bulk data are objects of Python
+_GAIN = 200  # bytes for each byte of a file: each card of bulk data becomes a Python object
 
 
 @contextmanager
 def bounded_memory(path: str) -> Iterator[None]:
-    """Limit the memory that a block may take for reading a file.  Local.
+    """Limit the memory that the block may allocate while it reads a file.  Local.
 
-    Libraries allocate what a count in a file asks for, and fill it afterwards.  Where the system has no such limit there is none.
+    Libraries allocate by the counts in a file before they read the data.  No limit where the system does not offer one.
 
     Raises
     ------
-    MeshError without the file's name : it asks for more
+    MeshError without the file's name : reading needs more memory
     """
     n_bytes = os.path.getsize(path)
     try:
         with _address_space(_FREE + _GAIN * n_bytes):
             yield
     except MemoryError:
-        raise MeshError(f"it asks for more memory than a file of {n_bytes} bytes can stand for; it is damaged") from None
+        raise MeshError(f"it requests more memory than a file of {n_bytes} bytes can need; it is damaged") from None
 
 
 @contextmanager
 def _address_space(more: int) -> Iterator[None]:
-    """Limit what this process may map to what it has mapped and ``more`` bytes."""
+    """Limit the address space of this process to its present size plus ``more`` bytes."""
     try:
         import resource
 

@@ -1,4 +1,4 @@
-"""Tables of numbers from CSV files: a header that names columns, then a line of numbers for each entry.  Local."""
+"""Tables of numbers from CSV files: a header with the names of the columns, then one line of numbers per entry.  Local."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ..system.files import refuse_devices
 def read_table(
     path: Path, needed: Sequence[str], optional: Sequence[str] = (), what: str = "entry"
 ) -> tuple[dict[str, np.ndarray], list[int]]:
-    """Return the columns of a file by name, (n,) each, and the line of each entry.
+    """Return the columns of a file by name, (n,) each, and the line number of each entry.
 
-    The first line names the columns, in any order and case; empty lines and lines that begin with # count for nothing.
+    The first line names the columns, in any order and case; empty lines and lines that begin with # are ignored.
 
     Raises
     ------
-    CaseError : names the line at fault
+    CaseError : with the number of the faulty line
     """
     numbered = numbered_rows(path)
     columns = " and may name ".join(",".join(names) for names in (needed, optional) if names)
@@ -39,11 +39,11 @@ def read_table(
 
 
 def numbered_rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Return the lines that say something, with their numbers from 1.
+    """Return the cells of all lines but empty lines and comments, with the line numbers from 1.
 
     Raises
     ------
-    CaseError : the file is not there, or no text of comma-separated values
+    CaseError : the file does not exist or is not a text file of comma-separated values
     """
     refuse_devices(path)
     try:
@@ -60,7 +60,7 @@ def numbered_rows(path: Path) -> list[tuple[int, list[str]]]:
 def _check_header(header: list[str], needed: Sequence[str], optional: Sequence[str], says: str) -> None:
     known = [*needed, *optional]
     faults = [f"{name} is missing" for name in needed if name not in header]
-    faults += [f"{name} stands there twice" for name in known if header.count(name) > 1]
+    faults += [f"{name} appears twice" for name in known if header.count(name) > 1]
     for name in header:
         if name not in known:
             faults.append(f'"{name[:20]}" is unknown' + hint(name, known).replace(";", ",", 1))

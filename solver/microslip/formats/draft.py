@@ -1,4 +1,4 @@
-"""The structure that a file states, while its reader puts it together: what the readers of all programs do alike."""
+"""The structure of a file while its reader assembles it: operations that the readers of all programs share."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from ..tables.structure import Mass, Point, Spring, Support
 from ..tables.table import Vector
 from .model import KINDS, Cells, Equations, Finding, Group, held_alike, index_of
 
-NAMES = ("x", "y", "z", "rx", "ry", "rz")  # of the directions of a node with rotations
-Term = tuple[int, int, float]  # position of a node, axis 0 to 2, of a point also 3 to 5, coefficient
+NAMES = ("x", "y", "z", "rx", "ry", "rz")  # directions of a node with rotations
+Term = tuple[int, int, float]  # position of a node; axis 0 to 2, for a point 0 to 5; coefficient
 
 
 def vector(values: Iterable[float]) -> Vector:
-    """Return three numbers as tables hold them.  Local."""
+    """Return three numbers as a tuple, the form of vectors in scene tables.  Local."""
     x, y, z = map(float, values)
     return x, y, z
 
 
 @dataclass(eq=False)
 class Findings:
-    """What a reader does not take over; like entries count once, with the place of the first."""
+    """Entries of a file that its reader does not take over; equal findings appear once, with the place of the first."""
 
-    _places: dict[Finding, list[str]] = field(default_factory=dict)  # of each finding, which itself has none
+    _places: dict[Finding, list[str]] = field(default_factory=dict)  # the places of each finding, stored without its place
 
     def add(self, word: str, where: str, effect: str, changes: bool = True, part: str = "") -> None:
         self.take(Finding(word=word, where=where, effect=effect, changes=changes, part=part))
@@ -55,13 +55,13 @@ class Terms:
     points: list[str] = field(default_factory=list)
 
     def point(self, name: str) -> int:
-        """Return what stands for the node in terms of a connected point."""
+        """Return the index that represents a connected point in terms, in place of a node."""
         if name not in self.points:
             self.points.append(name)
         return -1 - self.points.index(name)
 
     def add(self, terms: Iterable[Term], where: str, is_support: bool = False) -> None:
-        """Add an equation; what has no coefficient is left out."""
+        """Add an equation without its terms of coefficient 0."""
         terms = [term for term in terms if term[2] != 0.0]
         if terms:
             self.equation += [len(self.where)] * len(terms)
@@ -80,7 +80,7 @@ class Terms:
             self.add([(follows, axis, 1.0), (leads, axis, -1.0)], where)
 
     def equations(self) -> Equations | None:
-        """Return the equations; None without any."""
+        """Return the equations, or None if there are none."""
         if not self.where:
             return None
         nodes, axes, coefficients = zip(*self.terms, strict=True)
@@ -97,11 +97,11 @@ class Terms:
 
 @dataclass(eq=False)
 class Draft:
-    """A structure by the nodes of its file; nodes are meant by their positions."""
+    """A structure in the numbering of its file; nodes are referred to by their positions in ``numbers``."""
 
-    numbers: np.ndarray  # (n,) of the file
+    numbers: np.ndarray  # (n,) node numbers of the file
     points: np.ndarray  # (n, 3)
-    node: str = "node"  # what the file's program calls a node, for messages
+    node: str = "node"  # the word for a node in the file's program, for messages
     groups: dict[str, Group] = field(default_factory=dict)
     findings: Findings = field(default_factory=Findings)
     terms: Terms = field(default_factory=Terms)
@@ -109,10 +109,10 @@ class Draft:
     leaders: dict[int, Point] = field(default_factory=dict)  # by the node that leads others
     masses: list[Mass] = field(default_factory=list)
     springs: list[Spring] = field(default_factory=list)
-    of_solids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n,) whether a solid element has a node
+    of_solids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n,) whether a node is part of a solid
 
     def axes(self, node: int) -> np.ndarray | None:
-        """Return the axes of a node's displacements, (3, 3) rows; None for those of the model."""
+        """Return the axes of a node's displacements, (3, 3) rows; None for the axes of the model."""
         return None
 
     def find(self, numbers: Iterable[int], where: str) -> np.ndarray:
@@ -120,7 +120,7 @@ class Draft:
 
         Raises
         ------
-        MeshError : a number that is not there
+        MeshError : the file has no node of a number
         """
         wanted = np.array([number for number in numbers if number], dtype=np.int64)
         index, missing = index_of(self.numbers, wanted)
@@ -129,7 +129,7 @@ class Draft:
         return index
 
     def mark_solids(self, cells: Iterable[Cells]) -> None:
-        """Set which nodes solids have."""
+        """Mark the nodes that belong to solid elements."""
         self.of_solids = np.zeros(len(self.numbers), dtype=bool)
         for block in cells:
             self.of_solids[block.nodes] |= KINDS[block.kind][0] == 3
@@ -140,7 +140,7 @@ class Draft:
         return name
 
     def lead(self, name: str, node: int, nodes: np.ndarray, connection: str = "rigid") -> None:
-        """Make a point of a node that others follow; in a rigid body it follows itself where it is of a solid."""
+        """Create a point at a node that other nodes follow; in a rigid body a node of a solid also follows its own point."""
         nodes = np.setdiff1d(nodes, [node])
         if connection == "rigid" and self.of_solids[node]:
             nodes = np.union1d(nodes, [node])
@@ -148,7 +148,7 @@ class Draft:
         self.leaders[node] = Point.of_file(name=name, position=position, group=self.group(name, nodes), connection=connection)
 
     def chain(self, word: str) -> None:
-        """Let leading nodes follow those whose rigid bodies ``word`` they are part of, by equations between their points."""
+        """Couple a leading node that belongs to another rigid body ``word`` to that body, by equations between their points."""
         for node, point in self.leaders.items():
             nodes = self.groups[point.group].nodes
             followers = [n for n in nodes.tolist() if n in self.leaders and n != node and not self.of_solids[n]]
@@ -166,7 +166,7 @@ class Draft:
                 self.terms.follow_rigidly(self.leaders[other].name, point.name, arm, f"{point.name}, which leads another")
 
     def add_mass(self, word: str, where: str, node: int, mass: float, inertia: Sequence[float]) -> None:
-        """Add a mass to the point that a node leads, with its inertia (xx, yy, zz, xy, yz, zx); otherwise to the node alone."""
+        """Add a mass to the point of a leading node, with its inertia (xx, yy, zz, xy, yz, zx); otherwise to the node alone."""
         point = self.leaders.get(node)
         if point is None:
             if any(inertia):
@@ -178,9 +178,9 @@ class Draft:
         self.leaders[node] = point.with_keys(mass=point.mass + mass, inertia=total if any(total) else None)
 
     def hold(self, word: str, held: np.ndarray) -> None:
-        """Take what is held, (n, 6) bool, in the axes of the nodes, as the command or card ``word`` states it.
+        """Add the supports of the command or card ``word``: held degrees of freedom (n, 6) bool, in the axes of the nodes.
 
-        Leading nodes are held as points; supports in turned axes are equations; others are by groups "D x", "D xy", ...
+        Leading nodes are supported as points; supports in turned axes become equations; others become groups "D x", "D xy", ...
         """
         for node in [node for node in self.leaders if held[node].any()]:
             parts = held[node, :3], held[node, 3:]
@@ -204,11 +204,11 @@ class Draft:
             self.supports.append(Support.of_file(group=self.group(f"{word} {''.join(fix)}", nodes), fix=fix))
 
     def is_point(self, node: int) -> bool:
-        """Return whether a node leads others and belongs to no solid."""
+        """Return whether a node leads other nodes and belongs to no solid."""
         return node in self.leaders and not bool(self.of_solids[node])
 
     def add_equation(self, word: str, where: str, terms: list[Term]) -> None:
-        """Add an equation in the axes of the nodes; those that lead and belong to no solid are points, which turn, too."""
+        """Add an equation in the axes of the nodes; leading nodes outside solids are points, which also have rotations."""
         made: list[Term] = []
         for node, axis, value in terms:
             axes, (turns, along), is_point = self.axes(node), divmod(axis, 3), self.is_point(node)
@@ -223,7 +223,7 @@ class Draft:
 
 
 def grounded(point: Point, component: int, stiffness: float) -> Point:
-    """Return a point with a spring to ground along component 1 to 3, or about 4 to 6.  Local."""
+    """Return a point with a spring to ground along axis 1 to 3, or about it (component 4 to 6).  Local."""
     key = "stiffness" if component <= 3 else "rotational_stiffness"
     values = list(getattr(point, key) or (0.0, 0.0, 0.0))
     values[(component - 1) % 3] += stiffness
@@ -231,11 +231,11 @@ def grounded(point: Point, component: int, stiffness: float) -> Point:
 
 
 def cells_of(kind: str, cells: np.ndarray, nodes: np.ndarray, numbers: np.ndarray, node: str = "node") -> Cells:
-    """Return elements as cells, from the numbers of their nodes (n, n_nodes) among those of the file.  Local.
+    """Return elements as cells, from their node numbers (n, n_nodes) and all node numbers of the file.  Local.
 
     Raises
     ------
-    MeshError : a node that is not there
+    MeshError : the file does not have a node of an element
     """
     index, missing = index_of(numbers, nodes)
     if len(missing):
@@ -245,7 +245,7 @@ def cells_of(kind: str, cells: np.ndarray, nodes: np.ndarray, numbers: np.ndarra
 
 
 def face_of(kind: str, corners: Iterable[int]) -> tuple[str, np.ndarray] | None:
-    """Return kind and local nodes of the face of a solid with these corners; None for what is no solid here.  Local."""
+    """Return kind and local nodes of the face of a solid with these corners; None if ``kind`` is not a solid here.  Local."""
     for face, nodes in elements.KINDS[kind].faces if kind in elements.KINDS else ():
         if set(nodes[: 3 if face.startswith("tri") else 4].tolist()) == set(corners):
             return face, nodes

@@ -35,7 +35,7 @@ _KINDS = {
     ("SHE", 4): "quad4",
     ("SHE", 8): "quad8",
 }
-# Exodus writes the mid-sides of vertical edges before those of the top
+# Exodus writes the mid-side nodes of vertical edges before the mid-side nodes of the top
 _ORDER = {"hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15], "wedge15": [*range(9), 12, 13, 14, 9, 10, 11]}
 # sides 1, 2, ... by their corners
 _SIDES = {
@@ -49,18 +49,18 @@ _PARTS = (FileModel, Cells, Group, Finding)
 
 
 def read_exodus(path: str) -> FileModel:
-    """Read an Exodus file, of classic NetCDF or of HDF5.  Local.
+    """Read an Exodus file, in classic NetCDF or in HDF5.  Local.
 
-    Groups are the element blocks, node sets and side sets by their names, or "block 1", "node set 1", "side set 1".
+    Groups are the element blocks, node sets and side sets; without a name they are "block 1", "node set 1", "side set 1".
 
     Raises
     ------
-    MeshError without the file's name: damaged, no Exodus file, or HDF5 that refers to other files
+    MeshError without the file's name: the file is damaged, not an Exodus file, or refers to other files through HDF5
     """
     with open(path, "rb") as file:
         head = file.read(8)
     if head[:3] != b"CDF" and head != _HDF5:
-        raise MeshError("it is no NetCDF file, classic or of HDF5; Exodus files are")
+        raise MeshError("it is not a NetCDF file (classic or HDF5), as Exodus files are")
     try:
         return _read(path) if head != _HDF5 else read_file(path, _read, path, gain=MOST_GAIN, returns=_PARTS)
     except SandboxError as problem:
@@ -72,7 +72,7 @@ def _read(path: str) -> FileModel:
         variable = _opened(path, stack)
         try:
             return _model(variable)
-        except (RuntimeError, KeyError, TypeError, AttributeError) as problem:  # of the libraries, where a file is damaged
+        except (RuntimeError, KeyError, TypeError, AttributeError) as problem:  # from the libraries, for damaged files
             raise MeshError(f"it is truncated or damaged ({' '.join(str(problem).split())[:200]})") from None
 
 
@@ -86,7 +86,7 @@ def _model(variable: Callable[[str], Any]) -> FileModel:
 
 
 def _opened(path: str, stack: ExitStack) -> Callable[[str], Any]:
-    """Return what gives a variable by its name, None where there is none, with its attributes."""
+    """Return a function from a name to the variable with its attributes, or to None if the file has no such variable."""
     with open(path, "rb") as file:
         head = file.read(8)
     if head != _HDF5:
@@ -94,7 +94,7 @@ def _opened(path: str, stack: ExitStack) -> Callable[[str], Any]:
             file = stack.enter_context(_Bounded(io.FileIO(path)))
             netcdf = stack.enter_context(scipy.io.netcdf_file(file, mmap=False))
         except (TypeError, ValueError, OSError, KeyError, AssertionError, AttributeError) as problem:
-            raise MeshError(f"it is truncated, damaged or no NetCDF file ({problem})") from None
+            raise MeshError(f"it is truncated, damaged or not a NetCDF file ({problem})") from None
         return lambda name: netcdf.variables.get(name)
     try:
         hdf = stack.enter_context(h5py.File(path, "r"))
@@ -105,7 +105,7 @@ def _opened(path: str, stack: ExitStack) -> Callable[[str], Any]:
 
 
 class _Bounded(io.BufferedReader):
-    """A file that gives no more bytes than it has: counts of classic NetCDF are read before anything checks them."""
+    """A file that refuses to read beyond its end, because the reader of classic NetCDF does not check counts."""
 
     def read(self, n: int | None = -1, /) -> bytes:
         n_left = os.fstat(self.fileno()).st_size - self.tell()
@@ -115,12 +115,12 @@ class _Bounded(io.BufferedReader):
 
 
 def _dataset(hdf: h5py.File, name: str, storage: Storage) -> Any:
-    """Return a data set of the file itself; MeshError where it lies elsewhere or is too large."""
+    """Return a data set of the file itself; MeshError if it lies in another file or is too large."""
     if hdf.get(name, getlink=True) is None:
         return None
     fault = storage.link_fault(hdf, name)
     if fault is None and not isinstance(hdf[name], h5py.Dataset):
-        fault = f"{name} is a group where numbers are due"
+        fault = f"{name} is a group where numbers are expected"
     if fault is not None:
         raise MeshError(f"{fault}; the file is damaged or refers to others")
     return hdf[name]
@@ -155,14 +155,14 @@ def _numbers(variable: Any, n: int) -> np.ndarray:
 
 
 def _names(variable: Any, n: int, kind: str) -> list[str]:
-    """Return the names of blocks or sets, by their places where they have none."""
+    """Return the names of blocks or sets; the name of an unnamed one is its position."""
     rows = _array(variable) if variable is not None else np.zeros((0, 1), dtype="S1")
     texts = [b"".join(bytes(letter) for letter in row).split(b"\x00")[0].decode(errors="replace").strip() for row in rows]
     return [texts[i] if i < len(texts) and texts[i] else f"{kind} {i + 1}" for i in range(n)]
 
 
 def _counted(variable: Callable[[str], Any], stem: str, identities: str) -> list[Any]:
-    """Return the variables stem1, stem2, ..., None for those that are empty and left out, as many as there are identities."""
+    """Return the variables stem1, stem2, ..., one per identity; None for empty ones, which the file leaves out."""
     known = variable(identities)
     variables: list[Any] = []
     while len(variables) < (0 if known is None else known.shape[0]) or variable(f"{stem}{len(variables) + 1}") is not None:
@@ -186,7 +186,7 @@ def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Grou
         nodes = _array(block).astype(np.int64) - 1
         cells.append(Cells(kind, nodes[:, _ORDER[kind]] if kind in _ORDER else nodes, elements_[first : first + n]))
         if kind not in KINDS:
-            effect = f"{n} elements of a kind that is no solid here"
+            effect = f"{n} elements of a kind that is not a solid here"
             findings.append(Finding(word=word or "elements", where=f"block {name!r}", effect=effect, changes=True))
         groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(n))
         first += n
@@ -203,7 +203,7 @@ def _node_sets(variable: Callable[[str], Any], groups: dict[str, Group], n_point
 
 
 def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[str, Group]) -> None:
-    """Add the sides of side sets as cells of their own."""
+    """Add the sides of side sets as separate cells."""
     sets, sides = _counted(variable, "elem_ss", "ss_prop1"), _counted(variable, "side_ss", "ss_prop1")
     start = np.cumsum([0] + [len(cell_block.nodes) for cell_block in cells])
     n_blocks = len(cells)
@@ -225,7 +225,7 @@ def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[
 
 
 def _side(block: Cells, number: int, rows: np.ndarray, name: str) -> Cells | None:
-    """Return side ``number`` of some elements as cells; None of what is no solid here."""
+    """Return side ``number`` of some elements as cells; None if the elements are not solids here."""
     family = block.kind.rstrip("0123456789")
     if family not in _SIDES:
         return None

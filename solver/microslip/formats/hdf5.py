@@ -1,4 +1,4 @@
-"""How much of an HDF5 file may be believed: the storage of its data sets against the size of the file.  Local; needs h5py."""
+"""Checks of an HDF5 file before it is read: the storage of its data sets against the file size.  Local; needs h5py."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from typing import Any
 
 from ..system.memory import gigabytes, memory_left_here
 
-MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1
-_COPIES = 2  # of all values, that are in memory while they are read and checked
-_OF_ANY_FILE = 2**24  # bytes that a data set may have without a value in the file: all of them are its fill value
+MOST_GAIN = 2000  # gzip compresses by at most about 1030 to 1
+_COPIES = 2  # copies of all values in memory while they are read and checked
+_OF_ANY_FILE = 2**24  # bytes allowed to a data set without stored values, all equal to its fill value
 _OWN_FILTERS = range(1, 7)  # deflate, shuffle, fletcher32, szip, nbit, scaleoffset
 
 
 class Storage:
-    """What the data sets of one file have taken of it so far."""
+    """Bytes of one file that its data sets have used so far."""
 
     def __init__(self, n_bytes: int):
-        self.n_bytes = n_bytes  # of the file
+        self.n_bytes = n_bytes  # size of the file
         self.names: dict[int, str] = {}  # by the address of the data set
         self.taken = 0
         self.claimed = 0  # bytes of all values together
 
     def link_fault(self, group: Any, name: str) -> str | None:
-        """Return what is wrong with an item of a group before anything of it is read, its storage included.  Local.
+        """Return the fault of an item of a group, checked before any of its data are read; None without a fault.  Local.
 
-        What is wrong: it is a link to another place, its numbers lie in another file, or a fault of its storage.
+        Faults: the item is a link, its numbers lie in another file, or a fault of its storage (``fault``).
         """
         import h5py
 
@@ -40,17 +40,16 @@ class Storage:
         return self.fault(item, name)
 
     def fault(self, dataset: Any, name: str) -> str | None:
-        """Return what is wrong with a data set before one of its values is read; None where nothing is.  Local.
+        """Return the fault of the storage of a data set, checked before any value is read; None without a fault.  Local.
 
-        What is wrong: it claims more than its stored bytes can stand for, or a chunk that does; data sets that share their
-        bytes, so that together they would have more than the file; filters that HDF5 would load from elsewhere; variable
-        lengths, which lie in heaps whose damage crashes the library.
+        Faults: a data set or chunk larger than its stored bytes can expand to; data sets that share bytes, so that together
+        they exceed the file; filters that HDF5 would load as plugins; variable lengths, whose heaps crash the library if damaged.
         """
         stored, claimed = dataset.id.get_storage_size(), dataset.size or 0
         claimed *= dataset.dtype.itemsize
         foreign = _foreign_filter(dataset)
         if foreign is not None:
-            return f"{name} is packed by a filter, {foreign}, that is no part of HDF5"
+            return f"{name} is packed by a filter, {foreign}, that is not part of HDF5"
         if dataset.dtype.hasobject:
             return f"{name} has values of variable length or references, which are not read"
         if claimed > max(MOST_GAIN * stored, _OF_ANY_FILE):
@@ -61,7 +60,7 @@ class Storage:
         return self._shared(dataset, name, stored)
 
     def _shared(self, dataset: Any, name: str, stored: int) -> str | None:
-        """Return what is wrong where a data set stands there under two names, or all together are larger than the file."""
+        """Return the fault if a data set has two names, or if all data sets together exceed the file."""
         import h5py
 
         address = h5py.h5o.get_info(dataset.id).addr

@@ -1,4 +1,4 @@
-"""Files that a model file includes: which they are, without reading it as a model, and one after the other while it is read."""
+"""Files that a model file includes: a list of them without reading the model, and their order while it is read."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 
 from ..messages.errors import MeshError
 
-_BLOCK, _LONGEST = 2**20, 2**13  # bytes: read at a time, and the longest keyword with its parameters
-_DEEPEST, _MOST_FILES = 50, 10_000  # files within each other, and all together
-_REPEATED, _OF_ANY = 8, 2**24  # times that files may be read, all together, and bytes that they may have whatever their size
-_KEYWORD = rb"^[ \t]*\*(?!\*)(?:[^\n]*,[ \t]*\r?\n){0,20}"  # a comma at the end of its line continues it
+_BLOCK, _LONGEST = 2**20, 2**13  # bytes: per read; longest keyword with its parameters
+_DEEPEST, _MOST_FILES = 50, 10_000  # depth of nested includes; number of files in all
+_REPEATED, _OF_ANY = 8, 2**24  # total bytes read: times the total size, and bytes always allowed
+_KEYWORD = rb"^[ \t]*\*(?!\*)(?:[^\n]*,[ \t]*\r?\n){0,20}"  # a comma at the end of a line continues the keyword
 _ABAQUS = re.compile(
     _KEYWORD + rb'[^\n]*?(?<=[,\n])[ \t]*INPUT[ \t]*=[ \t]*("[^"\n]*"|[^,\r\n]*)(?=[,\r\n])', re.IGNORECASE | re.MULTILINE
 )
@@ -26,7 +26,7 @@ def place(file: str, line: int) -> str:
 
 
 class Includes:
-    """The files of one model while they are read: all in its folder, none within itself, not too often.  Local."""
+    """The files of one model while they are read: all inside its folder, no cycles, a bounded number.  Local."""
 
     def __init__(self, path: str):
         self.path = os.path.realpath(path)
@@ -35,7 +35,7 @@ class Includes:
         self.n_files = self.n_bytes = 0  # read so far
 
     def label(self, path: str) -> str:
-        """Return how messages name a file: as it lies in the folder, "" for the model file itself."""
+        """Return the name of a file in messages: its path in the folder, "" for the model file itself."""
         return "" if path == self.path else os.path.relpath(path, self.folder)
 
     def read(self, path: str) -> bytes:
@@ -55,11 +55,11 @@ class Includes:
         return content
 
     def find(self, name: str, within: tuple[str, ...], where: str) -> str:
-        """Return the path of a file that the last one of ``within`` includes at ``where``, for messages.
+        """Return the path of a file that the last file of ``within`` includes; ``where`` names the place in messages.
 
         Raises
         ------
-        MeshError : it is not there, not in the folder, one of ``within``, or within too many
+        MeshError : the file does not exist, is outside the folder, is one of ``within``, or is nested too deeply
         """
         relative = os.path.realpath(os.path.join(os.path.dirname(within[-1]), name))
         path = relative if os.path.exists(relative) else os.path.realpath(os.path.join(self.folder, name))
@@ -69,7 +69,7 @@ class Includes:
         elif not os.path.isfile(path):
             cause = "and there is no such file"
         elif path in within:
-            cause = "which includes this file again: the files go round in a circle"
+            cause = "which includes this file: the includes form a cycle"
         elif len(within) > _DEEPEST:
             cause = f"and more than {_DEEPEST} files are included within each other"
         if cause:
@@ -78,10 +78,9 @@ class Includes:
 
 
 def included_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
-    """Return the files that a model file includes, and those that these include, each once and in their order.  Local.
+    """Return the files that a model file includes, directly or through others, each once and in order.  Local.
 
-    What is not there, or outside of the file's folder, is left out: the readers refuse it, each in its words.  Of a file that is
-    large only a block at a time is in memory.
+    Missing files and files outside the folder are left out; the readers refuse them.  Files are scanned block by block.
 
     Raises
     ------
@@ -99,7 +98,7 @@ def included_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
 def _follow(
     path: Path, folder: Path, word: bytes, pattern: re.Pattern[bytes], included: dict[Path, None], depth: int = 0
 ) -> None:
-    """Add what a file includes, in depth, unless it is known; the readers refuse what lies deeper than here."""
+    """Add the files that a file includes, recursively and each once; the readers refuse deeper nesting."""
     for name in _names(path, word, pattern):
         tried = [Path(os.path.realpath(place / name)) for place in (path.parent, folder)]
         inner = next((place for place in tried if place.is_file() and place.is_relative_to(folder)), None)
@@ -109,7 +108,7 @@ def _follow(
 
 
 def _names(path: Path, word: bytes, pattern: re.Pattern[bytes]) -> Iterator[str]:
-    """Yield the names of the files that a file includes, some maybe twice."""
+    """Yield the names of the files that a file includes, possibly with repetitions."""
     with open(path, "rb") as file:
         tail = b""
         while block := file.read(_BLOCK):

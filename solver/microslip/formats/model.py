@@ -1,7 +1,7 @@
-"""What a model file holds, before the scene says what is used of it: the common form of all readers.
+"""The content of a model file in the common form of all readers, before the scene selects from it.
 
-A reader takes over what it understands, in the file's own units, and reports everything else as a ``Finding``: what it does
-not understand is never left out in silence.  ``library/complete.py`` makes a scene of it.
+A reader takes over the entries that it understands, in the file's own units, and reports every other entry as a ``Finding``:
+nothing is ignored silently.  ``library/complete.py`` makes a scene from a ``FileModel``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from ..tables.structure import Body, Mass, Material, Orientation, Point, Spring,
 from ..tables.table import Vector
 
 NO_NODES = np.empty(0, dtype=np.int64)
-_MOST_HOLES = 8  # numbers left out for each that is there, for which a table of them all is worth its memory
+_MOST_HOLES = 8  # unused numbers per used one up to which a table of all numbers is made
 
-# Every kind a file may hold, as this program calls it: dimension and number of nodes.
+# Kinds of cells in a file, by this program's names: dimension and number of nodes.
 KINDS = {
     "point": (0, 1),
     "line2": (1, 2),
@@ -47,17 +47,17 @@ KINDS = {
 class Cells:
     """Cells of one kind, nodes in VTK order."""
 
-    kind: str  # a key of KINDS, or the reader's own word for a kind that is not among them
+    kind: str  # a key of KINDS, or the reader's word for another kind
     nodes: np.ndarray  # (n_cells, n_nodes) index into FileModel.points
-    numbers: np.ndarray  # (n_cells,) numbers of the file
+    numbers: np.ndarray  # (n_cells,) element numbers of the file
 
 
 @dataclass
 class Group:
-    """A named set; a node may be named by itself or as a corner of a cell."""
+    """A named set of nodes and cells."""
 
     nodes: np.ndarray = field(default_factory=lambda: NO_NODES)  # named nodes, index into FileModel.points
-    cells: dict[int, np.ndarray] = field(default_factory=dict)  # block of FileModel.cells: its named rows
+    cells: dict[int, np.ndarray] = field(default_factory=dict)  # block of FileModel.cells: rows in the set
 
     def add_nodes(self, nodes: np.ndarray) -> None:
         self.nodes = np.union1d(self.nodes, nodes)
@@ -68,23 +68,23 @@ class Group:
 
 @dataclass(frozen=True)
 class Equations:
-    """Linear equations between displacements, sum of coefficient times displacement = 0; in each one term follows the others."""
+    """Linear equations between displacements, sum of coefficient times displacement = 0; each determines one displacement."""
 
     equation: np.ndarray  # (n_terms,) number of the equation, from 0, rising
     nodes: np.ndarray  # (n_terms,) index into FileModel.points; -1 - i: number i of ``points``
     axes: np.ndarray  # (n_terms,) 0, 1, 2: x, y, z; 3, 4, 5: rotations of points
     coefficients: np.ndarray  # (n_terms,)
     where: tuple[str, ...]  # where each equation stands in the file, for messages: "*EQUATION, line 12"
-    is_support: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_equations,) or none: in turned axes
-    points: tuple[str, ...] = ()  # names of connected points that terms mean
+    is_support: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_equations,) or empty: in turned axes
+    points: tuple[str, ...] = ()  # names of the connected points in terms
 
     @property
     def n_supports(self) -> int:
-        """How many of them are supports in turned axes."""
+        """Number of equations that are supports in turned axes."""
         return int(np.count_nonzero(self.is_support))
 
     def without_supports(self) -> Equations | None:
-        """Return the others; None where there are none."""
+        """Return the equations that are not supports, or None if there are none."""
         if not self.n_supports:
             return self
         equations = np.flatnonzero(~self.is_support)
@@ -98,23 +98,23 @@ class Equations:
 
 @dataclass(frozen=True, kw_only=True)
 class LoadsAtRest:
-    """What acts on the structure before it vibrates, and in the file's program stays."""
+    """Loads that act on the structure before it vibrates and remain constant in the file's program."""
 
-    word: str  # as the user would name it, and leave it out in [model] ignore
+    word: str  # name for the user, also in [model] ignore
     step: int
     table: Statics = Statics.of_file()
-    large: str = ""  # as the user would name large displacements, and leave them out; "": displacements are small
-    axis: Vector = (0.0, 0.0, 0.0)  # of the rotation
+    large: str = ""  # name of the option of large displacements, also in [model] ignore; "": small displacements
+    axis: Vector = (0.0, 0.0, 0.0)  # axis of the rotation
     axis_point: Vector = (0.0, 0.0, 0.0)
 
     @property
     def acts(self) -> bool:
-        """Whether there is any load of a kind that is taken over."""
+        """Whether there is a load of a kind that is taken over."""
         return bool(self.kinds)
 
     @property
     def kinds(self) -> list[str]:
-        """What of each kind there is, in words."""
+        """Return a text for each kind of load that is present."""
         names = ("forces", "pressures", "bolts", "temperatures", "displacements")
         counted = [f"{len(entries)} {name}" for name in names if (entries := getattr(self.table, name))]
         return counted + ["rotation"] * bool(self.table.rotation_speed)
@@ -122,55 +122,55 @@ class LoadsAtRest:
 
 @dataclass(frozen=True, kw_only=True)
 class FileSectors:
-    """The cyclic symmetric sector that a file states, in its own units; None where it does not say."""
+    """The sector of a cyclic structure as its file states it, in the file's units; None for values that the file lacks."""
 
     sectors: int | None = None
     axis: Vector | None = None
     axis_point: Vector | None = None
-    faces: tuple[str, str] | None = None  # groups, the high one in the positive sense about the axis
+    faces: tuple[str, str] | None = None  # groups (low, high); high in the positive sense about the axis
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileStep:
-    """What a step of a file states, in words, and what of it is taken over."""
+    """The conditions that a step of a file states, as text, and those that are taken over."""
 
     number: int  # from 1; 0: the model itself, before the first step
     procedure: str  # "*STATIC", with the name of the step
-    states: Mapping[str, str]  # of "supports", "loads" and "temperatures" those that it states
-    taken: tuple[str, ...] = ()  # the parts that are taken over, of ``states``
+    states: Mapping[str, str]  # text of each of "supports", "loads" and "temperatures" that the step states
+    taken: tuple[str, ...] = ()  # keys of ``states`` that are taken over
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something of the file that is not taken over."""
+    """An entry of the file that is not taken over."""
 
-    word: str  # as the user would name it, and waive it in [model] ignore: "*CONTACT PAIR", "CELAS2", "CONM1"
+    word: str  # name for the user, also in [model] ignore: "*CONTACT PAIR", "CELAS2", "CONM1"
     where: str  # "line 12", "bolts.inc, line 3"
-    effect: str  # what it does, in the file's program: "two surfaces in contact", "output alone"
+    effect: str  # its effect in the file's program: "two surfaces in contact", "output alone"
     changes: bool  # whether leaving it out changes the answer
-    # what of the model it belongs to, "materials", "supports", ...: without effect where that is not taken over; "statics": where
-    # the scene states what acts before the vibration
+    # part of the model: "materials", "supports", ...; the finding has no effect if that part is not taken over; "statics": no
+    # effect if the scene states the loads at rest
     part: str = ""
-    surfaces: tuple[str, ...] = ()  # the groups that it connects: a joint or tie of the scene between them takes its place
-    is_glued: bool = False  # whether the file holds them together as one, as a tie does
+    surfaces: tuple[str, ...] = ()  # groups that the entry connects: a joint or tie of the scene between them replaces it
+    is_glued: bool = False  # whether the entry is a tie of the groups
 
 
 @dataclass(frozen=True)
 class FileModel:
-    """Points, cells and groups of a file in its own units, and what else it says of the structure.  Rank 0 only."""
+    """Points, cells, groups and all other data of the structure in a file, in the file's units.  Rank 0 only."""
 
     points: np.ndarray  # (n_points, 3) length
     numbers: np.ndarray  # (n_points,) node numbers of the file
     cells: tuple[Cells, ...]
     groups: dict[str, Group]
     notes: tuple[str, ...] = ()
-    fields: dict[str, np.ndarray] = field(default_factory=dict)  # (n_points,) each: numbers at the nodes; NaN where it has none
+    fields: dict[str, np.ndarray] = field(default_factory=dict)  # (n_points,) each: values at the nodes, or NaN
     materials: Mapping[str, Material] = field(default_factory=dict)  # by name
     orientations: Mapping[str, Orientation] = field(default_factory=dict)  # by name
     bodies: Mapping[str, Body] = field(default_factory=dict)  # by name
     supports: tuple[Support, ...] = ()
     ties: tuple[Tie, ...] = ()
-    joints: tuple[Joint, ...] = ()  # each with a finding between the same surfaces, for scenes that do not take it over
+    joints: tuple[Joint, ...] = ()  # each also has a finding between the same surfaces, for scenes that do not take over joints
     connected: tuple[Point, ...] = ()  # points with six degrees of freedom
     masses: tuple[Mass, ...] = ()
     springs: tuple[Spring, ...] = ()
@@ -178,14 +178,14 @@ class FileModel:
     bolts: tuple[Bolt, ...] = ()
     statics: LoadsAtRest | None = None
     cyclic: FileSectors | None = None
-    steps: tuple[FileStep, ...] = ()  # the model itself first; none: the format has no steps, or the file none
-    step: int = 0  # whose conditions are taken over; 0: the file has no steps
+    steps: tuple[FileStep, ...] = ()  # the model itself first; empty: the format or the file has no steps
+    step: int = 0  # step whose conditions are taken over; 0: the file has no steps
     findings: tuple[Finding, ...] = ()
-    facts: tuple[str, ...] = ()  # what `microslip check` lists with it: the file's title, parts, instances, systems
+    facts: tuple[str, ...] = ()  # listed by `microslip check`: the file's title, parts, instances, systems
 
 
 def sectors_in_words(sectors: FileSectors) -> str:
-    """Return what a scene has to state of a sector, for a message.  Local."""
+    """Return the text of a message with the keys of [cyclic] that the scene needs.  Local."""
     n, (low, high) = "..." if sectors.sectors is None else sectors.sectors, sectors.faces or ("LOW", "HIGH")
     if sectors.axis is None or sectors.axis_point is None:
         return f"state [cyclic] with sectors = {n}, its axis, faces and engine_order"
@@ -197,14 +197,14 @@ def sectors_in_words(sectors: FileSectors) -> str:
 
 
 def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:
-    """Name groups that have a dimension and a tag only: by the tag, with the dimension where the tag is not unique."""
+    """Return names of groups that have only a dimension and a tag: the tag, with the dimension if the tag is not unique."""
     tags = [tag for _, tag in keys]
     word = ("point", "curve", "surface", "volume")
     return {(dim, tag): str(tag) if tags.count(tag) == 1 else f"{word[dim]} {tag}" for dim, tag in sorted(keys)}
 
 
 def held_alike(held: np.ndarray) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
-    """Yield which axes are held at some nodes, and the positions of the nodes, by what is held (n_points, 3).  Local."""
+    """Yield each combination of held axes and the positions of its nodes, from ``held`` (n_points, 3).  Local."""
     code = held @ np.array([4, 2, 1])
     for pattern in np.unique(code[code > 0]):
         nodes = np.flatnonzero(code == pattern)
@@ -212,7 +212,7 @@ def held_alike(held: np.ndarray) -> Iterator[tuple[tuple[int, ...], np.ndarray]]
 
 
 def index_of(numbers: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the positions of ``wanted`` in ``numbers`` and the numbers that are not there.  Local."""
+    """Return the positions of ``wanted`` in ``numbers``, and the wanted numbers that are missing.  Local."""
     wanted = np.asarray(wanted)
     if len(numbers) == 0:
         return np.zeros(wanted.shape, dtype=np.int64), np.unique(wanted)
@@ -229,8 +229,8 @@ def index_of(numbers: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _by_table(numbers: np.ndarray, wanted: np.ndarray, low: int, high: int) -> np.ndarray:
-    """Return the positions of ``wanted``, any where there is none, from a table of all numbers from low to high."""
+    """Return the positions of ``wanted``, arbitrary for missing numbers, from a table of all numbers from low to high."""
     table = np.zeros(high - low + 1, dtype=np.int64)
-    table[numbers[::-1] - low] = np.arange(len(numbers))[::-1]  # the first one counts where a number stands twice
-    with np.errstate(invalid="ignore"):  # numbers of a table of decimals may be none
+    table[numbers[::-1] - low] = np.arange(len(numbers))[::-1]  # the first position of a repeated number
+    with np.errstate(invalid="ignore"):  # decimals may be NaN
         return table[np.clip(wanted.astype(np.int64), low, high) - low]

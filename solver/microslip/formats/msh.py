@@ -1,6 +1,6 @@
-"""Read Gmsh's own format, versions 2.2 and 4.1, text and binary, with the user's numbers and all groups.
+"""Read Gmsh's format, versions 2.2 and 4.1, text and binary, with the user's numbers and all groups.
 
-meshio, which reads it as well, keeps no numbers of nodes and elements.
+meshio also reads the format, but drops the numbers of nodes and elements.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .draft import cells_of
 from .model import KINDS, FileModel, Group, index_of, names_of_tags
 from .numbers import numbers_of
 
-# Gmsh's element types; where its order of mid-side nodes is not VTK's, the permutation to VTK's.
+# Gmsh's element types, with the permutation to VTK's order where the order of mid-side nodes differs.
 _TYPES = {
     1: "line2",
     2: "tri3",
@@ -74,12 +74,12 @@ def read_msh(path: str) -> FileModel:
 
 
 def _fields(content: bytes, numbers: np.ndarray, order: str) -> dict[str, np.ndarray]:
-    """Return the views of one number a node, $NodeData, (n_points,) each; the last one of a name counts."""
+    """Return the scalar views on nodes, $NodeData, (n_points,) each; a later view replaces one of the same name."""
     fields, at = {}, content.find(b"$NodeData")
     while at >= 0:
         name, n, header = _field_header(content[content.find(b"\n", at) + 1 : at + _LONGEST_HEADER])
         if name is not None:
-            if order:  # what looks like its end may be part of a number
+            if order:  # in binary data a number may contain the bytes of $EndNodeData
                 start = content.find(b"\n", at) + 1 + header
                 kind = np.dtype([("node", order + "i4"), ("value", order + "f8")])
                 rows = np.frombuffer(content[start : start + n * kind.itemsize], dtype=kind)
@@ -103,7 +103,7 @@ def _fields(content: bytes, numbers: np.ndarray, order: str) -> dict[str, np.nda
 
 
 def _field_header(section: bytes) -> tuple[str | None, int, int]:
-    """Return the name of a view, its nodes and the length of its header; no name of vectors and tensors."""
+    """Return name, number of nodes and header length of a view; the name of vectors and tensors is None."""
     at = 0
 
     def line() -> str:
@@ -114,7 +114,7 @@ def _field_header(section: bytes) -> tuple[str | None, int, int]:
         text, at = section[at:end].decode(errors="replace").strip(), end + 1
         return text
 
-    lines = [[line() for _ in range(int(line()))] for _ in range(3)]  # texts, real and whole numbers
+    lines = [[line() for _ in range(int(line()))] for _ in range(3)]  # strings, real numbers, integers
     whole = [int(word) for word in lines[2]]
     if len(whole) < 3 or whole[2] < 0 or not lines[0]:
         raise MeshError("the file is damaged: $NodeData does not say how many nodes it holds")
@@ -122,7 +122,7 @@ def _field_header(section: bytes) -> tuple[str | None, int, int]:
 
 
 def _format(content: bytes) -> tuple[str, str]:
-    """Return version and byte order of a file, "" where it is text."""
+    """Return version and byte order of a file; "" for a text file."""
     before = _COMMENTS.match(content)
     start = before.end() if before else 0
     if not content.startswith(b"$MeshFormat", start):
@@ -144,7 +144,7 @@ def _format(content: bytes) -> tuple[str, str]:
 
 
 def _section(content: bytes, name: str, first: int = 0) -> bytes:
-    """Return what stands between $Name and $EndName, searched from ``first`` on."""
+    """Return the bytes between $Name and $EndName, searched from ``first`` on."""
     start = content.find(b"$" + name.encode(), first)
     if start < 0:
         raise MeshError(f"the file has no ${name} section; it is truncated, or not a mesh")
@@ -167,7 +167,7 @@ def _physical_names(content: bytes) -> dict[tuple[int, int], str]:
 
 
 class _Cursor:
-    """Numbers of a section, taken in order: of one kind in text (byte order ""), of three in binary files."""
+    """Sequential reader of the numbers of a section: one number type in text (byte order ""), three in binary files."""
 
     def __init__(self, section: bytes, name: str, order: str):
         self.name, self.order, self.at = name, order, 0
@@ -185,7 +185,7 @@ class _Cursor:
     def _whole(self, n: int, code: str) -> np.ndarray:
         taken = self._take(n, code)
         if not np.isfinite(taken).all():
-            raise MeshError(f"${self.name} holds a number that is not finite where a count or a tag is due")
+            raise MeshError(f"${self.name} holds a number that is not finite where a count or a tag is expected")
         return taken.astype(np.int64)
 
     def _take(self, n: int, code: str) -> np.ndarray:
@@ -208,7 +208,7 @@ def _numbers(section: bytes, name: str) -> np.ndarray:
     values = numbers_of(section)
     if values is None:
         word = next((word for word in section.split() if numbers_of(word) is None), b"")
-        raise MeshError(f"${name} holds {word.decode(errors='replace')[:40]!r} where a number is due")
+        raise MeshError(f"${name} holds {word.decode(errors='replace')[:40]!r} where a number is expected")
     return values
 
 
@@ -277,7 +277,7 @@ def _nodes_2(section: bytes, order: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _elements_2(section: bytes, order: str) -> list[tuple]:
-    """Return (kind, element numbers, node numbers, physical tags) of every run of like elements."""
+    """Return (kind, element numbers, node numbers, physical tags) of every run of elements of one type."""
     count, _, rest = section.partition(b"\n")
     n, blocks = _count(count, "Elements"), []
     cursor = _Cursor(rest, "Elements", order)
@@ -339,7 +339,7 @@ def _kind(gmsh_type: int) -> tuple[str, int]:
 
 
 def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names: dict) -> FileModel:
-    """Join the blocks of like elements and group them by their physical tags."""
+    """Join the blocks of elements of one type and group them by their physical tags."""
     if len(np.unique(numbers)) != len(numbers):
         twice = np.sort(numbers)[:-1][np.diff(np.sort(numbers)) == 0][0]
         raise MeshError(f"$Nodes gives node number {twice} more than once")

@@ -1,4 +1,4 @@
-"""Numbers of a text."""
+"""Conversion of a text to numbers."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 
 def numbers_of(text: bytes) -> np.ndarray | None:
-    """Return the numbers of a text with blanks between them, (n,); None where anything else is in it.  Local."""
+    """Return the blank-separated numbers of a text, (n,); None if the text contains anything else.  Local."""
     if not text.strip():
         return np.empty(0)
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # older NumPy only warns where the text stops being numbers
+        warnings.simplefilter("error")  # older NumPy only warns of text that is not a number
         try:
             return np.fromstring(text, sep=" ")  # type: ignore[arg-type]
         except (ValueError, DeprecationWarning):

@@ -1,4 +1,4 @@
-"""Read a model file of any format, by the ending of its name."""
+"""Read a model file; the format follows from the ending of its name."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .via_meshio import FORMATS
 
 
 def _by(module: str, function: str) -> Callable[..., FileModel]:
-    """Return a reader of this room, which is imported when a file asks for it: a run needs one of a dozen."""
+    """Return a reader of this package that imports its module at the first call: a run needs one of a dozen."""
     return lambda path, *step: getattr(import_module(f".{module}", __package__), function)(path, *step)
 
 
 def _read_dat(path: str) -> FileModel:
-    """Return what a file holds whose ending two programs share."""
+    """Read a file whose ending belongs to two programs."""
     from .ansys.read import is_input, read_input
     from .nastran import read_bdf
 
@@ -44,7 +44,7 @@ READERS: dict[str, Callable[..., FileModel]] = {
 
 _OF_STEPS = (".inp",)  # files whose steps may be chosen
 
-# results and databases of programs, and what to have written in their place
+# results and databases of programs, and the file to write instead
 _ADVICE = {
     **dict.fromkeys(
         (".rth", ".db", ".mechdb", ".wbpj"), "databases and thermal results of Ansys; write the archive: CDWRITE,DB,model,cdb"
@@ -58,13 +58,13 @@ _ADVICE = {
 
 
 def read_model(path: str | os.PathLike[str], step: int | None = None) -> FileModel:
-    """Return what a model file holds, its points and cells checked.  Local; call it on rank 0 only.
+    """Return the content of a model file, with points and cells checked.  Local; to be called on rank 0 only.
 
     ``step`` is the number of the step whose supports, loads and temperatures are taken over; None: the first with a vibration.
 
     Raises
     ------
-    MeshError, CaseError : one message that names the file and the cause; a step that the file does not have
+    MeshError, CaseError : one message with the file and the cause, also for a step that the file does not have
     """
     path = os.path.normpath(path)
     ending = os.path.splitext(path)[1].lower()
@@ -80,7 +80,7 @@ def read_model(path: str | os.PathLike[str], step: int | None = None) -> FileMod
     if step is not None and ending not in _OF_STEPS:
         raise CaseError(f"[model] step = {step}: {path}: of files {ending} no steps are read; leave step out")
     try:
-        with bounded_memory(path), np.errstate(all="ignore"):  # numbers are checked when they have been read
+        with bounded_memory(path), np.errstate(all="ignore"):  # numbers are checked after reading
             model = READERS[ending](path) if step is None else READERS[ending](path, step)
         _check_points(model)
     except (MeshError, OSError) as problem:

@@ -1,6 +1,6 @@
 """Read I-deas universal files: nodes (data sets 2411, 781, 15), elements (2412, 780), groups (2467, 2477, 2452, 2435, ...).
 
-pyuff reads nodes and elements, but of the groups that programs write today (2477) none.
+pyuff reads nodes and elements, but not the groups that programs write today (2477).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ _KINDS = {
     95: "quad8",
     45: "quad8",
 }
-_BEAMS = (11, 21, 22, 23, 24, 31, 32)  # their records have a line more
-# I-deas goes round a face corner by corner, mid-sides between; here corners come first
+_BEAMS = (11, 21, 22, 23, 24, 31, 32)  # their records have one more line
+# I-deas numbers corners and mid-side nodes of a face alternately; here the corners come first
 _ORDER = {
     "tri6": [0, 2, 4, 1, 3, 5],
     "quad8": [0, 2, 4, 6, 1, 3, 5, 7],
@@ -40,7 +40,7 @@ _ORDER = {
     "hex20": [0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11],
 }
 _GROUPS = (2429, 2430, 2432, 2435, 2452, 2467, 2477)
-_NODES, _ELEMENTS = 7, 8  # codes of what a group holds
+_NODES, _ELEMENTS = 7, 8  # codes of the entries of a group
 _HARMLESS = (151, 164, 2400, 55, 58, 2414, 18, 2448)
 _EFFECTS = {773: "materials", 1710: "materials", 789: "properties", 2437: "properties", 755: "supports", 791: "supports"}
 
@@ -48,14 +48,14 @@ _EFFECTS = {773: "materials", 1710: "materials", 789: "properties", 2437: "prope
 def read_unv(path: str) -> FileModel:
     """Read a universal file.  Local.
 
-    Groups have their names; elements without any group are in one of their physical property, "property 1".
+    Groups have their names; elements outside all groups form groups by their physical property, "property 1".
 
     Raises
     ------
     MeshError without the file's name: truncated, damaged, or no nodes and elements
     """
     points: dict[int, tuple[float, ...]] = {}
-    rows: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}  # by kind: numbers, properties, nodes
+    rows: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}  # by kind: numbers, properties, nodes of elements
     named: list[tuple[str, list[int], list[int]]] = []
     findings: list[Finding] = []
     for number, line, lines in _data_sets(path):
@@ -70,7 +70,7 @@ def read_unv(path: str) -> FileModel:
         elif number in _GROUPS:
             named += _groups(lines, line)
         elif number not in _HARMLESS:
-            effect = f"{_EFFECTS.get(number, 'what this program does not know')}; state them in the scene"
+            effect = f"{_EFFECTS.get(number, 'data that this program does not know')}; state them in the scene"
             findings.append(
                 Finding(word=f"data set {number}", where=f"line {line}", effect=effect, changes=number not in _EFFECTS)
             )
@@ -91,7 +91,7 @@ def _data_sets(path: str) -> Iterator[tuple[int, int, list[str]]]:
             continue
         word = lines[first + 1].split()
         if not word or not word[0].rstrip("b").isdigit():
-            raise MeshError(f"line {first + 2}: {lines[first + 1][:40]!r} where the number of a data set is due")
+            raise MeshError(f"line {first + 2}: {lines[first + 1][:40]!r} where the number of a data set is expected")
         yield int(word[0].rstrip("b")), first + 2, lines[first + 2 : last]
 
 
@@ -99,11 +99,11 @@ def _values(line: str, where: int, kind=int) -> list:
     try:
         return list(map(kind, line.replace("D", "E").replace("d", "e").split()))
     except ValueError:
-        raise MeshError(f"line {where}: {line[:60]!r} where numbers are due") from None
+        raise MeshError(f"line {where}: {line[:60]!r} where numbers are expected") from None
 
 
 def _table(lines: list[str], width: int, kind: type = int) -> np.ndarray | None:
-    """Return the numbers of lines alike, (n, n_fields), that stand in fields as wide as the format says; None of others."""
+    """Return the numbers of lines with equal fields of the format's width, (n, n_fields); None for other lines."""
     n_characters = len(lines[0]) if lines else 0
     if n_characters == 0 or n_characters % width or any(len(text) != n_characters for text in lines):
         return None
@@ -115,7 +115,7 @@ def _table(lines: list[str], width: int, kind: type = int) -> np.ndarray | None:
 
 
 def _systems(lines: list[str], line: int) -> list[Finding]:
-    """Report coordinate systems that are not Cartesian: nodes in them would lie elsewhere."""
+    """Report coordinate systems that are not Cartesian, in which nodes would be misplaced."""
     types = [_values(text, line + i + 3)[1:2] for i, text in enumerate(lines[2:]) if i % 6 == 0]
     if not any(kind != [0] for kind in types):
         return []
@@ -181,7 +181,7 @@ def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: 
                 i += len(alike[0]) * (i - start)
             n_ahead = 2 * n_ahead if alike is not None and len(alike[0]) == n_ahead else 1
     for descriptor, n in other_types.items():
-        effect = "elements that are no solids and no faces here"
+        effect = "elements that are neither solids nor faces here"
         word = f"element descriptor {descriptor}"
         findings.append(Finding(word=word, where=f"{n} elements", effect=effect, changes=descriptor not in (136, 137, 138, 139)))
 
@@ -189,11 +189,11 @@ def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: 
 def _alike(
     lines: list[str], start: int, n_lines: int, descriptor: int, n_most: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return numbers, properties and nodes of up to ``n_most`` elements that follow one and are written like it, None without.
+    """Return numbers, properties and nodes of up to ``n_most`` elements in the form of the element at ``start``, or None.
 
     Parameters
     ----------
-    start, n_lines : first line of that element, and how many it has
+    start, n_lines : first line and number of lines of that element
     """
     n = min(n_most, (len(lines) - start) // n_lines - 1)
     tables = [_table(lines[start + k : start + (n + 1) * n_lines : n_lines], 10) for k in range(n_lines)]

@@ -1,4 +1,4 @@
-"""Read further formats with meshio, which prints, exits and guesses; here it may only return or fail."""
+"""Read further formats with meshio; its prints, exits and guesses become errors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..messages.errors import Interrupted, MeshError
 from .model import KINDS, Cells, FileModel, Group, names_of_tags
 
 # Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.
-WHOLE = "all"  # the group of all volume elements of a file without groups of them
+WHOLE = "all"  # the group of all volume elements, for a file without groups of volume elements
 FORMATS = {".vtu": "vtu", ".vtk": "vtk"}
 _KINDS = {
     "vertex": "point",
@@ -38,22 +38,22 @@ _KINDS = {
     "pyramid13": "pyramid13",
     "pyramid14": "pyramid14",
 }
-_REFERENCES = ("gmsh:physical", "cell_tags")  # the format's own word for a group
+_REFERENCES = ("gmsh:physical", "cell_tags")  # the format's word for a group
 _TEXTS = re.compile(rb'<(Array|DataArray)\b[^>]*type="String"[^>]*?(/>|>.*?</\1>)', re.DOTALL)
-_HEAD = 200  # bytes in which an element says how it is encoded
-_MOST_VALUES = 1000  # an integer array with more values numbers its cells, it does not group them
+_HEAD = 200  # bytes of an XML element within which its encoding is stated
+_MOST_VALUES = 1000  # an integer array with more distinct values numbers the cells and does not group them
 
 
 def read_other(path: str) -> FileModel:
     """Read a file through meshio.  Local.
 
     Groups are the format's named sets, its references ("3"), and further integer arrays on cells or points
-    ("name=3").  Node and cell numbers are ``GlobalNodeIds`` and ``GlobalCellIds`` where the file has them, otherwise positions
+    ("name=3").  Node and cell numbers are ``GlobalNodeIds`` and ``GlobalCellIds`` if the file has them, otherwise positions
     from 1.
 
     Raises
     ------
-    MeshError without the file's name: whatever meshio did not like.
+    MeshError without the file's name: any failure of meshio.
     """
     file_format = FORMATS[os.path.splitext(path)[1].lower()]
     with _without_texts(path, file_format) as plain:
@@ -91,9 +91,9 @@ def read_other(path: str) -> FileModel:
 
 @contextlib.contextmanager
 def _without_texts(path: str, file_format: str) -> Iterator[str]:
-    """Yield a file without arrays of texts, as VTK and pyvista write them, which meshio does not know: itself, or a copy.
+    """Yield a path to the file, or to a copy without the string arrays of VTK and pyvista, which meshio does not know.
 
-    In a file with raw bytes, whose arrays meshio counts, an array of texts becomes one of bytes.
+    In a file with raw bytes, whose arrays meshio counts, a string array becomes an array of bytes.
     """
     with open(path, "rb") as file:
         content = file.read() if file_format == "vtu" else b""
@@ -113,12 +113,12 @@ def _without_texts(path: str, file_format: str) -> Iterator[str]:
 
 
 def _as_bytes(found: re.Match[bytes]) -> bytes:
-    """Return an array of texts as one of bytes."""
+    """Return a string array as an array of bytes."""
     return re.sub(rb"(</?)Array\b", rb"\1DataArray", found[0].replace(b'"String"', b'"UInt8"'))
 
 
 def _fields(mesh) -> dict[str, np.ndarray]:
-    """Return the arrays of one real number a point."""
+    """Return the real scalar arrays on points."""
     arrays = {name: np.asarray(values) for name, values in mesh.point_data.items()}
     return {
         name: values.reshape(-1).astype(float)
@@ -128,14 +128,14 @@ def _fields(mesh) -> dict[str, np.ndarray]:
 
 
 def load_meshio():
-    """Return meshio, completed where its cells of quadratic wedges and pyramids cannot be made.  Local.
+    """Return meshio, with quadratic wedges and pyramids added to its tables if they are missing.  Local.
 
-    Version 5.3 reads their nodes, but its table of dimensions lacks them, and it has no public way to add a kind.  Nor does it
-    know the integer types of VTK 9 in files of VTK's format 4, which its reader of format 5 knows.
+    Version 5.3 reads the nodes of these cells, but they are missing in its table of dimensions, and it has no public way to add
+    a kind.  For files of VTK's format 4 it also lacks the integer types of VTK 9, which its reader of format 5 knows.
 
     Raises
     ------
-    MeshError : a version that neither knows these cells nor has that table
+    MeshError : this version of meshio has neither these cells nor the table
     """
     import meshio
 
@@ -153,7 +153,7 @@ def load_meshio():
 
 
 def _read_quietly(path: str, file_format: str):
-    """Return what meshio reads; anything else it does becomes a MeshError, and what it leaves out, too."""
+    """Return the mesh read by meshio; a MeshError for any other outcome and for cells that meshio leaves out."""
     printed = io.StringIO()
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed), np.errstate(all="ignore"):
@@ -181,7 +181,7 @@ def _global_ids(mesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _group_by_values(mesh, cells: list[Cells], groups: dict[str, Group]) -> None:
-    """Make a group of every value of the integer arrays; names of the format's field data are used."""
+    """Make a group for every value of the integer arrays, with the names of the format's field data."""
     named = {int(np.ravel(value)[0]): name for name, value in mesh.field_data.items() if np.size(value) == 2}
     dimension = [KINDS.get(block.kind, (3, 0))[0] for block in cells]
     for array, parts in mesh.cell_data.items():
@@ -203,6 +203,6 @@ def _group_by_values(mesh, cells: list[Cells], groups: dict[str, Group]) -> None
 
 
 def _groups(values: np.ndarray) -> bool:
-    """Return whether an array groups cells or points: integers, and not a number for each."""
+    """Return whether an array groups cells or points: integers with few distinct values."""
     values = np.asarray(values)
     return values.ndim == 1 and values.dtype.kind in "iu" and 0 < len(np.unique(values)) <= _MOST_VALUES

@@ -32,7 +32,7 @@ def read_nodes(path: Path) -> Mesh:
     order = np.argsort(numbers, kind="stable")
     twice = np.flatnonzero(np.diff(numbers[order]) == 0)
     if len(twice):
-        raise CaseError(f"{path}, line {lines[order[twice[0] + 1]]}: node {numbers[order][twice[0]]} stands there twice")
+        raise CaseError(f"{path}, line {lines[order[twice[0] + 1]]}: node {numbers[order][twice[0]]} appears twice")
     return Mesh(str(path), np.column_stack([columns[axis] for axis in "xyz"]), numbers, (), (), {})
 
 

@@ -1,1 +1,1 @@
-"""Input files of Abaqus and CalculiX (.inp), read whole: mesh, materials, supports, connections, contact, what acts at rest."""
+"""Readers of Abaqus and CalculiX input files (.inp): mesh, materials, supports, connections, contact, loads at rest."""

@@ -1,4 +1,4 @@
-"""The cards of an input file: keyword, parameters and data lines, with the files that it includes."""
+"""The cards of an input file and its included files: keyword, parameters, data lines."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...messages.errors import MeshError
 from ..includes import Includes, place
 from ..numbers import numbers_of
 
-_OTHER_INPUT = ("SUBMODEL", "MATRIXINPUT")  # whose INPUT is no text of cards and their data
+_OTHER_INPUT = ("SUBMODEL", "MATRIXINPUT")  # keywords whose INPUT is not a text of cards and data
 _BLANKS = bytes.maketrans(b",\t\r", b"   ")
 _FORTRAN = bytes.maketrans(b"dD", b"ee")
 _IS_SEPARATOR = np.isin(np.arange(256), list(b", \t\r\n"))
@@ -19,16 +19,16 @@ _IS_SEPARATOR = np.isin(np.arange(256), list(b", \t\r\n"))
 
 @dataclass(frozen=True)
 class Piece:
-    """Data lines that follow each other in one file."""
+    """Consecutive data lines of one file."""
 
     text: bytes
-    file: str  # "" of the input file itself
+    file: str  # "" for the input file itself
     line: int  # number of its first line
 
 
 @dataclass(frozen=True, eq=False)
 class Card:
-    """A keyword and all that belongs to it."""
+    """A keyword with its parameters and data lines."""
 
     keyword: str  # upper case, single blanks: "SOLID SECTION"
     parameters: dict[str, str]  # names in upper case without blanks, values as written
@@ -45,18 +45,18 @@ class Card:
         return self.parameters.get(name, default).upper()
 
     def lines(self) -> Iterator[tuple[list[str], str]]:
-        """Yield the fields of every data line that is not empty, and where it stands."""
+        """Yield the fields and the place of every data line that is not empty."""
         for piece in self.pieces:
             for i, line in enumerate(piece.text.decode("utf-8", "replace").splitlines()):
                 if line.strip():
                     yield [_bare(word) for word in line.split(",")], place(piece.file, piece.line + i)
 
     def numbers(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return all numbers of the data lines, and how many each line holds that is not empty; empty fields are none.
+        """Return all numbers of the data lines, and the count in each line that is not empty; empty fields do not count.
 
         Raises
         ------
-        MeshError : a word where a number is due
+        MeshError : a word in place of a number
         """
         text = self.pieces[0].text if len(self.pieces) == 1 else b"\n".join(piece.text for piece in self.pieces)
         counts = _fields_per_line(text)
@@ -73,16 +73,16 @@ class Card:
     def _no_numbers(self) -> str:
         for words, where in self.lines():
             if values_of(",".join(words).encode()) is None:
-                return f"{where}: *{self.keyword} holds {','.join(words)[:60]!r} where numbers are due"
-        return f"{self.where}: *{self.keyword} holds something else than numbers"
+                return f"{where}: *{self.keyword} holds {','.join(words)[:60]!r} where numbers are expected"
+        return f"{self.where}: *{self.keyword} holds entries that are not numbers"
 
 
 def read_cards(path: str) -> list[Card]:
-    """Return the cards of an input file and of those that it includes, in their order.  Local.
+    """Return the cards of an input file and its included files in order.  Local.
 
     Raises
     ------
-    MeshError without the file's name : no input file; includes that are missing, leave its folder or go round in a circle
+    MeshError without the file's name : not an input file; included files that are missing, outside its folder or cyclic
     """
     reader = _Reader(path)
     reader.read(reader.includes.path, ())
@@ -90,7 +90,7 @@ def read_cards(path: str) -> list[Card]:
 
 
 class _Reader:
-    """The cards of files, one after the other."""
+    """Collects the cards of several files in order."""
 
     def __init__(self, path: str):
         self.includes = Includes(path)
@@ -102,7 +102,7 @@ class _Reader:
         at, line = 0, 1
         for start, end in _star_lines(text):
             if start < at:
-                continue  # it continues a keyword
+                continue  # a continuation of a keyword line
             self._take_data(text[at:start], label, line)
             line += text.count(b"\n", at, start)
             at = end
@@ -124,13 +124,13 @@ class _Reader:
             raise MeshError(f"{card.where}: *INCLUDE names no file: INPUT = is missing")
 
     def _take_data(self, text: bytes, label: str, line: int) -> None:
-        """Take data lines; what stands before the first keyword is a title."""
+        """Take data lines; lines before the first keyword are a title."""
         if self.cards and text.strip():
             self.cards[-1].pieces.append(Piece(text, label, line))
 
 
 def _star_lines(text: bytes) -> Iterator[tuple[int, int]]:
-    """Yield begin and end (behind the line feed) of every line that begins with a star, with or without blanks before it."""
+    """Yield begin and end (after the line feed) of every line that begins with a star, after optional blanks."""
     at = 0
     while (star := text.find(b"*", at)) >= 0:
         feed = text.rfind(b"\n", at, star)
@@ -142,11 +142,11 @@ def _star_lines(text: bytes) -> Iterator[tuple[int, int]]:
 
 
 def _continued(text: bytes, start: int, end: int) -> int:
-    """Return the end of a keyword line with the lines that continue it, each behind a comma at the end."""
+    """Return the end of a keyword line with its continuation lines; each line before the last ends in a comma."""
     while end < len(text) and text[start:end].rstrip().endswith(b","):
         following = text.find(b"\n", end) + 1 or len(text)
         if text[end:following].lstrip().startswith(b"*") or b"=" not in text[end:following]:
-            break  # a comma too many
+            break  # a trailing comma without continuation
         end = following
     return end
 
@@ -160,7 +160,7 @@ def _card(text: bytes, label: str, line: int) -> Card:
 
 
 def _outside_of_quotes(line: str) -> list[str]:
-    """Return what stands between the commas of a line that are not within quotes."""
+    """Return the fields of a line between commas outside quotes."""
     parts = line.split('"')
     for i in range(len(parts) - 1, -1, -2):
         parts[i] = parts[i].replace(",", "\n")
@@ -168,7 +168,7 @@ def _outside_of_quotes(line: str) -> list[str]:
 
 
 def number(word: str) -> float | None:
-    """Return the one finite number that a word is; None where it is something else."""
+    """Return a word as a finite number; None for other words."""
     values = values_of(word.encode())
     return float(values[0]) if values is not None and len(values) == 1 and np.isfinite(values[0]) else None
 
@@ -178,7 +178,7 @@ def _bare(word: str) -> str:
 
 
 def _fields_per_line(text: bytes) -> np.ndarray:
-    """Return how many words stand on each line, (n_lines,)."""
+    """Return the number of words on each line, (n_lines,)."""
     if not text:
         return np.zeros(0, dtype=np.int64)
     is_separator = _IS_SEPARATOR[np.frombuffer(text, dtype=np.uint8)]
@@ -191,7 +191,7 @@ def _fields_per_line(text: bytes) -> np.ndarray:
 
 
 def values_of(text: bytes) -> np.ndarray | None:
-    """Return the numbers of a text; None where something else is among them."""
+    """Return the numbers of a text; None if the text contains anything else."""
     plain = text.translate(_BLANKS)
     values = numbers_of(plain)
     return numbers_of(plain.translate(_FORTRAN)) if values is None else values

@@ -1,4 +1,4 @@
-"""What connects nodes: ties, couplings, rigid bodies, cuts."""
+"""Connections of nodes: ties, couplings, rigid bodies, cuts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def take_connections(model: InputModel) -> None:
 
     Raises
     ------
-    MeshError : surfaces, sets or nodes that there are not
+    MeshError : surfaces, sets or nodes that do not exist
     """
     coupling: tuple[Scope, Card] | None = None
     for scope, card in model.cards:
@@ -51,7 +51,7 @@ def surface_of(model: InputModel, scope: Scope, word: str, where: str) -> str:
 
 
 def faces_of(model: InputModel, scope: Scope, word: str, where: str) -> str | None:
-    """Return the group of a surface's faces; of one made of nodes the outer faces between them; None where these are not all."""
+    """Return the group of a surface's faces, for nodes the outer faces between them; None if these do not cover the nodes."""
     name = surface_of(model, scope, word, where)
     if model.grouped.has_faces(name):
         return name
@@ -70,7 +70,7 @@ def faces_of(model: InputModel, scope: Scope, word: str, where: str) -> str | No
 
 
 def _take_tie(model: InputModel, scope: Scope, card: Card) -> None:
-    """Take a tie: slave and master of each line."""
+    """Take a tie: each line has slave and master."""
     special = [key for key in ("CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC") if key in card.parameters]
     for words, where in card.lines():
         if len(words) < 2:
@@ -99,7 +99,7 @@ def tie(model: InputModel, scope: Scope, words: list[str], where: str, card: Car
 
 
 def _number(card: Card, name: str) -> float | None:
-    """Return the number that a parameter states; None where it is not given."""
+    """Return a parameter as a number; None if the card does not state it."""
     if name not in card.parameters:
         return None
     value = number(card.parameters[name])
@@ -109,15 +109,15 @@ def _number(card: Card, name: str) -> float | None:
 
 
 def _single(model: InputModel, scope: Scope, word: str, card: Card) -> int:
-    """Return the one node that a number or a set means."""
+    """Return the single node given by a number or a set."""
     nodes = model.mesh.nodes(scope, word, card.where)
     if len(nodes) != 1:
-        raise MeshError(f"{card.where}: *{card.keyword}: {word!r} holds {len(nodes)} nodes; a reference node is one")
+        raise MeshError(f"{card.where}: *{card.keyword}: {word!r} holds {len(nodes)} nodes; a reference node is a single node")
     return int(nodes[0])
 
 
 def _add_point(model: InputModel, node: int, nodes: np.ndarray, group: str, connection: str, card: Card) -> None:
-    """Add a point at a node, connected to others; a node on the solids, or with two groups, cannot be one."""
+    """Add a point at a node, connected to other nodes; not at a node of a solid, nor twice at a node."""
     name, is_solid = card.parameters.get("CONSTRAINTNAME", ""), model.grouped.of_solids[nodes]
     others = nodes[(nodes != node) & ~is_solid].tolist() if connection == "rigid" else []
     model.coupled += [(node, int(other), f"*{card.keyword}, {card.where}") for other in others]
@@ -142,7 +142,7 @@ def _add_point(model: InputModel, node: int, nodes: np.ndarray, group: str, conn
 
 
 def plain(name: str) -> str:
-    """Return a name without what the scene's names may not hold."""
+    """Return a name without the characters that names in a scene may not have."""
     return "".join("_" if sign in ',"/\\' else sign for sign in name).strip()
 
 
@@ -164,23 +164,23 @@ def _take_coupling(model: InputModel, scope: Scope, card: Card, kind: Card) -> N
 
 
 def _holds_all(model: InputModel, kind: Card, name: str) -> bool:
-    """Return whether all three translations follow, with a finding where not."""
+    """Return whether all three translations follow; otherwise add a finding."""
     dofs: set[int] = set()
     lines = list(kind.lines())
     for words, where in lines:
         values = values_of(",".join(words[-2:] if not words[0].isdigit() or len(words) > 2 else words).encode())
         if values is None or not len(values):
-            raise MeshError(f"{where}: *{kind.keyword} holds {','.join(words)[:60]!r} where numbers are due")
+            raise MeshError(f"{where}: *{kind.keyword} holds {','.join(words)[:60]!r} where numbers are expected")
         dofs |= set(range(int(values[0]), int(values[-1]) + 1))
     if lines and not {1, 2, 3} <= dofs:
-        effect = f"{name}: directions {', '.join(map(str, sorted(dofs)))} alone follow"
+        effect = f"{name}: only directions {', '.join(map(str, sorted(dofs)))} follow"
         model.findings.add(f"*{kind.keyword}", kind.where, effect, True, "points")
         return False
     return True
 
 
 def _take_rigid_body(model: InputModel, scope: Scope, card: Card) -> None:
-    """Take a rigid body of nodes or elements; its own elements add their mass, and no stiffness that could be felt."""
+    """Take a rigid body of nodes or elements; its elements add mass, and their stiffness has no effect."""
     word = card.parameters.get("REFNODE", "")
     if "ANALYTICALSURFACE" in card.parameters or not word:
         model.findings.add("*RIGID BODY", card.where, "a rigid surface or a body without a reference node", True)
@@ -206,7 +206,7 @@ def _take_kinematic_coupling(model: InputModel, scope: Scope, card: Card) -> Non
 
 
 def _take_distributing_coupling(model: InputModel, scope: Scope, card: Card) -> None:
-    """Take a coupling whose reference node is in ELSET, an element of one node, with equal weights."""
+    """Take a coupling with equal weights; its reference node is the only node of the element in ELSET."""
     elements = model.mesh.elements(scope, card.parameter("ELSET"), card.where)
     at = model.mesh.nodes_of(elements)
     lines = list(card.lines())
@@ -221,17 +221,17 @@ def _take_distributing_coupling(model: InputModel, scope: Scope, card: Card) -> 
 
 
 def _find_lever(model: InputModel, node: int, nodes: np.ndarray, card: Card) -> None:
-    """Add a note where a reference node lies off the middle of its nodes, in which Abaqus and CalculiX differ."""
+    """Add a note if a reference node is not at the centroid of its nodes, where Abaqus and CalculiX differ."""
     points = model.mesh.points[nodes]
     middle = points.mean(axis=0)
     if np.linalg.norm(model.mesh.points[node] - middle) > 1e-6 * np.linalg.norm(points - middle, axis=1).max():
         number = model.mesh.numbers[node]
-        effect = f"node {number} lies off the middle of its nodes and turns with them, as in Abaqus; CalculiX gives it their mean"
+        effect = f"node {number} is not at the centroid of its nodes and turns with them, as in Abaqus; CalculiX uses their mean"
         model.findings.add("*DISTRIBUTING COUPLING", card.where, effect, False, "points")
 
 
 def _take_mpc(model: InputModel, scope: Scope, card: Card) -> None:
-    """Take what can be made exactly: nodes that move alike, and beams from nodes to a reference node."""
+    """Take the exactly equivalent types: equal displacements, and beams from nodes to a reference node."""
     beams: dict[int, list[np.ndarray]] = {}
     for words, where in card.lines():
         kind, members = words[0].upper(), [word for word in words[1:] if word]
@@ -252,9 +252,9 @@ def _take_mpc(model: InputModel, scope: Scope, card: Card) -> None:
 
 
 def _take_cut(model: InputModel, scope: Scope, card: Card) -> None:
-    """Take the cut of a bolt; it changes nothing until the scene tightens it."""
+    """Take the cut of a bolt, which has no effect until the scene tightens it."""
     if "SURFACE" not in card.parameters:
-        model.findings.add("*PRE-TENSION SECTION", card.where, "a cut through elements that are no solids", True)
+        model.findings.add("*PRE-TENSION SECTION", card.where, "a cut through elements that are not solids", True)
         return
     group = surface_of(model, scope, card.parameters["SURFACE"], card.where)
     force = _tightened(model, card.parameter("NODE"))
@@ -266,7 +266,7 @@ def _take_cut(model: InputModel, scope: Scope, card: Card) -> None:
 
 
 def _tightened(model: InputModel, node: str) -> str:
-    """Return the force "9000" by which a step loads the node of a cut, or nothing."""
+    """Return the force, as "9000", by which a step loads the node of a cut, or an empty text."""
     loads = [
         words[2]
         for step in model.steps

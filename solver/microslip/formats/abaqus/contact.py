@@ -1,4 +1,4 @@
-"""Surfaces in contact: *CONTACT PAIR with what its *SURFACE INTERACTION says of stiffness and friction."""
+"""Surfaces in contact: *CONTACT PAIR with the stiffness and friction of its *SURFACE INTERACTION."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from .connections import plain, surface_of, tie
 from .input_model import InputModel
 from .scopes import Scope
 
-_NUMERICAL = {"ELASTICSLIP", "LAGRANGE", "SLIPTOLERANCE", "SHEARTRACTIONSLOPE"}  # of *FRICTION, in addition to its coefficient
-_LARGER = 1.02  # times the area of the other: such a surface does not lie on it with all of it
+_NUMERICAL = {"ELASTICSLIP", "LAGRANGE", "SLIPTOLERANCE", "SHEARTRACTIONSLOPE"}  # of *FRICTION, without effect here
+_LARGER = 1.02  # area ratio above which a surface cannot lie entirely on the other
 _PAIRING = {"SURFACETOSURFACE": "mortar", "NODETOSURFACE": "projected"}
 
 
 @dataclass(frozen=True)
 class _Interaction:
-    """What happens where two surfaces touch; of what the file does not state as a joint has it, why."""
+    """Properties of a contact in terms of a joint, and the reasons for the missing ones."""
 
-    has: dict[str, float] = field(default_factory=dict)  # key of a joint: its value, stiffnesses as force a volume
-    lacks: dict[str, str] = field(default_factory=dict)  # key of a joint: why it is not known
+    has: dict[str, float] = field(default_factory=dict)  # key of a joint: its value; stiffnesses in force per volume
+    lacks: dict[str, str] = field(default_factory=dict)  # key of a joint: why its value is unknown
     is_glued: bool = False
 
 
 def take_contact(model: InputModel) -> None:
-    """Take pairs of surfaces in contact: a joint where the file states what one needs, and a finding for each in any case.
+    """Take pairs of surfaces in contact: a finding for each, and a joint if the file states all its values.
 
     Raises
     ------
-    MeshError : surfaces, interactions or sets that there are not, words where numbers are due
+    MeshError : surfaces, interactions or sets that there are not, words in place of numbers
     """
     interactions = _interactions(model)
     for scope, card in model.cards:
@@ -50,7 +50,7 @@ def take_contact(model: InputModel) -> None:
 
 
 def _interaction_of(card: Card, interactions: dict[str, _Interaction]) -> _Interaction:
-    """Return what the card of a pair names."""
+    """Return the interaction named by the card of a pair."""
     name = card.parameter("INTERACTION")
     if name in interactions:
         return interactions[name]
@@ -89,19 +89,19 @@ def _before_vibration(model: InputModel) -> list[Card]:
 
 
 def _lacking(interaction: _Interaction, **why: str) -> _Interaction:
-    """Return an interaction of which some keys are not known, and why."""
+    """Return an interaction with some keys unknown, and the reasons."""
     has = {key: value for key, value in interaction.has.items() if key not in why}
     return replace(interaction, has=has, lacks={**interaction.lacks, **why})
 
 
 def _having(interaction: _Interaction, **values: float) -> _Interaction:
-    """Return an interaction of which some keys are known."""
+    """Return an interaction with the values of some keys."""
     lacks = {key: why for key, why in interaction.lacks.items() if key not in values}
     return replace(interaction, has={**interaction.has, **values}, lacks=lacks)
 
 
 def _with_normal_behaviour(interaction: _Interaction, card: Card) -> _Interaction:
-    """Return an interaction with the pressure over the overclosure of a *SURFACE BEHAVIOR."""
+    """Return an interaction with the pressure-overclosure relation of a *SURFACE BEHAVIOR."""
     law = card.parameter("PRESSURE-OVERCLOSURE") or "HARD"
     words, where = next(card.lines(), ([""], card.where))
     if "NOSEPARATION" in card.parameters:
@@ -116,7 +116,7 @@ def _with_normal_behaviour(interaction: _Interaction, card: Card) -> _Interactio
         "HARD": "hard contact",
         "EXPONENTIAL": 'a pressure that grows exponentially, as of law = "rough"',
         "TABULAR": "a table of pressures",
-        "TIED": "springs that hold and pull",
+        "TIED": "springs that also act in tension",
     }.get(law, f"PRESSURE-OVERCLOSURE={law}, which this program does not have")
     return replace(_lacking(interaction, normal_stiffness=f"{card.where}: {why}"), is_glued=law == "TIED")
 
@@ -143,15 +143,15 @@ def _rubbing(interaction: _Interaction, card: Card) -> _Interaction:
 def _number(words: list[str], i: int, where: str, card: Card) -> float:
     value = number(words[i])
     if value is None:
-        raise MeshError(f"{where}: *{card.keyword} holds {words[i][:60]!r} where a number is due")
+        raise MeshError(f"{where}: *{card.keyword} holds {words[i][:60]!r} where a number is expected")
     return value
 
 
 def _take_pair(model: InputModel, scope: Scope, card: Card, words: list[str], where: str, interaction: _Interaction) -> None:
-    """Add a finding of two surfaces in contact, and the joint that stands between them, as far as the file states it."""
+    """Add a finding of two surfaces in contact, and their joint as far as the file states it."""
     surfaces = _smaller_first(model, surface_of(model, scope, words[0], where), surface_of(model, scope, words[1], where))
     lacks = {**interaction.lacks, **_gap(model, card, surfaces)}
-    within = number(card.parameters.get("ADJUST", "")) or None  # surfaces that are no farther apart touch
+    within = number(card.parameters.get("ADJUST", "")) or None  # surfaces within this distance touch
     model.joints.append(
         Joint.of_file(
             name=plain("_".join(surfaces).replace(" ", "_")),
@@ -167,7 +167,7 @@ def _take_pair(model: InputModel, scope: Scope, card: Card, words: list[str], wh
     rest = "a joint that [statics] presses, of the file or the scene; without it state a joint between them, with its preload"
     if lacks:
         keys = listed([f"{key} ({why})" for key, why in lacks.items()])
-        rest = f"a joint of the scene between them takes its place, and has to state {keys}"
+        rest = f"a joint of the scene between them replaces it and has to state {keys}"
     effect = f"{surfaces[0]} and {surfaces[1]} in contact{friction}: {rest}"
     finding = Finding(
         word="*CONTACT PAIR", where=where, effect=effect, changes=True, surfaces=surfaces, is_glued=interaction.is_glued
@@ -176,13 +176,13 @@ def _take_pair(model: InputModel, scope: Scope, card: Card, words: list[str], wh
 
 
 def _smaller_first(model: InputModel, slave: str, master: str) -> tuple[str, str]:
-    """Return two surfaces, first the one that may lie on the other with all of it: the slave, unless it is the larger."""
+    """Return two surfaces, first the one that can lie entirely on the other: the slave, unless it is larger."""
     areas = _area(model, slave), _area(model, master)
     return (master, slave) if areas[0] > _LARGER * areas[1] > 0.0 else (slave, master)
 
 
 def _area(model: InputModel, surface: str) -> float:
-    """Return the area of the faces that a surface names, between their corners; 0 of one made of nodes."""
+    """Return the area of the faces of a surface, from their corners; 0 for a surface of nodes."""
     area, group = 0.0, model.grouped.groups.get(surface)
     for block, rows in group.cells.items() if group is not None else ():
         cells = model.grouped.cells[block]
@@ -194,7 +194,7 @@ def _area(model: InputModel, surface: str) -> float:
 
 
 def _gap(model: InputModel, card: Card, surfaces: tuple[str, str]) -> dict[str, str]:
-    """Return why the gap between two surfaces is not that of the mesh, if the file says so in a way that a joint does not."""
+    """Return why the gap between two surfaces differs from the mesh, if the file changes it in a way that a joint lacks."""
     adjusted = card.parameters.get("ADJUST", "")
     distance = number(adjusted)
     if adjusted and (distance is None or distance < 0.0):

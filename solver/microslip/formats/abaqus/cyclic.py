@@ -1,4 +1,4 @@
-"""*CYCLIC SYMMETRY MODEL and its *TIE of CalculiX: the sector, and what a scene has to state as [cyclic]."""
+"""*CYCLIC SYMMETRY MODEL and its *TIE of CalculiX: the sector, and the keys of [cyclic] that a scene needs."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ WORD = "CYCLIC SYMMETRY MODEL"
 
 
 def take_cyclic(model: InputModel) -> None:
-    """Add what the cards of a cyclic symmetric sector say to the findings, with the table of a scene that says the same.
+    """Add the cards of a cyclic sector to the findings, with the equivalent table of a scene.
 
     Raises
     ------
-    MeshError : a number of sectors or an axis that is none
+    MeshError : an invalid number of sectors or axis
     """
     faces = {
         card.parameters.get("NAME", ""): words[:2]
@@ -36,7 +36,7 @@ def take_cyclic(model: InputModel) -> None:
 
 
 def _sectors(model: InputModel, scope: Scope, card: Card, faces: dict[str, list[str]]) -> FileSectors:
-    """Return what a card says: sectors, axis, and the faces of its tie."""
+    """Return the data of a card: sectors, axis, and the faces of its tie."""
     n_sectors = number(card.parameters.get("N", ""))
     if n_sectors is None or n_sectors < 2 or n_sectors != int(n_sectors):
         raise MeshError(
@@ -50,7 +50,7 @@ def _sectors(model: InputModel, scope: Scope, card: Card, faces: dict[str, list[
         raise MeshError(f"{card.where}: *{card.keyword}: expected six coordinates of two points of the axis below it")
     first, last = np.array(ends[:3], dtype=float), np.array(ends[3:], dtype=float)
     if not np.linalg.norm(last - first) > 0.0:
-        raise MeshError(f"{card.where}: *{card.keyword}: the two points of the axis are one")
+        raise MeshError(f"{card.where}: *{card.keyword}: the two points of the axis coincide")
     low_high = _in_order(model, scope, names, first, last - first) if len(names) == 2 else None
     return FileSectors(sectors=int(n_sectors), axis=vector(last - first), axis_point=vector(first), faces=low_high)
 

@@ -1,4 +1,4 @@
-"""Point masses, springs and dampers: *MASS, *ROTARY INERTIA, *SPRING and *DASHPOT with the elements that have them."""
+"""Point masses, springs and dampers: *MASS, *ROTARY INERTIA, *SPRING and *DASHPOT with their elements."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from .types import OF_DISCRETE
 
 
 def take_discrete(model: InputModel) -> None:
-    """Take masses, springs and dampers; those on the reference node of a point become its own.
+    """Take masses, springs and dampers; those on the reference node of a point become part of the point.
 
     Raises
     ------
-    MeshError : properties that are not numbers, of elements that there are not
+    MeshError : properties that are not numbers, or elements that do not exist
     """
     done = np.zeros(len(model.grouped.block_of), dtype=bool)
     for scope, card in model.cards:
@@ -31,7 +31,7 @@ def take_discrete(model: InputModel) -> None:
     for first, block, nodes in model.mesh.blocks:
         n = np.count_nonzero(~done[first : first + len(nodes)])
         if n and (block.word in OF_DISCRETE):
-            effect = f"{n} elements without *{OF_DISCRETE[block.word]}: what they are is not stated"
+            effect = f"{n} elements without *{OF_DISCRETE[block.word]}: their properties are missing"
             part = "masses" if block.word in ("MASS", "ROTARYI") else "springs"
             model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, effect, True, part)
 
@@ -71,7 +71,7 @@ def _take_inertia(model: InputModel, scope: Scope, card: Card, elements: np.ndar
     for node in nodes:
         point = model.points.get(int(node))
         if point is None or point.inertia is not None or "ORIENTATION" in card.parameters:
-            effect = f"an inertia at node {model.mesh.numbers[node]}, which is no reference node, or in axes of its own"
+            effect = f"an inertia at node {model.mesh.numbers[node]}, which is not a reference node, or in its own axes"
             model.findings.add("*ROTARY INERTIA", card.where, effect, bool(values.any()), "points")
         elif values.any():
             model.points[int(node)] = point.with_keys(inertia=inertia)
@@ -83,7 +83,7 @@ def _take_spring(model: InputModel, scope: Scope, card: Card, elements: np.ndarr
     lines = list(card.lines())
     if special:
         model.findings.add(
-            f"*SPRING, {special[0]}", card.where, "springs that are not linear, or in axes of their own", True, "springs"
+            f"*SPRING, {special[0]}", card.where, "springs that are not linear, or in their own axes", True, "springs"
         )
         return
     stiffness = float(_numbers(card, 1)[0])
@@ -100,7 +100,7 @@ def _take_dashpot(model: InputModel, scope: Scope, card: Card, elements: np.ndar
     damping = _numbers(card, 1)
     if special or len(lines) != n_first + 1 or len(damping) > 1:
         word = f"*DASHPOT, {special[0]}" if special else "*DASHPOT"
-        effect = "dampers that are not linear, depend on frequency or temperature, or are in axes of their own"
+        effect = "dampers that are not linear, depend on frequency or temperature, or are in their own axes"
         model.findings.add(word, card.where, effect, True, "springs")
         return
     for word, ends in dampers:
@@ -115,7 +115,7 @@ def _ends(model: InputModel, elements: np.ndarray) -> Iterator[tuple[str, np.nda
 
 
 def _add_spring(model: InputModel, card: Card, word: str, ends: np.ndarray, lines: list, spring: Spring) -> None:
-    """Add one spring or damper of that stiffness and damping between its ends."""
+    """Add one spring or damper, with the stiffness and damping of ``spring``, between its ends."""
     dofs = [int(field) for field in lines[0][0][:2] if field.isdigit()] if not word.endswith("A") and lines else []
     of_points = [int(node) in model.points or int(node) in model.turns for node in ends]
     numbers = " and ".join(str(model.mesh.numbers[node]) for node in ends)

@@ -1,4 +1,4 @@
-"""Elastic constants and expansions by their cards, and the axes that they are along: *ORIENTATION."""
+"""Elastic constants and thermal expansions, and their axes: *ORIENTATION."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..draft import vector
 from .cards import Card, number
 from .scopes import Scope, rotation_about
 
-# how many numbers a material card holds, by as much of its TYPE as distinguishes types
+# numbers of a material card, by the distinguishing part of its TYPE
 VALUES = {
     ("DENSITY", "ISO"): 1,
     ("ELASTIC", "ISO"): 2,
@@ -29,7 +29,7 @@ _ANISO = tuple((row, column) for column in range(6) for row in range(column + 1)
 
 
 def kind_of_material(card: Card) -> str | None:
-    """Return which of VALUES a material card holds; None: of none of them.  Local."""
+    """Return the key in VALUES of a material card, or None.  Local."""
     stated = "".join(card.parameter("TYPE", "ISO").split()) if card.keyword != "DENSITY" else "ISO"
     return next((kind for keyword, kind in VALUES if keyword == card.keyword and stated.startswith(kind)), None)
 
@@ -51,11 +51,11 @@ def keys_of(keyword: str, kind: str, values: Sequence[float]) -> dict[str, Any]:
 
 
 def orientation_of(scope: Scope, card: Card) -> Orientation | None:
-    """Return the axes that an *ORIENTATION states by coordinates, in axes of the model; None: by something else.  Local.
+    """Return the axes that an *ORIENTATION states by coordinates, in axes of the model; None for other definitions.  Local.
 
     Raises
     ------
-    MeshError : its data lines are not those of such axes
+    MeshError : data lines that do not define axes
     """
     system, definition = card.parameter("SYSTEM", "RECTANGULAR"), card.parameter("DEFINITION", "COORDINATES")
     if system not in ("RECTANGULAR", "CYLINDRICAL") or definition != "COORDINATES":
@@ -69,7 +69,7 @@ def orientation_of(scope: Scope, card: Card) -> Orientation | None:
         points = scope.placed(points)
         axis = points[1] - points[0]
         if not axis.any():
-            raise MeshError(f"{card.where}: *ORIENTATION: the two points of its axis are one")
+            raise MeshError(f"{card.where}: *ORIENTATION: the two points of its axis coincide")
         return Orientation.of_file(axis=vector(axis), axis_point=vector(points[0])) if angle == 0.0 else None
     x, y = points[0] - points[2], points[1] - points[2]
     if not np.cross(x, y).any():
@@ -86,7 +86,7 @@ def _further_turn(words: list, card: Card) -> tuple[int, float]:
 
 
 def _turned(x: np.ndarray, y: np.ndarray, k: int, angle: float, scope: Scope, card: Card) -> tuple[Vector, Vector]:
-    """Return the first two axes of the plane of x and y, turned about the one of number ``k`` and with the instance."""
+    """Return the first two axes from x and y in their plane, turned about axis ``k`` and with the instance."""
     third = np.cross(x, y)
     axes = np.stack([x, np.cross(third, x), third])
     axes = axes / np.linalg.norm(axes, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""*EQUATION: linear equations between displacements, in axes of the nodes where they have some."""
+"""*EQUATION: linear equations between displacements, in the axes of the nodes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .scopes import Scope
 
 
 def take_equations(model: InputModel) -> None:
-    """Take linear equations, when all reference nodes are known.
+    """Take linear equations, once all reference nodes are known.
 
     Raises
     ------
-    MeshError : an equation cut short, nodes that there are not
+    MeshError : a truncated equation, or nodes that do not exist
     """
     for scope, card in model.cards:
         if card.keyword == "EQUATION":
@@ -28,7 +28,7 @@ def take_equations(model: InputModel) -> None:
 
 
 def _take_equations(model: InputModel, scope: Scope, card: Card) -> None:
-    """Take linear equations; one of sets stands for one of each of their nodes."""
+    """Take linear equations; an equation between sets becomes one equation per node."""
     words: list[str] = []
     where_of: list[str] = []
     for line, where in card.lines():
@@ -52,14 +52,14 @@ def _add_equation(model: InputModel, scope: Scope, words: list[str], where: str)
         coefficient = number(value)
         if not dof.isdigit() or coefficient is None:
             raise MeshError(
-                f"{where}: *EQUATION holds {name}, {dof}, {value} where a node, a direction and a coefficient are due"
+                f"{where}: *EQUATION holds {name}, {dof}, {value} where a node, a direction and a coefficient are expected"
             )
         parts.append((model.mesh.nodes(scope, name, where), int(dof), coefficient))
     n = max(len(nodes) for nodes, _, _ in parts)
     if any(len(nodes) not in (1, n) for nodes, _, _ in parts):
         raise MeshError(f"{where}: *EQUATION: its sets hold different numbers of nodes")
     if any(not _has(model, int(node), axis) for nodes, axis, _ in parts for node in nodes):
-        effect = "an equation of something else than displacements, and rotations of reference nodes"
+        effect = "an equation of quantities other than displacements and rotations of reference nodes"
         model.findings.add("*EQUATION", where, effect, True, "equations")
         return
     for i in range(n):
@@ -70,12 +70,12 @@ def _add_equation(model: InputModel, scope: Scope, words: list[str], where: str)
 
 
 def _has(model: InputModel, node: int, dof: int) -> bool:
-    """Return whether a node has a degree of freedom, from 1: reference nodes turn, too."""
+    """Return whether a node has a degree of freedom, from 1; reference nodes also have rotations."""
     return 1 <= dof <= (6 if node in model.points else 3)
 
 
 def _term(model: InputModel, node: int, dof: int, factor: float) -> list[Term]:
-    """Return a degree of freedom of a node, from 1, times a factor; of a reference node as that of its point."""
+    """Return a degree of freedom of a node, from 1, times a factor, as terms; a reference node is replaced by its point."""
     turns, axis = divmod(dof - 1, 3)
     terms, leader = along_axis(model, node, axis + 1, factor), model.turns.get(node, node)
     if leader not in model.points:

@@ -1,4 +1,4 @@
-"""Keywords of Abaqus and CalculiX: what each does, and whether leaving it out changes a linear vibration of the solids."""
+"""Keywords of Abaqus and CalculiX: the effect of each, and whether it changes a linear vibration of the solids."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from ...messages.words import nearest
 from ..draft import Findings
 from .cards import Card
 
-PART = "cyclic"  # of findings that a table [cyclic] of the scene answers
-# taken over by the other files of this folder
+PART = "cyclic"  # part of findings that the table [cyclic] of the scene resolves
+# taken over by the other modules of this folder
 TAKEN = """NODE, ELEMENT, NGEN, NFILL, NCOPY, ELGEN, ELCOPY, NSET, ELSET, SURFACE, SYSTEM, MATERIAL, ELASTIC, DENSITY,
 EXPANSION, ORIENTATION, SOLID SECTION, BOUNDARY, TRANSFORM, EQUATION, MPC, TIE, COUPLING, KINEMATIC, DISTRIBUTING,
 DISTRIBUTING COUPLING, KINEMATIC COUPLING, RIGID BODY, MASS, ROTARY INERTIA, SPRING, DASHPOT, PRE-TENSION SECTION, CONTACT PAIR,
 SURFACE INTERACTION, SURFACE BEHAVIOR, FRICTION, INITIAL CONDITIONS, STEP, END STEP, FREQUENCY"""
-# without any bearing on the answer, and not worth a word
+# without effect on the answer and not reported
 SILENT = """HEADING, PREPRINT, ASSEMBLY, END ASSEMBLY, PART, END PART, INSTANCE, END INSTANCE, INCLUDE, OUTPUT, NODE OUTPUT,
 ELEMENT OUTPUT, CONTACT OUTPUT, ENERGY OUTPUT, MODAL OUTPUT, INCREMENTATION OUTPUT, INTEGRATED OUTPUT, NODE PRINT, EL PRINT,
 NODE FILE, EL FILE, FACE PRINT, SECTION PRINT, CONTACT PRINT, CONTACT FILE, ENERGY PRINT, ENERGY FILE, MODAL PRINT, MODAL FILE,
@@ -67,7 +67,7 @@ _CHANGES = {
     FLUID CAVITY, FLUID DENSITY, ACOUSTIC""",
     "a submodel: its boundary is moved by another model": "SUBMODEL",
 }
-# These make nodes or elements; what is missing after them is no model.
+# These generate nodes or elements, without which the model is incomplete.
 REFUSED = {"NMAP": "write the nodes out", "SYMMETRIC MODEL GENERATION": "write the whole model out"}
 
 
@@ -107,12 +107,12 @@ _KNOWN = {
 
 
 def known(keyword: str) -> str:
-    """Return a keyword as it is written in full, or itself where it is not known."""
+    """Return the full form of a keyword, or the keyword itself if it is unknown."""
     return _KNOWN.get(_bare(keyword), keyword)
 
 
 def add_card(findings: Findings, card: Card) -> None:
-    """Add a finding of what a card does that nothing here takes over.  Local."""
+    """Add a finding with the effect of a card that is not taken over.  Local."""
     word = _bare(card.keyword)
     if word in _QUIET:
         return
@@ -120,5 +120,5 @@ def add_card(findings: Findings, card: Card) -> None:
         effect, changes = _EFFECTS[word]
     else:
         near = nearest(card.keyword, _KNOWN.values())
-        effect, changes = "not known to this program" + (f"; the nearest that is known is *{near}" if near else ""), True
+        effect, changes = "not known to this program" + (f"; the nearest known keyword is *{near}" if near else ""), True
     findings.add(f"*{card.keyword}", card.where, effect, changes, PART if effect == CYCLIC else "")

@@ -1,4 +1,4 @@
-"""Nodes and elements that a file has made from others: *NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY."""
+"""Nodes and elements generated from others: *NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from .names import Names, Places
 from .nodes import Elements
 from .scopes import Scope, rotation_about
 
-_MOST = 10**7  # numbers that one line may make
-_HALF_TURN = 1e-9  # sine of the angle between the ends of an arc, below which their plane is not known
+_MOST = 10**7  # numbers that one line may generate
+_HALF_TURN = 1e-9  # sine of the angle between the ends of an arc, below which its plane is undetermined
 
 
 def take_generated(mesh: FileMesh, scope: Scope, card: Card) -> bool:
-    """Take one card over and return True, if it makes nodes or elements from those before it.
+    """Take a card that generates nodes or elements from earlier ones and return True; return False for other cards.
 
     Raises
     ------
-    MeshError : what it starts from is not there, or a way to make them that is not followed
+    MeshError : the source does not exist, or the way to generate is not supported
     """
     taken = _TAKEN.get(card.keyword)
     if taken is None:
@@ -42,7 +42,7 @@ def _refuse(card: Card, *names: str) -> None:
 
 
 def _rows(card: Card, n_least: int, n_words: int = 0) -> Iterator[tuple[list[str], list[float], str]]:
-    """Yield the words, and the numbers behind the first ``n_words`` of them, of each data line."""
+    """Yield the words of each data line, and the numbers after the first ``n_words`` words."""
     for words, where in card.lines():
         words = words[:-1] if words and not words[-1] else words
         values = [number(word) if word else math.nan for word in words[n_words:]]
@@ -52,7 +52,7 @@ def _rows(card: Card, n_least: int, n_words: int = 0) -> Iterator[tuple[list[str
 
 
 def _whole(values: list[float], i: int, default: int) -> int:
-    """Return an entry of a line, its default where it is empty."""
+    """Return an entry of a line; the default for an empty entry."""
     return int(values[i]) if i < len(values) and not math.isnan(values[i]) else default
 
 
@@ -73,7 +73,7 @@ class _Known:
 
 
 def _add_nodes(mesh: FileMesh, names: Names, card: Card, numbers: list[np.ndarray], points: list[np.ndarray], key: str) -> None:
-    """Add nodes, and a set of ``numbers``, which may hold more than are new (those behind the points)."""
+    """Add nodes, and a set of ``numbers``; only the last ones, which have points, are new."""
     new = np.concatenate([NO_NODES, *(part[: len(at)] for part, at in zip(numbers, points, strict=True))])
     names.given_nodes.append((new, np.concatenate([np.zeros((0, 3)), *points]), card.where))
     if card.parameters.get(key):
@@ -102,7 +102,7 @@ def _take_lines(mesh: FileMesh, names: Names, card: Card) -> None:
 
 
 def _arc(names: Names, known: _Known, ends: np.ndarray, s: np.ndarray, values: list[float], where: str) -> np.ndarray:
-    """Return points at parts ``s`` (n, 1) of the angle between two ends, about the centre that the values state."""
+    """Return points at fractions ``s`` (n, 1) of the angle between two ends, about the centre in ``values``."""
     if _whole(values, 3, 0):
         centre = known.at(np.array([_whole(values, 3, 0)]), where)[0]
     elif len(values) >= 5 and not names.scope.name and (names.system[0] == np.eye(3)).all() and not names.system[1].any():
@@ -122,7 +122,7 @@ def _arc(names: Names, known: _Known, ends: np.ndarray, s: np.ndarray, values: l
 
 
 def _take_fill(mesh: FileMesh, names: Names, card: Card) -> None:
-    """Take *NFILL: nodes on straight lines from each of one set to that of another."""
+    """Take *NFILL: nodes on straight lines between corresponding nodes of two sets."""
     _refuse(card, "BIAS", "SINGULAR", "TWOSTEP")
     known = _Known(names)
     numbers, points = [], []
@@ -132,7 +132,7 @@ def _take_fill(mesh: FileMesh, names: Names, card: Card) -> None:
         if len(bounds[0]) != len(bounds[1]) or n < 1 or step < 1 or n * len(bounds[0]) > _MOST:
             raise MeshError(
                 f"{where}: *NFILL: {words[0]} has {len(bounds[0])} nodes and {words[1]} {len(bounds[1])}, to be joined by {n} "
-                f"intervals; expected as many nodes in both and at least one interval"
+                f"intervals; expected equal numbers of nodes and at least one interval"
             )
         ends = [known.at(bound, where) for bound in bounds]
         s = np.arange(1, n)[:, None, None] / n
@@ -161,7 +161,7 @@ def _take_copies(mesh: FileMesh, names: Names, card: Card) -> None:
 
 
 def _take_rows(mesh: FileMesh, names: Names, card: Card) -> None:
-    """Take *ELGEN: rows, and layers of rows, of elements like one."""
+    """Take *ELGEN: rows and layers of copies of one element."""
     made = [NO_NODES]
     for _, values, where in _rows(card, 2):
         of = [_whole(values, i, 1) for i in range(10)]
@@ -179,7 +179,7 @@ def _take_rows(mesh: FileMesh, names: Names, card: Card) -> None:
 
 
 def _take_element_copies(mesh: FileMesh, names: Names, card: Card) -> None:
-    """Take *ELCOPY: elements with their numbers and those of their nodes raised."""
+    """Take *ELCOPY: copies of elements with shifted element and node numbers."""
     _refuse(card, "REFLECT")
     shifts = [number(card.parameters.get(name, "")) for name in ("ELEMENTSHIFT", "SHIFTNODES")]
     if None in shifts or not card.parameters.get("OLDSET"):
@@ -208,7 +208,7 @@ def _element(names: Names, wanted: int, where: str) -> tuple[Elements, np.ndarra
 
 
 def _members(names: Names, kind: str, word: str, where: str, depth: int = 0) -> np.ndarray:
-    """Return the numbers of a set so far: rising, or as they were stated in a set that is not sorted."""
+    """Return the numbers of a set so far: ascending, or in the stated order for an unsorted set."""
     word = word.upper()
     if word.isdigit():
         return np.array([int(word)])

@@ -24,31 +24,31 @@ _FACES = {
 
 @dataclass(eq=False)
 class Grouped:
-    """Cells and groups, and where each element is among the cells."""
+    """Cells and groups, and the cell of each element."""
 
     mesh: FileMesh
     cells: list[Cells] = field(default_factory=list)
     groups: dict[str, Group] = field(default_factory=dict)
     block_of: np.ndarray = field(default_factory=lambda: NO_NODES)  # (n_elements,) block of cells; -1: none
     row_of: np.ndarray = field(default_factory=lambda: NO_NODES)
-    of_solids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_nodes,) a solid element has it
+    of_solids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_nodes,) whether part of a solid
     _outer: dict[int, np.ndarray] = field(default_factory=dict)  # block: (n, n_faces) bool
 
     def add_elements(self, name: str, elements: np.ndarray) -> None:
-        """Add elements, positions, to a group."""
+        """Add elements, by position, to a group."""
         group = self.groups.setdefault(name, Group())
         blocks = self.block_of[elements]
         for block in np.unique(blocks[blocks >= 0]):
             group.add_cells(int(block), self.row_of[elements[blocks == block]])
 
     def nodes_of(self, name: str) -> np.ndarray:
-        """Return all nodes of a group, positions."""
+        """Return the positions of all nodes of a group."""
         group = self.groups[name]
         parts = [self.cells[block].nodes[rows].ravel() for block, rows in group.cells.items()]
         return np.unique(np.concatenate([group.nodes, *parts]))
 
     def node_group(self, name: str, nodes: np.ndarray) -> str:
-        """Return the name of a group of exactly these nodes: ``name`` where it is that, otherwise a new one."""
+        """Return the name of a group of exactly these nodes: ``name`` if that group has them, otherwise a new group."""
         nodes = np.unique(nodes)
         tried, n = name, 1
         while tried in self.groups and not np.array_equal(self.nodes_of(tried), nodes):
@@ -58,7 +58,7 @@ class Grouped:
         return tried
 
     def body_group(self, name: str, elements: np.ndarray) -> str:
-        """Return the name of a group that holds exactly these solid elements: ``name`` or a new one."""
+        """Return the name of a group of exactly these solid elements: ``name`` or a new group."""
         tried, n = name, 1
         while tried in self.groups and not np.array_equal(self._solids_of(tried), np.sort(elements)):
             n += 1
@@ -82,13 +82,13 @@ class Grouped:
         )
 
     def outer_faces(self, block: int) -> np.ndarray:
-        """Return which faces of a block of solids belong to no second solid, (n, n_faces) bool."""
+        """Return which faces of a block of solids belong to only one solid, (n, n_faces) bool."""
         if not self._outer:
             self._outer = _outer_faces(self.cells)
         return self._outer[block]
 
     def add_face(self, name: str, block: int, rows: np.ndarray, face: int) -> None:
-        """Add face S1, S2, ... of some cells to a group, as cells of their own."""
+        """Add face S1, S2, ... of some cells to a group, as separate cells."""
         cells = self.cells[block]
         made = face_of(cells.kind, _FACES[cells.kind.rstrip("0123456789")][face - 1])
         if made is None:
@@ -97,7 +97,7 @@ class Grouped:
         self.groups.setdefault(name, Group()).add_cells(len(self.cells) - 1, np.arange(len(rows)))
 
     def free_name(self, name: str) -> str:
-        """Return a name that no group has: ``name`` or one made of it."""
+        """Return an unused name of a group: ``name`` or a name derived from it."""
         tried, n = name, 1
         while tried in self.groups:
             n += 1
@@ -105,7 +105,7 @@ class Grouped:
         return tried
 
     def add_faces_between(self, name: str, is_in: np.ndarray) -> None:
-        """Add the outer faces of solids all of whose nodes are ``is_in`` (n_nodes,) bool to a group."""
+        """Add the outer faces of solids with all nodes in ``is_in`` (n_nodes,) bool to a group."""
         for block, cells in enumerate(self.cells[: len(self.cells)]):
             for i, corners in enumerate(_FACES.get(cells.kind.rstrip("0123456789"), ())):
                 made = face_of(cells.kind, corners)
@@ -122,7 +122,7 @@ def grouped(mesh: FileMesh) -> Grouped:
 
     Raises
     ------
-    MeshError : sets of what there is not, faces that elements do not have
+    MeshError : sets of entries that do not exist, faces that elements do not have
     """
     content = _with_cells(mesh)
     aliased = [names for names in mesh.names.values() if names.scope.name]
@@ -139,7 +139,7 @@ def grouped(mesh: FileMesh) -> Grouped:
 
 
 def _with_cells(mesh: FileMesh) -> Grouped:
-    """Return the cells, one block for each kind."""
+    """Return the cells, one block per kind."""
     n = sum(len(nodes) for _, _, nodes in mesh.blocks)
     content = Grouped(mesh, block_of=np.full(n, -1, dtype=np.int64), row_of=np.zeros(n, dtype=np.int64))
     kinds: dict[str, list[tuple[int, np.ndarray]]] = {}
@@ -168,7 +168,7 @@ def _group_sets(content: Grouped, names: Names, prefix: str) -> None:
 
 
 def _group_surface(content: Grouped, names: Names, name: str, entries: list[tuple[str, str, str]]) -> None:
-    """Make a group of a surface: of its faces, or of its nodes."""
+    """Make a group from the faces or the nodes of a surface."""
     mesh, scope = content.mesh, names.scope
     by_face: dict[str, list[np.ndarray]] = {}
     where_of: dict[str, str] = {}
@@ -207,7 +207,7 @@ def add_faces(content: Grouped, name: str, elements: np.ndarray, face: str, wher
 
 
 def _outer_faces(cells: list[Cells]) -> dict[int, np.ndarray]:
-    """Return, for each block of solids, which of their faces belong to one solid alone, (n, n_faces) bool."""
+    """Return, for each block of solids, which faces belong to only one solid, (n, n_faces) bool."""
     solids = {i: block.kind.rstrip("0123456789") for i, block in enumerate(cells)}
     solids = {i: family for i, family in solids.items() if family in _FACES}
     keys = []

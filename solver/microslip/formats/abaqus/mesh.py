@@ -1,4 +1,4 @@
-"""Nodes, elements, sets and surfaces of all instances, and what names and numbers of the file mean among them."""
+"""Nodes, elements, sets and surfaces of all instances, and the lookup of names and numbers of the file."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .names import Names, Places
 from .nodes import Elements, read_elements, read_nodes, system_of
 from .scopes import Scope
 
-_DIGITS = 18  # of the longest number
-_DEEPEST = 100  # sets within sets
+_DIGITS = 18  # digits of the longest number
+_DEEPEST = 100  # depth of nested sets
 
 
 @dataclass(eq=False)
 class FileMesh:
-    """All that the cards say of the mesh.  Positions of nodes and of elements count through all instances."""
+    """The mesh from the cards.  Positions of nodes and elements count through all instances."""
 
     names: dict[str, Names] = field(default_factory=dict)  # by the scope's name in upper case
     spelling: dict[str, str] = field(default_factory=dict)  # upper case: as first written
@@ -29,9 +29,9 @@ class FileMesh:
     numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
     element_numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
     blocks: list[tuple[int, Elements, np.ndarray]] = field(default_factory=list)  # first element, its card, nodes (n, k)
-    known: dict[tuple[str, str, str], np.ndarray] = field(default_factory=dict)  # scope, kind of set, name: its members
-    missing: dict[str, tuple[str, str, int]] = field(default_factory=dict)  # where: kind of set, what it says, the first number
-    offsets: tuple[int, int] = (0, 0)  # by which the numbers of the next instance are raised: nodes, elements; 0: not at all
+    known: dict[tuple[str, str, str], np.ndarray] = field(default_factory=dict)  # scope, kind of set, name: members
+    missing: dict[str, tuple[str, str, int]] = field(default_factory=dict)  # place: kind of set, message, first missing number
+    offsets: tuple[int, int] = (0, 0)  # node and element number offset per instance; 0: none
 
     def of(self, scope: Scope) -> Names:
         key = scope.name.upper()
@@ -44,11 +44,11 @@ class FileMesh:
 
     # what the file calls nodes, elements, sets
     def find(self, scope: Scope, word: str) -> tuple[Names, str]:
-        """Return in which scope a word of another scope is to be looked up, and what it is called there, in upper case."""
+        """Return the scope in which a word of another scope is looked up, and its name there in upper case."""
         word = word.upper()
         if "." in word and word not in self.of(scope).sets["NSET"] and word not in self.of(scope).sets["ELSET"]:
             instance, _, rest = word.partition(".")
-            while instance not in self.names and "." in rest:  # an instance's name may hold dots
+            while instance not in self.names and "." in rest:  # the name of an instance may contain dots
                 more, _, rest = rest.partition(".")
                 instance += "." + more
             if instance in self.names:
@@ -58,37 +58,37 @@ class FileMesh:
         return self.of(scope), word
 
     def nodes(self, scope: Scope, word: str, where: str) -> np.ndarray:
-        """Return the nodes that a number or a set's name means, positions.
+        """Return the positions of the nodes given by a number or the name of a set.
 
         Raises
         ------
-        MeshError : there are none of that name or number
+        MeshError : no set or node has that name or number
         """
         names, word = self.find(scope, word)
         return self._members(names, "NSET", word, where, ())
 
     def elements(self, scope: Scope, word: str, where: str) -> np.ndarray:
-        """Return the elements that a number or a set's name means, positions."""
+        """Return the positions of the elements given by a number or the name of a set."""
         names, word = self.find(scope, word)
         return self._members(names, "ELSET", word, where, ())
 
     def name_of(self, scope: Scope, word: str) -> str:
-        """Return a set's or surface's name as groups have it."""
+        """Return the name of the group of a set or surface."""
         names, word = self.find(scope, word)
         return names.scope.named(self.spelled(word))
 
     def _members(self, names: Names, kind: str, word: str, where: str, within: tuple[tuple[str, str, str], ...]) -> np.ndarray:
-        """Return the members of a set, or one by its number; ``within`` are scope, kind and name of the sets around it."""
+        """Return the members of a set, or a single member by its number; ``within``: scope, kind, name of the enclosing sets."""
         if word.isdigit():
             if len(word) > _DIGITS:
-                raise MeshError(f"{where}: {word[:40]} is no number of the file")
+                raise MeshError(f"{where}: {word[:40]} is not a number of the file")
             return self._positions(names, kind, np.array([int(word)]), where)
         if word not in names.sets[kind]:
             near = hint(word, names.sets[kind], lambda near: repr(self.spelled(near)))
             raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} is used but not defined{near}")
         key = (names.scope.name.upper(), kind, word)
         if key in within or len(within) > _DEEPEST:
-            what = "is made of itself" if key in within else f"is made of sets within more than {_DEEPEST} others"
+            what = "contains itself" if key in within else f"contains sets nested within more than {_DEEPEST} others"
             raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} {what}")
         if key not in self.known:
             parts = [self._part(names, kind, word, part, (*within, key)) for part in names.sets[kind][word]]
@@ -124,7 +124,7 @@ class FileMesh:
         return first + index
 
     def nodes_of(self, elements: np.ndarray) -> np.ndarray:
-        """Return the nodes of some elements, positions."""
+        """Return the positions of the nodes of some elements."""
         parts = [NO_NODES]
         for first, _, nodes in self.blocks:
             rows = elements[(elements >= first) & (elements < first + len(nodes))] - first
@@ -134,7 +134,7 @@ class FileMesh:
 
 
 def take_mesh_card(mesh: FileMesh, scope: Scope, card: Card) -> bool:
-    """Take one card over and return True, if it speaks of the mesh."""
+    """Take a card of the mesh and return True; return False for other cards."""
     taken = _TAKEN.get(card.keyword)
     if taken is None:
         return False
@@ -163,12 +163,12 @@ def _take_elements(mesh: FileMesh, names: Names, card: Card) -> None:
 
 
 def add_to_set(mesh: FileMesh, names: Names, kind: str, name: str, part: tuple) -> None:
-    """Add an entry to a set: how its members are stated, the members, and where the statement stands."""
+    """Add an entry to a set: form of the members, the members, place of the statement."""
     names.sets[kind].setdefault(mesh.spelled(name).upper(), []).append(part)
 
 
 def _take_set(mesh: FileMesh, names: Names, card: Card) -> None:
-    """Take a set; numbers and names may be mixed, and those of an instance come from there."""
+    """Take a set of numbers and names; an entry of an instance is looked up in the instance."""
     kind, name = card.keyword, card.parameters.get(card.keyword)
     if not name:
         raise MeshError(f"{card.where}: *{kind} without a name")
@@ -195,7 +195,7 @@ def _take_set(mesh: FileMesh, names: Names, card: Card) -> None:
     words = [word for line, _ in card.lines() for word in line if word]
     plain = [word for word in words if word.isdigit()]
     if any(len(word) > _DIGITS for word in plain):
-        raise MeshError(f"{card.where}: *{kind} {name!r} holds {max(plain, key=len)[:40]}, which is no number of the file")
+        raise MeshError(f"{card.where}: *{kind} {name!r} holds {max(plain, key=len)[:40]}, which is not a number of the file")
     add(np.array(plain, dtype=np.int64))
     for word in words:
         if not word.isdigit():
@@ -213,7 +213,7 @@ def _generated(words: list[str], where: str, kind: str) -> range:
 
 
 def _take_surface(mesh: FileMesh, names: Names, card: Card) -> None:
-    """Keep the entries of a surface; what its kind has no faces for has none."""
+    """Store the entries of a surface; surfaces of kinds without faces have no entries."""
     name = mesh.spelled(card.parameters.get("NAME", ""))
     entries = names.surfaces.setdefault(name.upper(), [])
     kind = card.parameter("TYPE", "ELEMENT")
@@ -235,16 +235,16 @@ _TAKEN = {
 
 
 def finish(mesh: FileMesh) -> None:
-    """Give nodes and elements of all scopes one numbering, and find the nodes of the elements.
+    """Assign unique numbers to nodes and elements of all scopes, and find the nodes of the elements.
 
-    Numbers stay those of the file where no two instances use one; otherwise those of instance k, from 0, are raised by k times
-    a power of ten above all of them; the assembly's own come last.
+    The numbers of the file remain if no two instances share one; otherwise the numbers of instance k, from 0, are raised by k
+    times a power of ten above all numbers; the assembly comes last.
 
     Raises
     ------
-    MeshError : numbers twice, or nodes that there are not
+    MeshError : repeated numbers, or nodes that do not exist
     """
-    every = sorted(mesh.names.values(), key=lambda names: names.scope.name == "")  # the assembly's own last
+    every = sorted(mesh.names.values(), key=lambda names: names.scope.name == "")  # the assembly last
     for names in every:
         names.node_numbers = _joined(part[0] for part in names.given_nodes)
         names.element_numbers = _joined(block.numbers for block in names.blocks)
@@ -276,15 +276,15 @@ def finish(mesh: FileMesh) -> None:
 
 
 def _single_node(mesh: FileMesh, scope: Scope, word: str, where: str) -> int:
-    """Return the one node, a position, that an element of the assembly names."""
+    """Return the position of the single node that an element of the assembly names."""
     members = mesh.nodes(scope, word, where)
     if len(members) != 1:
-        raise MeshError(f"{where}: *ELEMENT names {word!r}, which holds {len(members)} nodes where one is due")
+        raise MeshError(f"{where}: *ELEMENT names {word!r}, which holds {len(members)} nodes where one is expected")
     return int(members[0])
 
 
 def _merged(blocks: list[Elements]) -> list[Elements]:
-    """Join the elements of cards of one type that follow each other."""
+    """Join the elements of consecutive cards of one type."""
     runs: list[list[Elements]] = []
     for block in blocks:
         last = runs[-1][0] if runs else None
@@ -314,7 +314,7 @@ def _joined(parts: Iterable[np.ndarray]) -> np.ndarray:
 
 
 def _refuse_twice(parts: list[tuple[np.ndarray, str]], keyword: str, what: str) -> None:
-    """Raise MeshError where a number stands twice, with the card of the second."""
+    """Raise MeshError for a repeated number, with the card of the repetition."""
     numbers = _joined(part[0] for part in parts)
     if len(numbers) < 2 or (np.diff(numbers) > 0).all():
         return
@@ -327,7 +327,7 @@ def _refuse_twice(parts: list[tuple[np.ndarray, str]], keyword: str, what: str) 
 
 
 def _unique_numbers(scopes: list[np.ndarray]) -> tuple[np.ndarray, int]:
-    """Return numbers that are unique over all scopes, and by how much each further one is raised."""
+    """Return numbers that are unique over all scopes, and the offset per scope."""
     numbers = _joined(scopes)
     held = [part for part in scopes if len(part)]
     if len(held) < 2 or len(np.unique(numbers)) == len(numbers):

@@ -1,4 +1,4 @@
-"""Numbers and names of one scope, and where numbers stand among all."""
+"""Numbers and names of one scope, and positions of numbers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .scopes import Scope
 
 
 class Places:
-    """Where each of some numbers stands among them."""
+    """Lookup of the positions of numbers."""
 
     def __init__(self, numbers: np.ndarray):
         self.first = int(numbers[0]) if len(numbers) else 0
@@ -23,8 +23,8 @@ class Places:
         self.sorted = numbers if self.order is None else numbers[self.order]
 
     def held(self, wanted: np.ndarray | range) -> tuple[np.ndarray, int, int]:
-        """Return the places of those numbers that there are, how many there are not, and the first of these."""
-        if isinstance(wanted, range):  # which may be far longer than what there is
+        """Return the positions of existing numbers, the count of missing numbers, and the first missing one."""
+        if isinstance(wanted, range):  # may be far longer than the list of numbers
             low, high = np.searchsorted(self.sorted, [wanted.start, wanted.stop])
             inside = self.sorted[low:high]
             inside = inside[(inside - wanted.start) % wanted.step == 0]
@@ -36,7 +36,7 @@ class Places:
         return self.find(wanted[~np.isin(wanted, missing)])[0], len(missing), int(missing[0])
 
     def find(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the places of numbers, and the numbers that are not there."""
+        """Return the positions of numbers, and the missing numbers."""
         if self.n == 0:
             return np.zeros(np.shape(wanted), dtype=np.int64), np.unique(wanted)
         if self.is_range:
@@ -54,7 +54,7 @@ class Names:
     """Numbers and names of one scope."""
 
     scope: Scope
-    first_node: int = 0  # position of its first node among all
+    first_node: int = 0  # position of its first node among the nodes of all scopes
     first_element: int = 0
     node_numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
     element_numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
@@ -63,11 +63,11 @@ class Names:
     given_nodes: list[tuple[np.ndarray, np.ndarray, str]] = field(default_factory=list)  # numbers, points, where
     blocks: list[Elements] = field(default_factory=list)
     sets: dict[str, dict[str, list[tuple[str, object, str]]]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
-    internal: set[str] = field(default_factory=set)  # sets that a pre-processor made for itself
-    unsorted: set[str] = field(default_factory=set)  # sets whose members keep their order
+    internal: set[str] = field(default_factory=set)  # internal sets of a pre-processor
+    unsorted: set[str] = field(default_factory=set)  # sets whose members remain in the stated order
     surfaces: dict[str, list[tuple[str, str, str]]] = field(default_factory=dict)  # element or set, face or "NODE", where
     system: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
 
     def places(self, kind: str) -> tuple[Places, int]:
-        """Return where numbers of a kind of set stand, and the position of the first of them."""
+        """Return the lookup of numbers for a kind of set, and the position of the first number."""
         return (self.node_places, self.first_node) if kind == "NSET" else (self.element_places, self.first_element)

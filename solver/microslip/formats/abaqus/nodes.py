@@ -1,4 +1,4 @@
-"""*NODE, *ELEMENT and the systems they are given in: numbers, coordinates and connectivity of one scope."""
+"""*NODE, *ELEMENT and their coordinate systems: numbers, coordinates and connectivity of one scope."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Elements:
     """The elements of one *ELEMENT card."""
 
     word: str  # TYPE
-    kind: str | None  # of their cells
-    numbers: np.ndarray  # (n,) of the file
-    nodes: np.ndarray  # (n, n_nodes) numbers of the file; 0 where an element has fewer
+    kind: str | None  # kind of their cells
+    numbers: np.ndarray  # (n,) element numbers of the file
+    nodes: np.ndarray  # (n, n_nodes) node numbers of the file, padded with 0
     where: str
-    named: tuple[tuple[int, int, str], ...] = ()  # row, column and word of nodes that the file calls "instance.number"
+    named: tuple[tuple[int, int, str], ...] = ()  # row, column and word of nodes stated as "instance.number"
 
 
 def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
@@ -32,7 +32,7 @@ def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
 
     Raises
     ------
-    MeshError : not a number and three coordinates, or two in a plane, on each line
+    MeshError : a line without a number and three coordinates (two in a plane)
     """
     values, counts = card.numbers()
     width = int(counts[0]) if len(counts) else 4
@@ -47,7 +47,7 @@ def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _with_empty_fields(card: Card) -> np.ndarray:
-    """Return (n, 4) numbers of lines of which some have empty fields, which are 0, or in a plane no third coordinate."""
+    """Return (n, 4) numbers of lines; empty fields and a missing third coordinate are 0."""
     rows, least = [], 4 if any(len(words) > 3 for words, _ in card.lines()) else 3
     for words, where in card.lines():
         if len(words) < least or not words[0]:
@@ -57,7 +57,7 @@ def _with_empty_fields(card: Card) -> np.ndarray:
 
 
 def _cartesian(points: np.ndarray, card: Card) -> np.ndarray:
-    """Return points that are given in cylindrical or spherical coordinates in those of their axes."""
+    """Return points, given in cylindrical or spherical coordinates, in Cartesian ones."""
     system = card.parameter("SYSTEM", "R")
     if system == "R":
         return points
@@ -70,11 +70,11 @@ def _cartesian(points: np.ndarray, card: Card) -> np.ndarray:
 
 
 def system_of(card: Card) -> tuple[np.ndarray, np.ndarray]:
-    """Return axes (3, 3), rows x', y', z', and origin (3,) of a *SYSTEM card; without data the global ones.
+    """Return axes (3, 3), rows x', y', z', and origin (3,) of a *SYSTEM card; the global system without data.
 
     Raises
     ------
-    MeshError : no axes
+    MeshError : points that do not define axes
     """
     rows = [values_of(",".join(words).encode()) for words, _ in card.lines()]
     values = np.concatenate([np.zeros(0), *(np.zeros(1) if row is None else row for row in rows)])
@@ -101,13 +101,13 @@ def axes_of(x: np.ndarray, in_plane: np.ndarray, where: str) -> np.ndarray:
 def read_elements(card: Card) -> Elements:
     """Return the elements of an *ELEMENT card.
 
-    An element takes lines until it has its nodes, and what the last of them holds beyond is passed over, as in CalculiX; but
-    where a line before it ends without a comma nodes are missing, and the last line is that of another element. Types whose
-    number of nodes is not known here take a line, and those that end in a comma the next one too.
+    An element takes lines until it has all nodes; extra numbers on its last line are ignored, as in CalculiX. If an earlier line
+    does not end in a comma, nodes are missing, and the last line belongs to another element. Elements of types with an unknown
+    number of nodes take one line, and the next one after a trailing comma.
 
     Raises
     ------
-    MeshError : nodes are missing, or something else than whole numbers stands there
+    MeshError : nodes are missing, or an entry is not a whole number
     """
     word = card.parameter("TYPE")
     kind = kind_of(word)
@@ -118,7 +118,7 @@ def read_elements(card: Card) -> Elements:
         return _with_names(card, word, n_nodes)
     rows = _rows(card, word, n_nodes) if n_nodes else _unknown_rows(card)
     if kind == "line2" and word.startswith("B"):
-        rows = rows[:, :3]  # a beam's third node states its direction
+        rows = rows[:, :3]  # the third node of a beam states its direction
     return Elements(word, kind, rows[:, 0], rows[:, 1:], card.where)
 
 
@@ -127,10 +127,10 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
     values, counts = card.numbers()
     width = 1 + n_nodes
     if not np.isfinite(values).all() or (abs(values) > 2**53).any():
-        raise MeshError(f"{card.where}: *ELEMENT, TYPE={word} holds something else than whole numbers{_DAMAGED}")
+        raise MeshError(f"{card.where}: *ELEMENT, TYPE={word} holds entries that are not whole numbers{_DAMAGED}")
     if (counts == width).all():
         return values.astype(np.int64).reshape(-1, width)
-    begins = np.cumsum(counts) - counts  # of lines, in values
+    begins = np.cumsum(counts) - counts  # begins of lines, in values
     first, last = _lines_of(counts, width).T
     starts, what = begins[first], f"{card.where}: *ELEMENT, TYPE={word}"
     held = begins[last] + counts[last] - starts
@@ -140,7 +140,7 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
         ends_in_comma = goes_on[first[i] : last[i]]
         if not ends_in_comma.all():
             n = begins[first[i] + np.argmin(ends_in_comma) + 1] - starts[i] - 1
-            raise MeshError(f"{what}: element {values[starts[i]]:.0f} has {n} nodes, and {n_nodes} are due{_DAMAGED}")
+            raise MeshError(f"{what}: element {values[starts[i]]:.0f} has {n} nodes, and {n_nodes} are expected{_DAMAGED}")
     if len(held) and held[-1] < width:
         raise MeshError(
             f"{what}: the {len(values)} numbers do not make elements of a number and {n_nodes} nodes: the last has "
@@ -150,7 +150,7 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
 
 
 def _lines_of(counts: np.ndarray, width: int) -> np.ndarray:
-    """Return the first and the last line (n, 2) of each element, which takes lines until it has ``width`` numbers."""
+    """Return the first and last line (n, 2) of each element, which takes lines up to ``width`` numbers."""
     lines, first, n_held = [], 0, 0
     for i, count in enumerate(counts.tolist()):
         n_held += count
@@ -161,7 +161,7 @@ def _lines_of(counts: np.ndarray, width: int) -> np.ndarray:
 
 
 def _with_names(card: Card, word: str, n_nodes: int) -> Elements:
-    """Return masses and springs of the assembly, whose nodes are those of instances: "bolt-1.17"."""
+    """Return masses and springs of the assembly, with nodes of instances: "bolt-1.17"."""
     rows: list[list[int]] = []
     named: list[tuple[int, int, str]] = []
     for words, where in card.lines():
@@ -175,14 +175,14 @@ def _with_names(card: Card, word: str, n_nodes: int) -> Elements:
 
 
 def _unknown_rows(card: Card) -> np.ndarray:
-    """Return (n, 1 + most nodes) of elements of a type that is not known, 0 where one has fewer nodes."""
+    """Return (n, 1 + most nodes) numbers of elements of an unknown type, padded with 0."""
     rows: list[list[int]] = []
     goes_on = False
     for words, where in card.lines():
         if not goes_on:
             rows.append([])
         if not all(word.isdigit() for word in words if word):
-            raise MeshError(f"{where}: *ELEMENT holds {','.join(words)[:60]!r} where numbers are due")
+            raise MeshError(f"{where}: *ELEMENT holds {','.join(words)[:60]!r} where numbers are expected")
         rows[-1] += [int(word) for word in words if word]
         goes_on = not words[-1]
     width = max((len(row) for row in rows), default=1)

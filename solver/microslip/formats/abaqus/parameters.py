@@ -1,10 +1,10 @@
-"""Parameters of the keywords that are taken over: which are known, and what they are in full."""
+"""Known parameters of the keywords that are taken over, and their full forms."""
 
 from __future__ import annotations
 
 from .cards import Card
 
-# Each parameter is followed here, or has no bearing on a linear vibration, or is a finding of its own.
+# Each parameter is read here, has no effect on a linear vibration, or is a separate finding.
 _KNOWN = {
     "NODE": "NSET, SYSTEM, INPUT",
     "ELEMENT": "TYPE, ELSET, INPUT",
@@ -54,7 +54,7 @@ _SHORTEST = 3  # letters of an abbreviation
 
 
 def in_full(card: Card) -> tuple[dict[str, str], list[str]]:
-    """Return a card's parameters with abbreviations written out, and those that are not known.  Local."""
+    """Return the parameters of a card with abbreviations expanded, and the unknown ones.  Local."""
     if card.keyword not in _NAMES:
         return card.parameters, []
     names, full, unknown = _NAMES[card.keyword], {}, []

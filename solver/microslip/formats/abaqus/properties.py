@@ -1,4 +1,4 @@
-"""Materials and sections: what the solids are made of, and how their elements are integrated."""
+"""Materials and sections of solids, and the quadrature of their elements."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from .input_model import InputModel, Table
 from .scopes import Scope
 from .types import OF_DISCRETE, Integration, integration_of, is_solid, kind_of, note_on
 
-_A_LINE = 8  # numbers of a material card on a full line
+_A_LINE = 8  # numbers on a full line of a material card
 
 
 def take_materials(model: InputModel) -> None:
-    """Take linear elastic materials; those whose values depend on the temperature with their tables (temperatures.py).
+    """Take linear elastic materials; temperature-dependent ones with their tables (temperatures.py).
 
     Raises
     ------
-    MeshError : a value that is no number
+    MeshError : a value that is not a number
     """
     for first, *cards in _of_each_material(model):
         name = _spelled(model, first.parameters.get("NAME", ""))
         known, tables = model.materials.get(name), model.tables.pop(name, [])
         model.materials[name] = Material.of_file()
         _take_properties(model, name, cards)
-        if known is not None:  # the first statement counts, as in CalculiX; a second one that differs changes the answer
+        if known is not None:  # the first statement is used, as in CalculiX; a different second one is reported
             differs = (known, tables) != (model.materials[name], model.tables.pop(name, []))
             model.findings.add("*MATERIAL", first.where, f"{name!r} again: as first stated is taken", differs, "materials")
             model.materials[name] = known
@@ -36,7 +36,7 @@ def take_materials(model: InputModel) -> None:
 
 
 def _of_each_material(model: InputModel) -> list[list[Card]]:
-    """Return the cards of each *MATERIAL that has a name, that card first."""
+    """Return the cards of each *MATERIAL with a name, the *MATERIAL card first."""
     groups: list[list[Card]] = []
     for _, card in model.cards:
         if card.keyword == "MATERIAL":
@@ -47,7 +47,7 @@ def _of_each_material(model: InputModel) -> list[list[Card]]:
 
 
 def _take_properties(model: InputModel, name: str, cards: list[Card]) -> None:
-    stated: dict[str, str] = {}  # where the properties stand
+    stated: dict[str, str] = {}  # places of the properties
     for card in cards:
         known, model.materials[name] = model.materials[name], _with(model, model.materials[name], name, card)
         if card.keyword in stated:
@@ -61,7 +61,7 @@ def _spelled(model: InputModel, name: str) -> str:
 
 
 def _with(model: InputModel, material: Material, name: str, card: Card) -> Material:
-    """Return a material with what one card says."""
+    """Return a material with the values of one card."""
     kind = kind_of_material(card)
     if kind is None:
         stated = card.parameter("TYPE")
@@ -81,7 +81,7 @@ def _with(model: InputModel, material: Material, name: str, card: Card) -> Mater
 
 
 def _records(card: Card, n: int) -> list[tuple[list[str], str]]:
-    """Return the fields of each set of ``n`` values, its temperature and fields behind them, and where it begins.
+    """Return the fields of each set of ``n`` values with temperature and field variables, and the place of its begin.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def _records(card: Card, n: int) -> list[tuple[list[str], str]]:
     n_fields = max(int(number(card.parameters.get("DEPENDENCIES", "0")) or 0), 0)
     n_lines = -(-(n + 1 + n_fields) // _A_LINE)
     if len(lines) % n_lines:
-        raise MeshError(f"{card.where}: *{card.keyword} holds {len(lines)} lines where sets of {n_lines} are due")
+        raise MeshError(f"{card.where}: *{card.keyword} holds {len(lines)} lines where sets of {n_lines} are expected")
     starts = range(0, len(lines), n_lines)
     if n_lines == 1:
         return lines
@@ -100,7 +100,7 @@ def _records(card: Card, n: int) -> list[tuple[list[str], str]]:
 
 
 def _table(card: Card, records: list[tuple[list[str], str]], kind: str, where: str) -> Table:
-    """Return values over the temperature, the number behind them in each row."""
+    """Return values over the temperature, the last number of each row."""
     n = VALUES[card.keyword, kind]
     rows = np.array([_row(words, at, card, n + 1) for words, at in records])
     has_fields = any(word for words, _ in records for word in words[n + 1 :])
@@ -110,19 +110,19 @@ def _table(card: Card, records: list[tuple[list[str], str]], kind: str, where: s
 
 
 def _row(words: list[str], where: str, card: Card, n: int) -> tuple[float, ...]:
-    """Return the first ``n`` numbers of a data line, 0 where a field is empty."""
+    """Return the first ``n`` numbers of a data line; 0 for empty fields."""
     values = [number(word) if word else 0.0 for word in (words + [""] * n)[:n]]
     if any(value is None for value in values):
-        raise MeshError(f"{where}: *{card.keyword} holds {','.join(words)[:60]!r} where numbers are due")
+        raise MeshError(f"{where}: *{card.keyword} holds {','.join(words)[:60]!r} where numbers are expected")
     return tuple(value for value in values if value is not None)
 
 
 def take_sections(model: InputModel) -> None:
-    """Make bodies of the sections: one for each integration of its elements.
+    """Make bodies from the sections: one for each integration of the elements.
 
     Raises
     ------
-    MeshError : a section of a set that there is not
+    MeshError : a section of a set that does not exist
     """
     has_section = np.zeros(len(model.grouped.block_of), dtype=bool)
     words = _words(model)
@@ -134,11 +134,11 @@ def take_sections(model: InputModel) -> None:
     _find_without_section(model, has_section)
     for _, card in model.cards:
         if card.keyword == "ORIENTATION" and card not in model.axes_of_materials:
-            model.findings.add("*ORIENTATION", card.where, "no material that differs by direction has it", False, "bodies")
+            model.findings.add("*ORIENTATION", card.where, "no anisotropic material uses it", False, "bodies")
 
 
 def _words(model: InputModel) -> np.ndarray:
-    """Return which card, by its position among the blocks, each element is of, (n_elements,)."""
+    """Return for each element the position of its card among the blocks, (n_elements,)."""
     return np.repeat(np.arange(len(model.mesh.blocks)), [len(nodes) for _, _, nodes in model.mesh.blocks])
 
 
@@ -171,18 +171,18 @@ def _take_section(model: InputModel, scope: Scope, card: Card, elements: np.ndar
 
 
 def _orientation(model: InputModel, scope: Scope, section: Card, material: Material) -> str | None:
-    """Return the name of the axes of a section's material, and take them; None where they are the model's, or none are needed.
+    """Return the name of the axes of a section's material, and add them; None for model axes or isotropic materials.
 
     Raises
     ------
-    MeshError : it names axes that there are not
+    MeshError : the section names axes that do not exist
     """
     if not material.has_axes and not isinstance(material.expansion, tuple):
         return None
     wanted = section.parameters.get("ORIENTATION", "")
     if not wanted:
         if (scope.rotation != np.eye(3)).any():
-            effect = f"a material that differs by direction in instance {scope.name}, which is turned, without *ORIENTATION"
+            effect = f"an anisotropic material in instance {scope.name}, which is turned, without *ORIENTATION"
             model.findings.add("*SOLID SECTION", section.where, effect, True, "bodies")
         return None
     for owner, card in model.cards:
@@ -200,7 +200,7 @@ def _orientation(model: InputModel, scope: Scope, section: Card, material: Mater
 
 
 def _find_without_section(model: InputModel, has_section: np.ndarray) -> None:
-    """Add findings of solids without a section, of their variants, and of elements that are no solids."""
+    """Add findings of solids without a section, of variants of solids, and of elements that are not solids."""
     for first, block, nodes in model.mesh.blocks:
         n = len(nodes)
         if is_solid(block.word):

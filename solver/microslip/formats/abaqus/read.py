@@ -1,4 +1,4 @@
-"""Read an input file of Abaqus or CalculiX whole: its mesh, and what else it says of the structure."""
+"""Read a complete input file of Abaqus or CalculiX: the mesh and all other data of the structure."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ _TAKEN = {" ".join(word.split()) for word in TAKEN.split(",")}
 
 
 def read_inp(path: str, step: int | None = None) -> FileModel:
-    """Read an input file of Abaqus or CalculiX with what it includes.  Local.
+    """Read an input file of Abaqus or CalculiX with its included files.  Local.
 
-    ``step`` is the number of the step whose conditions are taken; None: the first with *FREQUENCY, otherwise the first.
-    Materials, bodies (a section each), supports, ties, couplings and rigid bodies, masses, springs and equations are taken over,
-    and the loads about which it vibrates; everything else is among the findings.
+    ``step`` is the number of the step whose conditions are taken; None: the first step with *FREQUENCY, or the first step.
+    Materials, bodies (one per section), supports, ties, couplings, rigid bodies, masses, springs, equations and the loads at rest
+    are taken over; all other entries become findings.
 
     Raises
     ------
-    MeshError without the file's name: damaged, or it uses keywords that are not followed; it has no such step.
+    MeshError without the file's name: the file is damaged, uses unsupported keywords, or does not have the step.
     """
     cards = read_cards(path)
     for i, card in enumerate(cards):
@@ -51,7 +51,7 @@ def read_inp(path: str, step: int | None = None) -> FileModel:
         if not take_mesh_card(mesh, scope, card):
             take_generated(mesh, scope, card)
         if card.keyword in ("NODE", "ELEMENT") and not scope.name:
-            card.pieces.clear()  # the longest texts; those of parts are read again for further instances
+            card.pieces.clear()  # frees the longest texts, except parts that further instances read again
     every = mesh.names.values()
     if not any(names.blocks for names in every) or not any(names.given_nodes for names in every):
         raise MeshError("the file holds no *NODE and *ELEMENT blocks that this program reads")
@@ -74,7 +74,7 @@ def read_inp(path: str, step: int | None = None) -> FileModel:
 
 
 def _in_full(card: Card) -> Card:
-    """Return a card with its keyword and its parameters as they are written in full."""
+    """Return a card with keyword and parameters in full form."""
     card = replace(card, keyword=known(card.keyword))
     return replace(card, parameters=in_full(card)[0])
 
@@ -97,10 +97,10 @@ def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], 
 
 
 def _find_unknown_parameters(model: InputModel) -> None:
-    """Add findings for parameters of cards that are taken over, where nothing here knows what they do."""
+    """Add findings for unknown parameters of cards that are taken over."""
     for _, card in model.cards + [entry for step in model.steps_until for entry in step.cards]:
         for name in in_full(card)[1]:
-            model.findings.add(f"*{card.keyword}, {name}", card.where, "a parameter that is not known to this program", True)
+            model.findings.add(f"*{card.keyword}, {name}", card.where, "a parameter unknown to this program", True)
 
 
 def _find_rest(model: InputModel) -> None:
@@ -114,7 +114,7 @@ def _find_rest(model: InputModel) -> None:
         elif card.keyword not in _TAKEN and card.keyword != cyclic.WORD:
             add_card(model.findings, card)
     if model.steps and model.steps[-1].cards[-1][1].keyword != "END STEP":
-        effect = "it is not there: what follows in a file that was cut is missing"
+        effect = "it is missing: the file may be truncated"
         model.findings.add("*END STEP", "the last line", effect, False)
     for step in model.steps:
         for _, card in step.cards:
@@ -124,7 +124,7 @@ def _find_rest(model: InputModel) -> None:
 
 
 def _is_known_to_change(card: Card) -> bool:
-    """Return whether a card of a later step changes that step alone."""
+    """Return whether a card of a later step only changes that step."""
     return card.keyword in ("MODEL CHANGE", "CONTACT PAIR", "SELECT CYCLIC SYMMETRY MODES")
 
 
@@ -133,7 +133,7 @@ def _find_initial(model: InputModel, card: Card) -> None:
     if kind in ("TEMPERATURE", "VELOCITY", "ROTATING VELOCITY", "PLASTIC STRAIN", "HARDENING", "PRESSURE"):
         effect, changes = "of no effect on what is taken over", False
     else:
-        effect, changes = "the structure carries something before it vibrates", True
+        effect, changes = "an initial state of the structure before it vibrates", True
     model.findings.add(f"*INITIAL CONDITIONS, TYPE={kind}", card.where, effect, changes)
 
 
@@ -141,7 +141,7 @@ def _composed(model: InputModel) -> FileModel:
     """Return the model: mesh, equations, tables, findings.  Local."""
     mesh = model.mesh
     notes = tuple(
-        f"{len(nodes)} elements of *ELEMENT, TYPE={block.word} are no cells of the mesh"
+        f"{len(nodes)} elements of *ELEMENT, TYPE={block.word} are not cells of the mesh"
         for _, block, nodes in mesh.blocks
         if block.kind is None
     )
@@ -172,7 +172,7 @@ def _composed(model: InputModel) -> FileModel:
 
 
 def _facts(model: InputModel) -> list[str]:
-    """Return what is listed with the model: instances, and how they are numbered."""
+    """Return the facts listed with the model: instances and their numbering."""
     facts = []
     instances = [names for names in model.mesh.names.values() if names.scope.name]
     if instances:
@@ -181,7 +181,7 @@ def _facts(model: InputModel) -> list[str]:
     for what, raised in zip(("node", "element"), model.mesh.offsets, strict=True):
         if raised:
             facts.append(
-                f"instances share {what} numbers: those of the first stay, of the second are raised by {raised}, of the third by "
-                f"{2 * raised}, and so on; those of the assembly come last"
+                f"instances share {what} numbers: numbers of the second are raised by {raised}, of the third by "
+                f"{2 * raised}, and so on; the assembly comes last"
             )
     return facts

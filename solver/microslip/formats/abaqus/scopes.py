@@ -1,4 +1,4 @@
-"""Parts, instances and the assembly: which card speaks of the numbers and names of which instance."""
+"""Parts, instances and the assembly: the scope of the numbers and names of each card."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ from .cards import Card, values_of
 
 @dataclass(eq=False)
 class Scope:
-    """Where numbers and names are unique: the model with its assembly, or one instance of a part."""
+    """A scope of unique numbers and names: the model with its assembly, or one instance of a part."""
 
-    name: str  # "" of the model
+    name: str  # "" for the model
     rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
     translation: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def placed(self, points: np.ndarray) -> np.ndarray:
-        """Return points (n, 3) of the part where the instance has them."""
+        """Return points (n, 3) of the part at their positions in the instance."""
         if not self.name:
             return points
         return points @ self.rotation.T + self.translation
 
     def named(self, name: str) -> str:
-        """Return a name as Abaqus has it outside: "instance.set"."""
+        """Return the name in the assembly, as Abaqus writes it: "instance.set"."""
         return f"{self.name}.{name}" if self.name else name
 
 
 def in_scopes(cards: list[Card]) -> tuple[list[tuple[Scope, Card]], Scope]:
-    """Return every card with its scope, those of a part once for each of its instances, and the scope of the model.
+    """Return every card with its scope, cards of a part once per instance, and the scope of the model.
 
-    Without instances a single part counts as the model itself.
+    Without instances a single part is the model itself.
 
     Raises
     ------
-    MeshError : instances of parts that there are not, parts, instances or an assembly that do not end
+    MeshError : instances of parts that do not exist; parts, instances or an assembly that do not end
     """
     model = Scope("")
     parts, rest = _parts(cards)
     if not any(card.keyword == "INSTANCE" for card in rest):
         if len(parts) > 1:
             first = next(iter(parts.values()))[0]
-            raise MeshError(f"{first.where}: {len(parts)} parts and no *INSTANCE of any of them: there is nothing to read")
+            raise MeshError(f"{first.where}: {len(parts)} parts and no *INSTANCE of any part: there is nothing to read")
         of_parts = [card for part in parts.values() for card in part[1:]]
         return [(model, card) for card in of_parts + rest], model
     return list(_played(parts, rest, model)), model
@@ -96,7 +96,7 @@ def _played(parts: dict[str, list[Card]], rest: list[Card], model: Scope) -> Ite
 
 
 def _placed_scope(name: str, card: Card) -> Scope:
-    """Return the scope of an instance, moved and then turned as its data lines say."""
+    """Return the scope of an instance, with the translation and rotation of its data lines."""
     rows: list[np.ndarray] = []
     for words, where in card.lines():
         row = values_of(",".join(words).encode())
@@ -117,7 +117,7 @@ def rotation_about(axis: np.ndarray, angle: float, where: str) -> np.ndarray:
     """Return the matrix (3, 3) of a rotation [rad] about an axis (Rodrigues' formula)."""
     length = np.linalg.norm(axis)
     if not length > 0.0:
-        raise MeshError(f"{where}: the two points of its axis of rotation are one")
+        raise MeshError(f"{where}: the two points of its axis of rotation coincide")
     x, y, z = axis / length
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

@@ -1,4 +1,4 @@
-"""Loads of the static steps before the vibration: *CLOAD, *DLOAD, ..., as they are when those steps end."""
+"""Loads of the static steps before the vibration: *CLOAD, *DLOAD, ..., at the end of those steps."""
 
 from __future__ import annotations
 
@@ -34,21 +34,21 @@ _OTHERS = {
 
 @dataclass(eq=False)
 class _Acting:
-    """What acts at the end of a step.  A load takes the place of that of a step before, and is added to one of its own step."""
+    """Loads at the end of a step.  A load replaces the load of an earlier step and adds to loads of the same step."""
 
-    forces: dict[tuple[int, int], float] = field(default_factory=dict)  # node, direction of its axes from 1
-    names: dict[int, str] = field(default_factory=dict)  # node: the set by which it is loaded
+    forces: dict[tuple[int, int], float] = field(default_factory=dict)  # node, direction from 1 in its axes
+    names: dict[int, str] = field(default_factory=dict)  # node: the set named by its load
     faces: dict[tuple[int, int], float] = field(default_factory=dict)  # element, face from 1: pressure
     surfaces: dict[str, float] = field(default_factory=dict)  # pressure
     bolts: dict[str, float] = field(default_factory=dict)
     moved: dict[tuple[int, int], float] = field(default_factory=dict)  # node, direction from 1: displacement
     temperatures: dict[int, float] = field(default_factory=dict)  # by node
-    heated: str = ""  # where they are stated
+    heated: str = ""  # place of the temperatures in the file
     spin: tuple[float, ...] | None = None  # square of the speed, a point of the axis, its direction
-    _stated: set[tuple[int, Hashable]] = field(default_factory=set)  # what the step has stated
+    _stated: set[tuple[int, Hashable]] = field(default_factory=set)  # loads that the step has stated
 
     def begin(self, step: Step) -> None:
-        """Take out what the step replaces as a whole."""
+        """Remove the loads that the step replaces as a whole."""
         self._stated.clear()
         for keywords, tables in (
             (("CLOAD",), (self.forces, self.bolts)),
@@ -68,11 +68,11 @@ class _Acting:
 
 
 def take_statics(model: InputModel) -> None:
-    """Take the loads about which the chosen step is; findings for those that are not taken over.
+    """Take the loads at rest of the chosen step; add findings for other loads.
 
     Raises
     ------
-    MeshError : values that are no numbers, sets that there are not
+    MeshError : values that are not numbers, sets that do not exist
     """
     at_rest, vibration = model.steps_at_rest, model.step
     acting, loaded = _Acting(), []
@@ -86,7 +86,7 @@ def take_statics(model: InputModel) -> None:
         take_temperatures(model, None if _are_heated(after) else {}, "")
         return
     if is_about and any(card.keyword == "BOUNDARY" for _, card in vibration.cards):
-        _refuse(model, "*BOUNDARY", vibration.cards[0][1].where, "what is held changes between the loads and the vibration")
+        _refuse(model, "*BOUNDARY", vibration.cards[0][1].where, "the supports change between the loads and the vibration")
     _find_nonlinear(model, loaded, acting)
     is_large = any(map(_is_large, loaded)) and not _why_not_large(model, acting)
     word = _word(model)
@@ -114,7 +114,7 @@ def _refuse(model: InputModel, word: str, where: str, effect: str) -> None:
 
 
 def _find_nonlinear(model: InputModel, loaded: list[Step], acting: _Acting) -> None:
-    """Add findings for what the statics of a scene leave out, and for large displacements in any case."""
+    """Add findings for effects that the statics of a scene lack, and always for large displacements."""
     why = _why_not_large(model, acting)
     for step in loaded:
         if _is_large(step):
@@ -131,14 +131,14 @@ def _is_large(step: Step) -> bool:
 
 
 def _why_not_large(model: InputModel, acting: _Acting) -> str:
-    """Return what a scene has with small displacements alone; "" where the file has nothing of that."""
+    """Return the loads that a scene allows only with small displacements; "" if the file has none."""
     if acting.faces or acting.surfaces:
         return "pressures, which do not follow the surface"
     return "bolts" if acting.bolts else "points that turn with their nodes" if model.points else ""
 
 
 def _take_step(model: InputModel, step: Step, acting: _Acting) -> None:
-    """Take the loads of one step into what acts."""
+    """Add the loads of one step to ``acting``."""
     head = step.cards[0][1]
     if not any(card.keyword == "STATIC" for _, card in step.cards):
         _refuse(model, _word(model), head.where, f"vibration about the loads of step {step.number}, which is not *STATIC")
@@ -156,7 +156,7 @@ def _take_step(model: InputModel, step: Step, acting: _Acting) -> None:
 
 
 def _take_moved(model: InputModel, scope: Scope, card: Card, acting: _Acting) -> None:
-    """Take supports of solids that are moved along model axes, and hold what they hold; findings for others."""
+    """Take moved supports of solids along model axes; add findings for other moved supports."""
     for words, where in card.lines():
         if len(words) < 2 or number(words[1]) is None:
             continue  # by name: held
@@ -174,14 +174,14 @@ def _take_moved(model: InputModel, scope: Scope, card: Card, acting: _Acting) ->
 
 
 def _are_plain(model: InputModel, nodes: np.ndarray, dofs: set[int]) -> bool:
-    """Return whether nodes are those of solids without axes of their own, and no directions rotations."""
+    """Return whether all nodes are in solids and in model axes, and no direction is a rotation."""
     return bool(model.grouped.of_solids[nodes].all()) and not np.isin(nodes, list(model.axes)).any() and dofs <= {1, 2, 3}
 
 
 def _take_card(model: InputModel, scope: Scope, card: Card, acting: _Acting) -> None:
     for name in card.parameters:
         if name != "OP":
-            _refuse(model, f"*{card.keyword}, {name}", card.where, "a load that is more than a constant")
+            _refuse(model, f"*{card.keyword}, {name}", card.where, "a load that is not constant")
             return
     if card.keyword == "TEMPERATURE":
         acting.temperatures.update(temperatures_of(model, scope, card))
@@ -197,10 +197,10 @@ def _take_card(model: InputModel, scope: Scope, card: Card, acting: _Acting) -> 
 
 
 def _values(words: list[str], first: int, n: int, where: str, keyword: str) -> list[float]:
-    """Return numbers of a data line from the field ``first`` on."""
+    """Return ``n`` numbers of a data line, from the field ``first`` on."""
     values = [number(word) for word in words[first : first + n]]
     if len(values) < n or None in values:
-        raise MeshError(f"{where}: *{keyword} holds {','.join(words)[:60]!r} where numbers are due")
+        raise MeshError(f"{where}: *{keyword} holds {','.join(words)[:60]!r} where numbers are expected")
     return [value for value in values if value is not None]
 
 
@@ -258,7 +258,7 @@ def _take_pressure(model: InputModel, scope: Scope, words: list[str], where: str
 
 
 def _composed(model: InputModel, acting: _Acting, step: Step, word: str) -> LoadsAtRest:
-    """Return what acts, on groups made for it."""
+    """Return the loads at rest, on new groups."""
     speed = 0.0 if acting.spin is None else float(np.sqrt(acting.spin[0]))
     _, *axis = (0.0,) * 7 if acting.spin is None else acting.spin
     bolts = {bolt.name: bolt.group for bolt in model.bolts}
@@ -285,7 +285,7 @@ def _on_surfaces(acting: _Acting) -> list[Pressure]:
 
 
 def _forces(model: InputModel, acting: _Acting) -> list[Force]:
-    """Return the forces in model axes: of points, and of nodes that bear the same one together."""
+    """Return the forces in model axes: on points, and on groups of nodes with equal forces."""
     vectors: dict[int, np.ndarray] = {}
     for (node, direction), value in acting.forces.items():
         axes = model.axes.get(node, np.eye(3))
@@ -310,7 +310,7 @@ def _forces(model: InputModel, acting: _Acting) -> list[Force]:
 
 
 def _moved(model: InputModel, acting: _Acting) -> list[MovedSupport]:
-    """Return the supports that are moved, on groups made of the nodes that are moved alike."""
+    """Return the moved supports, on new groups of nodes with equal displacements."""
     vectors: dict[int, list[float]] = {}
     for (node, dof), value in acting.moved.items():
         if value:
@@ -325,7 +325,7 @@ def _moved(model: InputModel, acting: _Acting) -> list[MovedSupport]:
 
 
 def _pressures(model: InputModel, acting: _Acting) -> list[Pressure]:
-    """Return the pressures on faces of elements, on groups made for them."""
+    """Return the pressures on faces of elements, on new groups."""
     alike: dict[float, dict[int, list[int]]] = {}
     for (element, face), value in acting.faces.items():
         if value:

@@ -1,4 +1,4 @@
-"""The steps of an input file: which one is taken, and what each of them states."""
+"""The steps of an input file: choice of a step, and a table of their conditions."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from .input_model import InputModel, Step
 from .scopes import Scope
 
 _LOADS = ("CLOAD", "DLOAD", "DSLOAD", "INERTIA LOAD", "BASE MOTION", "CONTACT INTERFERENCE")
-_MOST = 3  # sets that are named of what a step states
+_MOST = 3  # sets named per condition of a step
 
 
 def chosen_step(steps: list[Step], wanted: int | None) -> Step | None:
-    """Return the step of a number; None: the first with *FREQUENCY, otherwise the first.  Local.
+    """Return the step of a number; None: the first step with *FREQUENCY, or the first step.  Local.
 
     Raises
     ------
-    MeshError : no step of that number; the message lists those that there are
+    MeshError : no step of that number; the message lists the steps
     """
     if wanted is None:
         return next((step for step in steps if step.is_frequency), steps[0] if steps else None)
@@ -31,7 +31,7 @@ def chosen_step(steps: list[Step], wanted: int | None) -> Step | None:
 
 
 def table_of_steps(model: InputModel) -> list[FileStep]:
-    """Return what the model and each step state, and what of it is taken over.  Local."""
+    """Return the conditions of the model and of each step, and the ones taken over.  Local."""
     if not model.steps:
         return []
     rows = [FileStep(number=0, procedure="before all steps", states=_states(model.cards), taken=("supports", "temperatures"))]
@@ -51,7 +51,7 @@ def _procedure(step: Step) -> str:
 
 
 def _states(cards: Iterable[tuple[Scope, Card]]) -> dict[str, str]:
-    """Return what cards state, by kind."""
+    """Return the conditions on cards, by kind."""
     supports, loads, temperatures = dict[str, None](), dict[str, int](), dict[str, None]()
     is_new = False
     for _, card in cards:
@@ -63,7 +63,7 @@ def _states(cards: Iterable[tuple[Scope, Card]]) -> dict[str, str]:
         elif card.keyword == "TEMPERATURE" or _is_temperature(card):
             temperatures.update(dict.fromkeys(_sets(card)))
     stated = {
-        "supports": _listed(supports) + ", in place of all before" * is_new,
+        "supports": _listed(supports) + ", replacing all earlier ones" * is_new,
         "loads": ", ".join(f"{n} *{keyword}" for keyword, n in loads.items()),
         "temperatures": _listed(temperatures),
     }
@@ -75,7 +75,7 @@ def _is_temperature(card: Card) -> bool:
 
 
 def _sets(card: Card) -> list[str]:
-    """Return the sets that the data lines of a card name; single nodes as such."""
+    """Return the sets and single nodes that the data lines of a card name."""
     first = [words[0] for words, _ in card.lines()]
     return ["single nodes" if number(word) is not None else word for word in first]
 

@@ -1,4 +1,4 @@
-"""*BOUNDARY and *TRANSFORM: what is held, in model axes or in axes of the nodes."""
+"""*BOUNDARY and *TRANSFORM: supports in model axes or in axes of the nodes."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _NAMED = {
 
 
 def take_transforms(model: InputModel) -> None:
-    """Keep the axes of nodes that have some of their own.
+    """Store the axes of nodes with *TRANSFORM.
 
     Raises
     ------
-    MeshError : points that make no axes
+    MeshError : points that do not define axes
     """
     for scope, card in model.cards:
         if card.keyword != "TRANSFORM":
@@ -50,7 +50,7 @@ def take_transforms(model: InputModel) -> None:
 
 
 def _round_axes(points: np.ndarray, first: np.ndarray, second: np.ndarray, kind: str, card: Card) -> np.ndarray:
-    """Return radial, tangential and axial directions (n, 3, 3) at points, NaN on the axis; spherical ones about ``first``."""
+    """Return radial, tangential and axial directions (n, 3, 3) at points, NaN on the axis; spherical axes about ``first``."""
     along = (second - first) / max(np.linalg.norm(second - first), 1e-300)
     radial = points - first
     if kind == "C":
@@ -58,8 +58,8 @@ def _round_axes(points: np.ndarray, first: np.ndarray, second: np.ndarray, kind:
     size = np.linalg.norm(radial, axis=1)
     scale = max(float(size.max(initial=0.0)), 1e-300)
     if not np.linalg.norm(second - first) > 0.0:
-        raise MeshError(f"{card.where}: *TRANSFORM, TYPE={kind}: its two points are one")
-    with np.errstate(invalid="ignore", divide="ignore"):  # NaN on the axis, where nothing is radial
+        raise MeshError(f"{card.where}: *TRANSFORM, TYPE={kind}: its two points coincide")
+    with np.errstate(invalid="ignore", divide="ignore"):  # NaN on the axis, where no direction is radial
         radial = np.where(size[:, None] > 1e-10 * scale, radial / size[:, None], np.nan)
     if kind == "C":
         return np.stack([radial, np.cross(along, radial), np.broadcast_to(along, radial.shape)], axis=1)
@@ -70,11 +70,11 @@ def _round_axes(points: np.ndarray, first: np.ndarray, second: np.ndarray, kind:
     return np.stack([radial, tangent, np.cross(radial, tangent)], axis=1)
 
 
-_Held = dict[str, tuple[list[np.ndarray], set[int]]]  # by the name of a set, or of what is held: nodes, directions from 1
+_Held = dict[str, tuple[list[np.ndarray], set[int]]]  # by set or support: nodes, directions from 1
 
 
 def take_supports(model: InputModel) -> None:
-    """Take what is held in the chosen step: by the model data and the steps up to it."""
+    """Take the supports of the chosen step: from the model data and the steps up to it."""
     held: _Held = {}
     loading = {card for step in model.steps_at_rest for _, card in step.cards}
     for scope, card in _boundaries(model):
@@ -84,7 +84,7 @@ def take_supports(model: InputModel) -> None:
 
 
 def _boundaries(model: InputModel) -> list[tuple[Scope, Card]]:
-    """Return the *BOUNDARY cards that count; OP = NEW in one of several of a step removes those before the step alone."""
+    """Return the *BOUNDARY cards in effect; OP = NEW on a card removes only the cards of earlier steps."""
     cards = [(scope, card) for scope, card in model.cards if card.keyword == "BOUNDARY"]
     for step in model.steps_until:
         of_step = [(scope, card) for scope, card in step.cards if card.keyword == "BOUNDARY"]
@@ -95,7 +95,7 @@ def _boundaries(model: InputModel) -> list[tuple[Scope, Card]]:
 
 
 def _take_card(model: InputModel, scope: Scope, card: Card, held: _Held, *, may_move: bool) -> None:
-    """Take what a card holds; ``may_move``: what it moves is seen to in statics.py."""
+    """Take the supports of a card; ``may_move``: its moved supports are handled in statics.py."""
     kind = card.parameter("TYPE", "DISPLACEMENT")
     for key in ("SUBMODEL", "USER", "BASENAME"):
         if key in card.parameters:
@@ -109,7 +109,7 @@ def _take_card(model: InputModel, scope: Scope, card: Card, held: _Held, *, may_
             model.findings.add("*BOUNDARY", where, effect, loads, "supports")
             continue
         if (value or kind != "DISPLACEMENT") and not may_move:
-            effect = f"a displacement other than 0 ({words[0]}); it would be taken as held"
+            effect = f"a displacement other than 0 ({words[0]}); it would be taken as a support at rest"
             model.findings.add("*BOUNDARY", where, effect, True, "supports")
         nodes = model.mesh.nodes(scope, words[0], where)
         if words[0].isdigit():
@@ -121,7 +121,7 @@ def _take_card(model: InputModel, scope: Scope, card: Card, held: _Held, *, may_
 
 
 def held_by(words: list[str], where: str) -> tuple[set[int], float]:
-    """Return which degrees of freedom, from 1, a data line holds, and where it moves them."""
+    """Return the degrees of freedom, from 1, that a data line holds, and their displacement."""
     if len(words) > 1 and words[1].upper() in _NAMED:
         return set(_NAMED[words[1].upper()]), 0.0
     first, last, value = ([number(word) if word else None for word in words[1:4]] + [None] * 3)[:3]
@@ -135,7 +135,7 @@ def held_by(words: list[str], where: str) -> tuple[set[int], float]:
 
 
 def _hold(model: InputModel, name: str, nodes: np.ndarray, dofs: set[int]) -> None:
-    """Hold nodes: points by name, nodes with axes of their own by equations, others as a group."""
+    """Support nodes: points by name, nodes with *TRANSFORM by equations, others as a group."""
     for node in nodes:
         if int(node) in model.points and dofs:
             fix = tuple(NAMES[dof - 1] for dof in sorted(dofs))

@@ -1,4 +1,4 @@
-"""Temperatures at which the structure vibrates: what they make of materials, and what they load."""
+"""Temperatures of the vibrating structure: material values and thermal loads."""
 
 from __future__ import annotations
 
@@ -15,37 +15,36 @@ from .elastic import keys_of
 from .input_model import InputModel, Table
 from .scopes import Scope
 
-Ends = tuple[float | None, float | None]  # temperature of a body at first and in the vibration, None where it differs within it
-_SAME = 1e-9  # temperatures of one body that differ by less, of the largest, are one
+Ends = tuple[float | None, float | None]  # temperatures of a body: initial, in vibration; None if not uniform
+_SAME = 1e-9  # relative difference below which temperatures of a body are equal
 _FIRST_ALONE = "values depend on the temperature or on fields; those of the first line would be taken"
 
 
 def temperatures_of(model: InputModel, scope: Scope, card: Card) -> dict[int, float]:
-    """Return what the data lines of a card give to nodes, by node.
+    """Return the temperatures of a card, by node.
 
     Raises
     ------
-    MeshError : sets that there are not, words where numbers are due
+    MeshError : sets that do not exist, words in place of numbers
     """
     temperatures: dict[int, float] = {}
     for words, where in card.lines():
         value = number(words[1]) if len(words) > 1 else None
         if value is None:
-            raise MeshError(f"{where}: *{card.keyword} holds {','.join(words)[:60]!r} where a temperature is due")
+            raise MeshError(f"{where}: *{card.keyword} holds {','.join(words)[:60]!r} where a temperature is expected")
         temperatures.update(dict.fromkeys(model.mesh.nodes(scope, words[0], where).tolist(), value))
     return temperatures
 
 
 def take_temperatures(model: InputModel, at_rest: dict[int, float] | None, where: str) -> None:
-    """Give materials their values at the temperature of their bodies, and the statics what is warmer than at first.
+    """Evaluate materials at the temperature of their bodies, and add the temperature rises to the statics.
 
-    ``at_rest`` has the temperatures that static steps end with, by node, stated at ``where``; None: the file changes them in a
-    way that is not followed. Materials whose values depend on a temperature that no card states, or that differs within a body,
-    are among the findings.
+    ``at_rest``: temperatures at the end of the static steps, by node, stated at ``where``; None: the file changes them in an
+    unsupported way. Temperature-dependent materials become findings if the temperature is not stated or not uniform in a body.
 
     Raises
     ------
-    MeshError : as :func:`temperatures_of`
+    MeshError : as in :func:`temperatures_of`
     """
     given: dict[int, float] = {}
     for scope, card in model.cards:
@@ -63,14 +62,14 @@ def take_temperatures(model: InputModel, at_rest: dict[int, float] | None, where
 
 
 def _common(model: InputModel, body: Body, values: np.ndarray) -> float | None:
-    """Return the one temperature of a body, None where its nodes differ."""
+    """Return the temperature of a body, or None if it is not uniform."""
     group = model.grouped.groups[body.group]
     at_nodes = np.concatenate([values[model.grouped.cells[i].nodes[rows].ravel()] for i, rows in group.cells.items()])
     return float(at_nodes[0]) if np.ptp(at_nodes) <= _SAME * np.abs(at_nodes).max() else None
 
 
 def _materials_at_temperature(model: InputModel, ends: dict[str, Ends]) -> None:
-    """Replace materials that depend on the temperature by what they are in each body, cold at first and warm in the vibration."""
+    """Replace temperature-dependent materials by their values in each body, initial and in the vibration."""
     for name, tables in model.tables.items():
         bodies = {key: ends[key] for key, body in model.bodies.items() if body.material == name}
         states = {(initial, final) for initial, final in bodies.values() if initial is not None and final is not None}
@@ -87,9 +86,9 @@ def _materials_at_temperature(model: InputModel, ends: dict[str, Ends]) -> None:
 
 
 def _at(material: Material, tables: list[Table], initial: float, final: float) -> Material:
-    """Return a material at a temperature, between the rows of its tables and constant beyond them.
+    """Return a material at a temperature, interpolated in its tables and constant beyond them.
 
-    An expansion counts from the zero of its table; its value becomes the mean expansion per degree from ``initial`` to ``final``.
+    Expansions refer to the zero of their table; the result is the mean expansion per degree from ``initial`` to ``final``.
     """
     changed: dict[str, Any] = {}
     for table in tables:
@@ -102,7 +101,7 @@ def _at(material: Material, tables: list[Table], initial: float, final: float) -
 
 
 def _temperature_rises(model: InputModel, ends: dict[str, Ends], where: str) -> None:
-    """Add to the statics by how much bodies that expand are warmer than at first."""
+    """Add the temperature rises of bodies with thermal expansion to the statics."""
     assert model.statics is not None, "a file with loads"
     temperatures = []
     for name, body in model.bodies.items():

@@ -1,1 +1,1 @@
-"""Ansys archives (.cdb), as CDWRITE writes them, input files, as Workbench does (ds.dat), and results (.rst)."""
+"""Readers of Ansys archives by CDWRITE (.cdb), input files of Workbench (ds.dat) and results (.rst)."""

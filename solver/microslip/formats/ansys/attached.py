@@ -1,4 +1,4 @@
-"""Point masses, springs and rigid regions of an archive, with groups for their nodes."""
+"""Point masses, springs and rigid regions of an archive, with groups of their nodes."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class _Element:
     where: str
     values: list[float]  # its real constants
     keys: dict[int, int]  # its KEYOPTs
-    nodes: np.ndarray  # numbers of the file
+    nodes: np.ndarray  # node numbers of the file
 
 
 def take_attached(blocks: Blocks, content: Content) -> None:
-    """Take point masses (MASS21), those of leading nodes into their points, and springs (COMBIN14).  Local."""
+    """Take point masses (MASS21), at leading nodes as part of the point, and springs (COMBIN14).  Local."""
     constants = {**blocks.constants, **content.constants}
     start, flat = blocks.start[:-1], blocks.flat
     is_attached = np.isin(flat[start + 1], [number for number, element in content.types.items() if element in (14, 21)])
@@ -38,9 +38,9 @@ def _take_mass(content: Content, element: _Element) -> None:
     inertia = [*values[3:6], 0.0, 0.0, 0.0][:3] if keys.get(3, 0) == 0 else [0.0, 0.0, 0.0]
     effect = ""
     if keys.get(1, 0) or (keys.get(2, 0) and len(set(inertia)) > 1):
-        effect = "a point mass given by its volume (KEYOPT(1)), or with an inertia in axes of its node (KEYOPT(2))"
+        effect = "a point mass given by its volume (KEYOPT(1)), or with an inertia in the axes of its node (KEYOPT(2))"
     elif not values or not (keys.get(3, 0) == 2 or (keys.get(3, 0) == 0 and len(set(values[:3])) == 1)):
-        effect = "a point mass whose KEYOPT(3) or real constants differ by direction, or lack"
+        effect = "a point mass with a KEYOPT(3) or real constants that differ by direction or are missing"
     if effect:
         content.findings.add("MASS21", element.where, effect, part="masses")
         return
@@ -57,7 +57,7 @@ def _take_spring(content: Content, element: _Element) -> None:
         content.findings.add("COMBIN14", where, "a spring at a node that leads a rigid region", part="springs")
         return
     if keys.get(1, 0) or kind > 3 or keys.get(3, 0) or not values:
-        content.findings.add("COMBIN14", where, "a spring that is not linear, or turns, or has no constants", part="springs")
+        content.findings.add("COMBIN14", where, "a spring that is not linear, is torsional, or has no constants", part="springs")
         return
     if any(values[2:3]):
         content.findings.add("COMBIN14", where, "a damper that is not linear", part="springs")

@@ -1,4 +1,4 @@
-"""The blocks of a file for Ansys: nodes, elements, components; of an archive by a library, of an input file by this program."""
+"""The blocks of an Ansys file: nodes, elements, components; a library reads archives, this module input files."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from ...messages.errors import MeshError
 
-FIELDS = 10  # of an element before its nodes: material, type, real constants, ...
-_WIDEST = 400  # of a line of a block, in characters
+FIELDS = 10  # fields of an element before its nodes: material, type, real constants, ...
+_WIDEST = 400  # characters of a line of a block
 _FORMAT = re.compile(r"\(\s*(\d*)\s*i\s*(\d+)\s*(?:,\s*(\d*)\s*e\s*(\d+)\.\d+(?:e\d+)?)?\s*\)", re.IGNORECASE)
 
 
@@ -22,19 +22,19 @@ class Blocks:
 
     numbers: np.ndarray  # (n_nodes,)
     points: np.ndarray  # (n_nodes, 3) length
-    angles: np.ndarray  # (n_nodes, 3) of the nodal axes [degrees]
+    angles: np.ndarray  # (n_nodes, 3) angles of the nodal axes [degrees]
     elements: np.ndarray  # (n_elements,)
-    start: np.ndarray  # (n_elements + 1,) where each element begins in ``flat``
-    flat: np.ndarray  # of each element FIELDS numbers, material, type and real constants first, then its nodes
+    start: np.ndarray  # (n_elements + 1,) begin of each element in ``flat``
+    flat: np.ndarray  # for each element FIELDS numbers (material, type, real constants, ...), then its nodes
     node_components: Mapping[str, np.ndarray] = field(default_factory=dict)
     element_components: Mapping[str, np.ndarray] = field(default_factory=dict)
-    types: Mapping[int, int] = field(default_factory=dict)  # that the library has found
+    types: Mapping[int, int] = field(default_factory=dict)  # found by the library
     keys: Mapping[int, Mapping[int, int]] = field(default_factory=dict)
     constants: Mapping[int, list[float]] = field(default_factory=dict)
 
 
 def blocks_of_library(path: str) -> Blocks:
-    """Return what mapdl-archive reads of an archive.  Local, in a sandbox, which imports this file and not the reader's."""
+    """Return the blocks of an archive by mapdl-archive.  Local, in a sandbox, which imports only this module."""
     try:
         import mapdl_archive
     except ImportError:
@@ -43,7 +43,7 @@ def blocks_of_library(path: str) -> Blocks:
 
 
 def blocks_of_archive(archive: Any) -> Blocks:
-    """Return the blocks of an archive that mapdl-archive has read.  Local.
+    """Return the blocks of an archive read by mapdl-archive.  Local.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def blocks_of_archive(archive: Any) -> Blocks:
 
 
 def blocks_of_text(lines: list[str]) -> Blocks:
-    """Return the blocks of an input file, in any of the formats that such files have.  Local.
+    """Return the blocks of an input file, in any of their formats.  Local.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def blocks_of_text(lines: list[str]) -> Blocks:
 
 
 def _check_count(fields: list[str], n_held: int, line: int) -> None:
-    """Raise MeshError unless a block of elements holds as many as it counts, where it counts them."""
+    """Raise MeshError unless the number of elements in a block matches its count, if stated."""
     count = fields[-1] if len(fields) > 3 else ""
     if count.isdigit() and int(count) != n_held:
         raise MeshError(f"line {line}: EBLOCK counts {count} elements and holds {n_held}; the file is truncated or damaged")
@@ -112,19 +112,19 @@ def _check_count(fields: list[str], n_held: int, line: int) -> None:
 class _Block:
     """Lines of numbers and their format."""
 
-    line: int  # of the file, from 1, of the first of them
+    line: int  # number of the first line, from 1
     lines: list[str]
-    n_whole: int  # whole numbers in a line, and how wide each is
+    n_whole: int  # whole numbers per line, and the width of each
     whole: int
     n_decimal: int
     decimal: int
 
     def wholes(self) -> np.ndarray:
-        """Return the whole numbers of each line, (n_lines, n_whole), -1 where there is none."""
+        """Return the whole numbers of each line, (n_lines, n_whole), padded with -1."""
         return self._numbers(0, self.n_whole, self.whole, np.int64, b"-1")
 
     def decimals(self) -> np.ndarray:
-        """Return the decimals of each line, (n_lines, n_decimal), 0 where there is none."""
+        """Return the decimals of each line, (n_lines, n_decimal), padded with 0."""
         return self._numbers(self.n_whole * self.whole, self.n_decimal, self.decimal, float, b"0")
 
     def _numbers(self, first: int, n: int, width: int, kind: type, empty: bytes) -> np.ndarray:
@@ -134,17 +134,17 @@ class _Block:
         try:
             return parts.astype(kind)
         except ValueError as problem:
-            raise MeshError(f"line {self.line} and on: {problem}, where numbers in a given width are due") from None
+            raise MeshError(f"line {self.line} and on: {problem}, where numbers in a given width are expected") from None
 
 
 def _block(lines: list[str], at: int, count: int | None) -> tuple[int, _Block]:
-    """Return the block whose command stands in a line, and the line after it; ``count`` numbers, or up to -1."""
+    """Return the block that begins at a line, and the line after it; ``count`` numbers, or up to -1."""
     form = _FORMAT.match(lines[at + 1].strip()) if at + 1 < len(lines) else None
     if form is None:
-        raise MeshError(f"line {at + 2}: a format like (1i9,3e20.9e3) is due after {lines[at].split(',')[0].upper()}")
+        raise MeshError(f"line {at + 2}: a format like (1i9,3e20.9e3) is expected after {lines[at].split(',')[0].upper()}")
     n_whole, whole, n_decimal, decimal = (int(word or 1) if word is not None else 0 for word in form.groups())
     if not 0 < n_whole * whole <= _WIDEST or n_decimal * decimal > _WIDEST:
-        raise MeshError(f"line {at + 2}: the format {lines[at + 1].strip()[:40]} is none of a block")
+        raise MeshError(f"line {at + 2}: the format {lines[at + 1].strip()[:40]} is not a format of a block")
     first, end = at + 2, at + 2
     while end < len(lines) and lines[end].strip() != "-1" and not lines[end].lstrip()[:1].isalpha() and lines[end].strip():
         end += 1
@@ -158,16 +158,16 @@ def _block(lines: list[str], at: int, count: int | None) -> tuple[int, _Block]:
 
 
 def _nodes(block: _Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return numbers, places and angles of a block of nodes."""
+    """Return numbers, coordinates and angles of a block of nodes."""
     if block.n_decimal < 3:
-        raise MeshError(f"line {block.line - 1}: a format of nodes with three coordinates is due")
+        raise MeshError(f"line {block.line - 1}: a format of nodes with three coordinates is expected")
     values = np.zeros((len(block.lines), 6))
     values[:, : min(block.n_decimal, 6)] = block.decimals()[:, :6]
     return block.wholes()[:, 0], values[:, :3], values[:, 3:]
 
 
 def _elements(block: _Block, is_solid: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return numbers of elements, how many numbers of ``Blocks.flat`` each takes, and these."""
+    """Return element numbers, the length of each element in ``Blocks.flat``, and its numbers there."""
     wholes = block.wholes()
     numbers, counts, flat = [], [], []
     rows, i = wholes.tolist(), 0
@@ -181,7 +181,7 @@ def _elements(block: _Block, is_solid: bool) -> tuple[np.ndarray, np.ndarray, np
                 i += 1
         nodes = row[before : before + row[8]] if is_solid else [node for node in row[before:] if node >= 0]
         if len(row) <= before or (is_solid and (len(nodes) < row[8] or min(nodes, default=0) < 0)):
-            raise MeshError(f"line {block.line + i - 1}: an element with fewer nodes than it counts")
+            raise MeshError(f"line {block.line + i - 1}: an element with fewer nodes than it states")
         attributes = row[:3] if is_solid else [row[3], row[1], row[2]]
         numbers.append(row[10] if is_solid else row[0])
         counts.append(FIELDS + len(nodes))
@@ -190,7 +190,7 @@ def _elements(block: _Block, is_solid: bool) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _component(block: _Block) -> np.ndarray:
-    """Return the members of a component, where a negative number ends a range that begins at the one before."""
+    """Return the members of a component; a negative number ends a range from the preceding number."""
     members: list[np.ndarray] = []
     for number in np.concatenate(
         [np.array(line.split(), dtype=np.int64) for line in block.lines] or [np.zeros(0, dtype=np.int64)]

@@ -1,4 +1,4 @@
-"""The commands of an archive, one by one with their lines; the blocks of nodes, elements and components are left to a library."""
+"""The commands of an archive in order, with their lines; a library reads the blocks of nodes, elements and components."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ...messages.errors import MeshError
 
-_BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK")  # lines of numbers follow, all of one width, without commas
+_BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK")  # followed by lines of numbers of one width, without commas
 _NO_NUMBER = re.compile(rb"[^\s0-9+\-.EeDd]")
 
 
@@ -18,13 +18,13 @@ class Command:
 
     word: str
     fields: tuple[str, ...]
-    line: int  # from 1; 0 of a file without lines
+    line: int  # from 1; 0 for a file without lines
     block: tuple[str, ...] = ()  # lines of a block of types, without its format
     behind: int = 0  # byte of the file at which the next line begins
 
     @property
     def is_archived(self) -> bool:
-        """Whether CDWRITE has written it, blocked (R5.0) or not (UNBL), and not a user."""
+        """Whether CDWRITE has written it, blocked (R5.0) or unblocked (UNBL)."""
         return self.field(0).upper().startswith(("R5", "UNBL"))
 
     @property
@@ -32,21 +32,21 @@ class Command:
         return f"line {self.line}" if self.line else f"its {self.word}"
 
     def field(self, i: int) -> str:
-        """Return field i, empty where there is none."""
+        """Return field i; empty if missing."""
         return self.fields[i] if i < len(self.fields) else ""
 
     def number(self, i: int) -> float:
-        """Return field i as a number, 0 where it is empty.
+        """Return field i as a number, 0 if empty.
 
         Raises
         ------
-        MeshError : it is no number
+        MeshError : the field is not a number
         """
         text = self.field(i)
         try:
             return float(text.upper().replace("D", "E")) if text else 0.0
         except ValueError:
-            raise MeshError(f"{self.where}: {self.word}: {text!r} where a number is due") from None
+            raise MeshError(f"{self.where}: {self.word}: {text!r} where a number is expected") from None
 
 
 def commands(path: str) -> Iterator[Command]:
@@ -60,11 +60,11 @@ def commands(path: str) -> Iterator[Command]:
             continue
         if _is_data(text):
             if block and text[0] != "(" and _NO_NUMBER.search(text.encode()):
-                raise MeshError(f"line {lines.number}: {block} holds {text[:60]!r} where numbers are due")
+                raise MeshError(f"line {lines.number}: {block} holds {text[:60]!r} where numbers are expected")
             lines.skip_numbers()
             continue
         number = lines.number
-        parts = [text] if text[0] in "/*" else text.split("$")  # titles and comments may hold a dollar
+        parts = [text] if text[0] in "/*" else text.split("$")  # titles and comments may contain a dollar sign
         for part in parts:
             word, *fields = (field.strip() for field in part.split(","))
             word = word.upper()
@@ -86,7 +86,7 @@ def _supports(lines: _Lines) -> Iterator[Command]:
 
 
 def numbers_behind(content: bytes, command: Command) -> bytes:
-    """Return the lines of numbers of a block, behind its format.  Local."""
+    """Return the lines of numbers of a block, after its format.  Local."""
     start = content.find(b"\n", command.behind) + 1 or len(content)
     other = _NO_NUMBER.search(content, start)
     end = len(content) if other is None else content.rfind(b"\n", start, other.start()) + 1
@@ -94,7 +94,7 @@ def numbers_behind(content: bytes, command: Command) -> bytes:
 
 
 class _Lines:
-    """The lines of a text, one after the other."""
+    """Sequential reader of the lines of a text."""
 
     def __init__(self, content: bytes):
         self.content, self.at, self.number = content, 0, 0  # number of the last line taken, from 1
@@ -110,7 +110,7 @@ class _Lines:
         return line.decode("utf-8", errors="replace")
 
     def block(self) -> tuple[str, ...]:
-        """Return the lines of numbers behind a format, up to the -1 that ends them."""
+        """Return the lines of numbers after a format, up to the final -1."""
         self.next()
         lines = []
         while (line := self.next()) is not None and line.strip()[:1].isdigit():
@@ -118,10 +118,10 @@ class _Lines:
         return tuple(lines)
 
     def skip_numbers(self) -> None:
-        """Pass over lines that hold nothing but numbers, at once: they are nearly the whole file."""
+        """Skip lines of numbers, nearly the whole file, in one step."""
         other = _NO_NUMBER.search(self.content, self.at)
         end = len(self.content) if other is None else self.content.rfind(b"\n", self.at, other.start()) + 1
-        if end > self.at:  # else the next line is no such line
+        if end > self.at:  # otherwise the next line is not a line of numbers
             self.number += self.content.count(b"\n", self.at, end)
             self.at = end
 

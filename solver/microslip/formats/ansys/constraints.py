@@ -1,4 +1,4 @@
-"""What an archive says of displacements: D, CE, CP and CERIG, and nodal axes that are turned."""
+"""Constraints of displacements in an archive: D, CE, CP and CERIG, and rotated nodal axes."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from ..model import index_of
 from .commands import Command
 
 _AXES = {"UX": 0, "UY": 1, "UZ": 2}
-_TURNS = {"ROTX": 3, "ROTY": 4, "ROTZ": 5}  # of nodes that lead rigid regions; those of solids have none
+_TURNS = {"ROTX": 3, "ROTY": 4, "ROTZ": 5}  # rotations of leading nodes of rigid regions; nodes of solids have none
 _DIRECTIONS = _AXES | _TURNS
 
 
 @dataclass
 class Restraints:
-    """What has been gathered so far; nodes are numbers of the file."""
+    """The constraints so far; nodes are numbers of the file."""
 
     held: dict[int, set[int]] = field(default_factory=dict)  # axis, 0 to 5: nodes
     equations: list[tuple[str, list[Term]]] = field(default_factory=list)  # where, terms
     coupled: dict[str, tuple[str, str, list[int]]] = field(default_factory=dict)  # set: where, label, nodes
-    rigid: list[tuple[str, int, list[int]]] = field(default_factory=list)  # where, leading node, those that follow
+    rigid: list[tuple[str, int, list[int]]] = field(default_factory=list)  # where, leading node, following nodes
     findings: Findings = field(default_factory=Findings)
-    is_open: bool = False  # lines with terms of the last equation may follow
-    typed: dict[str, list[Term]] = field(default_factory=dict)  # number of a CE as it is typed: its terms
+    is_open: bool = False  # whether lines with terms of the last equation may follow
+    typed: dict[str, list[Term]] = field(default_factory=dict)  # number of a typed CE: its terms
 
     def left_out(self, command: Command, effect: str, part: str = "") -> None:
         self.findings.add(command.word, command.where, effect, part=part)
@@ -35,11 +35,11 @@ class Restraints:
 def take_support(
     restraints: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]
 ) -> None:
-    """Take a D command: a node, a range of them, ALL or a component; a label or ALL; a value that must be 0."""
+    """Take a D command: a node, a range of nodes, ALL or a component; a label or ALL; a value that must be 0."""
     nodes, label = _nodes(command.field(0), selected, components), command.field(1).upper()
     if nodes is None:
         restraints.left_out(
-            command, f"a support of {command.field(0)!r}, which is no node, component or selection known here", "supports"
+            command, f"a support of {command.field(0)!r}, which is not a known node, component or selection", "supports"
         )
         return
     if command.field(4) and len(nodes) == 1:
@@ -53,11 +53,11 @@ def take_support(
         if axis in _DIRECTIONS:
             restraints.held.setdefault(_DIRECTIONS[axis], set()).update(nodes.tolist())
         else:
-            restraints.left_out(command, f"a support of {axis}, which is no displacement", "supports")
+            restraints.left_out(command, f"a support of {axis}, which is not a displacement", "supports")
 
 
 def take_equation(restraints: Restraints, command: Command) -> None:
-    """Take a CE command, as typed or as CDWRITE writes it: DEFI, then NODE with up to two terms a line."""
+    """Take a CE command, as typed or as CDWRITE writes it: DEFI, then NODE with up to two terms per line."""
     if command.is_archived:
         _take_written(restraints, command)
         return
@@ -80,7 +80,7 @@ def _take_written(restraints: Restraints, command: Command) -> None:
 
 
 def _add_equation(restraints: Restraints, command: Command, fields: tuple[str, ...]) -> None:
-    """Take an equation as it is typed; a further command with its number adds terms."""
+    """Take a typed equation; a further command with the same number adds terms."""
     number = command.field(0).upper()
     is_further = number.isdigit() and number in restraints.typed
     terms = restraints.typed[number] if is_further else []
@@ -88,19 +88,19 @@ def _add_equation(restraints: Restraints, command: Command, fields: tuple[str, .
         restraints.typed[number] = terms
     if not is_further:
         restraints.equations.append((command.where, terms))
-    if terms or not is_further:  # a further one without terms belongs to one that has been left out
+    if terms or not is_further:  # a continuation without terms belongs to an omitted equation
         _extend(restraints, command, terms, fields)
 
 
 def _extend(restraints: Restraints, command: Command, terms: list[Term], fields: tuple[str, ...]) -> bool:
-    """Add the terms of fields (node, label, coefficient); report what is no displacement, and leave no terms then."""
+    """Add the terms of fields (node, label, coefficient); without terms and with a finding for other than displacements."""
     shifted = Command(command.word, fields, command.line)
     for i in range(0, len(fields) - 2, 3):
         if not fields[i]:
             break
         label = fields[i + 1].upper()
         if label not in _DIRECTIONS:
-            restraints.left_out(command, f"an equation with {label}, which is no displacement", "equations")
+            restraints.left_out(command, f"an equation with {label}, which is not a displacement", "equations")
             terms.clear()
             return False
         terms.append((int(shifted.number(i)), _DIRECTIONS[label], shifted.number(i + 2)))
@@ -108,7 +108,7 @@ def _extend(restraints: Restraints, command: Command, terms: list[Term], fields:
 
 
 def take_coupling(restraints: Restraints, command: Command) -> None:
-    """Take a CP command as it is typed: a set, a label, nodes."""
+    """Take a typed CP command: a set, a label, nodes."""
     if command.is_archived:
         restraints.left_out(
             command, "coupled nodes as CDWRITE writes them, which is not documented; write them as CE (CPTOCE)", "equations"
@@ -116,14 +116,14 @@ def take_coupling(restraints: Restraints, command: Command) -> None:
         return
     label = command.field(1).upper()
     if label not in (*_DIRECTIONS, "ALL"):
-        restraints.left_out(command, f"coupled nodes in {label}, which is no displacement", "equations")
+        restraints.left_out(command, f"coupled nodes in {label}, which is not a displacement", "equations")
         return
     _, _, nodes = restraints.coupled.setdefault(command.field(0), (command.where, label, []))
     nodes.extend(int(Command(command.word, (word,), command.line).number(0)) for word in command.fields[2:] if word)
 
 
 def take_rigid(restraints: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> None:
-    """Take a CERIG command: nodes that follow one as a rigid body, in all directions."""
+    """Take a CERIG command: nodes that follow a leading node as a rigid body, in all directions."""
     label = command.field(2).upper()
     followers = _nodes(command.field(1), selected, components)
     if label not in ("", "ALL", "UXYZ") or followers is None:
@@ -144,16 +144,16 @@ def _nodes(word: str, selected: np.ndarray | None, components: dict[str, np.ndar
 
 
 def turned_axes(angles: np.ndarray) -> np.ndarray:
-    """Return the nodal axes, (3, 3) rows, of the angles THXY, THYZ, THZX in degrees: about z, then x, then y.  Local."""
+    """Return the nodal axes, (3, 3) rows, from the angles THXY, THYZ, THZX in degrees: about z, then x, then y.  Local."""
     return Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
 
 
 def take_constraints(restraints: Restraints, draft: Draft) -> None:
-    """Take supports by groups "D x", "D xy", ..., then equations and couplings, in the axes of the nodes.  Local.
+    """Take supports as groups "D x", "D xy", ..., then equations and couplings, in the axes of the nodes.  Local.
 
     Raises
     ------
-    MeshError : a node of an equation that is not there
+    MeshError : an equation has a node that does not exist
     """
     held = np.zeros((len(draft.numbers), 6), dtype=bool)
     for axis, nodes in restraints.held.items():

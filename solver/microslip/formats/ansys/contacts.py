@@ -1,4 +1,4 @@
-"""Contact elements of a file: the two surfaces of each pair as groups, and what the file has between them."""
+"""Contact elements of a file: the two surfaces of each pair as groups, and the kind of contact."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..model import Cells, Finding
 from .content import Content
 from .shapes import faces
 
-CONTACT, TARGET = (173, 174), 170  # of surfaces; a pair has one set of real constants
+CONTACT, TARGET = (173, 174), 170  # surface elements; a pair has one set of real constants
 _BEHAVIOUR = {  # KEYOPT(12) of the contact side
     0: "with friction",
     1: "rough",
@@ -27,15 +27,15 @@ _BONDED = (3, 5, 6)
 class Side:
     """The elements of one type and one set of real constants."""
 
-    kind: int  # the element: 170, 173 or 174
-    type: int  # number of the type
+    kind: int  # element type: 170, 173 or 174
+    type: int  # number of the type in the file
     real: int
     n: int
-    cells: tuple[Cells, ...]  # its faces; none: pilot nodes, rigid primitives
+    cells: tuple[Cells, ...]  # its faces; empty for pilot nodes and rigid primitives
 
     @property
     def group(self) -> str:
-        """The name of its faces."""
+        """The name of the group of its faces."""
         return f"{'TARGE' if self.kind == TARGET else 'CONTA'}{self.kind} real {self.real}"
 
 
@@ -45,13 +45,13 @@ def side_of(kind: int, number: int, real: int, rows: np.ndarray, elements: np.nd
     Parameters
     ----------
     kind, number, real : element, number of its type, set of real constants
-    rows : (n, 8) node numbers, 0 where an element has fewer
+    rows : (n, 8) node numbers, padded with 0
     elements : (n,) element numbers
     numbers : (n_points,) node numbers of the file
 
     Raises
     ------
-    MeshError : a node that is not there
+    MeshError : a node that does not exist
     """
     n_nodes = (rows > 0).sum(axis=1)
     is_face = n_nodes >= 3
@@ -60,7 +60,7 @@ def side_of(kind: int, number: int, real: int, rows: np.ndarray, elements: np.nd
 
 
 def _as_quads(rows: np.ndarray, n_nodes: np.ndarray) -> np.ndarray:
-    """Return the rows of triangles of 3 or 6 nodes in their own order as those of quadrilaterals drawn together."""
+    """Return rows of triangles of 3 or 6 nodes as rows of collapsed quadrilaterals."""
     quads = rows.copy()
     three, six = n_nodes == 3, n_nodes == 6
     quads[three, 3] = rows[three, 2]
@@ -69,7 +69,7 @@ def _as_quads(rows: np.ndarray, n_nodes: np.ndarray) -> np.ndarray:
 
 
 def report_contacts(content: Content, sides: list[Side]) -> None:
-    """Add a finding for each side of each pair, which a joint or a tie between its two groups answers.  Local."""
+    """Add a finding for each side of each pair; a joint or a tie between the two groups resolves it.  Local."""
     for side in sides:
         partners = [other for other in sides if other.real == side.real and (other.kind == TARGET) != (side.kind == TARGET)]
         touching = side if side.kind != TARGET else partners[0] if partners else None
@@ -89,7 +89,7 @@ def report_contacts(content: Content, sides: list[Side]) -> None:
 
 
 def _effect(side: Side, behaviour: int, names: tuple[str, ...]) -> str:
-    """Say what a side does, and what may stand for it in a scene."""
+    """Return the effect of a side and its replacement in a scene, as text."""
     what = "a target of contact" if side.kind == TARGET else "a surface in contact"
     if not names:
         return what if side.cells else f"{what} without faces: a pilot node or a rigid body; state [[points]]"

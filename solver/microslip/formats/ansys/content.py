@@ -1,4 +1,4 @@
-"""What the commands of an archive say: types, materials, constants, constraints, and what is not followed."""
+"""The content of the commands of an archive: types, materials, constants, constraints, and findings."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from . import constraints as between
 from .commands import Command
 from .materials import OTHER_AXES, PLAIN, material_of, take_system
 
-# what sets up the program, selects, solves or prints; and loads, which are counted
+# commands that set up the program, select, solve or print; loads, which are counted
 _HARMLESS = set(
     "FINISH DOF *IF *ELSE *ELSEIF *ENDIF *SET *DIM *GET *DO *ENDDO NUMOFF EXTOPT TYPE MAT REAL ESYS SECNUM SHPP N EN NBLOCK "
     "EBLOCK CMBLOCK CM CMGRP CMSEL ALLSEL ESEL NSEL RLBLOCK MPTEMP CSYS DSYS TREF TUNIF BFUNIF TOFFST ANTYPE "
@@ -27,47 +27,47 @@ _HARMLESS = set(
 _LOADS = set("F SF SFE BF BFE FBLOCK SFBLOCK SFEBLOCK BFBLOCK BFEBLOCK ACEL OMEGA DOMEGA CGOMEGA DCGOMG CMACEL CMOMEGA".split())
 _EFFECTS = {
     "TB": "a material that is not linear and isotropic, or a friction coefficient",
-    "EALIVE": "elements that are born",
-    "EKILL": "elements that die",
+    "EALIVE": "activated elements (birth)",
+    "EKILL": "deactivated elements (death)",
     "PSMESH": "a bolt's pretension section; state [[statics.bolts]]",
     "SLOAD": "a bolt's load; state [[statics.bolts]]",
     "INISTATE": "stress before any load",
     "/INPUT": "a further file",
     "E": "elements defined one by one (springs, masses, remote points), which are not read; write the model by CDWRITE for them",
-    "USE": "a macro that the file does not hold",
-    "*USE": "a macro that the file does not hold",
+    "USE": "a macro that the file does not contain",
+    "*USE": "a macro that the file does not contain",
 }
 
 
 @dataclass(eq=False)
 class Content(Draft):
-    """The structure so far, and what the commands say of it."""
+    """The structure so far, and the content of the commands."""
 
-    angles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # (n_nodes, 3) of the nodal axes [degrees]
-    types: dict[int, int] = field(default_factory=dict)  # ET: number of a type, and of its element
+    angles: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # (n_nodes, 3) angles of the nodal axes [degrees]
+    types: dict[int, int] = field(default_factory=dict)  # ET: number of a type: number of its element
     keys: dict[int, dict[int, int]] = field(default_factory=dict)  # KEYOPT
-    properties: dict[int, dict[str, float]] = field(default_factory=dict)  # properties of materials, by their label
-    stated: dict[tuple[int, str], Command] = field(default_factory=dict)  # where a property of a material is stated
+    properties: dict[int, dict[str, float]] = field(default_factory=dict)  # properties of materials by label
+    stated: dict[tuple[int, str], Command] = field(default_factory=dict)  # command that states a property of a material
     materials: dict[int, Material] = field(default_factory=dict)
     systems: dict[int, tuple[int, np.ndarray, np.ndarray]] = field(default_factory=dict)  # LOCAL: kind, origin, angles
     constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE, RMODIF
     constraints: between.Restraints = field(default_factory=between.Restraints)
     loads: dict[str, int] = field(default_factory=dict)
     facts: tuple[str, ...] = ()  # title, units
-    is_chosen: bool = False  # whether Ansys is left to choose KEYOPTs (ETCONTROL,SET)
-    selected: np.ndarray | None = None  # nodes that ALL means; None: a selection that is not followed
+    is_chosen: bool = False  # whether Ansys chooses KEYOPTs (ETCONTROL,SET)
+    selected: np.ndarray | None = None  # nodes given by ALL; None: an unsupported selection
 
     def axes(self, node: int) -> np.ndarray | None:
         return between.turned_axes(self.angles[node]) if self.angles[node].any() else None
 
     def known(self, wanted: np.ndarray) -> np.ndarray:
-        """Return the positions of those nodes that are there."""
+        """Return the positions of the existing nodes."""
         index, missing = index_of(self.numbers, wanted)
         return index[~np.isin(wanted, missing)]
 
 
 def take_commands(content: Content, commands_read: Iterable[Command], components: dict[str, np.ndarray]) -> None:
-    """Take what the commands of a file say.  Local."""
+    """Take the commands of a file.  Local."""
     content.selected = content.numbers
     content.constraints.findings = content.findings
     last_real = 0
@@ -105,14 +105,14 @@ def take_commands(content: Content, commands_read: Iterable[Command], components
         elif word == "ETCONTROL":
             content.is_chosen |= command.field(0).upper() == "SET"
         elif word == "/UNITS":
-            content.facts += (f"units: {command.field(0)}, as it says",)
+            content.facts += (f"units: {command.field(0)}, as stated in the file",)
         else:
             _pass_over(content, command)
     _make_materials(content)
 
 
 def _change_constants(content: Content, command: Command) -> None:
-    """Take an RMODIF command: a set of constants, the first that changes, and values from there on."""
+    """Take an RMODIF command: a set of constants, the position of the first new value, and the values."""
     known, first = content.constants.setdefault(int(command.number(0)), []), int(command.number(1)) - 1
     values = {first + i: command.number(2 + i) for i, word in enumerate(command.fields[2:8]) if word and first + i >= 0}
     known.extend([0.0] * (max(values, default=-1) + 1 - len(known)))
@@ -121,7 +121,7 @@ def _change_constants(content: Content, command: Command) -> None:
 
 
 def _make_materials(content: Content) -> None:
-    """Make the materials of their properties, with a finding for each that another axis has and that does not do."""
+    """Make the materials from their properties, with a finding for each incomplete property of other axes."""
     for number, known in content.properties.items():
         content.materials[number], lacking = material_of(known)
         for label in lacking:
@@ -131,7 +131,7 @@ def _make_materials(content: Content) -> None:
 
 
 def _take_keys(content: Content, command: Command, fields: tuple[str, ...]) -> None:
-    """Take the KEYOPTs 1 to 6 that stand in an ET command."""
+    """Take the KEYOPTs 1 to 6 of an ET command."""
     shifted = Command(command.word, fields, command.line)
     known = content.keys.setdefault(int(command.number(0)), {})
     known.update({i + 1: int(shifted.number(i)) for i, word in enumerate(fields) if word})
@@ -142,14 +142,14 @@ def _take_types(content: Content, command: Command) -> None:
     for i, line in enumerate(command.block):
         words = line.split()
         if len(words) < 2 or not all(word.lstrip("-").isdigit() for word in words):
-            raise MeshError(f"line {command.line + 2 + i}: ETBLOCK holds {line.strip()[:60]!r} where whole numbers are due")
+            raise MeshError(f"line {command.line + 2 + i}: ETBLOCK holds {line.strip()[:60]!r} where whole numbers are expected")
         number, element, *keys = map(int, words)
         content.types[number] = element
         content.keys.setdefault(number, {}).update({key: value for key, value in enumerate(keys[:18], 1) if value})
 
 
 def _select(content: Content, command: Command, components: dict[str, np.ndarray]) -> None:
-    """Follow which nodes ALL means: all of them, or those of one component."""
+    """Update the nodes given by ALL: all nodes, or the nodes of one component."""
     how, name = command.field(0).upper(), command.field(1).upper()
     if command.word == "ALLSEL" or (command.word == "NSEL" and how in ("", "ALL")):
         content.selected = content.numbers
@@ -163,7 +163,7 @@ def _take_property(content: Content, command: Command) -> None:
     """Take MP (label, material, value) or MPDATA (R5.0, 1, label, material, position, value)."""
     i = 2 if command.word == "MPDATA" and command.is_archived else 0
     label = command.field(i).upper()
-    if label in ("UVID", "UMID"):  # names that Workbench gives its materials
+    if label in ("UVID", "UMID"):  # names of Workbench's materials
         return
     number = int(command.number(i + 1))
     value, position = command.number(i + 3 if command.word == "MPDATA" else i + 2), command.number(i + 2)
@@ -186,10 +186,10 @@ def _take_property(content: Content, command: Command) -> None:
 
 
 def _pass_over(content: Content, command: Command) -> None:
-    """Report a command that is not followed, once for each line that changes something."""
+    """Add a finding of a command that is not taken over."""
     word = command.word
     if word == "EBLOCK" and command.field(1).upper() != "SOLID":
-        effect = "a block in the format of elements that are no solids, which is not read"
+        effect = "a block in the format of elements that are not solids, which is not read"
         content.findings.add(word, command.where, effect)
     elif word in _LOADS:
         content.loads[word] = content.loads.get(word, 0) + 1
@@ -202,6 +202,6 @@ def _pass_over(content: Content, command: Command) -> None:
 
 
 def report_loads(content: Content) -> None:
-    """Add a finding for each kind of load, which changes nothing: the scene has its own.  Local."""
+    """Add a finding, without effect on the answer, for each kind of load: the scene states the loads.  Local."""
     for word, n in content.loads.items():
         content.findings.add(word, f"{n} commands", "loads of the file are not taken over; state [[loads]]", False)

@@ -1,4 +1,4 @@
-"""What the blocks of an archive announce against what they hold, and what of them a library has read."""
+"""Checks of the blocks of an archive: stated counts against content, and content against the library's reading."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from .blocks import FIELDS, Blocks
 from .commands import Command, numbers_behind
 
 _BLANK = re.compile(rb"\n[ \t\r]*(?=\n)")
-_FIRST_LINE = 8  # nodes of an element on its first line, of 19 fields
+_FIRST_LINE = 8  # nodes of an element on its first line of 19 fields
 
 
 def check_held(path: str, commands_read: tuple[Command, ...], blocks: Blocks) -> None:
-    """Raise unless the blocks are whole: as long as they announce, and read to their ends.  Local.
+    """Raise unless the blocks have their stated lengths and were read to their ends.  Local.
 
     Raises
     ------
-    MeshError : a block that was cut, or that counts more or fewer than it holds
+    MeshError : a truncated block, or a count that differs from the content
     """
     with open(path, "rb") as file:
         content = file.read()
     heads = [command for command in commands_read if command.word == "EBLOCK"]
-    n_lines = 0  # of elements, in all blocks
+    n_lines = 0  # lines of elements in all blocks
     for command in commands_read:
         if command.word == "CMBLOCK":
             _check_component(command, numbers_behind(content, command))
@@ -40,7 +40,7 @@ def check_held(path: str, commands_read: tuple[Command, ...], blocks: Blocks) ->
 
 
 def _is_solid(command: Command) -> bool:
-    """Return whether the elements of a block are in the format of solids, which is the one that is read."""
+    """Return whether the elements of a block are in the format of solids, the only one that is read."""
     return command.field(1).upper() == "SOLID"
 
 
@@ -52,7 +52,7 @@ def _check_component(command: Command, block: bytes) -> None:
 
 
 def _check(command: Command, n_held: int, what: str) -> None:
-    """Raise where the last of a block's fields, its count, is another."""
+    """Raise MeshError if the last field of a block, its count, differs from ``n_held``."""
     count = command.field(len(command.fields) - 1)
     if len(command.fields) > 3 and count.isdigit() and int(count) != n_held:
         raise MeshError(
@@ -61,7 +61,7 @@ def _check(command: Command, n_held: int, what: str) -> None:
 
 
 def _check_elements(heads: list[Command], n_lines: int, blocks: Blocks) -> None:
-    """Raise unless the elements that were read are all that the blocks hold, by their lines, and as many as one counts."""
+    """Raise unless the elements that were read match the lines and the counts of the blocks."""
     n_nodes = np.diff(blocks.start) - FIELDS
     n_read = int((1 + (n_nodes > _FIRST_LINE)).sum())
     if heads and n_read != n_lines:
@@ -74,6 +74,6 @@ def _check_elements(heads: list[Command], n_lines: int, blocks: Blocks) -> None:
 
 
 def _n_lines(block: bytes) -> int:
-    """Return how many lines hold numbers, without -1 at the end."""
+    """Return the number of lines with numbers, without the final -1."""
     block = block.removesuffix(b"-1").strip()
     return block.count(b"\n") + 1 - len(_BLANK.findall(block)) if block else 0

@@ -20,7 +20,7 @@ _UNKNOWN = "not known to this program"
 
 
 def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dict[str, Body], dict[str, Orientation]]:
-    """Return the cells, the bodies, solids by material and type, and the axes that they have; make groups of them.  Local."""
+    """Return the cells, the bodies (solids by material and type) and their axes, and add their groups.  Local."""
     start, flat, numbers, elements, groups = blocks.start[:-1], blocks.flat, blocks.numbers, blocks.elements, content.groups
     n_nodes = np.diff(blocks.start) - FIELDS
     material, kind, real, _, system = (flat[start + i] for i in range(5))
@@ -70,7 +70,7 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
 
 
 def _refuse_without_solids(content: Content, kind: np.ndarray) -> None:
-    """Raise MeshError where no element is a solid and some are of unknown types; ``kind`` (n,) has the numbers of the types."""
+    """Raise MeshError if no element is a solid and some types are unknown; ``kind`` (n,): numbers of the types."""
     numbers, counts = np.unique(kind, return_counts=True)
     n_of: dict[int, int] = {}
     for number, n in zip(numbers.tolist(), counts.tolist(), strict=True):
@@ -79,7 +79,7 @@ def _refuse_without_solids(content: Content, kind: np.ndarray) -> None:
             return
         n_of[element] = n_of.get(element, 0) + n
     if not n_of.keys() - {*EFFECTS, *CONTACT, TARGET, 21}:
-        return  # of known types: findings say what they do
+        return  # known types have findings with their effects
     types = [f"{n} of type {element}, {EFFECTS.get(element, (_UNKNOWN,))[0]}" for element, n in n_of.items()]
     raise MeshError(f"none of its elements are solids that this program has: {'; '.join(types)}")
 
@@ -87,9 +87,9 @@ def _refuse_without_solids(content: Content, kind: np.ndarray) -> None:
 def _by_axes(
     name: str, members: np.ndarray, system: np.ndarray, content: Content, material: int, orientations: dict[str, Orientation]
 ) -> Iterator[tuple[str, np.ndarray, str | None]]:
-    """Yield the elements of one material that have the same axes, with a name for them and that of the axes.
+    """Yield the elements of one material with the same axes, a name for them, and the name of the axes.
 
-    Elements of isotropic materials stay together. Axes of other than the model's are taken into ``found``.
+    Elements of isotropic materials stay together. Axes other than the model's are added to ``orientations``.
     """
     if not content.materials.get(material, Material.of_file()).has_axes:
         yield name, members, None
@@ -109,7 +109,7 @@ def _by_axes(
 
 
 def _rows(flat: np.ndarray, start: np.ndarray, n_nodes: np.ndarray, members: np.ndarray, width: int) -> np.ndarray:
-    """Return the nodes of some elements, (n, width), 0 where an element has fewer."""
+    """Return the nodes of some elements, (n, width), padded with 0."""
     at = start[members][:, None] + FIELDS + np.arange(width)
     is_there = np.arange(width) < n_nodes[members][:, None]
     return np.where(is_there, flat[np.minimum(at, len(flat) - 1)], 0)
@@ -130,11 +130,11 @@ def add_elements(group: Group, cells: list[Cells], elements: np.ndarray) -> None
 
 
 def _report_type(content: Content, number: int, own_type: int, why: str | None, n: int) -> None:
-    """Report elements that are no solids here."""
+    """Report elements that are not solids here."""
     if own_type in (14, 21):
         return  # springs and masses: _attached
     effect, changes = EFFECTS.get(own_type, (_UNKNOWN, True))
     if why is not None:
-        effect, changes = f"{why}, which is not made here", True
+        effect, changes = f"{why}, which is not available here", True
     word = f"element type {own_type}" if own_type else "element without ET"
     content.findings.add(word, f"{n} elements of ET {number}", effect, changes)

@@ -1,4 +1,4 @@
-"""Commands of an input file as those of an archive: parameters replaced, words in full, what only sets up left out."""
+"""Convert commands of an input file to commands of an archive: parameters replaced, words in full, set-up omitted."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import replace
 
 from .commands import Command
 
-# words of archives that may be shorter: Ansys tells commands by their first four letters
+# words of archives that may be abbreviated: Ansys compares the first four letters
 _FOLLOWED = "ALLSEL CERIG CMSEL CYCLIC EALIVE EKILL ETCONTROL INISTATE KEYOPT MPDATA PSMESH RMODIF"
-# blocks; what selects elements, sets up a solution, prints or writes, beside what archives hold of it
+# blocks; further commands that select elements, set up a solution, print or write
 _SET_UP = (
     "ANTYPE AUTOTS CMBLOCK CMDELE CNCHECK CNTR CNVTOL CEWRITE DELTIM DMPOPTION EBLOCK EQSLV ERESX ESLL ESLN FINISH FCUM HROPT "
     "KEYW MAGOPT MCHECK MODOPT MXPAND NBLOCK NLDIAG NLGEOM NLHIST NSLL NSUBST OUTGEOM OUTPR OUTRES RESCONTROL SELTOL SOLCONTROL "
@@ -25,7 +25,7 @@ _ASSIGNED = re.compile(r"([A-Z_]\w*)\s*=\s*(\S+)\Z")
 def as_archived(commands_read: Iterable[Command]) -> Iterator[Command]:
     """Yield commands with parameters (*SET, name = value) replaced by their numbers and words in full.  Local.
 
-    Elements that are defined one by one come as one command E.
+    Elements that are defined one by one become one command E.
     """
     known: dict[str, str] = {}
     has_elements = False
@@ -45,7 +45,7 @@ def as_archived(commands_read: Iterable[Command]) -> Iterator[Command]:
 
 
 def _keep(known: dict[str, str], name: str, value: str) -> None:
-    """Keep the number of a parameter; forget it where it is none, for what it was counts no longer."""
+    """Store the number of a parameter; remove the parameter if its new value is not a number."""
     known.pop(name, None)
     if _NUMBER.match(value):
         known[name] = value

@@ -12,14 +12,14 @@ from ..draft import vector
 from .commands import Command
 from .constraints import turned_axes
 
-PLAIN = ("EX", "NUXY", "PRXY", "DENS", "ALPX")  # what an isotropic material states
-_ALIKE = 1e-4  # of a property: digits with which files repeat it for other axes
+PLAIN = ("EX", "NUXY", "PRXY", "DENS", "ALPX")  # labels of an isotropic material
+_ALIKE = 1e-4  # relative difference of a property repeated for other axes: rounding
 _PAIRS = ("XY", "XZ", "YZ")
 OTHER_AXES = ("EY", "EZ", "NUYZ", "NUXZ", "PRYZ", "PRXZ", "GXY", "GXZ", "GYZ", "ALPY", "ALPZ")
 
 
 def material_of(known: Mapping[str, float]) -> tuple[Material, tuple[str, ...]]:
-    """Return a material, and the labels that say that it differs by direction without saying all of it.  Local."""
+    """Return a material, and the labels of an incomplete anisotropy.  Local."""
     young, poisson = known.get("EX"), known.get("PRXY", known.get("NUXY"))
     plain = Material.of_file(young=young, poisson=poisson, density=known.get("DENS"), expansion=known.get("ALPX"))
     other = _labels_that_differ(known, plain)
@@ -36,7 +36,7 @@ def material_of(known: Mapping[str, float]) -> tuple[Material, tuple[str, ...]]:
 
 
 def _labels_that_differ(known: Mapping[str, float], plain: Material) -> tuple[str, ...]:
-    """Return the labels of other axes whose value is not that of an isotropic material."""
+    """Return the labels of other axes with values that contradict an isotropic material."""
     young, poisson = plain.young, plain.poisson
     shear = (
         young / (2.0 * (1.0 + poisson)) if isinstance(young, float) and isinstance(poisson, float) and poisson != -1.0 else None
@@ -51,9 +51,9 @@ def _labels_that_differ(known: Mapping[str, float], plain: Material) -> tuple[st
 
 
 def _constants(known: Mapping[str, float]) -> dict[str, Vector] | None:
-    """Return the nine constants of an orthotropic material as keys of a ``Material``; None where one is missing.
+    """Return the nine constants of an orthotropic material as keys of a ``Material``; None if one is missing.
 
-    PRij is the major ratio nu_ij, NUij the minor one nu_ji = nu_ij E_j / E_i.
+    PRij is the major ratio nu_ij, NUij the minor ratio nu_ji = nu_ij E_j / E_i.
     """
     young = [known.get(f"E{axis}", 0.0) for axis in "XYZ"]
     shear = [known.get(f"G{pair}", 0.0) for pair in _PAIRS]

@@ -1,4 +1,4 @@
-"""Read an Ansys archive or input file: its blocks, and the commands between them that say what they mean."""
+"""Read an Ansys archive or input file: its blocks and commands."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from .cyclic import sectors_of
 from .elements import add_elements, cells_and_bodies
 from .input_file import as_archived
 
-_LEAST_BYTES = 8  # of a node or an element in an archive
+_LEAST_BYTES = 8  # least bytes of a node or an element in an archive
 _STARTS = ("/BATCH", "/COM", "/PREP7", "/TITLE", "/UNITS", "/WB", "NBLOCK,")  # lines near the beginning of an input file
-_MAKE_MESHES = set(  # the first letters, which Ansys goes by, of commands for points to volumes, meshes, nodes and elements
+_MAKE_MESHES = set(  # first letters, as compared by Ansys, of commands for geometry, meshes, nodes and elements
     "K KGEN KFIL L LARC LSTR LGEN A AL AGEN AROT V VA VGEN VDRA VROT VEXT BLOC BLC4 BLC5 CYL4 CYL5 CYLI RECT PCIR "
     "SPHE SPH4 CONE PRIS TORU VSWE VMES AMES LMES KMES AMAP VMAP N NGEN NDIS NSYM FILL E EN EGEN EMOR EINT".split()
 )
-_HEAD = 200  # lines that are looked at for them
-_GAIN = 200  # bytes of memory for a byte of the file
+_HEAD = 200  # lines searched for them
+_GAIN = 200  # bytes of memory per byte of the file
 _LONG_EXPONENT = re.compile(rb"[EeDd][+-]?[0-9]{4,}")
 _DIGITS = tuple(bytes([byte]) for byte in b"0123456789+-.")
 
 
 def read_cdb(path: str) -> FileModel:
-    """Return what an archive of CDWRITE holds: solids by material and type, components, supports, equations.  Local.
+    """Read an archive of CDWRITE: solids by material and type, components, supports, equations.  Local.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def read_cdb(path: str) -> FileModel:
 
 
 def read_input(path: str) -> FileModel:
-    """Return what an input file holds, as Workbench writes it (ds.dat): the same, and elements in blocks of surfaces.  Local.
+    """Read an input file as Workbench writes it (ds.dat): in addition, elements in blocks of surfaces.  Local.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def read_input(path: str) -> FileModel:
 
 
 def _refuse_scripts(commands_read: tuple[Command, ...]) -> None:
-    """Raise MeshError where no mesh is in the file, and name the commands that make one."""
+    """Raise MeshError if the file has no mesh, with the commands that would generate one."""
     words = list(dict.fromkeys(command.word for command in commands_read))
     if {"NBLOCK", "EBLOCK"} & set(words):
         return
@@ -74,13 +74,13 @@ def _refuse_scripts(commands_read: tuple[Command, ...]) -> None:
 
 
 def is_input(path: str) -> bool:
-    """Return whether a file is an input file for Ansys, and not one of another program with the same ending.  Local."""
+    """Return whether a file is an Ansys input file, not a file of another program with the same ending.  Local."""
     with open(path, encoding="utf-8", errors="replace") as file:
         return any(line.strip().upper().startswith(_STARTS) for line in islice(file, _HEAD))
 
 
 def model_of(blocks: Blocks, commands_read: tuple[Command, ...]) -> FileModel:
-    """Return the model of blocks and commands.  Local."""
+    """Return the model from blocks and commands.  Local."""
     _refuse_doubles(blocks.numbers)
     content = Content(blocks.numbers, blocks.points, angles=blocks.angles)
     take_commands(content, commands_read, {name.upper(): nodes for name, nodes in blocks.node_components.items()})
@@ -128,7 +128,7 @@ def _archive(path: str) -> Blocks:
 
 
 def _check_counts(path: str, commands_read: tuple[Command, ...]) -> None:
-    """Raise MeshError where a block lacks, or counts more than the file can hold, before anything is allocated by it."""
+    """Raise MeshError for a missing block or a count beyond the file size, before memory is allocated for it."""
     size, lacking = os.path.getsize(path), {"NBLOCK", "EBLOCK"}
     for command in commands_read:
         lacking.discard(command.word)
@@ -143,18 +143,18 @@ def _check_counts(path: str, commands_read: tuple[Command, ...]) -> None:
 
 
 def _refuse_exponents(path: str) -> None:
-    """Raise MeshError for an exponent of four digits and more, for which the library multiplies by ten so often."""
+    """Raise MeshError for exponents of four and more digits, for which the library loops too long."""
     with open(path, "rb") as file:
         content = file.read()
     for exponent in _LONG_EXPONENT.finditer(content):
         start = content.rfind(b"\n", 0, exponent.start()) + 1
         if content[start : exponent.start()].lstrip()[:1] in _DIGITS:
             line = content.count(b"\n", 0, start) + 1
-            raise MeshError(f"line {line}: {exponent[0].decode('ascii')!r} is part of no number; the file is damaged")
+            raise MeshError(f"line {line}: {exponent[0].decode('ascii')!r} is not part of a number; the file is damaged")
 
 
 def _refuse_short_lines(path: str, command: Command) -> None:
-    """Raise MeshError for nodes with a number alone before their coordinates, which the library takes for something else."""
+    """Raise MeshError for nodes with only a number before their coordinates, which the library misreads."""
     with open(path, encoding="utf-8", errors="replace") as file:
         form = next(islice(file, command.line, None), "").strip()
     if form.lower().startswith(("(i", "(1i")):

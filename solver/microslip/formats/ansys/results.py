@@ -1,4 +1,4 @@
-"""Read the model that a results file of Ansys holds (.rst): mesh, materials, components, and what was held."""
+"""Read the model in a results file of Ansys (.rst): mesh, materials, components, supports."""
 
 from __future__ import annotations
 
@@ -16,34 +16,34 @@ from .blocks import Blocks, blocks_of_archive
 from .commands import Command
 from .read import model_of
 
-_GAIN = 400  # bytes of memory for a byte of the file: records may be compressed
+_GAIN = 400  # bytes of memory per byte of the file: records may be compressed
 _LIBRARY = "ansys.mapdl.reader"
 _NOT_TOLD = (
-    "a results file does not tell equations, couplings and rigid regions (CE, CP, CERIG), nor real constants; the archive does: "
+    "a results file has no equations, couplings, rigid regions (CE, CP, CERIG) and real constants; the archive has them: "
     "CDWRITE,DB,model,cdb"
 )
-Told = tuple[Blocks, list[tuple[str, ...]]]  # the mesh, and what is said of it as commands: word and fields
+Told = tuple[Blocks, list[tuple[str, ...]]]  # the mesh, and further data as commands: word and fields
 
 
 def read_rst(path: str) -> FileModel:
-    """Return what a results file holds: solids by material and type, components, supports of its first result.  Local.
+    """Read a results file: solids by material and type, components, supports of the first result.  Local.
 
     Raises
     ------
-    MeshError without the file's name: the library is missing, the file is damaged, or has shapes that are no solids here
+    MeshError without the file's name: the library is missing, the file is damaged, or has unsupported shapes
     """
     try:
         blocks, commands_read = read_file(path, _parts, path, gain=_GAIN, returns=(Blocks,))
     except SandboxError as problem:
         raise MeshError(f"it is truncated or damaged: {problem}") from None
-    except LibraryError as problem:  # whatever the library makes of a damaged file
+    except LibraryError as problem:  # any failure of the library on a damaged file
         raise MeshError(f"it is truncated, damaged, or holds no results of Ansys ({problem})") from None
     model = model_of(blocks, tuple(Command(fields[0], fields[1:], 0) for fields in commands_read))
     return replace(model, facts=(*model.facts, _NOT_TOLD))
 
 
 def _parts(path: str) -> Told:
-    """Return what the library has read, as numbers and words alone."""
+    """Return the library's data as plain numbers and words."""
     try:
         library = importlib.import_module(_LIBRARY)
     except ImportError:
@@ -57,13 +57,13 @@ def _parts(path: str) -> Told:
     blocks = blocks_of_archive(result.mesh)
     keys = {
         int(number): {i: int(value) for i, value in enumerate(values, 1) if value}
-        for number, values in result._element_table["keyopts"].items()  # the library's mesh leaves them out
+        for number, values in result._element_table["keyopts"].items()  # missing in the library's mesh
     }
     return replace(blocks, keys=keys), [*_materials(result.materials), *_contents(result)]
 
 
 def _materials(materials: Mapping[int, Mapping[str, Any]]) -> list[tuple[str, ...]]:
-    """Return the materials as MP commands; what is no single number is named, and stops where it changes the answer."""
+    """Return the materials as MP commands; other than single numbers become findings."""
     return [
         ("MP", label, str(number), repr(float(value))) if np.ndim(value) == 0 else ("TB", label, str(number))
         for number, known in materials.items()
@@ -72,7 +72,7 @@ def _materials(materials: Mapping[int, Mapping[str, Any]]) -> list[tuple[str, ..
 
 
 def _contents(result: Any) -> list[tuple[str, ...]]:
-    """Return the supports of the first result as D commands; none where it has none, or the file no result."""
+    """Return the supports of the first result, if any, as D commands."""
     try:
         nodes, dofs, values = result.nodal_boundary_conditions(0)
     except (IndexError, ValueError):

@@ -1,4 +1,4 @@
-"""The shapes of Ansys solids: hexahedra whose nodes fall together are prisms, pyramids and tetrahedra (equal node numbers)."""
+"""The shapes of Ansys solids: hexahedra with coincident nodes (equal numbers) are prisms, pyramids and tetrahedra."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from ..model import Cells
 
 
 class _Shape(NamedTuple):
-    """Which nodes of a row make the nodes of a cell."""
+    """The nodes of a row that form a cell."""
 
     family: str
     corners: list[int]
     middles: list[int]
-    equal: tuple[tuple[int, int], ...] = ()  # corners that fall together
-    n_equal: int = 0  # pairs of equal ones among all corners
+    equal: tuple[tuple[int, int], ...] = ()  # coincident corners
+    n_equal: int = 0  # pairs of equal corners
 
 
-# corners I J K L M N O P and mid-sides Q R S T U V W X Y Z A B
+# corners I J K L M N O P and mid-side nodes Q R S T U V W X Y Z A B
 _WHOLE = (
     _Shape("hex", list(range(8)), list(range(8, 20))),
     _Shape("wedge", [0, 1, 2, 4, 5, 6], [8, 9, 11, 12, 13, 15, 16, 17, 18], ((2, 3), (6, 7)), 2),
     _Shape("pyramid", [0, 1, 2, 3, 4], [8, 9, 10, 11, 16, 17, 18, 19], ((4, 5), (4, 6), (4, 7)), 6),
     _Shape("tet", [0, 1, 2, 4], [8, 9, 11, 16, 17, 18], ((2, 3), (4, 5), (4, 6), (4, 7)), 7),
 )
-_TETRAHEDRON = _Shape("tet", [0, 1, 2, 3], [4, 5, 6, 7, 8, 9])  # of elements that have no other shape
+_TETRAHEDRON = _Shape("tet", [0, 1, 2, 3], [4, 5, 6, 7, 8, 9])  # elements without other shapes
 
 
 def solids(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
@@ -42,7 +42,7 @@ def solids(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[
 
     Raises
     ------
-    MeshError : a shape that is none of the four, some mid-side nodes left out, a node that is not there
+    MeshError : another shape, some mid-side nodes left out, or a node that does not exist
     """
     corners, is_linear = rows[:, :8], ~(rows[:, 8:] > 0).any(axis=1)
     n_equal = sum((corners[:, i] == corners[:, j]).astype(int) for i in range(8) for j in range(i))
@@ -55,20 +55,19 @@ def solids(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[
         cells += _by_order(shape, rows[has_shape], is_linear[has_shape], elements[has_shape], numbers)
     if not is_known.all():
         raise MeshError(
-            f"element {elements[~is_known][0]}: its nodes fall together in a way that is no hexahedron, prism, pyramid or "
-            "tetrahedron"
+            f"element {elements[~is_known][0]}: its coincident nodes do not form a hexahedron, prism, pyramid or tetrahedron"
         )
     return cells
 
 
 def tetrahedra(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
-    """Return the cells of SOLID187 and its like, (n, 10), whose nodes are in the order of this program.  Local."""
+    """Return the cells of SOLID187 and similar elements, (n, 10), whose nodes are in the order of this program.  Local."""
     is_linear = ~(rows[:, 4:] > 0).any(axis=1)
     return _by_order(_TETRAHEDRON, rows, is_linear, elements, numbers)
 
 
 def _by_order(shape: _Shape, rows: np.ndarray, is_linear: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
-    """Return the cells of one shape: those without any mid-side node, and those with all."""
+    """Return the cells of one shape, with none and with all mid-side nodes."""
     cells = []
     for mine, nodes in ((is_linear, shape.corners), (~is_linear, shape.corners + shape.middles)):
         if mine.any():
@@ -77,7 +76,7 @@ def _by_order(shape: _Shape, rows: np.ndarray, is_linear: np.ndarray, elements: 
 
 
 def faces(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
-    """Return the cells of surface elements of up to 8 nodes (I J K L and mid-sides; K = L: a triangle).  Local."""
+    """Return the cells of surface elements of up to 8 nodes (I J K L and mid-side nodes; K = L: a triangle).  Local."""
     cells = []
     is_quadratic = (rows[:, 4:8] > 0).all(axis=1) if rows.shape[1] >= 8 else np.zeros(len(rows), dtype=bool)
     is_triangle = rows[:, 2] == rows[:, 3]

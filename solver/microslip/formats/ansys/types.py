@@ -1,4 +1,4 @@
-"""Element types: which are solids here and how they integrate, and what the others would do."""
+"""Element types: solids with their quadrature, and the effects of the other types."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Solid:
-    """How an element type of Ansys is made here."""
+    """The equivalent of a solid type of Ansys in this program."""
 
     n_nodes: int  # 8, 20 or 10
     integration: str
     incompatible_modes: bool = True
-    differs: str = ""  # what is not quite the same, for the notes
+    differs: str = ""  # remaining difference, for the notes
 
 
 def solid_of(number: int, keys: dict[int, int]) -> Solid | str | None:
-    """Return how a type is made here, what stops it, or None for a type that is no solid.  Local.
+    """Return the equivalent of a type, the reason why there is none, or None for a type that is not a solid.  Local.
 
     ``keys`` are the KEYOPTs that are not 0.
     """
@@ -25,7 +25,7 @@ def solid_of(number: int, keys: dict[int, int]) -> Solid | str | None:
             return "SOLID185 with KEYOPT(2) = 1, uniform reduced integration with hourglass control"
         if keys.get(2, 0) in (2, 3):
             return Solid(8, "full")
-        differs = "SOLID185 with KEYOPT(2) = 0 integrates the volumetric strain by one point (B-bar); here all of it is by 2x2x2"
+        differs = "SOLID185 with KEYOPT(2) = 0 integrates the volumetric strain at one point (B-bar); here at 2x2x2 points"
         return Solid(8, "full", incompatible_modes=False, differs=differs)
     if number == 186:
         return Solid(20, "full" if keys.get(2, 0) == 1 else "reduced", incompatible_modes=False)
@@ -40,7 +40,7 @@ def solid_of(number: int, keys: dict[int, int]) -> Solid | str | None:
     return None
 
 
-EFFECTS = {  # of types that are neither solids nor contact surfaces here: what they do, and whether that changes the answer
+EFFECTS = {  # effect of types that are neither solids nor contact surfaces here, and whether it changes the answer
     14: ("a spring and damper", True),
     39: ("a nonlinear spring", True),
     40: ("a spring, slider and gap", True),

@@ -1,1 +1,1 @@
-"""Matrices of other programs, a file a format; read.py knows them all."""
+"""Readers of other programs' matrices, one module per format; read.py selects the reader."""

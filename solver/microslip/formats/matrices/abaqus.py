@@ -9,12 +9,12 @@ import numpy as np
 from .file_matrix import LARGEST, DofMap, FileMatrix, Wanted, from_coordinates
 from .text import square_of, table_of
 
-_HELD = 1e36  # on the diagonal of what a *BOUNDARY holds
+_HELD = 1e36  # diagonal entry of a DOF held by *BOUNDARY
 _OWN_NAME = re.compile(r"_(STIF|MASS|DMPV|DMPS|X\d+)\d+\.mtx$", re.IGNORECASE)
 
 
 def is_abaqus(wanted: Wanted, head: bytes) -> bool:
-    """Return whether a file .mtx is of Abaqus: by its lines of five numbers, by its keyword, by its name.  Local."""
+    """Return whether a file .mtx is from Abaqus: by lines of five numbers, keyword or name.  Local."""
     if head.startswith(b"%%"):
         return False
     lines = [line for line in head.splitlines() if line.strip()]
@@ -25,11 +25,11 @@ def is_abaqus(wanted: Wanted, head: bytes) -> bool:
 def read_abaqus(wanted: Wanted) -> FileMatrix:
     """Return the matrix of lines node, dof, node, dof, value (MATRIX INPUT, LABELS) or row, column, value (COORDINATE).
 
-    Local.  What a boundary condition holds, 1e36 on the diagonal, is left out; negative numbers are nodes that Abaqus made.
+    Local.  DOFs held by boundary conditions, 1e36 on the diagonal, are left out; negative numbers are internal nodes.
 
     Raises
     ------
-    CaseError : the file is at fault
+    CaseError : the file is faulty
     """
     with open(wanted.path, "rb") as file:
         position, line = 0, file.readline(4096)
@@ -67,12 +67,12 @@ def _labelled(table: np.ndarray, wanted: Wanted) -> FileMatrix:
         matrix, dofs = matrix[free][:, free], dofs[free]
         notes.append(f"{wanted.path.name}: {is_held.sum()} DOFs are held by boundary conditions and left out")
     if (dofs.nodes < 0).any():
-        notes.append(f"{wanted.path.name}: {(dofs.nodes < 0).sum()} DOFs belong to nodes that Abaqus made for itself")
+        notes.append(f"{wanted.path.name}: {(dofs.nodes < 0).sum()} DOFs belong to internal nodes of Abaqus")
     return FileMatrix(matrix, dofs, is_triangle=_is_triangle(matrix), notes=tuple(notes))
 
 
 def _is_triangle(matrix) -> bool:
-    """Return whether all entries lie on one side of the diagonal: Abaqus writes one triangle of what is symmetric."""
+    """Return whether all entries lie on one side of the diagonal: Abaqus writes one triangle of a symmetric matrix."""
     entries = matrix.tocoo()
     below, above = (entries.row > entries.col).any(), (entries.row < entries.col).any()
     if not (below and above):

@@ -1,4 +1,4 @@
-"""Ansys' .full: stiffness, mass and damping as assembled, with node and direction of each equation."""
+"""Ansys' .full: assembled stiffness, mass and damping, with node and direction of each equation."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from ...messages.errors import CaseError
 from .ansys_records import Records
 from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
 
-_POINTERS = {"K": 18, "M": 26, "C": 28, "DOF": 35}  # places of the low words in the head
+_POINTERS = {"K": 18, "M": 26, "C": 28, "DOF": 35}  # positions of the low words in the header
 _LUMPED, _UNSYMMETRIC = 10, 13
 _EXPORT = "write the matrices with APDL: *SMAT,K,D,IMPORT,FULL,file.full,STIFF and *EXPORT,K,MMF,K.mtx, and the same for MASS"
 
 
 def read_full(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file.  Local.  What is constrained is left out.
+    """Return the matrix of a file without constrained equations.  Local.
 
     Raises
     ------
-    CaseError : the file is at fault, or of a kind that is not read
+    CaseError : the file is faulty or of an unsupported kind
     """
     name = wanted.choose(["K", "M", "C"]) if wanted.name is not None else wanted.symbol
     if name not in ("K", "M", "C"):
@@ -47,7 +47,7 @@ def read_full(wanted: Wanted) -> FileMatrix:
 
 
 def _dofs(records: Records, start: int, n: int, wanted: Wanted) -> tuple[DofMap | None, np.ndarray]:
-    """Return node and direction of the equations, where all nodes have the same ones, and which are not constrained."""
+    """Return node and direction of the equations, if all nodes have the same directions, and the free equations."""
     labels_at = records.follow(records.follow(0))
     labels = records.integers(labels_at)
     nodes = records.integers(records.follow(labels_at))
@@ -63,7 +63,7 @@ def _dofs(records: Records, start: int, n: int, wanted: Wanted) -> tuple[DofMap 
 
 
 def _block(records: Records, start: int, n: int, wanted: Wanted) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rows, columns and values of one triangle: for each equation a record of its columns, and one of their values."""
+    """Return rows, columns and values of one triangle: each equation has a record of columns and a record of values."""
     columns, values = [], []
     at = start
     for _ in range(n):

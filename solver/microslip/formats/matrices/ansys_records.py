@@ -10,7 +10,7 @@ _INTEGERS, _NUMBERS = 0x80000000, 0x0  # kinds of records; all others are compre
 
 
 class Records:
-    """Records of words: length, kind, content, length; ``advice`` says how else Ansys writes what is not read."""
+    """Records of words: length, kind, content, length; ``advice`` names a readable format for messages."""
 
     def __init__(self, words: np.ndarray, wanted: Wanted, advice: str) -> None:
         self.words, self.wanted, self.advice = words, wanted, advice
@@ -23,14 +23,14 @@ class Records:
         return cls(words, wanted, advice)
 
     def length(self, at: int) -> int:
-        """Return the words of the record at a place; CaseError where none fits there."""
+        """Return the number of words of the record at a position; CaseError if no record fits there."""
         n = int(self.words[at]) if 0 <= at < len(self.words) - 2 else -1
         if n < 0 or at + n + 3 > len(self.words) or self.words[at + 2 + n] != n:
             raise self.wanted.error(f"it is truncated or damaged: no record at word {at}")
         return n
 
     def follow(self, at: int) -> int:
-        """Return where the record after this one begins."""
+        """Return the position of the record after this one."""
         return at + self.length(at) + 3
 
     def integers(self, at: int) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Ansys' .sub: the reduced matrices of a superelement, with node and direction of each row.
 
-The second record of the file is its head: how many rows, which matrices, and where the other records begin. The matrices follow
-each other row by row, the first row of each, then the second. No file of Ansys itself was at hand: whatever is not of this form,
-or makes matrices that are not symmetric, is refused.
+The second record of the file is its header: number of rows, matrices present, positions of the other records. The matrices are
+interleaved by rows: the first row of each, then the second. No file written by Ansys was available for tests, so other forms and
+matrices that are not symmetric are refused.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from ...messages.errors import CaseError
 from .ansys_records import Records
 from .file_matrix import DofMap, FileMatrix, Wanted
 
-_FULL = 8  # first number of the head where the matrices are full
-_N_ROWS, _N_MATRICES, _N_DOFS, _UNSYMMETRIC, _N_MODES = 1, 2, 4, 9, 43  # places in the head
+_FULL = 8  # first number of the header of full matrices
+_N_ROWS, _N_MATRICES, _N_DOFS, _UNSYMMETRIC, _N_MODES = 1, 2, 4, 9, 43  # positions in the header
 _HAS = {"K": 10, "M": 11, "C": 12, "stress stiffening": 13}
-_MATRICES, _LABELS, _ROWS = 21, 30, 31  # where these records begin
+_MATRICES, _LABELS, _ROWS = 21, 30, 31  # header positions of the starts of these records
 _EXPORT = (
     "write its matrices with APDL: *DMAT,K,D,IMPORT,SUB,file.sub,STIFF and *EXPORT,K,MMF,K.mtx, the same for MASS, and the DOFs "
     "of its rows into a CSV file, [model] dofs"
@@ -24,11 +24,11 @@ _EXPORT = (
 
 
 def read_sub(wanted: Wanted) -> FileMatrix:
-    """Return a matrix of a superelement, rows of its modes without a node.  Local.
+    """Return a matrix of a superelement; rows of its modes have no node.  Local.
 
     Raises
     ------
-    CaseError : the file is at fault, or of a form that is not read
+    CaseError : the file is faulty or of an unsupported form
     """
     name = wanted.choose(["K", "M", "C"]) if wanted.name is not None else wanted.symbol
     records = Records.of(wanted, _EXPORT)
@@ -47,14 +47,14 @@ def read_sub(wanted: Wanted) -> FileMatrix:
 
 
 def _matrix(records: Records, at: int, n: int, kind: int, n_matrices: int) -> tuple[np.ndarray, bool]:
-    """Return one of the matrices (n, n), and whether the file holds its lower triangle alone."""
+    """Return one of the matrices (n, n), and whether the file has only its lower triangle."""
     A, lengths = np.zeros((n, n)), []
     for i in range(n):
         for k in range(n_matrices):
             if k == kind:
                 row = records.numbers(at)
                 if len(row) not in (n, i + 1):
-                    raise records.wanted.error(f"row {i + 1} holds {len(row)} numbers where {n} are due; {_EXPORT}")
+                    raise records.wanted.error(f"row {i + 1} holds {len(row)} numbers where {n} are expected; {_EXPORT}")
                 A[i, : len(row)] = row
                 lengths.append(len(row))
             at = records.follow(at)
@@ -62,7 +62,7 @@ def _matrix(records: Records, at: int, n: int, kind: int, n_matrices: int) -> tu
 
 
 def _dofs(records: Records, head: np.ndarray, n: int, wanted: Wanted) -> DofMap | None:
-    """Return node and direction of the rows, the last ones of modes; None where there are degrees of freedom of other kinds."""
+    """Return node and direction of the rows, modes last; None if there are DOFs of other kinds."""
     labels, rows = records.integers(int(head[_LABELS])), records.integers(int(head[_ROWS])).astype(np.int64)
     n_modes = int(head[_N_MODES])
     if len(labels) != head[_N_DOFS] or len(rows) != n or not 0 <= n_modes <= n or (rows < 1).any():

@@ -1,4 +1,4 @@
-"""CalculiX, *FREQUENCY, SOLVER=MATRIXSTORAGE: job.sti and job.mas of one triangle, and their rows in job.dof."""
+"""CalculiX, *FREQUENCY, SOLVER=MATRIXSTORAGE: one triangle in job.sti and job.mas, the rows' DOFs in job.dof."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from .text import square_of, table_of
 
 
 def read_calculix(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of lines row, column, value, from 1; with nodes and directions of the rows where there is a .dof.
+    """Return the matrix from lines row, column, value, counted from 1, with nodes and directions if a .dof exists.
 
     Local.
 
     Raises
     ------
-    CaseError : a file is at fault
+    CaseError : a file is faulty
     """
     with open(wanted.path, "rb") as file:
         table = table_of(file, 3, wanted, has_no_count=True)
@@ -30,7 +30,7 @@ def read_calculix(wanted: Wanted) -> FileMatrix:
 
 
 def _dofs(wanted: Wanted) -> DofMap | None:
-    """Return node and direction of each row, lines as 12.3; None where there is no such file."""
+    """Return node and direction of each row, from lines such as 12.3; None without the file."""
     path = wanted.path.with_suffix(".dof")
     if not path.is_file():
         return None

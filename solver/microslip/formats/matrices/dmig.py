@@ -14,11 +14,11 @@ _ENTRY = re.compile(r"^DMIG[ *,](?!\s*UACCEL\b).*\n(?:(?:[+* ].*|,.*|[ \t]*)\n)*
 
 
 def read_dmig(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, or of several the one that is wanted, with grid point and component of each row.  Local.
+    """Return the matrix of a file, or the wanted one of several, with grid point and component of each row.  Local.
 
     Raises
     ------
-    CaseError : the file is at fault, or pyNastran is missing
+    CaseError : the file is faulty, or pyNastran is missing
     """
     text = wanted.path.read_text(encoding="latin-1")
     entries = _ENTRY.findall(f"{text}\n")
@@ -50,7 +50,7 @@ def read_dmig(wanted: Wanted) -> FileMatrix:
 
 
 def _keys(places: np.ndarray, wanted: Wanted) -> np.ndarray:
-    """Return a number for each grid point and component (n, 2); CaseError for what no file has."""
+    """Return a key for each grid point and component (n, 2); CaseError for impossible values."""
     whole = np.asarray(places, dtype=np.int64).reshape(-1, 2)
     if len(whole) and abs(whole[:, 0]).max() >= LARGEST:
         raise wanted.error(f"it has a grid point of the number {abs(whole[:, 0]).max()}")

@@ -13,11 +13,11 @@ from ...messages.errors import CaseError, ResourceError
 from ...messages.words import shortened
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")  # 1 to 6 of DofMap
-LARGEST = 2**53  # number of a node: larger ones are not exact as decimals, and leave no room for a direction
-_MOST_BYTES = 2**40  # of any machine that this program runs on
-_ROWS_OF_ANY_FILE = 10**7  # whose empty rows cost less than a hundred megabytes
+LARGEST = 2**53  # largest node number: larger ones are not exact as floats, and their keys overflow
+_MOST_BYTES = 2**40  # more memory than any machine for this program has
+_ROWS_OF_ANY_FILE = 10**7  # empty rows of less than a hundred megabytes
 
-# What programs call the matrices, in the order in which they are taken.
+# Names of the matrices in other programs, in the order of preference.
 NAMES = {
     "K": ("K", "KAA", "KAAX", "KGG", "KGGX", "KLL", "KXX", "STIFFNESS", "STIF"),
     "M": ("M", "MAA", "MAAX", "MGG", "MGGX", "MLL", "MXX", "MASS"),
@@ -28,13 +28,13 @@ NAMES = {
 
 @dataclass(frozen=True)
 class DofMap:
-    """Node and direction of each row; a row of a node number of 0 or below belongs to none that the user has numbered."""
+    """Node and direction of each row; node numbers of 0 or below are not nodes of the user's model."""
 
     nodes: np.ndarray  # (n,) numbers of the user's model
-    directions: np.ndarray  # (n,) 1 to 6: x, y, z, rotations about them; 7: warping; 0: of no axis
+    directions: np.ndarray  # (n,) 1 to 6: x, y, z, rotations about them; 7: warping; 0: no axis
 
     def keys(self) -> np.ndarray:
-        """Return a number for each DOF that no other has, (n,)."""
+        """Return a unique number for each DOF, (n,)."""
         return self.nodes.astype(np.int64) * 8 + self.directions
 
     def __getitem__(self, rows: np.ndarray) -> DofMap:
@@ -48,23 +48,23 @@ class DofMap:
 
 @dataclass(frozen=True)
 class FileMatrix:
-    """A matrix as a file holds it."""
+    """A matrix as read from a file."""
 
     matrix: sp.spmatrix | np.ndarray  # (n_rows, n_columns)
-    dofs: DofMap | None = None  # of the rows; of the columns too where the matrix is square
-    is_triangle: bool = False  # entries of one triangle stand for both
-    skew: float = 0.0  # largest |A - A^T| as it was read, over the largest entry
+    dofs: DofMap | None = None  # DOFs of the rows; of a square matrix also of the columns
+    is_triangle: bool = False  # only one triangle is stored
+    skew: float = 0.0  # largest |A - A^T| as read, divided by the largest entry
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Which matrix of a file is meant, and how messages name it."""
+    """The selection of a matrix in a file, and its name in messages."""
 
     path: Path
     symbol: str  # K, M, C or T
     where: str = field(default="")  # file and key
-    name: str | None = None  # that the user stated
+    name: str | None = None  # stated by the user
 
     @property
     def size(self) -> int:
@@ -72,15 +72,15 @@ class Wanted:
         return self.path.stat().st_size
 
     def error(self, text: str) -> CaseError:
-        """Return the error of a file that is not what it should be."""
+        """Return the error of a faulty file."""
         return CaseError(f"{self.where} cannot be read as a matrix: {text}")
 
     def choose(self, names: Sequence[str]) -> str:
-        """Return which of a file's names is meant: the one stated, the only one, or what programs call this matrix.
+        """Return the selected name in a file: the stated name, the only name, or a usual name of this matrix.
 
         Raises
         ------
-        CaseError : none of them
+        CaseError : the file has none of these
         """
         known = shortened(", ".join(sorted(names))) or "none"
         if self.name is not None:
@@ -96,16 +96,16 @@ class Wanted:
         raise CaseError(f"{self.where} needs a file with one variable, or with one named {self.symbol}; this one has {known}")
 
     def check_entries(self, n_entries: int, least_bytes: float) -> None:
-        """Raise unless the file is large enough for what its header says is in it.
+        """Raise unless the file is large enough for the entries that its header states.
 
         Raises
         ------
-        CaseError, ResourceError : it is not; the latter where no memory would do
+        CaseError, ResourceError : the file is too small; ResourceError if no memory could suffice
         """
         if n_entries < 0:
-            raise self.error(f"its header asks for {n_entries} entries")
+            raise self.error(f"its header states {n_entries} entries")
         if n_entries * least_bytes > self.size:
-            claim = f"its header asks for {n_entries} entries, and the file has {self.size} bytes"
+            claim = f"its header states {n_entries} entries, and the file has {self.size} bytes"
             if 8 * n_entries > _MOST_BYTES:
                 raise ResourceError(f"{self.where}: not enough memory to read it: {claim}")
             raise self.error(f"it is truncated: {claim}")
@@ -113,13 +113,13 @@ class Wanted:
     def check_rows(self, n_rows: int) -> None:
         """Raise CaseError for a number of rows that a file of this size cannot fill."""
         if not 0 <= n_rows <= max(self.size, _ROWS_OF_ANY_FILE):
-            raise self.error(f"its header asks for {n_rows} rows, and the file has {self.size} bytes")
+            raise self.error(f"its header states {n_rows} rows, and the file has {self.size} bytes")
 
 
 def from_coordinates(
     rows: np.ndarray, columns: np.ndarray, values: np.ndarray, shape: tuple[int, int], wanted: Wanted
 ) -> sp.csr_matrix:
-    """Return the matrix of entries, rows and columns from 0; entries of one place add up.  Local.
+    """Return the matrix of entries, rows and columns from 0; repeated entries are added.  Local.
 
     Raises
     ------
@@ -133,17 +133,17 @@ def from_coordinates(
 
 
 def checked(matrix: sp.spmatrix, wanted: Wanted) -> sp.spmatrix:
-    """Return a matrix that SciPy has read, its indices checked: the conversions of SciPy do not, and crash.  Local.
+    """Return a matrix read by SciPy with its indices checked; SciPy's conversions crash on bad indices.  Local.
 
     Raises
     ------
-    CaseError, ValueError : rows or columns that the matrix does not have, starts of rows that fall
+    CaseError, ValueError : rows or columns that the matrix does not have, row pointers that decrease
     """
     wanted.check_rows(max(matrix.shape))
     if matrix.format not in ("csr", "csc", "bsr"):
         entries = matrix.tocoo()
         return from_coordinates(entries.row, entries.col, entries.data, entries.shape, wanted)
-    if (np.diff(matrix.indptr) < 0).any():  # which SciPy lets pass where the last of them is 0
-        raise wanted.error("its rows or columns do not have the entries that they say")
+    if (np.diff(matrix.indptr) < 0).any():  # SciPy accepts this if the last pointer is 0
+        raise wanted.error("its rows or columns do not have the stated number of entries")
     matrix.check_format(full_check=True)
     return matrix

@@ -9,17 +9,17 @@ from .file_matrix import Wanted
 
 
 class Records:
-    """The records of a file, one after the other, words of 32 bits in the byte order ``order``, "<" or ">"."""
+    """Sequential reader of the records of a file, 32-bit words in the byte order ``order``, "<" or ">"."""
 
     def __init__(self, file: IO[bytes], order: str, wanted: Wanted) -> None:
         self.file, self.order, self.wanted = file, order, wanted
 
     def skip(self) -> tuple[int, int] | None:
-        """Return position and bytes of the next record, and pass over it; None at the end of the file.
+        """Skip the next record and return its position and size in bytes; None at the end of the file.
 
         Raises
         ------
-        CaseError : the record does not end where it says, or beyond the file
+        CaseError : the lengths before and after the record differ, or the record exceeds the file
         """
         mark = self.file.read(4)
         if not mark:
@@ -30,11 +30,11 @@ class Records:
             raise self.wanted.error(f"it is truncated: a record of {n} bytes begins at byte {start}")
         self.file.seek(start + n)
         if self.file.read(4) != mark:
-            raise self.wanted.error(f"the record at byte {start} does not end where it says")
+            raise self.wanted.error(f"the record at byte {start} does not end at its stated length")
         return start, n
 
     def content(self, at: tuple[int, int], most: int | None = None) -> bytes:
-        """Return the content of a record, or its first ``most`` bytes; the next record stays the next one."""
+        """Return the content of a record, or its first ``most`` bytes, without moving to the next record."""
         here = self.file.tell()
         self.file.seek(at[0])
         data = self.file.read(at[1] if most is None else min(most, at[1]))

@@ -1,4 +1,4 @@
-"""Harwell-Boeing and Rutherford-Boeing: columns compressed, in fields of fixed width."""
+"""Harwell-Boeing and Rutherford-Boeing: compressed columns in fields of fixed width."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .text import fixed_width, fortran_format
 
 
 def read_harwell_boeing(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, assembled and real or of whole numbers.  Local.
+    """Return the matrix of a file: assembled, real or integer.  Local.
 
     Raises
     ------
-    CaseError, ResourceError : the file is at fault
+    CaseError, ResourceError : the file is faulty
     """
     with open(wanted.path, "rb") as file:
         head = [file.readline(200).decode("latin-1") for _ in range(4)]
@@ -28,7 +28,7 @@ def read_harwell_boeing(wanted: Wanted) -> FileMatrix:
             raise CaseError(f"{wanted.where} is not a Harwell-Boeing file: its second and third line hold no sizes")
         _check_kind(kind, wanted)
         n_rows, n_columns, n = sizes[:3]
-        has_right_sides = len(counts) > 4 and counts[4] > 0  # whose format is one more line of the head
+        has_right_sides = len(counts) > 4 and counts[4] > 0  # right-hand sides add a format line to the header
         stated = [fortran_format(head[3][start : start + width]) for start, width in ((0, 16), (16, 16), (32, 20))]
         formats = [each for each in stated if each is not None]
         if len(formats) < 3:
@@ -42,12 +42,12 @@ def read_harwell_boeing(wanted: Wanted) -> FileMatrix:
         rows = _field(file, formats[1], n, wanted).astype(np.int64) - 1
         values = _field(file, formats[2], n, wanted)
     if starts[0] != 0 or starts[-1] != n or (np.diff(starts) < 0).any() or n and not 0 <= rows.min() <= rows.max() < n_rows:
-        raise wanted.error("its columns do not have the entries that they say")
+        raise wanted.error("its columns do not have the stated number of entries")
     return FileMatrix(sp.csc_matrix((values, rows, starts), (n_rows, n_columns)), is_triangle=kind[1] == "S")
 
 
 def _check_kind(kind: str, wanted: Wanted) -> None:
-    """Raise CaseError for what is no real, assembled, symmetric or general matrix."""
+    """Raise CaseError unless the matrix is real, assembled, and symmetric or general."""
     if kind[0] == "C":
         raise CaseError(
             f"{wanted.where} is complex; microslip takes real matrices: damping goes into [model] damping or [damping]"
@@ -69,7 +69,7 @@ def _whole(text: str) -> list[int]:
 
 
 def _field(file, form: tuple[int, int], n: int, wanted: Wanted) -> np.ndarray:
-    """Return the next ``n`` numbers: between blanks, as SciPy writes them whatever its format says, or of that width."""
+    """Return the next ``n`` numbers: blank-separated, as SciPy writes them against its format, or of the stated width."""
     per_line, width = form
     lines = [line.rstrip(b"\r\n").ljust(per_line * width) for line in islice(file, -(-n // per_line))]
     values = numbers_of(b" ".join(lines).replace(b"D", b"E"))
@@ -77,5 +77,5 @@ def _field(file, form: tuple[int, int], n: int, wanted: Wanted) -> np.ndarray:
         return values
     values = fixed_width([line[: per_line * width] for line in lines], width, n)
     if values is None:
-        raise wanted.error("it is truncated, or has a field that is no number")
+        raise wanted.error("it is truncated, or has a field that is not a number")
     return values

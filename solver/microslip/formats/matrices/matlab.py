@@ -1,6 +1,6 @@
-"""MATLAB's .mat in a sandbox: SciPy reads versions 4 to 7, ``matlab_hdf5.py`` version 7.3.  Objects are never made.
+"""MATLAB's .mat in a sandbox: SciPy reads versions 4 to 7, ``matlab_hdf5.py`` version 7.3.  Objects are never constructed.
 
-SciPy 1.10 crashes on files that are damaged in the right place, and allocates what a shape says.
+SciPy 1.10 crashes on some damaged files and allocates any stated shape.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ _NUMBERS = ("sparse", "double", "single", "int8", "uint8", "int16", "uint16", "i
 
 
 def read_mat(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, or of several variables the one that is wanted.  Local.
+    """Return the matrix of a file, or the wanted one of several variables.  Local.
 
     Raises
     ------
-    CaseError, ResourceError : the file is at fault, or larger than memory
+    CaseError, ResourceError : the file is faulty or exceeds memory
     """
     with open(wanted.path, "rb") as file:
         read = read_hdf5 if is_hdf5(file.read(1024)) else _read
@@ -33,17 +33,17 @@ def read_mat(wanted: Wanted) -> FileMatrix:
 
 
 def _read(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file of versions 4 to 7.  Local, in a sandbox: what SciPy raises becomes a message."""
+    """Return the matrix of a file of versions 4 to 7.  Local, in a sandbox; SciPy's exceptions become messages."""
     try:
         return _by_scipy(wanted)
     except (MicroslipError, MemoryError):
         raise
     except Exception as problem:
-        raise wanted.error(f"it is no .mat file of versions 4 to 7, or it is damaged: {problem}") from problem
+        raise wanted.error(f"it is not a .mat file of versions 4 to 7, or it is damaged: {problem}") from problem
 
 
 def _by_scipy(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file of versions 4 to 7.  Local; whatever SciPy raises of a damaged file."""
+    """Return the matrix of a file of versions 4 to 7.  Local; may raise any exception for a damaged file."""
     kinds = {name: kind for name, _, kind in scipy.io.whosmat(wanted.path, appendmat=False)}
     name = wanted.choose(list(kinds))
     if kinds[name] not in _NUMBERS:

@@ -13,16 +13,16 @@ _OWN = ("#refs#", "#subsystem#")
 
 
 def is_hdf5(head: bytes) -> bool:
-    """Return whether a file begins as one of HDF5, with MATLAB's 512 bytes before it or without.  Local."""
+    """Return whether a file begins as HDF5, with or without MATLAB's 512 bytes.  Local."""
     return head.startswith(_SIGNATURE) or head[512:520] == _SIGNATURE
 
 
 def read_hdf5(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, or of several variables the one that is wanted.  Local, in a sandbox.
+    """Return the matrix of a file, or the wanted one of several variables.  Local, in a sandbox.
 
     Raises
     ------
-    CaseError : the file is at fault, or needs h5py
+    CaseError : the file is faulty, or h5py is missing
     """
     try:
         import h5py
@@ -39,7 +39,7 @@ def read_hdf5(wanted: Wanted) -> FileMatrix:
 
 
 def _inside(group, name: str, wanted: Wanted):
-    """Return an item that lies in this file; CaseError for a link to another one, or into nothing."""
+    """Return an item of this file; CaseError for a link to another file or a broken link."""
     fault = Storage(wanted.size).link_fault(group, name)
     if fault is not None:
         raise wanted.error(fault)
@@ -61,7 +61,7 @@ def _array(item, name: str, wanted: Wanted) -> np.ndarray:
 
 
 def _sparse(group, name: str, wanted: Wanted) -> sp.csc_matrix:
-    """Return a sparse matrix: columns compressed, the number of rows an attribute."""
+    """Return a sparse matrix in compressed columns, with the number of rows as an attribute."""
     if "MATLAB_sparse" not in group.attrs:
         raise wanted.error(f"its variable {name} is a structure; a matrix of numbers is needed")
     n_rows = int(group.attrs["MATLAB_sparse"])
@@ -71,7 +71,7 @@ def _sparse(group, name: str, wanted: Wanted) -> sp.csc_matrix:
         raise wanted.error(f"its sparse variable {name} lacks data, ir or jc")
     data, rows, starts = parts.get("data", np.empty(0)), *(parts.get(part, np.empty(0)).astype(np.int64) for part in ("ir", "jc"))
     if starts[0] != 0 or (np.diff(starts) < 0).any() or not starts[-1] == len(rows) == len(data):
-        raise wanted.error(f"the columns of its sparse variable {name} do not have the entries that they say")
+        raise wanted.error(f"the columns of its sparse variable {name} do not have the stated number of entries")
     if len(rows) and not 0 <= rows.min() <= rows.max() < n_rows:
         raise wanted.error("row index exceeds matrix dimensions")
     return sp.csc_matrix((data, rows, starts), (n_rows, len(starts) - 1))

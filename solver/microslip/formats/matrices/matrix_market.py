@@ -10,19 +10,19 @@ import scipy.io
 from ...messages.errors import CaseError
 from .file_matrix import FileMatrix, Wanted
 
-_LEAST_BYTES = {"coordinate": 5.0, "array": 1.0}  # of an entry in the text; of an array one triangle may stand for both
+_LEAST_BYTES = {"coordinate": 5.0, "array": 1.0}  # bytes per entry; an array may have only one triangle
 _FORTRAN = bytes.maketrans(b"Dd", b"Ee")  # exponents as 1.5D+03
 
 
 def read_matrix_market(wanted: Wanted) -> FileMatrix:
     """Return the matrix of a file.  Local.
 
-    SciPy adds the other triangle to a list of entries that its header calls symmetric, also where the list has both, which
-    doubles them; so the list is read as a general one, and ``read_matrix`` completes it.
+    For a header "symmetric" SciPy adds the other triangle even if the list has both triangles, which doubles the entries;
+    therefore the list is read as general, and ``read_matrix`` completes it.
 
     Raises
     ------
-    CaseError, ResourceError : the file is at fault, or larger than memory
+    CaseError, ResourceError : the file is faulty or exceeds memory
     """
     with open(wanted.path, "rb") as file:
         head, text = file.readline(200).lower(), file.read().translate(_FORTRAN)
@@ -34,7 +34,7 @@ def read_matrix_market(wanted: Wanted) -> FileMatrix:
     if words[-1] == "skew-symmetric":
         raise CaseError(f"{wanted.where} is skew-symmetric; microslip takes symmetric matrices")
     if not any(line.strip() and not line.startswith(b"%") for line in io.BytesIO(text)):
-        raise wanted.error("it ends before the line of its size")  # where SciPy 1.10 reads on for ever
+        raise wanted.error("it ends before the line of its size")  # SciPy 1.10 would read forever
     is_triangle = words[2:3] == ["coordinate"] and words[-1] in ("symmetric", "hermitian")
     if is_triangle:
         words[-1] = "general"
@@ -49,8 +49,8 @@ def read_matrix_market(wanted: Wanted) -> FileMatrix:
 
 
 def _check_count(content: io.BytesIO, n: int, wanted: Wanted) -> None:
-    """Raise CaseError unless there are as many numbers after the size as it says: SciPy passes over what a line has more."""
+    """Raise CaseError unless the count of numbers matches the header; SciPy ignores extra numbers on a line."""
     is_blank = np.frombuffer(content.getbuffer(), dtype=np.uint8, offset=content.tell() - 1) <= ord(" ")
     n_words = np.count_nonzero(is_blank[:-1] & ~is_blank[1:])
     if n_words != n:
-        raise wanted.error(f"its header asks for {n} numbers, and it has {n_words}")
+        raise wanted.error(f"its header states {n} numbers, and it has {n_words}")

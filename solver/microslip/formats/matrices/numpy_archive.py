@@ -1,4 +1,4 @@
-"""Archives of NumPy, .npz: of scipy.sparse.save_npz or numpy.savez.  Objects are never unpickled."""
+"""NumPy archives, .npz, of scipy.sparse.save_npz or numpy.savez.  Objects are never unpickled."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import scipy.sparse as sp
 from ...messages.errors import CaseError
 from .file_matrix import FileMatrix, Wanted, checked
 
-_MOST_DEFLATED = 1040  # bytes that one byte of an archive can stand for
+_MOST_DEFLATED = 1040  # largest factor of deflate compression
 
 
 def read_npz(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of an archive, or of several the one that is wanted.  Local.
+    """Return the matrix of an archive, or the wanted one of several.  Local.
 
     Raises
     ------
-    CaseError, ResourceError : the file is at fault, or larger than memory
+    CaseError, ResourceError : the file is faulty or exceeds memory
     """
     if not zipfile.is_zipfile(wanted.path):
         raise CaseError(f"{wanted.where} is not a file of scipy.sparse.save_npz or numpy.savez")
@@ -30,7 +30,7 @@ def read_npz(wanted: Wanted) -> FileMatrix:
 
 
 def _check_claims(wanted: Wanted) -> None:
-    """Raise CaseError unless the arrays are as large as their headers say."""
+    """Raise CaseError unless the sizes of the arrays match their headers."""
     with zipfile.ZipFile(wanted.path) as archive:
         for member in archive.infolist():
             if member.file_size > _MOST_DEFLATED * wanted.size:
@@ -40,4 +40,4 @@ def _check_claims(wanted: Wanted) -> None:
                 read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                 shape, _, kind = read(file)
             if kind.itemsize < 0 or not kind.hasobject and int(np.prod(shape, dtype=object)) * kind.itemsize > member.file_size:
-                raise wanted.error(f"{member.filename} is truncated: its header asks for an array of shape {shape}")
+                raise wanted.error(f"{member.filename} is truncated: its header states an array of shape {shape}")

@@ -1,6 +1,6 @@
 """Nastran's OUTPUT2, .op2: matrices among the data blocks of a file, 32-bit words.
 
-pyNastran reads matrices whose names it knows, and none of the others.
+pyNastran only reads matrices whose names it knows.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import numpy as np
 from .file_matrix import FileMatrix, Wanted, from_coordinates
 from .fortran_records import Records
 
-_NUMBERS = {1: "f4", 2: "f8"}  # by the code of the trailer; 3 and 4 are complex
+_NUMBERS = {1: "f4", 2: "f8"}  # by the type code of the trailer; 3 and 4 are complex
 
 
 def read_op2(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, or of several the one that is wanted.  Local.
+    """Return the matrix of a file, or the wanted one of several.  Local.
 
     Raises
     ------
-    CaseError, ResourceError : the file is at fault
+    CaseError, ResourceError : the file is faulty
     """
     with open(wanted.path, "rb") as file:
         blocks = {block.name: block for block in _Walk(file, wanted).blocks() if block.is_matrix}
@@ -34,7 +34,7 @@ def read_op2(wanted: Wanted) -> FileMatrix:
 
 @dataclass
 class _Block:
-    """A data block: its trailer, and where its columns are."""
+    """A data block: its trailer and the positions of its columns."""
 
     name: str
     trailer: tuple[int, ...]  # number, columns, rows, form, type, ...
@@ -44,17 +44,17 @@ class _Block:
 
 
 class _Walk(Records):
-    """The way through a file: records of a single integer (a marker) or of data."""
+    """Sequential reader of a file: records are a single integer (marker) or data."""
 
     def __init__(self, file: IO[bytes], wanted: Wanted) -> None:
         head = file.read(4)
         file.seek(0)
         super().__init__(file, "<" if head == struct.pack("<i", 4) else ">", wanted)
         if head != struct.pack(f"{self.order}i", 4):
-            raise wanted.error("it does not begin as OUTPUT2 with words of 32 bits does")
+            raise wanted.error("it does not begin as OUTPUT2 with 32-bit words")
 
     def record(self) -> tuple[int, int]:
-        """Return position and bytes of the next record, and pass over it."""
+        """Skip the next record and return its position and size in bytes."""
         at = self.skip()
         if at is None:
             raise self.wanted.error("it is truncated at its end")
@@ -67,7 +67,7 @@ class _Walk(Records):
         return struct.unpack(f"{self.order}i", self.content(at))[0]
 
     def blocks(self) -> Iterator[_Block]:
-        """Return the data blocks of the file, one after the other."""
+        """Yield the data blocks of the file in order."""
         while self.file.tell() < self.wanted.size:
             marker = self.marker()
             if marker == 3:  # date and label of the file
@@ -83,7 +83,7 @@ class _Walk(Records):
                 raise self.wanted.error(f"a data block begins with {marker}")
 
     def block(self) -> _Block:
-        """Return the data block whose name comes next."""
+        """Return the next data block."""
         name = self.content(self.record())[:8].decode("latin-1").strip()
         if self.marker() != -1:
             raise self.wanted.error(f"data block {name} has no trailer")
@@ -95,7 +95,7 @@ class _Walk(Records):
         return block
 
     def part(self, block: _Block, column: int) -> None:
-        """Pass over one part of a data block: of a matrix, a column."""
+        """Skip one part of a data block: a column of a matrix."""
         self.marker()
         is_column = self.marker() == 1
         block.is_matrix |= is_column

@@ -1,6 +1,6 @@
 """Nastran's OUTPUT4, .op4: text or binary, full columns or strings of them (BIGMAT or not).
 
-pyNastran makes a full matrix of columns that are written from their first to their last entry: 3.2 GB of a file of 1.4 MB.
+pyNastran expands columns written from their first to their last entry to a full matrix: 3.2 GB from a file of 1.4 MB.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from .file_matrix import FileMatrix, Wanted, from_coordinates
 from .fortran_records import Records
 from .text import fixed_width, fortran_format
 
-_WORDS = {1: 1, 2: 2, 3: 1, 4: 2}  # 32-bit words of a real number, by the code of its type; 3 and 4 are complex: two of them
-_HEAD = 24  # bytes of the head of a binary matrix
+_WORDS = {1: 1, 2: 2, 3: 1, 4: 2}  # 32-bit words of a number, by its type code; complex numbers (3, 4) have two parts
+_HEAD = 24  # bytes of the header of a binary matrix
 
 
 @dataclass(frozen=True)
 class _Head:
-    """What stands before the columns of a matrix."""
+    """The header of a matrix."""
 
     n_columns: int
     n_rows: int
@@ -30,16 +30,16 @@ class _Head:
     form: int  # 6: symmetric
     kind: int  # key of _WORDS
     name: str
-    per_line: int = 0  # numbers of a line of text, and how wide each is
+    per_line: int = 0  # numbers per line of text, and the width of each
     width: int = 0
 
 
 def read_op4(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, or of several the one that is wanted.  Local.
+    """Return the matrix of a file, or the wanted one of several.  Local.
 
     Raises
     ------
-    CaseError, ResourceError : the file is at fault
+    CaseError, ResourceError : the file is faulty
     """
     with open(wanted.path, "rb") as file:
         reader, positions = _reader(file, wanted), dict[str, int]()
@@ -57,7 +57,7 @@ def read_op4(wanted: Wanted) -> FileMatrix:
 
 
 def _reader(file: IO[bytes], wanted: Wanted) -> _Binary | _Text:
-    """Return the reader of a file by its first word: the length of a head, in either byte order, or text."""
+    """Return the reader of a file by its first word: the length of a header, in either byte order, or text."""
     first = file.read(4)
     file.seek(0)
     for order in "<>":
@@ -70,7 +70,7 @@ def _reader(file: IO[bytes], wanted: Wanted) -> _Binary | _Text:
 
 
 def _check_head(head: _Head, wanted: Wanted) -> None:
-    """Raise CaseError for complex numbers and for sizes that no file of this length has."""
+    """Raise CaseError for complex numbers and for sizes that a file of this length cannot have."""
     if head.kind in (3, 4):
         raise wanted.error("it is complex; microslip takes real matrices")
     if head.kind not in _WORDS:
@@ -81,7 +81,7 @@ def _check_head(head: _Head, wanted: Wanted) -> None:
 
 
 def _matrix(reader: _Binary | _Text, head: _Head, wanted: Wanted) -> FileMatrix:
-    """Return the matrix whose columns come next."""
+    """Return the next matrix."""
     places, parts = [], [np.empty(0)]
     for column, row, part in reader.parts(head):
         for first, numbers in reader.strings(row, part, head):
@@ -98,7 +98,7 @@ def _matrix(reader: _Binary | _Text, head: _Head, wanted: Wanted) -> FileMatrix:
 
 
 def _string(words: list[int]) -> tuple[int, int]:
-    """Return length in words and first row of a string, of its head of one word or, BIGMAT, two."""
+    """Return length in words and first row of a string, from its header of one word (two with BIGMAT)."""
     if len(words) == 2:
         return words[0] - 1, words[1]
     length = words[0] // 65536 - 1
@@ -106,7 +106,7 @@ def _string(words: list[int]) -> tuple[int, int]:
 
 
 class _Binary:
-    """A binary file: records of Fortran, one a column."""
+    """A binary file: Fortran records, one per column."""
 
     def __init__(self, file: IO[bytes], order: str, wanted: Wanted) -> None:
         self.records, self.order, self.wanted = Records(file, order, wanted), order, wanted
@@ -117,13 +117,13 @@ class _Binary:
         if at is None:
             return None
         if at[1] != _HEAD:
-            raise self.wanted.error("a matrix begins with something else than a head")
+            raise self.wanted.error("a matrix does not begin with a header")
         data = self.records.content(at)
         n_columns, n_rows, form, kind = struct.unpack(f"{self.order}4i", data[:16])
         return _Head(n_columns, abs(n_rows), n_rows < 0, form, kind, data[16:].decode("latin-1").strip())
 
     def parts(self, head: _Head) -> Iterator[tuple[int, int, Any]]:
-        """Yield the columns: number, first row (0: strings), and where the record is; pass over the record that ends them."""
+        """Yield the columns: number, first row (0: strings), position of the record; skip the record after the last column."""
         while True:
             at = self.records.skip()
             if at is None or at[1] < 12:
@@ -132,7 +132,7 @@ class _Binary:
             if column > head.n_columns:
                 return
             if column < 1 or at[1] != 12 + 4 * n_words:
-                raise self.wanted.error(f"column {column} does not have the {n_words} words that it says")
+                raise self.wanted.error(f"column {column} does not have its stated {n_words} words")
             yield column, row, at
 
     def strings(self, row: int, at: tuple[int, int], head: _Head) -> Iterator[tuple[int, np.ndarray]]:
@@ -155,7 +155,7 @@ class _Binary:
 
 
 class _Text:
-    """A text file: integers in fields of eight, numbers in the format that the head states."""
+    """A text file: integers in fields of eight, numbers in the format stated by the header."""
 
     def __init__(self, file: IO[bytes], wanted: Wanted) -> None:
         self.file, self.wanted = file, wanted
@@ -177,7 +177,7 @@ class _Text:
         return _Head(n_columns, abs(n_rows), n_rows < 0, form, kind, line[32:40].decode("latin-1").strip(), *layout)
 
     def integers(self, line: bytes, n: int, what: str) -> list[int]:
-        """Return the integers of a line, between blanks or else in fields of eight; CaseError where it is not ``what``."""
+        """Return the integers of a line, blank-separated or in fields of eight; CaseError if the line is not ``what``."""
         fields = line.split()
         if len(fields) != n:
             fields = [line[8 * i : 8 * i + 8].strip() for i in range(n)]
@@ -188,7 +188,7 @@ class _Text:
         return [int(field) for field in fields]
 
     def parts(self, head: _Head) -> Iterator[tuple[int, int, Any]]:
-        """Yield the strings: column, first row, and how many numbers stand on which lines; pass over the end of the columns."""
+        """Yield the strings: column, first row, number of values and their lines; skip the end of the columns."""
         column = 0
         while column <= head.n_columns:
             column, row, length = self.integers(self.line(), 3, "the head of a column")
@@ -204,7 +204,7 @@ class _Text:
                 yield column, first, self.lines(n // _WORDS.get(head.kind, 1), head)
 
     def lines(self, n: int, head: _Head) -> tuple[int, list[bytes]]:
-        """Return ``n`` and the next lines, which hold so many numbers."""
+        """Return ``n`` and the next lines, which hold ``n`` numbers."""
         self.wanted.check_entries(n, 1.0)
         return n, [self.line() for _ in range(-(-n // head.per_line))]
 
@@ -212,5 +212,5 @@ class _Text:
         """Yield first row and numbers of a string."""
         numbers = fixed_width(part[1], head.width, part[0])
         if numbers is None:
-            raise self.wanted.error("it is truncated, or has a field that is no number")
+            raise self.wanted.error("it is truncated, or has a field that is not a number")
         yield row, numbers

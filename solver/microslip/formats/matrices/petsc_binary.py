@@ -1,4 +1,4 @@
-"""PETSc's binary files of matrices: AIJ and dense, indices of 32 or 64 bits, real numbers of 64."""
+"""PETSc's binary matrix files: AIJ and dense, 32-bit or 64-bit indices, 64-bit real numbers."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import scipy.sparse as sp
 from ...messages.errors import CaseError
 from .file_matrix import FileMatrix, Wanted
 
-_MATRIX = 1211216  # first number of a file that holds one
+_MATRIX = 1211216  # first number of a matrix file
 _DENSE = -1
 
 
 def is_petsc(head: bytes) -> bool:
-    """Return whether a file begins as a matrix of PETSc does.  Local."""
+    """Return whether a file begins as a PETSc matrix.  Local."""
     return _MATRIX in (int.from_bytes(head[:4], "big"), int.from_bytes(head[:8], "big"))
 
 
@@ -22,7 +22,7 @@ def read_petsc(wanted: Wanted) -> FileMatrix:
 
     Raises
     ------
-    CaseError : the file is at fault
+    CaseError : the file is faulty
     """
     data = np.memmap(wanted.path, dtype=np.uint8, mode="r") if wanted.size else np.empty(0, dtype=np.uint8)
     if not is_petsc(bytes(data[:8])):
@@ -44,7 +44,7 @@ def read_petsc(wanted: Wanted) -> FileMatrix:
     columns = _part(data, start + index.itemsize * n_rows, n, index).astype(np.int64)
     values = _part(data, start + index.itemsize * (n_rows + n), n, np.dtype(">f8")).astype(float)
     if (counts < 0).any() or counts.sum() != n or n and (columns.min() < 0 or columns.max() >= n_columns):
-        raise wanted.error("its rows do not have the entries that its header says")
+        raise wanted.error("its rows do not have the number of entries stated by its header")
     return FileMatrix(sp.csr_matrix((values, columns, np.concatenate([[0], np.cumsum(counts)])), (n_rows, n_columns)))
 
 
@@ -53,6 +53,6 @@ def _part(data: np.ndarray, start: int, n: int, kind: np.dtype) -> np.ndarray:
 
 
 def _check_length(wanted: Wanted, needed: int) -> None:
-    """Raise CaseError where a file is shorter than what it holds, or much longer: complex numbers take twice the room."""
+    """Raise CaseError if a file is too short for its content, or much too long: complex numbers need twice the size."""
     if wanted.size < needed:
         raise wanted.error(f"it is truncated: {needed} bytes are needed, and it has {wanted.size}")

@@ -1,4 +1,4 @@
-"""Read a matrix that another program wrote, whatever its format.  Local; no MPI, no PETSc."""
+"""Read a matrix of another program in any known format.  Local; no MPI, no PETSc."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ...messages.errors import CaseError, MicroslipError, ResourceError
 from ...system.files import refuse_devices
 from .file_matrix import FileMatrix, Wanted
 
-_SYMMETRY = 1e-8  # of the largest entry: what a text file may lose
+_SYMMETRY = 1e-8  # accepted asymmetry over the largest entry: rounding of text files
 
 
 def _lazy(module: str, function: str) -> Callable[[Wanted], FileMatrix]:
-    """Return a reader of this folder, which is imported when a file asks for it."""
+    """Return a reader of this folder that imports its module at the first call."""
     return lambda wanted: getattr(import_module(f".{module}", __package__), function)(wanted)
 
 
 def _read_mtx(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file .mtx: Matrix Market's, or one of Abaqus."""
+    """Return the matrix of a file .mtx, of Matrix Market or Abaqus."""
     from .abaqus import is_abaqus, read_abaqus
     from .matrix_market import read_matrix_market
 
@@ -62,13 +62,13 @@ def read_matrix(path: Path, key: str, symbol: str, name: str | None = None) -> F
 
     Parameters
     ----------
-    key : of the scene, for messages
-    symbol : K, M or C, what the variable is called in a file of several
-    name : of the variable, where the user states one
+    key : key of the scene, for messages
+    symbol : K, M or C, which selects among several variables
+    name : name of the variable, if the user states one
 
     Raises
     ------
-    CaseError : the file or the matrix is at fault
+    CaseError : the file or the matrix is faulty
     ResourceError : not enough memory
     """
     where = f"{path}: {key}"
@@ -83,11 +83,11 @@ def read_matrix(path: Path, key: str, symbol: str, name: str | None = None) -> F
 
 
 def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_square: bool = True) -> FileMatrix:
-    """Return a matrix of real numbers as its file holds it, checked for its sort alone.  Local.
+    """Return a real matrix as stored in its file, with only its type and shape checked.  Local.
 
     Raises
     ------
-    CaseError, ResourceError : as read_matrix
+    CaseError, ResourceError : as in read_matrix
     """
     where = f"{path}: {key}" + (f' "{name}"' if name is not None else "")
     reader = READERS.get(path.suffix.lower())
@@ -96,20 +96,20 @@ def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_s
     refuse_devices(path)
     wanted = Wanted(path, symbol, where, name)
     try:
-        with np.errstate(all="ignore"):  # numbers are checked when they have been read
+        with np.errstate(all="ignore"):  # numbers are checked after reading
             read = reader(wanted)
         _check_sort(read.matrix, where, is_square)
-    except MicroslipError:  # a signal that stops, too
+    except MicroslipError:  # includes a signal that stops the run
         raise
     except MemoryError:
         raise ResourceError(f"{where}: not enough memory to read it") from None
-    except Exception as problem:  # whatever a reader makes of a damaged file
+    except Exception as problem:  # any failure of a reader on a damaged file
         raise wanted.error(" ".join(str(problem).split())[:200]) from None
     return read
 
 
 def _check_sort(value, where: str, is_square: bool) -> None:
-    """Raise CaseError unless a file held a table of real numbers, square and not empty."""
+    """Raise CaseError unless the value is a real matrix, square and not empty."""
     kind = getattr(value, "dtype", np.dtype(object)).kind
     shape: tuple[int, ...] = getattr(value, "shape", ())
     if kind == "c":
@@ -122,7 +122,7 @@ def _check_sort(value, where: str, is_square: bool) -> None:
 
 
 def _at(read: FileMatrix, row: int) -> str:
-    """Return the name of a row, to follow its number in a message."""
+    """Return the DOF of a row, for a message after its number."""
     return "" if read.dofs is None else f", {read.dofs.name(row)}"
 
 
@@ -134,7 +134,7 @@ def _check_numbers(matrix: sp.csr_matrix, where: str, read: FileMatrix) -> None:
 
 
 def _mirrored(matrix: sp.csr_matrix, where: str) -> sp.csr_matrix:
-    """Return both triangles of a matrix of which a file holds one; where it holds both, they must be equal."""
+    """Return both triangles of a matrix stored by one triangle; if the file has both, they must be equal."""
     diagonal = sp.diags(matrix.diagonal(), format="csr")
     below, above = sp.tril(matrix, -1, format="csr"), sp.triu(matrix, 1, format="csr")
     both = below.astype(bool).multiply(above.T.astype(bool)).tocsr()
@@ -145,14 +145,14 @@ def _mirrored(matrix: sp.csr_matrix, where: str) -> sp.csr_matrix:
         if len(wrong):
             i, j = at.row[wrong[0]], at.col[wrong[0]]
             raise CaseError(
-                f"{where} says 'symmetric', yet holds ({i}, {j}) and ({j}, {i}), counted from 0, with different values"
+                f"{where} states 'symmetric', but holds ({i}, {j}) and ({j}, {i}), counted from 0, with different values"
             )
         above = above - above.multiply(both.T)
     return below + below.T + above + above.T + diagonal
 
 
 def _check_symmetry(matrix: sp.csr_matrix, where: str, read: FileMatrix) -> float:
-    """Return the largest difference from symmetry over the largest entry; CaseError where it is not rounding."""
+    """Return the asymmetry relative to the largest entry; CaseError if it exceeds rounding."""
     skew, largest = abs(matrix - matrix.T).tocoo(), abs(matrix).max()
     if skew.nnz and skew.data.max() > _SYMMETRY * largest:
         at = np.argmax(skew.data)
@@ -160,6 +160,6 @@ def _check_symmetry(matrix: sp.csr_matrix, where: str, read: FileMatrix) -> floa
         raise CaseError(
             f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0{_at(read, i)}, are {matrix[i, j]:g} "
             f"and {matrix[j, i]:g}; both triangles are needed, or a Matrix Market file "
-            "that says 'symmetric' in its first line"
+            "with 'symmetric' in its first line"
         )
     return float(skew.data.max() / largest) if skew.nnz and largest > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Numbers of text files: columns of them, a block at a time, and the fixed widths of Fortran."""
+"""Numbers in text files: columns, read in blocks, and Fortran fields of fixed width."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _LONGEST = 4096  # characters of a line
 
 
 def table_of(file: IO[bytes], n_columns: int, wanted: Wanted, has_no_count: bool = False) -> np.ndarray:
-    """Return the numbers of the rest of a file, (n_lines, n_columns); blanks or commas between them.  Local.
+    """Return the numbers in the rest of a file, (n_lines, n_columns), separated by blanks or commas.  Local.
 
-    Where nothing counts the lines, ``has_no_count``, the last of them has to end: a number that is cut is another number.
+    With ``has_no_count`` (the file does not state the number of lines) the last line must end: its number may be truncated.
 
     Raises
     ------
-    CaseError : a line with anything else
+    CaseError : a line of another form
     """
     parts, rest = [np.empty((0, n_columns))], b""
     while block := file.read(_BLOCK):
@@ -42,7 +42,7 @@ def _table(text: bytes, n_columns: int, wanted: Wanted) -> np.ndarray:
     plain = text.replace(b",", b" ").replace(b"D", b"E").replace(b"d", b"e")
     values = numbers_of(plain)
     n_lines = plain.count(b"\n") + (not plain.endswith(b"\n"))
-    if values is None or values.size != n_columns * n_lines:  # empty lines, or what is no number
+    if values is None or values.size != n_columns * n_lines:  # empty lines, or words that are not numbers
         lines = [line for line in plain.splitlines() if line.strip()]
         for line in lines:
             of_line = numbers_of(line)
@@ -53,11 +53,11 @@ def _table(text: bytes, n_columns: int, wanted: Wanted) -> np.ndarray:
 
 
 def square_of(table: np.ndarray, wanted: Wanted, n: int | None = None) -> sp.csr_matrix:
-    """Return the matrix of lines row, column, value from 1; with ``n`` rows, or as many as the largest number.  Local.
+    """Return the matrix of lines row, column, value, counted from 1; ``n`` rows, by default the largest index.  Local.
 
     Raises
     ------
-    CaseError : rows that are no whole numbers from 1, or more than a file of this size has
+    CaseError : indices that are not whole numbers from 1, or more rows than a file of this size can have
     """
     if len(table) and (table[:, :2].min() < 1 or (table[:, :2] % 1.0).any()):
         raise wanted.error("rows and columns must be whole numbers from 1")
@@ -69,9 +69,9 @@ def square_of(table: np.ndarray, wanted: Wanted, n: int | None = None) -> sp.csr
 
 
 def fixed_width(lines: list[bytes], width: int, n: int) -> np.ndarray | None:
-    """Return the first ``n`` numbers of lines with fields of one width, and no blanks needed between them.  Local.
+    """Return the first ``n`` numbers of lines with fields of one width, without blanks between them.  Local.
 
-    None where there are fewer, or where a field is no number.
+    None if there are fewer numbers, or a field is not a number.
     """
     text = b"".join(line.rstrip(b"\r\n") for line in lines)
     if len(text) < n * width - width + 1 or n == 0:
@@ -85,7 +85,7 @@ def fixed_width(lines: list[bytes], width: int, n: int) -> np.ndarray | None:
 
 
 def fortran_format(text: str) -> tuple[int, int] | None:
-    """Return numbers a line and width of a Fortran format, (16I5) or (1P,3E23.16); None where it is none.  Local."""
+    """Return numbers per line and width of a Fortran format, (16I5) or (1P,3E23.16); None for other texts.  Local."""
     match = re.search(r"(\d*)\s*[IEDFG]\s*(\d+)(?:\.\d+)?\s*\)?\s*$", text.strip().upper())
     per_line, width = (int(match[1] or 1), int(match[2])) if match else (0, 0)
     return (per_line, width) if 0 < width <= 64 and 0 < per_line * width <= _LONGEST else None

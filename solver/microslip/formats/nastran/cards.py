@@ -1,8 +1,8 @@
-"""What the cards of bulk data do that are not taken over: by name, and whether that changes the answer."""
+"""Effects of the cards of bulk data that are not taken over: text by name, and whether the effect changes the answer."""
 
 from __future__ import annotations
 
-# loads, dynamics, output, tables: the scene has its own
+# loads, dynamics, output, tables: stated in the scene
 HARMLESS = set(
     "ENDDATA GRID GRDSET CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S CTETRA CPENTA CHEXA CPYRAM PSOLID MAT1 MAT9 MAT11 SPC SPC1 "
     "SPOINT CONM2 RBE2 RBE3 CELAS1 CELAS2 PELAS MPC MPCADD PARAM PLOTEL SET1 SET3 EIGR EIGRL EIGC EIGB FORCE FORCE1 FORCE2 "

@@ -28,7 +28,7 @@ def take_connections(content: Content) -> None:
 
 
 def _take_rigid(content: Content, number: int, element: Any) -> None:
-    """Take an RBE2 whose grid points follow in all three displacements; rotations of solids' nodes are none."""
+    """Take an RBE2 whose grid points follow in all three displacements; nodes of solids have no rotations."""
     name = f"RBE2 {number}"
     node, *nodes = content.find([int(element.gn), *map(int, element.Gmi)], name).tolist()
     if not {"1", "2", "3"} <= set(str(element.cm)):
@@ -36,13 +36,13 @@ def _take_rigid(content: Content, number: int, element: Any) -> None:
     elif node not in content.leaders:
         content.lead(name, node, np.array(nodes))
     elif content.leaders[node].connection == "rigid":
-        content.group(content.leaders[node].group, nodes)  # one rigid body with that of the element before
+        content.group(content.leaders[node].group, nodes)  # one rigid body with the previous element
     else:
         content.left_out("RBE2", number, f"grid point {element.gn} leads an RBE3 already", "points")
 
 
 def _take_distributing(content: Content, number: int, element: Any) -> None:
-    """Take an RBE3 whose grid points all count alike in their displacements."""
+    """Take an RBE3 with equal weights of all grid points in the three displacements."""
     name = f"RBE3 {number}"
     is_plain = len(set(element.weights)) == 1 and all(str(components) == "123" for components in element.comps)
     (node,) = content.find([int(element.refgrid)], name).tolist()
@@ -70,9 +70,9 @@ _CONSTANT = {"CELAS1": ("stiffness", "k"), "CELAS2": ("stiffness", "k"), "CDAMP1
 
 
 def _take_spring(content: Content, number: int, element: Any) -> None:
-    """Take a CELAS1, CELAS2, CDAMP1 or CDAMP2 between equal displacements of two grid points, or of one and ground.
+    """Take a CELAS1, CELAS2, CDAMP1 or CDAMP2 along one axis between two grid points, or between a grid point and ground.
 
-    A spring between ground and a connected point becomes the point's own.
+    A spring between ground and a connected point becomes part of the point.
     """
     key, letter = _CONSTANT[element.type]
     holder = content.cards.properties.get(element.pid) if element.type.endswith("1") else element

@@ -1,4 +1,4 @@
-"""What is put together of bulk data, and the axes of its grid points."""
+"""The structure assembled from bulk data, and the axes of its grid points."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..draft import Draft
 
 @dataclass(eq=False)
 class Content(Draft):
-    """The structure so far, and the cards of which it is made."""
+    """The structure so far, and the cards that state it."""
 
     node: str = "grid point"
     cards: Any = None  # pyNastran's BDF
@@ -27,7 +27,7 @@ class Content(Draft):
         return float(stated.values[0]) if stated is not None else 1.0
 
     def axes(self, node: int) -> np.ndarray | None:
-        """Return the axes of a grid point's displacements (field CD), (3, 3) rows, or None where they are those of the model."""
+        """Return the axes of a grid point's displacements (field CD), (3, 3) rows; None for the axes of the model."""
         card = self.cards.nodes.get(int(self.numbers[node]))
         if card is None:  # a plain grid point
             return None
@@ -42,7 +42,7 @@ class Content(Draft):
 
 
 def _local_axes(at: np.ndarray, is_sphere: bool) -> np.ndarray:
-    """Return e_r, e_theta, e_z at a point of a cylindrical system, or e_r, e_theta, e_phi of a spherical one, as rows."""
+    """Return e_r, e_theta, e_z of a cylindrical system at a point, or e_r, e_theta, e_phi of a spherical system, as rows."""
     phi = np.arctan2(at[1], at[0])
     around = np.array([-np.sin(phi), np.cos(phi), 0.0])
     outward = np.array([np.cos(phi), np.sin(phi), 0.0])

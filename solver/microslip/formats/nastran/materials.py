@@ -1,4 +1,4 @@
-"""Materials of bulk data: MAT1, MAT9 and MAT11, and the axes that a PSOLID gives them."""
+"""Materials of bulk data: MAT1, MAT9 and MAT11, and their axes by PSOLID."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _FROM_MAT9 = [0, 1, 2, 3, 5, 4]  # 11, 22, 33, 12, 13, 23 among its x, y, z, xy,
 
 
 def name_of(content: Content, number: int) -> str:
-    """Return what a material is called.  Local."""
+    """Return the name of a material.  Local."""
     known = content.cards.materials.get(number)
     return f"{known.type if known is not None else 'MAT1'} {number}"
 
 
 def materials(content: Content) -> dict[str, Material]:
-    """Return the linear materials of solids; of MAT1 Nastran's defaults tie E, G and nu together.  Local."""
+    """Return the linear materials of solids; for MAT1 with Nastran's defaults among E, G and nu.  Local."""
     made = {}
     for number, card in content.cards.materials.items():
         if card.type in _KEYS:
@@ -35,7 +35,7 @@ def _isotropic(content: Content, card: Any) -> dict[str, Any]:
 
 
 def _anisotropic(content: Content, card: Any) -> dict[str, Any]:
-    """Return the keys of a MAT9; an expansion by shear is a finding."""
+    """Return the keys of a MAT9; a thermal expansion with shear is a finding."""
     six = np.array([[getattr(card, f"G{min(i, j)}{max(i, j)}") or 0.0 for j in range(1, 7)] for i in range(1, 7)], dtype=float)
     alpha = np.array([value or 0.0 for value in (card.A if card.A is not None else ())] + [0.0] * 6, dtype=float)[:6]
     if alpha[3:].any():
@@ -56,9 +56,9 @@ _KEYS = {"MAT1": _isotropic, "MAT9": _anisotropic, "MAT11": _orthotropic}
 
 
 def axes_of(content: Content, solid: Any, orientations: dict[str, Orientation]) -> str | None:
-    """Return the name of the material axes of a PSOLID, and take them; None for those of the model, or where none are needed.
+    """Return the name of the material axes of a PSOLID, and add the axes; None for model axes or isotropic materials.
 
-    Local.  CORDM is a rectangular or cylindrical system; that of the elements (-1) and spheres are findings.
+    Local.  CORDM is a rectangular or cylindrical system; the element system (-1) and spherical systems are findings.
     """
     material, system = content.cards.materials.get(solid.mid), int(solid.cordm or 0)
     if material is None or material.type not in ("MAT9", "MAT11") or system == 0:

@@ -1,4 +1,4 @@
-"""The model that Nastran writes into its output, .op2: the tables of its geometry, read by pyNastran."""
+"""The model in Nastran's output .op2: its geometry tables, read by pyNastran."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from ..model import FileModel
 from .plain import Plain
 from .read import follow_references, model_of, read_by_pynastran, streams_kept
 
-_WRITE_IT = "Nastran writes it with PARAM,POST,-1 and without PARAM,OGEOM,NO; the bulk data, .bdf, hold it, too"
+_WRITE_IT = "Nastran writes it with PARAM,POST,-1 and without PARAM,OGEOM,NO; the bulk data, .bdf, also hold it"
 
 
 def read_op2_model(path: str) -> FileModel:
-    """Return the structure of an .op2 file, as :func:`read_bdf` does of bulk data.  Local.
+    """Return the structure of an .op2 file in the form of :func:`read_bdf`.  Local.
 
     Raises
     ------
-    MeshError without the file's name: damaged, or without geometry
+    MeshError without the file's name: the file is damaged or has no geometry
     """
     cards = _geometry(path)
     for material in cards.materials.values():
@@ -30,7 +30,7 @@ def read_op2_model(path: str) -> FileModel:
 
 
 def _shorten(material: Any) -> None:
-    """Give a material the decimals that were meant where the file has single precision: 0.33 for 0.33000001311302185."""
+    """Round the constants of a material from single precision: 0.33 for 0.33000001311302185."""
     for name in ("e", "g", "nu", "rho", "a"):
         value = getattr(material, name, None)
         if isinstance(value, float) and np.isfinite(value) and float(np.float32(value)) == value:
@@ -38,7 +38,7 @@ def _shorten(material: Any) -> None:
 
 
 def _geometry(path: str) -> Any:
-    """Return pyNastran's reading of the geometry, its results passed over."""
+    """Return the geometry as read by pyNastran, without results."""
     try:
         with streams_kept():
             from pyNastran.op2.op2_geom import OP2Geom

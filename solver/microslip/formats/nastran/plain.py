@@ -1,7 +1,7 @@
-"""Plain grid points and solids of bulk data, many at a time: nearly all lines of a large file.
+"""Plain grid points and solids of bulk data, nearly all lines of a large file, read in blocks.
 
-A card is plain where it stands in fixed fields of 8 or 16 characters, or in free ones that fit into these, in axes of the model
-and with nothing but its numbers; its lines are taken out of the text.  Every other card is left in it, for pyNastran.
+A card is plain if it is in fixed fields of 8 or 16 characters, or in free fields that fit into these, is in the axes of the
+model and has only its numbers.  The lines of plain cards are removed from the text; pyNastran reads the remaining cards.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from numpy.lib.stride_tricks import sliding_window_view
 from .free import in_fixed_fields
 
 _SOLIDS = {b"CTETRA": (4, 10), b"CPENTA": (6, 15), b"CHEXA": (8, 20), b"CPYRAM": (5, 13)}
-_WIDTH = 72  # of a line without the mark of the one that follows
+_WIDTH = 72  # characters of a line without its continuation mark
 _LONGEST = 6  # lines of a plain card
 _CARD = re.compile(rb"(GRID|CTETRA|CPENTA|CHEXA|CPYRAM)(\*?) *")
-# where one of these words stands, grid points have further meaning, or there are further models
+# with one of these words, grid points have defaults, or the file has further models
 _OTHERWISE = (b"GRDSET", b"CORD1", b"SUPER")
-_AT_A_TIME = 100_000  # cards whose characters are held
+_AT_A_TIME = 100_000  # cards per block
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Plain:
     """The plain cards of a file, and the text without them."""
 
     rest: str
-    numbers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (n,) of grid points
+    numbers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (n,) numbers of grid points
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # (n, 3)
     solids: tuple[Solids, ...] = ()
 
@@ -49,7 +49,7 @@ class Plain:
         return np.concatenate([np.zeros(0, dtype=np.int64), *(block.numbers for block in self.solids)])
 
     def meets(self, grid_points: Iterable[int], elements: Iterable[int]) -> bool:
-        """Return whether a number of these is among the plain cards, too."""
+        """Return whether the plain cards also have one of these numbers."""
         return bool(np.isin(self.numbers, list(grid_points)).any() or np.isin(self.elements, list(elements)).any())
 
 
@@ -83,7 +83,7 @@ def take_plain(text: bytes) -> Plain:
         ),
     )
     is_twice = any(len(np.unique(numbers)) < len(numbers) for numbers in (plain.numbers, plain.elements))
-    return none_plain(original) if is_twice else plain  # pyNastran says what stands twice
+    return none_plain(original) if is_twice else plain  # pyNastran reports the repeated number
 
 
 def _plain_cards(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> Iterator[tuple[bytes, np.ndarray, np.ndarray]]:
@@ -93,7 +93,7 @@ def _plain_cards(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> 
             fields = _fields(characters, start[part], end[part], width)
             try:
                 is_plain, values = _grid_points(fields) if word == b"GRID" else _nodes(fields, _SOLIDS[word])
-            except ValueError:  # pyNastran says what it is
+            except ValueError:  # pyNastran reports the fault
                 continue
             yield word, part[is_plain], values
 
@@ -103,7 +103,7 @@ def _decoded(text: bytes) -> str:
 
 
 def _lines(text: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Return where every line begins and ends."""
+    """Return the begin and the end of every line."""
     breaks = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == ord("\n"))
     return np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(text)]])
 
@@ -130,24 +130,24 @@ def _alike(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> Iterat
 
 
 def _first(characters: np.ndarray, start: np.ndarray, end: np.ndarray, width: int) -> np.ndarray:
-    """Return the first characters of some lines, (n, width), blanks behind their ends."""
+    """Return the first characters of some lines, (n, width), padded with blanks."""
     text = sliding_window_view(characters, width)[start]
     text[(np.arange(width) >= (end - start)[:, None]) | (text == ord("\r"))] = ord(" ")
     return text
 
 
 def _fields(characters: np.ndarray, start: np.ndarray, end: np.ndarray, width: int) -> np.ndarray:
-    """Return the fields of cards behind their names, (n_cards, n_fields, width) characters."""
+    """Return the fields of cards after their names, (n_cards, n_fields, width) characters."""
     lines = _first(characters, start.ravel(), end.ravel(), _WIDTH)[:, 8:]
     return lines.reshape(len(start), -1, width)
 
 
 def _grid_points(fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which cards are plain grid points, and number and coordinates (n, 4) of these.
+    """Return which cards are plain grid points, and their number and coordinates (n, 4).
 
     Raises
     ------
-    ValueError : what looks like a number is none
+    ValueError : a field that looks like a number is not a number
     """
     if fields.shape[1] != 8:  # ID, CP, three coordinates, CD, PS, SEID
         return np.zeros(len(fields), dtype=bool), np.zeros((0, 4))
@@ -157,11 +157,11 @@ def _grid_points(fields: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _nodes(fields: np.ndarray, counts: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Return which cards are plain solids, and number, property and nodes (n, 2 + n_nodes) of these.
+    """Return which cards are plain solids, and their number, property and nodes (n, 2 + n_nodes).
 
     Raises
     ------
-    ValueError : what looks like a number is none
+    ValueError : a field that looks like a number is not a number
     """
     for n in counts:
         stated, unstated = fields[:, : 2 + n], fields[:, 2 + n :]
@@ -176,12 +176,12 @@ def _are_blank(fields: np.ndarray) -> np.ndarray:
 
 
 def _are_whole(fields: np.ndarray) -> np.ndarray:
-    """Return for each card whether its fields (n, n_fields, width) are made of digits."""
+    """Return for each card whether its fields (n, n_fields, width) consist of digits."""
     return _made_of(fields, b"0123456789")
 
 
 def _are_real(fields: np.ndarray) -> np.ndarray:
-    """Return for each card whether its fields are made of what a number with a point is."""
+    """Return for each card whether its fields consist of the characters of a decimal number."""
     return _made_of(fields, b"0123456789+-.EeDd") & ((fields == ord(".")).sum(axis=2) == 1).all(axis=1)
 
 
@@ -192,7 +192,7 @@ def _made_of(fields: np.ndarray, characters: bytes) -> np.ndarray:
 
 
 def _decimals(fields: np.ndarray) -> np.ndarray:
-    """Return numbers (n, 3) of their characters (n, 3, width)."""
+    """Return numbers (n, 3) from their characters (n, 3, width)."""
     try:
         return _text(fields).astype(float)
     except ValueError:
@@ -200,7 +200,7 @@ def _decimals(fields: np.ndarray) -> np.ndarray:
 
 
 def _with_letter(fields: np.ndarray) -> np.ndarray:
-    """Return numbers with the letter E before their exponents, (n, 3, width + 1); Nastran does without, or writes D."""
+    """Return numbers with the letter E before their exponents, (n, 3, width + 1); Nastran omits it or writes D."""
     letters = np.where(np.isin(fields, list(b"eDd")), np.uint8(ord("E")), fields)
     letters = np.pad(letters, ((0, 0), (0, 0), (0, 1)), constant_values=ord(" "))
     lacks = np.isin(letters, list(b"+-"))

@@ -1,4 +1,4 @@
-"""Read Nastran bulk data: pyNastran reads its cards, the structure that they make is put together here."""
+"""Read Nastran bulk data: pyNastran reads the cards, and this module assembles the structure."""
 
 from __future__ import annotations
 
@@ -25,32 +25,32 @@ from .materials import axes_of, materials, name_of
 from .plain import Plain, Solids, none_plain, take_plain
 from .supports import take_equations, take_supports
 
-# references of cards to others that need not be followed
+# references between cards that are not needed
 _OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
 _RANGE = re.compile(r"\b(\d{1,18})[\s,+*]+THRU[\s,+*]+(\d{1,18})\b", re.IGNORECASE)
 _BEGIN = re.compile(r"^([^\S\n]*BEGIN[^\S\n]+BULK.*)$", re.MULTILINE | re.IGNORECASE)
-_CASE = re.compile(  # what is looked at in the case control of OptiStruct: a set goes on behind a comma
+_CASE = re.compile(  # OptiStruct's case control that is read; a set continues after a comma
     r"^[^\S\n]*(?:(?:SUBCASE|SPC|MPC)\b.*|SET\s+\d+\s*=(?:.*,[^\S\n]*\n)*.*)$", re.MULTILINE | re.IGNORECASE
 )
 _END = re.compile(rb"^[^\S\n]*ENDDATA", re.MULTILINE | re.IGNORECASE)
-_LONGEST_RANGE = 2**22  # numbers in any file
+_LONGEST_RANGE = 2**22  # numbers of a range that any file may have
 _SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
-_ORDER = {  # Nastran writes the mid-sides of vertical edges before those of the top
+_ORDER = {  # Nastran writes the mid-side nodes of vertical edges before the mid-side nodes of the top
     "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
     "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
 }
-_EIGENVALUES = ("EIGB", "EIGC", "EIGP", "EIGR", "EIGRL")  # how Nastran seeks modes
-_PARAMETERS = re.compile(r"^PARAM(?![\s,]*WTMASS)\b[^\n]*\n", re.MULTILINE | re.IGNORECASE)  # others change no structure
+_EIGENVALUES = ("EIGB", "EIGC", "EIGP", "EIGR", "EIGRL")  # cards that select Nastran's eigensolver
+_PARAMETERS = re.compile(r"^PARAM(?![\s,]*WTMASS)\b[^\n]*\n", re.MULTILINE | re.IGNORECASE)  # without effect on the structure
 
 
 def read_bdf(path: str) -> FileModel:
-    """Return what bulk data holds: solids by property, sets, supports, rigid elements, masses, springs, equations.  Local.
+    """Read bulk data: solids by property, sets, supports, rigid elements, masses, springs, equations.  Local.
 
     Groups are the properties by their numbers ("7"), and the sets of the case control ("SET 5").
 
     Raises
     ------
-    MeshError without the file's name: damaged, includes that are not there or leave its folder
+    MeshError without the file's name: the file is damaged, or an included file is missing or outside its folder
     """
     includes = Includes(path)
     text = _text(includes, includes.path)
@@ -60,7 +60,7 @@ def read_bdf(path: str) -> FileModel:
         raise MeshError(f"the file holds no grid points and elements that this program reads{others and f' ({others})'}")
     model = model_of(plain, cards)
     if b"ENDDATA" not in text and _END.search(text) is None:
-        effect = "it is not there: what follows in a file that was cut is missing"
+        effect = "it is missing: the file may be truncated"
         model = replace(
             model, findings=(*model.findings, Finding(word="ENDDATA", where="the last line", effect=effect, changes=False))
         )
@@ -68,11 +68,11 @@ def read_bdf(path: str) -> FileModel:
 
 
 def model_of(plain: Plain, cards: Any) -> FileModel:
-    """Return the model of plain cards and of those that pyNastran has read.  Local.
+    """Return the model from the plain cards and the cards read by pyNastran.  Local.
 
     Raises
     ------
-    MeshError : grid points that are not there, elements that lack some of theirs
+    MeshError : grid points that do not exist, elements that lack some of their mid-side nodes
     """
     numbers = np.concatenate([plain.numbers, np.array(list(cards.nodes), dtype=np.int64)])
     other_positions = np.array([node.get_position() for node in cards.nodes.values()], dtype=float).reshape(-1, 3)
@@ -105,21 +105,21 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
 
 
 def _plain_and_others(text: bytes) -> tuple[Plain, Any]:
-    """Return the plain cards of a file, and pyNastran's reading of the others."""
+    """Return the plain cards of a file, and the other cards as read by pyNastran."""
     plain = take_plain(text)
     cards = cards_of(plain.rest)
-    if plain.meets(cards.nodes, cards.elements):  # a number that stands twice: pyNastran says where
+    if plain.meets(cards.nodes, cards.elements):  # a repeated number: pyNastran reports its place
         plain = none_plain(text)
         cards = cards_of(plain.rest)
     return plain, cards
 
 
 def cards_of(text: str) -> Any:
-    """Return pyNastran's reading of bulk data, with or without the words before it.  Local.
+    """Return the cards of bulk data read by pyNastran, with or without executive and case control.  Local.
 
     Raises
     ------
-    MeshError : pyNastran is missing, or does not read it
+    MeshError : pyNastran is missing or cannot read the text
     """
     try:
         with streams_kept():
@@ -131,7 +131,7 @@ def cards_of(text: str) -> Any:
     _refuse_endless_ranges(text)
     source, is_whole = _source(_PARAMETERS.sub("", text))
     cards = BDF(debug=None)
-    # counted, not parsed: their fields differ between programs
+    # counted, not parsed: the fields of these cards differ between programs
     cards.disable_cards(("DEFUSET", *_EIGENVALUES, *(EFFECTS.keys() - {"DMIG"})))
     with read_by_pynastran("Nastran bulk data"):
         cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
@@ -141,10 +141,10 @@ def cards_of(text: str) -> Any:
 
 @contextlib.contextmanager
 def streams_kept() -> Iterator[None]:
-    """Keep standard output and error as they are while pyNastran is imported.  Local.
+    """Preserve standard output and error while pyNastran is imported.  Local.
 
-    On terminals, as Open MPI's ranks have them, its logger exchanges them for streams of colorama, which end whatever the program
-    writes from then on, and the program itself, with the sequence for plain text.
+    On terminals (Open MPI's ranks have one) pyNastran's logger replaces both streams by colorama's, which append an escape
+    sequence to every later output of the program and at its exit.
     """
     streams = sys.stdout, sys.stderr
     with contextlib.suppress(ImportError):
@@ -159,21 +159,21 @@ def streams_kept() -> Iterator[None]:
 
 @contextlib.contextmanager
 def read_by_pynastran(what: str, advice: str = "") -> Iterator[None]:
-    """Let pyNastran read in silence; whatever it raises is a MeshError that says ``what`` was to be read.  Local."""
+    """Silence pyNastran while it reads ``what``; any of its exceptions becomes a MeshError.  Local."""
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     except (Interrupted, KeyboardInterrupt, MemoryError):
         raise
-    except BaseException as problem:  # pyNastran raises errors of many kinds, and some exit
+    except BaseException as problem:  # pyNastran raises many types of errors and sometimes exits
         text = " ".join(str(problem).split()) or type(problem).__name__
         cause = f"it is truncated, damaged or another format ({text[:200]})"
         raise MeshError(f"it cannot be read as {what}; {cause}{advice}") from None
 
 
 def _refuse_endless_ranges(text: str) -> None:
-    """Refuse "1 THRU 999999999": pyNastran would write every number of it into memory.  Local.
+    """Refuse "1 THRU 999999999": pyNastran would store every number of the range.  Local.
 
     Raises
     ------
@@ -182,21 +182,21 @@ def _refuse_endless_ranges(text: str) -> None:
     for first, last in _RANGE.findall(text):
         if int(last) - int(first) > _LONGEST_RANGE + len(text):
             raise MeshError(
-                f"{first} THRU {last} asks for more memory than a file of {len(text)} characters can stand for; "
-                "end the range at the last number that there is"
+                f"{first} THRU {last} requests more memory than a file of {len(text)} characters can need; "
+                "end the range at the last existing number"
             )
 
 
 def follow_references(cards: Any) -> None:
-    """Have pyNastran follow the references of cards to others that are needed here: coordinate systems.  Local."""
+    """Let pyNastran resolve the references that are needed here: those to coordinate systems.  Local."""
     cards.cross_reference(xref=True, **{f"xref_{name}": False for name in _OTHER_REFERENCES})
 
 
 def _source(text: str) -> tuple[Any, bool]:
-    """Return what pyNastran reads, and whether it has an executive and a case control.
+    """Return the text for pyNastran, and whether it has an executive and a case control.
 
-    Gmsh writes bulk data alone, with or without its first line, and meshio ends the names of quadratic elements with a stroke.
-    OptiStruct has no CEND, and words of its own before the bulk data; supports, equations and sets are chosen as in Nastran.
+    Gmsh writes only bulk data, with or without BEGIN BULK; meshio appends a slash to the names of quadratic elements.
+    OptiStruct has no CEND and its own keywords before the bulk data; it selects supports, equations and sets as Nastran does.
     """
     if re.search(r"^[^\S\n]*CEND", text, re.MULTILINE | re.IGNORECASE):
         return io.StringIO(text), True
@@ -210,11 +210,11 @@ def _source(text: str) -> tuple[Any, bool]:
 
 
 def _text(includes: Includes, path: str, within: tuple[str, ...] = ()) -> bytes:
-    """Return the text of a file with those that it includes in their places.
+    """Return the text of a file with its included files inserted.
 
     Raises
     ------
-    MeshError : as ``Includes``
+    MeshError : as in ``Includes``
     """
     content = includes.read(path)
     if b"INCLUDE" not in content.upper():
@@ -231,7 +231,7 @@ def _text(includes: Includes, path: str, within: tuple[str, ...] = ()) -> bytes:
 def _cells_and_bodies(
     content: Content, plain: tuple[Solids, ...], orientations: dict[str, Orientation]
 ) -> tuple[list[Cells], dict[str, Body]]:
-    """Return cells by kind and property, and the bodies: the solids of each property; take the axes of their materials."""
+    """Return cells by kind and property, and one body per property of solids; add the axes of their materials."""
     rows: dict[tuple[str, int], list[tuple[np.ndarray, np.ndarray]]] = {}
     for block in plain:
         for pid in np.unique(block.properties):
@@ -268,7 +268,7 @@ def _of_others(content: Content) -> dict[tuple[str, int], list[tuple[int, list[i
 
 
 def _kind(element: Any) -> str | None:
-    """Return the kind of a solid or of a face; None for what is neither."""
+    """Return the kind of a solid or of a face; None for other elements."""
     if element.type in SHELLS:
         kind = SHELLS[element.type]
         given = [node for node in element.nodes if node]
@@ -304,7 +304,7 @@ def _report(content: Content) -> None:
     stiff = {pid for pid, card in cards.properties.items() if card.type in ("PSHELL", "PCOMP", "PCOMPG")}
     n_shells = sum(element.type in SHELLS and element.pid in stiff for element in cards.elements.values())
     if n_shells:
-        findings.add("PSHELL", f"{n_shells} elements", "shells with a stiffness of their own; as groups of faces they are there")
+        findings.add("PSHELL", f"{n_shells} elements", "shells with stiffness; only their faces are used, as groups")
     if any(card.type == "PSOLID" and (card.integ is not None or card.isop is not None) for card in cards.properties.values()):
-        effect = "the quadrature that a PSOLID asks for; [bodies.NAME] integration states it"
+        effect = "the quadrature stated by a PSOLID; set it by [bodies.NAME] integration"
         findings.add("PSOLID", "fields 5 and 7", effect, False, "bodies")

@@ -11,7 +11,7 @@ from .content import Content
 
 
 def take_supports(content: Content) -> None:
-    """Take what SPC, SPC1 and the grid points themselves hold.  Local."""
+    """Take the supports of SPC, SPC1 and the grid points.  Local."""
     held = np.zeros((len(content.numbers), 6), dtype=bool)
     defaults = getattr(content.cards.grdset, "ps", None) or ""
     for number, node in content.cards.nodes.items():
@@ -26,7 +26,7 @@ def take_supports(content: Content) -> None:
                 else:
                     _hold(held, content, [node], components, "SPC")
         else:
-            content.left_out(card.type, int(card.conid), "a support of a kind that is not followed", "supports")
+            content.left_out(card.type, int(card.conid), "a support of a kind that is not read", "supports")
     content.hold("SPC", held)
 
 
@@ -37,7 +37,7 @@ def _hold(held: np.ndarray, content: Content, nodes: Any, components: str, where
 
 
 def _chosen(content: Content, word: str, part: str, sets: dict, added: dict) -> list[Any]:
-    """Return the cards of the set that the case control names, or of the only one there is, with a note where it names none."""
+    """Return the cards of the set named by the case control; without a name those of the only set, with a note."""
     deck, wanted = content.cards.case_control_deck, set()
     for subcase in deck.subcases.values() if deck is not None else ():
         if word in subcase.params:
@@ -50,7 +50,7 @@ def _chosen(content: Content, word: str, part: str, sets: dict, added: dict) -> 
         content.left_out(word, min(everything), "several sets and no case control that names one", part)
     number = min(wanted or everything or {0})
     if not wanted and len(everything) == 1 and deck is not None:
-        effect = f"the case control names no set; the only one there is, {number}, is taken"
+        effect = f"the case control names no set; the only set, {number}, is taken"
         content.left_out(word, number, effect, part, changes=False)
     members = [member for card in added.get(number, ()) for member in card.sets] if number in added else [number]
     return [card for member in members for card in sets.get(member, ())]
