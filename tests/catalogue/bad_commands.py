@@ -52,7 +52,7 @@ COMMANDS = [
     line(
         "--set out of range", "run lap.toml --out out --set response.points=1", "[response] points = 1", "--set response.points=1"
     ),
-    line("--set of a key as a table", "run lap.toml --out out --set model.mesh.x=1", "mesh is a key and no table"),
+    line("--set of a key as a table", "run lap.toml --out out --set model.mesh.x=1", "mesh is a key, not a table"),
     line("--set in a model file", "check bar.inp --set model.scale=2", "bar.inp is a model file; keys belong to a scene"),
     line("unknown method to compare", "compare lap.toml --out out --methods full,rubbin", "rubbin", "nearest is rubin"),
     line("unknown knob", "trade lap.toml --out out --knobs mods", "mods", "nearest is modes"),

@@ -57,7 +57,9 @@ WAVES = [
     Case(
         "modes of a nodal diameter above half", "modes disc.toml --out out --diameters 3", ("nodal diameters 0 to 2", "that of 2")
     ),
-    disc("a base of a disc", "[damping]", "[[loads]]\nbase_acceleration = [1.0, 0.0, 0.0]\n[damping]", "no wave of the sectors"),
+    disc(
+        "a base of a disc", "[damping]", "[[loads]]\nbase_acceleration = [1.0, 0.0, 0.0]\n[damping]", "not a wave of the sectors"
+    ),
 ]
 
 HELD = [

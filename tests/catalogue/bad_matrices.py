@@ -70,7 +70,7 @@ MATRICES = [
     chain("matrix is a folder", made_a_folder("K.mtx"), '[model] stiffness = "K.mtx": that is a folder'),
     chain("matrix empty", written("K.mtx", ""), "K.mtx"),
     chain("matrix of noise", written("K.mtx", NOISE), "K.mtx"),
-    chain("matrix cut", cut("K.mtx"), "K.mtx", "its header asks for 45 numbers, and it has 22"),
+    chain("matrix cut", cut("K.mtx"), "K.mtx", "its header states 45 numbers, and it has 22"),
     chain("matrix of an unknown format", stated('"K.mtx"', '"K.csv"'), "K.csv"),
     chain("matrix not symmetric", changed("K.mtx", entry(0, 1, 1e9)), "K.mtx", "not symmetric"),
     chain("mass not symmetric", changed("M.mtx", entry(0, 1, 1.0)), "M.mtx", "not symmetric"),
@@ -96,7 +96,7 @@ MATRICES = [
     chain(
         "damping matrix and [damping]",
         stated('mass = "M.mtx"', 'mass = "M.mtx"\ndamping = "M.mtx"'),
-        "[damping]: the model has a damping matrix already",
+        "[damping]: the model also has a damping matrix",
     ),
     chain(
         "damping that feeds energy",
@@ -227,7 +227,7 @@ SCENES = [
     blocks(
         "rows of no table",
         edited("blocks/scene.toml", 'dofs = "dofs.csv"\n', ""),
-        "node_pairs: the matrices tell no nodes; state [model] dofs",
+        "node_pairs: the matrices have no nodes; state [model] dofs",
     ),
     blocks("table of too few rows", cut("blocks/dofs.csv"), "dofs.csv"),
     blocks("table of a row twice", edited("blocks/dofs.csv", "\n5,2\n", "\n5,1\n"), "dofs.csv"),

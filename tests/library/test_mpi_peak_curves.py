@@ -117,7 +117,7 @@ def test_a_run_writes_table_and_file(comm, path, program, shared_path):
     [
         pytest.param({"key": "levl", "range": (1.0, 2.0)}, 'nearest is "level"', id="no such number"),
         pytest.param({"key": "joints.joint.frction", "range": (1.0, 2.0)}, 'nearest is "joints.joint.friction"', id="of a joint"),
-        pytest.param({"key": "level", "range": (2.0, 2.0)}, "one number twice", id="no range"),
+        pytest.param({"key": "level", "range": (2.0, 2.0)}, "the same number twice", id="no range"),
         pytest.param({"key": "level", "range": (0.0, 2.0)}, "at 0, where nothing moves", id="from nothing"),
         pytest.param({"key": "level", "range": (1.0, 2.0), "at": (3.0,)}, "at holds 3, outside range", id="outside"),
         pytest.param({"key": "level", "range": (1.0, 2.0), "level": 3.0}, "leave the key level out", id="level twice"),

@@ -73,8 +73,8 @@ def test_what_is_set_is_said_and_the_text_reads_as_the_scene(tmp_path):
         ("solver.modes=8\nx=1", "expected KEY=VALUE"),
         ("solver.modes=0.5", "[solver] modes = 0.5: expected"),
         ("loads.2.phase=0.2", 'there is no [[loads]] "2"; there is 1'),
-        ("title.length=3", "title is a key and no table"),
-        ("response.levels.1=3.0", "levels is a key and no table"),
+        ("title.length=3", "title is a key, not a table"),
+        ("response.levels.1=3.0", "levels is a key, not a table"),
     ],
 )
 def test_a_mistake_is_said_with_what_was_set(tmp_path, setting, message):

@@ -190,7 +190,7 @@ def test_statics_ask_for_constant_loads_and_a_method_that_bears_them(tmp_path):
     constant = GOOD.replace("harmonic = 1", "harmonic = 0").replace("harmonics = 3", "harmonics = 0")
     assert GOOD.count("modes = 20") == 1
     for method, text in {
-        "rubin": 'modes is missing: with harmonics = 0 the modes of method = "rubin" bear the load',
+        "rubin": 'modes is missing: with harmonics = 0 the modes of method = "rubin" carry the load',
         "craig-bampton": "modes is missing",
     }.items():
         changed = constant.replace('"adaptive-energy"', f'"{method}"').replace("modes = 20", "")

@@ -51,7 +51,7 @@ def test_lists_that_leave_out_what_is_needed_are_refused(shared_path):
         return str(caught.value)
 
     assert "has no harmonic 1" in said("harmonics = [0, 2]\n")
-    assert "a list of harmonics that rise" in said("harmonics = [3, 1]\n")
-    assert "a list of harmonics that rise" in said("harmonics = []\n")
+    assert "an ascending list of harmonics" in said("harmonics = [3, 1]\n")
+    assert "an ascending list of harmonics" in said("harmonics = []\n")
     assert "state error_bars = false, or harmonics = 3" in said("harmonics = [1, 3]\n")
     assert "do not resolve harmonics = 40" in said("harmonics = [1, 40]\n")

@@ -1,1 +1,1 @@
-"""What is asked: the scene file, its keys, their limits, and one message for each mistake in it."""
+"""The scene file: its keys, their limits, and one message for each mistake in it."""

@@ -1,4 +1,4 @@
-"""What no single table of a scene can tell: names that refer to others, and files that must be there."""
+"""Checks across the tables of a scene: references between tables, contradictions, and missing files."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ..tables.table import any_of
 from .inputs import may_know_nodes, named_files
 from .schema import Scene, Statics
 
-OF_DISCS = ("receptance", "adaptive", "adaptive-energy")  # methods whose basis is that of the stuck structure
+OF_DISCS = ("receptance", "adaptive", "adaptive-energy")  # methods with the basis of the stuck structure
 
 
 def contradictions(scene: Scene) -> list[str]:
-    """Return what does not fit together between the tables of a scene, a text each.  Local."""
+    """Return the contradictions between the tables of a scene, one text each.  Local."""
     sort = _of_matrices if scene.model.mesh is None else _of_a_mesh
     return [
         *_materials(scene),
@@ -44,7 +44,7 @@ def contradictions(scene: Scene) -> list[str]:
 
 
 def _of_a_mesh(scene: Scene) -> list[str]:
-    """Return mistakes: what is missing beside a mesh, and what belongs to matrices."""
+    """Return mistakes: tables missing with a mesh, and keys that belong to matrices."""
     mistakes = (
         [] if scene.bodies or scene.awaits_file else [f"[bodies] is missing: expected {Scene.model_fields['bodies'].description}"]
     )
@@ -60,7 +60,7 @@ def _of_a_mesh(scene: Scene) -> list[str]:
 
 
 def _of_matrices(scene: Scene) -> list[str]:
-    """Return mistakes: what belongs to a mesh."""
+    """Return mistakes: keys that belong to a mesh."""
     held = (
         ("[materials.NAME]", scene.materials),
         ("[orientations.NAME]", scene.orientations),
@@ -73,7 +73,7 @@ def _of_matrices(scene: Scene) -> list[str]:
         ("[[springs]]", scene.springs),
         ("[cyclic]", scene.cyclic),
     )
-    mistakes = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
+    mistakes = [f"{table}: belongs to a mesh; the matrices must include it" for table, entries in held if entries]
     mistakes += ["[statics]: needs a mesh; pairs of matrices state their preload"] if scene.statics is not None else []
     knows_nodes = may_know_nodes(scene.model, scene.folder)
     has_mesh = scene.model.nodes is not None and not scene.model.nodes.lower().endswith(".csv")
@@ -81,7 +81,7 @@ def _of_matrices(scene: Scene) -> list[str]:
         if joint.surfaces is not None and not (knows_nodes and has_mesh):
             mistakes.append(f"{where} surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file")
         if joint.node_pairs is not None and not knows_nodes:
-            mistakes.append(f"{where} node_pairs: the matrices tell no nodes; state [model] dofs, node and direction of each row")
+            mistakes.append(f"{where} node_pairs: the matrices have no nodes; state [model] dofs, node and direction of each row")
     for where, entry in _numbered(scene, "loads", "outputs"):
         if getattr(entry, "pressure", None) is not None:
             mistakes.append(
@@ -101,12 +101,12 @@ def _of_matrices(scene: Scene) -> list[str]:
 
 
 def _is_nowhere(entry: Any) -> bool:
-    """Return whether a load or an output is at no DOF, and neither forces of a file nor the contact force of a joint."""
+    """Return whether a load or an output has no DOF and is neither forces of a file nor the contact force of a joint."""
     return entry.dof is None and getattr(entry, "forces", None) is None and getattr(entry, "joint", None) is None
 
 
 def _numbered(scene: Scene, *tables: str) -> list[tuple[str, Any]]:
-    """Return the entries of some lists of tables, each with its header as messages show it."""
+    """Return the entries of some lists of tables, each with its header for messages."""
     return [
         (f"[[{table}]] {number}" + (f' ("{name}")' if (name := getattr(entry, "name", None)) else ""), entry)
         for table in tables
@@ -115,16 +115,16 @@ def _numbered(scene: Scene, *tables: str) -> list[tuple[str, Any]]:
 
 
 def _damping(scene: Scene) -> list[str]:
-    """Return mistakes: no damping, or twice."""
+    """Return mistakes: damping that is missing or stated twice."""
     if scene.damping is None and scene.model.damping is None:
         return [f"[damping] is missing: expected {Scene.model_fields['damping'].description}"]
     if scene.damping is not None and scene.model.damping is not None:
-        return ["[damping]: the model has a damping matrix already, [model] damping; keep one of them"]
+        return ["[damping]: the model also has a damping matrix, [model] damping; state only one of them"]
     return []
 
 
 def _materials(scene: Scene) -> list[str]:
-    """Return mistakes: bodies whose material or orientation is not there."""
+    """Return mistakes: bodies with a material or orientation that does not exist."""
     if scene.awaits_file:
         return []
     mistakes = []
@@ -163,7 +163,7 @@ def _same_names(scene: Scene) -> list[str]:
 
 
 def _harmonics(scene: Scene) -> list[str]:
-    """Return mistakes: loads in a harmonic that the solution does not have, and error bars of a list of harmonics."""
+    """Return mistakes: loads in a harmonic outside the solution, and error bars with a list of harmonics."""
     stated = scene.solver.harmonics
     text, remedy = (f"{list(stated)}", "add it") if isinstance(stated, tuple) else (f"{stated}", "raise that")
     mistakes = [
@@ -174,19 +174,19 @@ def _harmonics(scene: Scene) -> list[str]:
     ]
     if scene.leaves_harmonics_out and scene.solver.error_bars:
         mistakes.append(
-            f"[solver] harmonics = {text} leaves harmonics out, which error bars would not know: state error_bars = false, or "
+            f"[solver] harmonics = {text} leaves harmonics out, which error bars do not cover: state error_bars = false, or "
             f"harmonics = {scene.harmonics}"
         )
     return mistakes
 
 
 def _statics(scene: Scene) -> list[str]:
-    """Return mistakes: preloads that nothing makes, a speed without an axis, temperatures without expansion."""
+    """Return mistakes: static preloads without statics, a speed without an axis, temperatures without expansion."""
     statics, mistakes = scene.statics, _axis(scene)
     for where, joint in _numbered(scene, "joints"):
         if joint.preload == "static" and statics is None and not scene.awaits_file:
             mistakes.append(
-                f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa'
+                f'{where} preload = "static": there is no table [statics] to compute it; add one, or state the preload in Pa'
             )
     if statics is None:
         return mistakes
@@ -241,7 +241,7 @@ def _volumes_as_faces(scene: Scene) -> list[str]:
 
 
 def _same_bolts(statics: Statics) -> list[str]:
-    """Bolts that share a cut or a name."""
+    """Return mistakes: bolts that share a cut or a name."""
     mistakes = []
     for key in ("group", "name"):
         counts = Counter(value for bolt in statics.bolts if (value := getattr(bolt, key)) is not None)
@@ -254,7 +254,7 @@ def _same_bolts(statics: Statics) -> list[str]:
 
 
 def _base(scene: Scene) -> list[str]:
-    """Return mistakes: a base that accelerates and holds nothing, or outputs with its motion that have none."""
+    """Return mistakes: an accelerated base without supports, or absolute outputs without a base motion."""
     moving = [(where, load) for where, load in _numbered(scene, "loads") if load.base_acceleration is not None]
     absolute = [(where, output) for where, output in _numbered(scene, "outputs") if output.absolute]
     mistakes = []
@@ -267,13 +267,13 @@ def _base(scene: Scene) -> list[str]:
         elif output.quantity != "acceleration" and any(load.harmonic == 0 for _, load in moving):
             mistakes.append(
                 f"{where} absolute: under a constant base_acceleration (harmonic = 0) {output.quantity} grows without end; "
-                'ask for quantity = "acceleration", or for the motion relative to the base'
+                'state quantity = "acceleration", or use the motion relative to the base'
             )
     return mistakes
 
 
 def _outputs(scene: Scene) -> list[str]:
-    """Return mistakes: outputs of bodies and joints that are not there."""
+    """Return mistakes: outputs of bodies and joints that do not exist."""
     mistakes = []
     joints = [joint.name for joint in scene.joints]
     for where, output in _numbered(scene, "outputs"):
@@ -284,7 +284,7 @@ def _outputs(scene: Scene) -> list[str]:
 
 
 def _surfaces(scene: Scene) -> list[str]:
-    """Return mistakes: surfaces of bodies that are not there."""
+    """Return mistakes: surfaces of bodies that do not exist."""
     mistakes = []
     for where, surface in _numbered(scene, "surfaces"):
         for name in dict.fromkeys(surface.bodies):
@@ -294,7 +294,7 @@ def _surfaces(scene: Scene) -> list[str]:
 
 
 def _axis(scene: Scene) -> list[str]:
-    """Return mistakes: an axis about which nothing turns, or none for what does."""
+    """Return mistakes: an axis without rotation, or a rotation without an axis."""
     turned = [where for where, load in _numbered(scene, "loads") if load.engine_order is not None]
     if scene.model.axis is None:
         return [
@@ -306,7 +306,7 @@ def _axis(scene: Scene) -> list[str]:
 
 
 def remarks(scene: Scene) -> list[str]:
-    """Return what of a scene that fits together has no effect, a text each.  Local."""
+    """Return notes on keys without effect in a consistent scene, one text each.  Local."""
     turns = scene.statics is not None and scene.statics.rotation_speed > 0.0
     turns = turns or any(load.engine_order is not None for load in scene.loads)
     if scene.model.axis is None or turns:
@@ -315,7 +315,7 @@ def remarks(scene: Scene) -> list[str]:
 
 
 def _points(scene: Scene) -> list[str]:
-    """Return mistakes: points that are not there, that cannot be held, or whose inertia would have to turn with the structure."""
+    """Return mistakes: points that do not exist, cannot be supported, or have an inertia in a rotating structure."""
     mistakes, points = [], {point.name: point for point in scene.points}
     used = [*_numbered(scene, "supports", "loads", "outputs", "masses")]
     if scene.statics is not None:
@@ -343,55 +343,53 @@ def _points(scene: Scene) -> list[str]:
 
 
 def _constant_loads(scene: Scene) -> list[str]:
-    """Return mistakes: a constant motion with a method that selects pairs by dissipation, or whose modes bear the load."""
+    """Return mistakes: statics with a method that selects pairs by dissipation, or that carries loads by modes only."""
     solver = scene.solver
     if not scene.is_static:
         return []
     if solver.method == "adaptive-energy" and not solver.in_point_check:
         return [
-            '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates, and all that slid would be dropped; '
+            '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates, and pairs that slide would be dropped; '
             'take "receptance", or in_point_check = true'
         ]
     if solver.method in ("craig-bampton", "rubin") and solver.modes is None:
         return [
-            f'[solver] modes is missing: with harmonics = 0 the modes of method = "{solver.method}" bear the load, and '
-            'accuracy picks none for that; state a number, or take "receptance", which is exact with any'
+            f'[solver] modes is missing: with harmonics = 0 the modes of method = "{solver.method}" carry the load, and '
+            'accuracy does not choose their number; state it, or take "receptance", which is exact with any number'
         ]
     return []
 
 
 def _bars(scene: Scene) -> list[str]:
-    """Return mistakes: error bars that are needed and refused; what an accuracy counts for without one."""
+    """Return mistakes: error bars that are needed but off; accuracy_of without an accuracy."""
     if scene.solver.accuracy_of != "amplitude" and scene.accuracy is None:
-        return [
-            "[solver] accuracy_of says what accuracy counts for, which is not stated; state accuracy, or leave accuracy_of out"
-        ]
+        return ["[solver] accuracy_of has no effect without accuracy; state accuracy, or leave accuracy_of out"]
     if scene.solver.error_bars or not (scene.chooses("harmonics") or scene.chooses("samples")):
         return []
     return ["[solver] error_bars = false: accuracy chooses harmonics and samples by them; leave error_bars out, or state both"]
 
 
 def _stability(scene: Scene) -> list[str]:
-    """Return mistakes: stability of what does not vibrate, of one sector of a disc, or with what has no equivalent in time."""
+    """Return mistakes: stability without vibration, of one sector of a disc, or with structural damping."""
     if not scene.response.stability:
         return []
     begin = "[response] stability = true: "
     if scene.is_static:
-        return [f"{begin}with harmonics = 0 nothing vibrates, and there is no cycle to be disturbed; leave stability out"]
+        return [f"{begin}with harmonics = 0 nothing vibrates, so that there is no cycle; leave stability out"]
     if scene.cyclic is not None:
         return [
-            f"{begin}a disturbance need not be a wave, and one sector knows no other; mesh all sectors, or leave stability out"
+            f"{begin}a disturbance need not be a wave, and the model has one sector; mesh all sectors, or leave stability out"
         ]
     if scene.damping is not None and scene.damping.structural:
         return [
-            f"{begin}a loss factor, [damping] structural, is defined for steady vibration alone and has no equivalent in time; "
+            f"{begin}a loss factor, [damping] structural, is only defined for steady vibration and has no equivalent in time; "
             "state ratio in its place, of about half the loss factor, or leave stability out"
         ]
     return []
 
 
 def _peaks(scene: Scene) -> list[str]:
-    """Return mistakes: peaks of what has none, or of a method whose pairs follow from the point before."""
+    """Return mistakes: peaks without vibration, or of a method with pairs selected from the previous point."""
     stated = {"[response] peaks = true": scene.response.peaks, "[[response.over]]": scene.response.over}
     where = next((where for where, is_stated in stated.items() if is_stated), None)
     if where is None:
@@ -399,12 +397,12 @@ def _peaks(scene: Scene) -> list[str]:
     if scene.is_static:
         return [f"{where}: with harmonics = 0 nothing vibrates, and there is no peak; leave peaks out"]
     if scene.solver.method in ("adaptive", "adaptive-energy"):
-        return [f'{where}: method = "{scene.solver.method}" takes its pairs from the point before; take "receptance"']
+        return [f'{where}: method = "{scene.solver.method}" selects its pairs at the previous point; take "receptance"']
     return []
 
 
 def _over(scene: Scene) -> list[str]:
-    """Return mistakes: a number that the scene does not have, or that its state of rest depends on."""
+    """Return mistakes: a key that the scene does not have, or that the state of rest depends on."""
     mistakes, names = [], {joint.name for joint in scene.joints}
     outputs = [output.name for output in scene.outputs]
     for i, over in enumerate(scene.response.over, 1):
@@ -423,35 +421,35 @@ def _over(scene: Scene) -> list[str]:
 
 
 def _mode(scene: Scene) -> list[str]:
-    """Return mistakes: a range around a mode that is not computed."""
+    """Return mistakes: a range around a mode beyond the computed ones."""
     mode, modes = scene.response.mode, scene.solver.modes
     return [f"[response] mode = {mode}: only [solver] modes = {modes} are computed"] if mode and modes and mode > modes else []
 
 
 def _disc(scene: Scene) -> list[str]:
-    """Return mistakes: what a disc computed from one sector cannot have."""
+    """Return mistakes: tables and keys that a disc computed from one sector cannot have."""
     cyclic, mistakes = scene.cyclic, []
     if cyclic is None:
         return [
-            f"{where} next_sector: there is no table [cyclic], which says where the next sector is"
+            f"{where} next_sector: there is no table [cyclic], which states the position of the next sector"
             for where, joint in _numbered(scene, "joints")
             if joint.next_sector
         ]
     if scene.is_static:
-        mistakes.append("[cyclic]: [solver] harmonics = 0 is a static balance, in which no wave turns; state at least 1")
+        mistakes.append("[cyclic]: [solver] harmonics = 0 is a static equilibrium without waves; state at least 1")
     if scene.statics is not None:
         mistakes.append(
             "[cyclic] with [statics]: the state of rest of a disc is not computed; leave [statics] out, and state preload in Pa"
         )
     if scene.solver.method not in OF_DISCS:
         mistakes.append(
-            f'[solver] method = "{scene.solver.method}": with [cyclic] each nodal diameter has a complex structure of its own, '
-            f"which this method does not reduce; take {any_of(OF_DISCS)}"
+            f'[solver] method = "{scene.solver.method}": with [cyclic] each nodal diameter has its own complex matrices, '
+            f"which this method does not support; take {any_of(OF_DISCS)}"
         )
     for where, load in _numbered(scene, "loads"):
         if load.base_acceleration is not None:
             mistakes.append(
-                f"{where} base_acceleration: a base that moves is no wave of the sectors of [cyclic]; state forces or a pressure"
+                f"{where} base_acceleration: a moving base is not a wave of the sectors of [cyclic]; state forces or a pressure"
             )
     if cyclic.faces is None and not any(joint.next_sector for joint in scene.joints):
         mistakes.append(
@@ -462,13 +460,13 @@ def _disc(scene: Scene) -> list[str]:
     if len(loaded) > 1 and scene.solver.modes is None:
         mistakes.append(
             f"[solver] modes is missing: the loads excite the nodal diameters {listed(map(str, sorted(loaded)))} of [cyclic], "
-            "whose modes accuracy picks one by one under loads in one of them; state a number"
+            "but accuracy chooses the modes of only one; state a number"
         )
     return mistakes
 
 
 def _whole_disc(scene: Scene) -> list[str]:
-    """Return mistakes: what a disc with the pairs of all sectors cannot have."""
+    """Return mistakes: keys that a disc with the pairs of all sectors cannot have."""
     cyclic, damping, mistakes = scene.cyclic, scene.damping, []
     assert cyclic is not None, "a disc"
     unknown = [name for name in cyclic.blades or () if name not in scene.bodies]
@@ -484,14 +482,14 @@ def _whole_disc(scene: Scene) -> list[str]:
         )
     if scene.solver.modes is None and any(load.harmonic != 1 for load in scene.loads):
         mistakes.append(
-            "[solver] modes is missing: with [cyclic] whole = true accuracy picks the modes of all nodal diameters for loads in "
-            "harmonic 1; state a number for each"
+            "[solver] modes is missing: with [cyclic] whole = true accuracy chooses modes only for loads in "
+            "harmonic 1; state a number of modes per nodal diameter"
         )
     return mistakes
 
 
 def missing_files(scene: Scene) -> list[str]:
-    """Return which of the scene's files are not there, a text each.  Local."""
+    """Return the missing files of the scene, one text each.  Local."""
     return [mistake for where, file in named_files(scene) if (mistake := _missing(where, file, scene.folder))]
 
 
@@ -507,7 +505,7 @@ def _missing(where: str, file: str, folder: Path) -> str | None:
 
 
 def absent(path: Path) -> str:
-    """Say that a file is not there, and what in its folder has nearly its name.  Local."""
+    """Return the message for a missing file, with a similar name in its folder.  Local."""
     folder = path.parent
     if path.is_symlink():
         return f"that is a symbolic link to {os.readlink(path)}, where there is no file"

@@ -1,4 +1,4 @@
-"""The files that a scene names, and which of its matrices may tell the nodes of their rows."""
+"""The files named by a scene, and whether its matrices may have the nodes of their rows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _WITH_NODES = (".sti", ".mas", ".pch", ".dmig", ".bdf", ".full", ".sub")
 
 
 def named_files(scene: Scene) -> list[tuple[str, str]]:
-    """Return where the scene names each of its files, for messages, and the path as stated, relative to its folder.  Local."""
+    """Return the key of each file of the scene, for messages, and its path relative to the folder of the scene.  Local."""
     model = scene.model
     named = [(f"[model] {key}", getattr(model, key)) for key in ("mesh", "dofs", "nodes", "recovery_dofs")]
     given = [(key, getattr(model, key)) for key in KEYS if getattr(model, key) is not None]
@@ -31,7 +31,7 @@ def named_files(scene: Scene) -> list[tuple[str, str]]:
 
 
 def may_know_nodes(model: Model, folder: Path) -> bool:
-    """Tell whether nodes and directions may be known of the rows: stated, or by the format of a matrix.  Local."""
+    """Return whether the rows may have nodes and directions: stated, or from the format of a matrix.  Local."""
     if model.dofs is not None or model.recovery is not None:
         return True
     for key in ("stiffness", "mass"):
@@ -43,7 +43,7 @@ def may_know_nodes(model: Model, folder: Path) -> bool:
 
 
 def _is_matrix_market(path: Path) -> bool:
-    """Return whether a file begins as Matrix Market's do, or cannot be read; otherwise it may be one of Abaqus."""
+    """Return whether a file begins as Matrix Market or is unreadable; otherwise it may be from Abaqus."""
     try:
         if not path.is_file():
             return True

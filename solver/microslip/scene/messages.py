@@ -1,4 +1,4 @@
-"""What pydantic finds in a scene, said in the scene's own words: table and key, what was found, what is expected."""
+"""Messages for pydantic's errors in a scene: table and key, stated value, expected value."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ _LONGEST = 60  # characters of a value that a message shows
 
 
 def in_words(problems: Iterable[ErrorDetails], raw: Mapping[str, Any]) -> list[str]:
-    """Return one text a mistake, unknown keys first.  Local.
+    """Return one text per mistake, unknown keys first.  Local.
 
-    A key that is missing because it is misspelled counts once, and so does a value that fits none of several types.
+    A misspelled key counts as one mistake, and so does a value that matches none of several types.
     """
     problems = _without_followers(list(problems))
     unknown = [problem["loc"] for problem in problems if problem["type"] == "extra_forbidden"]
@@ -77,7 +77,7 @@ def in_words(problems: Iterable[ErrorDetails], raw: Mapping[str, Any]) -> list[s
 
 
 def _without_followers(problems: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Leave out what only follows: that a list is too short because an entry of it is wrong."""
+    """Leave out consequential errors: a list that is too short because of a wrong entry."""
     locs = [problem["loc"] for problem in problems]
     return [
         problem
@@ -107,7 +107,7 @@ def _in_words(problem: ErrorDetails, raw: Mapping[str, Any]) -> str:
 
 
 def _depth(loc: tuple[int | str, ...]) -> int:
-    """Return how many steps of ``loc`` name the table that holds the key."""
+    """Return the number of steps of ``loc`` that name the table of the key."""
     if not loc or len(loc) == 1 and _is_key(str(loc[0])):
         return 0
     if len(loc) > 2 and loc[:2] in _NESTED:
@@ -141,7 +141,7 @@ def _alternatives(annotation: Any) -> tuple:
 
 
 def _header(table: tuple[int | str, ...], raw: Mapping[str, Any]) -> str:
-    """Return a table as the scene heads it, numbered from 1 and with its name where it has one."""
+    """Return the header of a table in the scene, numbered from 1 and with its name if it has one."""
     if not table:
         return ""
     name = str(table[0])
@@ -170,7 +170,7 @@ def _join(where: str, key: int | str | None) -> str:
 
 
 def _expected(loc: tuple[int | str, ...]) -> str:
-    """Return what is expected of the key, or of the table, that ``loc`` leads to."""
+    """Return the expected value of the key or table at ``loc`` as text."""
     n_table = _depth(loc)
     if len(loc) > n_table:
         return str(_model(loc[:n_table]).model_fields[str(loc[n_table])].description)
@@ -180,7 +180,7 @@ def _expected(loc: tuple[int | str, ...]) -> str:
 
 
 def _unknown(loc: tuple[int | str, ...], raw: Mapping[str, Any]) -> str:
-    """Say that a key is unknown, and what was probably meant."""
+    """Return the message for an unknown key, with similar keys."""
     key, table = str(loc[-1]), loc[:-1]
     if not table and isinstance(raw[key], Mapping | tuple):
         return _unknown_table(key, isinstance(raw[key], tuple))
@@ -200,12 +200,12 @@ def _unknown_table(name: str, is_list: bool) -> str:
 
 
 def _any(name: str) -> str:
-    """Return a table as its kind is headed."""
+    """Return the header of a kind of table."""
     return f"[{name}.NAME]" if name in _NAMED else f"[[{name}]]" if name in _LISTED else f"[{name}]"
 
 
 def _hint(loc: tuple[int | str, ...], value: Any) -> str:
-    """Return what else helps: the nearest word, the known methods, quotes that should not be there."""
+    """Return a further hint: the nearest word, the known methods, superfluous quotes."""
     numbers = value if isinstance(value, tuple) else (value,)
     if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
         return "; nan and inf are not numbers here"
@@ -223,7 +223,7 @@ def _hint(loc: tuple[int | str, ...], value: Any) -> str:
 
 
 def _words(annotation: Any) -> tuple[str, ...]:
-    """Return the words that a key accepts, if it accepts only some."""
+    """Return the accepted words of a key; empty if not limited."""
     words: tuple[str, ...] = ()
     for kind in _alternatives(annotation):
         if typing.get_origin(kind) is typing.Literal:
@@ -240,7 +240,7 @@ def _is_number(text: str) -> bool:
 
 
 def shown(value: Any) -> str:
-    """Return a value as a scene file writes it, shortened.  Local."""
+    """Return a value in the form of a scene file, shortened.  Local."""
     if isinstance(value, Mapping):
         return "a table"
     if isinstance(value, tuple) and any(isinstance(entry, Mapping) for entry in value):

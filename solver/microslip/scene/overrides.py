@@ -10,18 +10,18 @@ from typing import Any
 from ..messages.errors import CaseError
 from ..messages.words import hint, listed
 
-_WORD = re.compile(r"(\.{0,2}/)*[A-Za-z_][\w./-]*")  # what a shell leaves of a text in quotes: a word, the path of a file
+_WORD = re.compile(r"(\.{0,2}/)*[A-Za-z_][\w./-]*")  # a text whose quotes the shell has removed: a word or a path
 
 
 def overridden(tables: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
-    """Return a scene's tables with the keys set that ``settings`` name, each a text KEY=VALUE; the later one holds.  Local.
+    """Return a scene's tables with keys replaced by ``settings``, each a text KEY=VALUE; the last one applies.  Local.
 
-    Words of KEY are tables, then the key; an entry of a list is named by its ``name``, or by its number from 1.  Whether
-    there is such a key, and what it takes, is for the schema to say.
+    KEY has the tables, then the key, separated by dots; an entry of a list has its ``name``, or its number from 1.  The schema
+    checks key and value.
 
     Raises
     ------
-    CaseError : no KEY=VALUE, or no such entry of a list
+    CaseError : a text that is not KEY=VALUE, or an entry of a list that does not exist
     """
     tables = dict(tables)
     for text in settings:
@@ -31,7 +31,7 @@ def overridden(tables: Mapping[str, Any], settings: Iterable[str]) -> dict[str, 
 
 
 def _parsed(text: str) -> tuple[list[str], Any]:
-    """Return the words of the key and the value, which is TOML's; quotes may be left out around a word or a path."""
+    """Return the words of the key and the TOML value; quotes may be omitted around a word or a path."""
     key, _, value = text.partition("=")
     plain = value.strip()
     if _WORD.fullmatch(plain) and plain not in ("true", "false", "inf", "nan"):
@@ -54,7 +54,7 @@ def _parsed(text: str) -> tuple[list[str], Any]:
 
 
 def _placed(table: Mapping[str, Any], words: list[str], value: Any, where: str) -> dict[str, Any]:
-    """Return a table with a value at the place that ``words`` lead to; tables that are missing on the way are made."""
+    """Return a table with a value at the key ``words``; missing tables are created."""
     first, *rest = words
     if not rest:
         return {**table, first: value}
@@ -64,7 +64,7 @@ def _placed(table: Mapping[str, Any], words: list[str], value: Any, where: str) 
         inner = tuple(_placed(entry, rest, value, where) if i == number else entry for i, entry in enumerate(inner))
         return {**table, first: inner}
     if not isinstance(inner, Mapping):
-        raise CaseError(f"{where}: {first} is a key and no table")
+        raise CaseError(f"{where}: {first} is a key, not a table")
     return {**table, first: _placed(inner, rest, value, where)}
 
 
@@ -73,7 +73,7 @@ def _entry(table: str, entries: tuple, words: list[str], where: str) -> tuple[in
     word, *rest = words
     names = [entry.get("name") if isinstance(entry, Mapping) else None for entry in entries]
     if not all(isinstance(entry, Mapping) for entry in entries):
-        raise CaseError(f"{where}: {table} is a key and no table")
+        raise CaseError(f"{where}: {table} is a key, not a table")
     if not rest:
         raise CaseError(f"{where}: of which [[{table}]]? Name it, as in {table}.{_words_for(names)[0]}.{word}")
     if word in names:
@@ -86,5 +86,5 @@ def _entry(table: str, entries: tuple, words: list[str], where: str) -> tuple[in
 
 
 def _words_for(names: list) -> list[str]:
-    """Return how each entry of a list of tables is named in a key: by its name, or by its number from 1."""
+    """Return the word for each entry of a list of tables in a key: its name, or its number from 1."""
     return [name if isinstance(name, str) and name else str(number) for number, name in enumerate(names, 1)]

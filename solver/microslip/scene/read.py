@@ -1,4 +1,4 @@
-"""Read a scene file: text, TOML, schema, what this version does, what fits together, files that are there."""
+"""Read a scene file: text, TOML, schema, consistency, existence of files."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from .schema import Scene
 from .toml_text import as_toml
 
 _LARGEST_FILE = 10_000_000  # bytes
-_MOST_MISTAKES, _LONGEST = 100, 1000  # that are said at once; letters of one
-_TABLE = re.compile(r"\('(.*?)',?\)")  # as tomllib names one
+_MOST_MISTAKES, _LONGEST = 100, 1000  # mistakes in one message; characters of each
+_TABLE = re.compile(r"\('(.*?)',?\)")  # name of a table in tomllib's errors
 
 
 def read_scene(path: str | Path, settings: Sequence[str] = ()) -> Scene:
-    """Return the scene of a TOML file, checked in itself; the mesh is not opened.
+    """Return the scene of a TOML file, checked without its mesh.
 
-    Local.  ``settings``, texts KEY=VALUE, take the place of keys of the file (:func:`.overrides.overridden`).
+    Local.  ``settings``, texts KEY=VALUE, override keys of the file (:func:`.overrides.overridden`).
 
     Raises
     ------
-    CaseError : one message that names the file, and of each mistake the table, the key, what was found and expected
+    CaseError : one message with the file, and for each mistake table, key, stated and expected value
     """
     path = Path(path)
     text = _text(path)
@@ -43,13 +43,13 @@ def read_scene(path: str | Path, settings: Sequence[str] = ()) -> Scene:
 
 
 def scene_of(tables: Mapping[str, Any], path: str | Path = "scene.toml") -> Scene:
-    """Return the scene of tables like those of a file, checked in itself.  Local.
+    """Return the scene of tables in the form of a scene file, checked without its mesh.  Local.
 
-    ``path`` need not exist: it names the scene, and the paths in it are relative to its folder.
+    ``path`` need not exist: it names the scene, and paths in the scene are relative to its folder.
 
     Raises
     ------
-    CaseError : as :func:`read_scene`
+    CaseError : as in :func:`read_scene`
     """
     raw = _frozen(dict(tables))
     return _checked(Path(path), raw, as_toml(raw))
@@ -58,13 +58,13 @@ def scene_of(tables: Mapping[str, Any], path: str | Path = "scene.toml") -> Scen
 def changed(
     scene: Scene, tables: Mapping[str, Mapping[str, Any]], joints: Mapping[str, Mapping[str, Any]] | None = None
 ) -> Scene:
-    """Return a scene with some keys of its tables, and of joints by name, changed, which then count as stated.  Local.
+    """Return a scene with changed keys of tables, and of joints by name; changed keys count as stated.  Local.
 
-    None takes a key out.
+    None removes a key.
 
     Raises
     ------
-    CaseError : as :func:`read_scene`
+    CaseError : as in :func:`read_scene`
     """
     raw = scene.model_dump(exclude_unset=True)
     for name, keys in tables.items():
@@ -75,20 +75,20 @@ def changed(
 
 
 def completed(scene: Scene, tables: Mapping[str, Any]) -> Scene:
-    """Return a scene with some of its tables in place of its own, and nothing more to come from its model file.  Local.
+    """Return a scene with some tables replaced, complete without further data of its model file.  Local.
 
-    It keeps the text of the scene's file.
+    The text of the scene's file is retained.
 
     Raises
     ------
-    CaseError : as :func:`read_scene`
+    CaseError : as in :func:`read_scene`
     """
     raw = {**scene.model_dump(exclude_unset=True), **_frozen(dict(tables))}
     return _checked(scene.path, raw, scene.text, True, scene.settings)
 
 
 def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = False, settings: tuple[str, ...] = ()) -> Scene:
-    """Return the scene of tables and the text that they are of."""
+    """Return the scene from tables and their text."""
     command = " ".join([str(path), *(f"--set {setting}" for setting in settings)])
     try:
         context = {"path": path.absolute(), "text": text, "is_complete": is_complete, "settings": settings}
@@ -102,7 +102,7 @@ def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = 
 
 
 def _refuse(command: str, problems: list[str]) -> None:
-    """Raise CaseError with all problems of the scene that is said, if there are any."""
+    """Raise CaseError with all problems of a scene, if there are any."""
     if len(problems) == 1:
         raise CaseError(f"{command}: {shortened(problems[0], _LONGEST)}") from None
     if problems:
@@ -130,7 +130,7 @@ def _text(path: Path) -> str:
 
 def _tables(path: Path, text: str) -> dict[str, Any]:
     if lies_deep(text):
-        raise CaseError(f"{path}: not a scene: lists or tables lie too deep in each other")
+        raise CaseError(f"{path}: not a scene: lists or tables are nested too deeply")
     try:
         return _frozen(tomllib.loads(text))
     except tomllib.TOMLDecodeError as problem:
@@ -139,16 +139,16 @@ def _tables(path: Path, text: str) -> dict[str, Any]:
     except ValueError as problem:  # a number of thousands of digits
         raise CaseError(f"{path}: not valid TOML: {problem}") from None
     except RecursionError:
-        raise CaseError(f"{path}: not a scene: lists or tables lie too deep in each other") from None
+        raise CaseError(f"{path}: not a scene: lists or tables are nested too deeply") from None
 
 
 def _no_scene(path: Path) -> str:
-    """Return what helps where the file is named like something else, probably the model."""
+    """Return a hint if the name of the file suggests another type, probably a model."""
     return "" if path.suffix.lower() in (".toml", "") else f"; for a model file, microslip new {path} writes a scene"
 
 
 def _line(problem: str, text: str) -> str:
-    """Return the line that a TOML error names, for the message."""
+    """Return the line of a TOML error, for the message."""
     match = re.search(r"line (\d+)", problem)
     lines = text.splitlines()
     number = int(match[1]) if match else 0
@@ -156,7 +156,7 @@ def _line(problem: str, text: str) -> str:
 
 
 def _frozen(value: Any) -> Any:
-    """Return TOML's values, NumPy's too, with tuples for lists: a scene does not change."""
+    """Return values of TOML or NumPy with tuples in place of lists: a scene is immutable."""
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):

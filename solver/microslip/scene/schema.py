@@ -1,6 +1,6 @@
-"""The keys of a scene file: one frozen model a table, all of them gathered in :class:`Scene`.
+"""The keys of a scene file: one frozen model per table, collected in :class:`Scene`.
 
-Every key's description says what is expected of it, with its unit; messages quote it (messages.py).
+The description of a key states its expected value with unit; messages quote it (messages.py).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ __all__ = [
     "Tie",
 ]
 
-# endings of files that may state more than a mesh
+# endings of model files that may contain more than a mesh
 WHOLE_MODELS = (".inp", ".cdb", ".rst", ".bdf", ".nas", ".fem", ".op2", ".dat", ".e", ".exo", ".ex2", ".unv")
 
 
@@ -70,19 +70,19 @@ class Scene(StructureTables):
     _settings: tuple[str, ...] = PrivateAttr(default=())
 
     def model_post_init(self, context: Any, /) -> None:
-        """Take path and text, whether the model file has been read, and what was set, from the validation's context."""
+        """Take path, text, settings, and whether the model file has been read, from the context of the validation."""
         super().model_post_init(context)
         if context:
             self._path, self._text, self._is_complete = context["path"], context["text"], context["is_complete"]
             self._settings = context["settings"]
 
     def chooses(self, key: str) -> bool:
-        """Tell whether the program chooses harmonics, samples or tolerance at each point, by the requested accuracy."""
+        """Return whether the program chooses harmonics, samples or tolerance at each point, by the requested accuracy."""
         return self.accuracy is not None and key not in self.solver.model_fields_set
 
     @property
     def accuracy(self) -> float | None:
-        """The accuracy of the response: as stated, else the default; None with stated harmonics or no error bars."""
+        """The accuracy of the response: stated or default; None with stated harmonics or without error bars."""
         solver = self.solver
         if solver.accuracy is not None or not solver.error_bars or "harmonics" in solver.model_fields_set:
             return solver.accuracy
@@ -90,7 +90,7 @@ class Scene(StructureTables):
 
     @property
     def is_complete(self) -> bool:
-        """Whether all that its model file states has been taken over."""
+        """Whether all data of the model file have been taken over."""
         return self._is_complete
 
     @property
@@ -101,24 +101,24 @@ class Scene(StructureTables):
 
     @property
     def harmonics(self) -> int:
-        """The highest harmonic: as stated, or where the program chooses, enough for the loads."""
+        """The highest harmonic: stated, or if the program chooses, sufficient for the loads."""
         return self.chosen_harmonics[-1]
 
     @property
     def chosen_harmonics(self) -> tuple[int, ...]:
-        """The harmonics that are solved for: as stated, or where the program chooses, enough for the loads."""
+        """The harmonics of the solution: stated, or if the program chooses, sufficient for the loads."""
         stated = self.solver.chosen
         loaded = max((load.harmonic for load in self.loads), default=0) if self.chooses("harmonics") else 0
         return tuple(range(loaded + 1)) if loaded > stated[-1] else stated
 
     @property
     def leaves_harmonics_out(self) -> bool:
-        """Whether a list of harmonics is stated that has not all from 0 to its highest."""
+        """Whether a stated list of harmonics omits some between 0 and its highest."""
         return len(self.chosen_harmonics) <= self.harmonics
 
     @property
     def is_static(self) -> bool:
-        """Whether harmonic 0 alone is solved for: nothing vibrates."""
+        """Whether the solution has only harmonic 0: nothing vibrates."""
         return self.harmonics == 0
 
     @property
@@ -133,15 +133,15 @@ class Scene(StructureTables):
 
     @property
     def text(self) -> str:
-        """The file's text, or where the command line set keys, that of a file with them."""
+        """The text of the file, or of an equivalent file with the keys set by the command line."""
         return self._text
 
     @property
     def settings(self) -> tuple[str, ...]:
-        """What the command line set, as KEY=VALUE."""
+        """The settings of the command line, as KEY=VALUE."""
         return self._settings
 
     @property
     def source(self) -> str:
-        """The scene file and what the command line set in it, for logs."""
+        """The scene file and the settings of the command line, for logs."""
         return " ".join([str(self._path), *(f"--set {setting}" for setting in self.settings)])

@@ -1,4 +1,4 @@
-"""The tables that say what is solved: range, method and steps."""
+"""The tables of the solution: range, method and steps."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ..tables.table import (
     rising,
 )
 
-DEFAULT_ACCURACY = 1e-2  # of a scene that states neither harmonics nor accuracy
-ACCURACY_OF_MODES = 1e-3  # where harmonics are stated, and no accuracy
-DEFAULT_INTERFACE_MODES = 40  # all there are where the joint has fewer
+DEFAULT_ACCURACY = 1e-2  # for a scene without harmonics and accuracy
+ACCURACY_OF_MODES = 1e-3  # for a scene with harmonics and without accuracy
+DEFAULT_INTERFACE_MODES = 40  # or all modes of the joint, if fewer
 
 Harmonic = Annotated[int, Field(ge=0, le=10_000)]
 Method = Literal[
@@ -29,27 +29,25 @@ Method = Literal[
 
 
 class Over(Table):
-    """[[response.over]]: a number over which the peaks of an output are followed."""
+    """[[response.over]]: a parameter over which the peaks of an output are followed."""
 
     key: str = Field(description='"level", or a number of a joint as "joints.NAME.friction"')
-    range: tuple[NotNegative, NotNegative] = Field(
-        description="two numbers of at least 0: where the curve begins and where it ends"
-    )
+    range: tuple[NotNegative, NotNegative] = Field(description="two numbers of at least 0: begin and end of the curve")
     at: Annotated[tuple[NotNegative, ...], AfterValidator(no_duplicates)] = Field(
-        (), description="a list of values within the range that are points of the curve, each once"
+        (), description="a list of values within the range, each once, that become points of the curve"
     )
     output: str | None = Field(None, description="the name of an output; the first one if left out")
     level: Positive | None = Field(
-        None, description="the level in N, where key is another number; the highest of levels if left out"
+        None, description="the level in N, if key is another parameter; the highest of levels if left out"
     )
 
     @model_validator(mode="after")
     def _within(self):
         low, high = sorted(self.range)
         if low == high:
-            raise ValueError("range holds one number twice; a curve needs two ends")
+            raise ValueError("range has the same number twice; a curve needs two ends")
         if self.key == "level" and self.level is not None:
-            raise ValueError("level is what varies; leave the key level out")
+            raise ValueError("level is the varied parameter; leave the key level out")
         if low == 0.0 and (self.key == "level" or self.key.endswith("stiffness")):
             raise ValueError("range begins or ends at 0, where nothing moves or holds; state a number above 0")
         for value in self.at:
@@ -59,7 +57,7 @@ class Over(Table):
 
     @property
     def of_joint(self) -> tuple[str, str] | None:
-        """The names of the joint and of its number; None where the level varies, or the key is another."""
+        """The names of the joint and of its parameter; None if the level or another key varies."""
         parts = self.key.split(".")
         is_of_joint = len(parts) >= 3 and parts[0] == "joints"
         return (".".join(parts[1:-1]), parts[-1]) if is_of_joint else None
@@ -78,13 +76,13 @@ class Response(Table):
     span: Annotated[tuple[Positive, Positive], AfterValidator(rising)] | None = Field(
         None, description="two factors of the mode's frequency, above 0, the lower one first"
     )
-    points: int = Field(100, ge=2, le=10_000_000, description="the number of points a level, a whole number of at least 2")
+    points: int = Field(100, ge=2, le=10_000_000, description="the number of points per level, a whole number of at least 2")
     at: Annotated[tuple[Frequency, ...], AfterValidator(no_duplicates)] = Field(
         (), description="a list of frequencies in Hz, above 0, each once"
     )
     direction: Literal["up", "down"] = Field("up", description='the direction of the sweep, "up" or "down"')
-    peaks: bool = Field(False, description="true or false: solve for every maximum of every output as a point of its own")
-    stability: bool = Field(False, description="true or false: say of every point whether it is stable, by Floquet multipliers")
+    peaks: bool = Field(False, description="true or false: solve for every maximum of every output as a separate point")
+    stability: bool = Field(False, description="true or false: compute the stability of every point by Floquet multipliers")
     over: tuple[Over, ...] = Field((), description="tables headed [[response.over]], with key and range")
     fields: bool = Field(True, description="true or false: write modes and the motion at the peaks on the mesh")
 
@@ -95,7 +93,7 @@ class Response(Table):
         if self.frequencies is None:
             return self
         if self.span is not None:
-            raise ValueError("span belongs to mode; with frequencies it means nothing")
+            raise ValueError("span belongs to mode; it has no meaning with frequencies")
         low, high = self.frequencies
         for frequency in self.at:
             if not low <= frequency <= high:
@@ -108,18 +106,19 @@ class Solver(Table):
 
     method: Method = Field("receptance", description="a method's name")
     accuracy: float | None = Field(
-        None, gt=0, lt=1, description="the error of the response that is accepted, over its peak, a number above 0 and below 1"
+        None, gt=0, lt=1, description="the accepted error of the response relative to its peak, a number above 0 and below 1"
     )
     accuracy_of: Literal["amplitude", "corrected"] = Field(
-        "amplitude", description='"amplitude": accuracy counts for what is solved for; "corrected": for the corrected amplitude'
+        "amplitude", description='"amplitude": accuracy applies to the solution; "corrected": to the corrected amplitude'
     )
     modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
     harmonics: Harmonic | Annotated[tuple[Harmonic, ...], AfterValidator(each_above_the_one_before)] = Field(
-        3, description="the highest harmonic, a whole number of at least 0, or a list of harmonics that rise, 1 among them"
+        3, description="the highest harmonic, a whole number of at least 0, or an ascending list of harmonics that includes 1"
     )
     samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")
     between_samples: Literal["path", "return-map"] = Field(
-        "path", description='"path": the contact law follows the motion between samples; "return-map": it knows samples alone'
+        "path",
+        description='"path": the contact law follows the motion between samples; "return-map": it is evaluated at samples only',
     )
     energy_tolerance: NotNegative = Field(1e-10, description="the energy in J per cycle and pair, a number of at least 0")
     tolerance: float = Field(1e-8, gt=0, lt=1, description="the relative tolerance of a point, a number above 0 and below 1")
@@ -127,9 +126,9 @@ class Solver(Table):
     interface_modes: int = Field(
         DEFAULT_INTERFACE_MODES, ge=1, le=LARGEST_NUMBER, description="the shapes of the joint, a whole number of at least 1"
     )
-    in_point_check: bool = Field(False, description="true or false: check all pairs inside the point")
+    in_point_check: bool = Field(False, description="true or false: check all pairs within the solution of a point")
     error_bars: bool = Field(True, description="true or false: estimate the error of every point")
-    verify_modes: bool = Field(True, description="true or false: prove by a count that no mode is missed")
+    verify_modes: bool = Field(True, description="true or false: prove by the inertia that no mode is missed")
 
     @model_validator(mode="after")
     def _sampled(self):
@@ -140,17 +139,17 @@ class Solver(Table):
                 f"at least {2 * H + 1} are needed, {max(128, 16 * H)} are advised"
             )
         if isinstance(self.harmonics, tuple) and 1 not in self.harmonics:
-            raise ValueError(f"harmonics = {list(self.harmonics)} has no harmonic 1, by which responses are measured")
+            raise ValueError(f"harmonics = {list(self.harmonics)} has no harmonic 1, which defines the amplitude of responses")
         return self
 
     @property
     def chosen(self) -> tuple[int, ...]:
-        """The harmonics that are stated: those of a list, or 0 to the highest."""
+        """The stated harmonics: a list, or 0 to the highest."""
         return self.harmonics if isinstance(self.harmonics, tuple) else tuple(range(self.harmonics + 1))
 
 
 class Continuation(Table):
-    """[continuation]: lengths of the steps along the curve; each that is left out follows from [response] points."""
+    """[continuation]: step lengths along the curve; omitted ones follow from [response] points."""
 
     ds: Positive | None = Field(None, le=1, description="the first step as a fraction of the curve, above 0 and at most 1")
     ds_min: Positive | None = Field(None, le=1, description="the shortest step as a fraction of the curve, above 0 and at most 1")

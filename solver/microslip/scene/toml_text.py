@@ -8,7 +8,7 @@ from typing import Any
 
 
 def as_toml(tables: Mapping[str, Any]) -> str:
-    """Return the text that reads as these tables.  Local."""
+    """Return the TOML text of tables.  Local."""
     return "\n".join(_lines("", tables)) + "\n"
 
 
@@ -29,12 +29,12 @@ def _is_list_of_tables(value: Any) -> bool:
 
 
 def key_text(name: str) -> str:
-    """Return a key as TOML writes it.  Local."""
+    """Return a key in TOML syntax.  Local."""
     return name if name.isascii() and name.replace("_", "").replace("-", "").isalnum() else json.dumps(name)
 
 
 def value_text(value: Any) -> str:
-    """Return a value as TOML writes it.  Local."""
+    """Return a value in TOML syntax.  Local."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(value_text, value))}]"
     return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
