@@ -62,7 +62,7 @@ def test_the_doctor_finds_this_machine_well():
     done = microslip("doctor")
     assert done.returncode == 0
     assert all(part.name in done.stdout for part in doctor.PARTS)
-    assert done.stdout.endswith("everything is there\n")
+    assert done.stdout.endswith("nothing is missing\n")
 
 
 def test_the_doctor_says_how_mumps_is_called(monkeypatch):
@@ -88,7 +88,7 @@ def test_the_doctor_names_what_is_missing_and_what_brings_it(monkeypatch):
 def test_a_package_of_which_only_a_part_is_there_is_refused(monkeypatch):
     modules = __import__("sys").modules
     monkeypatch.setitem(modules, "h5py", type(modules[__name__])("h5py"))
-    assert "h5py: only a part of it is there: sudo apt-get install python3-h5py-mpi python3-h5py" in doctor.faults("h5py")
+    assert "h5py: only a part of it is installed: sudo apt-get install python3-h5py-mpi python3-h5py" in doctor.faults("h5py")
 
 
 def test_the_doctor_names_what_was_built_for_another_numpy(monkeypatch):
@@ -100,7 +100,7 @@ def test_the_doctor_names_what_was_built_for_another_numpy(monkeypatch):
     monkeypatch.setattr(doctor, "PARTS", (doctor.Part("petsc4py", refuse, "sudo apt-get install python3-petsc4py"),))
     lines, is_well = doctor.examine()
     assert not is_well
-    assert "petsc4py: it does not fit to what is here (numpy.dtype size changed" in doctor.faults("petsc4py")
+    assert "petsc4py: it does not match the installed packages (numpy.dtype size changed" in doctor.faults("petsc4py")
 
 
 def test_the_doctor_notes_formats_that_are_not_read(monkeypatch):

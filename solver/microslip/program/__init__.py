@@ -1,1 +1,1 @@
-"""The command line and what it checks before anything is solved."""
+"""The command line and its checks before a computation."""

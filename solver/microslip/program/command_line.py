@@ -19,48 +19,48 @@ _DESCRIPTION = "Steady-state vibration of jointed structures with friction conta
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
 PETSc options follow --, each with the prefix of its solver: {", ".join("-" + prefix for prefix in PREFIXES)}
-Exit status: 0 done; 1 diff found a difference; 2 the scene, the mesh or an option is at fault; 3 the computation could not
-be finished, what converged is kept; 4 memory or disk; 5 stopped by a signal or before the time limit: what was found until
-then is kept, and the same command continues from there; 70 a defect of the program.
-SIGUSR1 saves and goes on; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 shows where each rank is."""
+Exit status: 0 done; 1 diff found a difference; 2 error in the scene, the mesh or an option; 3 the computation did not
+finish, converged points are saved; 4 memory or disk; 5 stopped by a signal or before the time limit, all points are saved
+and the same command continues from there; 70 a defect of the program.
+SIGUSR1 saves and continues; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 prints the stack of each rank."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """What the command line asks for."""
+    """A command and its options."""
 
     name: str  # run, modes, backbone, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor
     file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
-    petsc: tuple[str, ...] = ()  # what followed ``--``, checked
-    count: int | None = None  # of modes; None: as the scene states
-    mode: int | None = None  # of a backbone; None: the first
-    farthest: float | None = None  # amplitude over that of first slip
+    petsc: tuple[str, ...] = ()  # checked options after ``--``
+    count: int | None = None  # number of modes; None: as in the scene
+    mode: int | None = None  # mode of a backbone; None: the first
+    farthest: float | None = None  # last amplitude over the amplitude at first slip
     speeds: tuple[float, ...] = ()  # rad/s
-    diameters: tuple[int, ...] = ()  # of a disc; empty: all
+    diameters: tuple[int, ...] = ()  # nodal diameters; empty: all
     orders: tuple[int, ...] = ()  # engine orders; empty: the default of the command
-    methods: tuple[str, ...] = ()  # to compare; empty: all of them
+    methods: tuple[str, ...] = ()  # methods to compare; empty: all
     more: tuple[str, ...] = ()  # further scenes to run
-    settings: tuple[str, ...] = ()  # KEY=VALUE, in place of what the scene says
-    groups: int | None = None  # of ranks, at work side by side; None: as many as pay
-    walltime: float | None = None  # s that a run may take; None: what a scheduler says
-    at: tuple[float, ...] = ()  # Hz, to verify; empty: around each peak
-    harmonics: int | None = None  # to verify; None: those of the scene
+    settings: tuple[str, ...] = ()  # KEY=VALUE, overrides keys of the scene
+    groups: int | None = None  # number of groups of ranks; None: the fastest number
+    walltime: float | None = None  # s, time limit of a run; None: from the scheduler
+    at: tuple[float, ...] = ()  # Hz, frequencies to verify; empty: around each peak
+    harmonics: int | None = None  # harmonics to verify; None: as in the scene
     samples: int | None = None
-    steps: int | None = None  # of time a period; None: the default of the command
+    steps: int | None = None  # time steps per period; None: the default of the command
     from_rest: bool = False
-    knobs: tuple[str, ...] = ()  # to turn; empty: all of them
+    knobs: tuple[str, ...] = ()  # settings to vary; empty: all
     levels: tuple[float, ...] = ()  # N; empty: the command chooses among the scene's
     meshes: tuple[str, ...] = ()  # files of further meshes
-    seconds: float | None = None  # to be spent; None: the default of the command
-    method: str | None = None  # to export; None: that of the scene
+    seconds: float | None = None  # time budget; None: the default of the command
+    method: str | None = None  # method to export; None: as in the scene
     recovery: bool = False
-    to: tuple[str, ...] = ()  # formats to convert to; empty: all of them
-    force: bool = False  # to overwrite a scene
-    fresh: bool = False  # to compute anew what an earlier run has left
-    other: str = ""  # the results to compare with
-    tolerance: float | None = None  # of their curves; None: the default of the command
-    bars: bool = False  # inside the error bars is no difference
+    to: tuple[str, ...] = ()  # formats to convert to; empty: all
+    force: bool = False  # overwrite an existing scene
+    fresh: bool = False  # recompute, without results of an earlier run
+    other: str = ""  # second result file
+    tolerance: float | None = None  # accepted difference of curves; None: the default of the command
+    bars: bool = False  # ignore differences inside the error bars
     as_json: bool = False
 
 
@@ -93,7 +93,7 @@ def parse(arguments: list[str]) -> Command:
     given, unknown = parser.parse_known_args(words)
     more = tuple(getattr(given, "more", ()))
     if given.command == "run" and not any(argument.startswith("-") for argument in unknown):
-        more, unknown = (*more, *unknown), []  # scenes on both sides of an option
+        more, unknown = (*more, *unknown), []  # scenes before and after an option
     if unknown:
         raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
     if petsc and given.command not in _SOLVE:
@@ -120,7 +120,7 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         if file is not None:
             command.add_argument("file", metavar=file)
         if out is not None:
-            command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
+            command.add_argument("--out", metavar="DIR", type=Path, help=f"output folder (default: {out})")
         for of, flag, how in _OPTIONS:
             if name in of:
                 command.add_argument(flag, **how)
@@ -151,12 +151,12 @@ def _speeds(text: str) -> tuple[float, ...]:
 
 
 def _orders(text: str) -> tuple[int, ...]:
-    """Return whole numbers of at least 1, rising."""
+    """Return whole numbers of at least 1, ascending."""
     return tuple(sorted({_count(word.strip()) for word in text.split(",")}))
 
 
 def _diameters(text: str) -> tuple[int, ...]:
-    """Return whole numbers of at least 0, rising."""
+    """Return whole numbers of at least 0, ascending."""
     words = _words(text)
     if not words or not all(word.isdecimal() for word in words):
         raise argparse.ArgumentTypeError(f"{text!r} are not whole numbers of at least 0, separated by commas")
@@ -178,7 +178,7 @@ def _count(text: str) -> int:
 
 
 def _words(text: str) -> tuple[str, ...]:
-    """Return what stands between commas."""
+    """Return the words between commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
@@ -210,7 +210,7 @@ def _time(text: str) -> float:
 
 
 def _unknown(argument: str, command: _Parser) -> str:
-    """Say what is wrong with an argument that a command does not take."""
+    """Return the message for an argument that a command does not take."""
     name = argument.split("=")[0]
     if name.startswith("-"):
         known = [option for action in command._actions for option in action.option_strings]
@@ -219,7 +219,7 @@ def _unknown(argument: str, command: _Parser) -> str:
 
 
 def petsc_options(arguments: list[str]) -> tuple[str, ...]:
-    """Return the options for PETSc as given, if each has a prefix of this program.  Local.
+    """Return the options for PETSc unchanged, if each has a prefix of this program.  Local.
 
     Raises
     ------
@@ -243,7 +243,7 @@ def _is_name(argument: str) -> bool:
 
 
 def _with_prefix(name: str) -> str:
-    """Return what was probably meant by an option without one of the prefixes."""
+    """Return a hint for an option without one of the prefixes."""
     first, _, rest = name.partition("_")
     if name == "out":
         return "; --out stands before --"
@@ -254,25 +254,21 @@ def _with_prefix(name: str) -> str:
 
 
 _FOLDER = "the folder of the result file"
-_COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, what it reads, the default of --out
+_COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, input file, default of --out
     "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
     "modes": ("natural frequencies and shapes with all joints stuck: table and pictures", "SCENE.toml", "results/NAME_modes"),
-    "backbone": ("frequency and damping of a mode against its amplitude, without a load", "SCENE.toml", "results/NAME_backbone"),
+    "backbone": ("frequency and damping of a mode against its amplitude, without loads", "SCENE.toml", "results/NAME_backbone"),
     "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
     "verify": ("time integration at points of the curves, compared with harmonic balance", "SCENE.toml", "results/NAME_verify"),
-    "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
+    "trade": ("speed and accuracy of a scene: effect of each setting on time and error", "SCENE.toml", "results/NAME_trade"),
     "export": ("the reduced model as .npz and .mat, with scripts for other programs", "SCENE.toml", "results/NAME_export"),
-    "check": ("validate a scene, or list what a model file holds; solves nothing", "SCENE.toml", None),
+    "check": ("validate a scene, or list the content of a model file; nothing is solved", "SCENE.toml", None),
     "new": ("a first scene for a model file, with candidates for joints", "MODEL", None),
-    "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", _FOLDER),
-    "report": ("everything of a run on one page that a browser opens, to be mailed", "RESULTS.h5", _FOLDER),
+    "plot": ("draw all pictures again from the result file", "RESULTS.h5", _FOLDER),
+    "report": ("all results of a run in one HTML file", "RESULTS.h5", _FOLDER),
     "convert": ("results for other programs: ParaView, universal files, MATLAB", "RESULTS.h5", _FOLDER),
-    "diff": (
-        "compare two results: inputs, structure, every curve; with a verdict",
-        "A.h5",
-        "neither diff.png nor diff.json is written",
-    ),
-    "doctor": ("print versions, and what is missing with the command that brings it", None, None),
+    "diff": ("compare two results: inputs, structure and every curve, with a verdict", "A.h5", "no diff.png and diff.json"),
+    "doctor": ("print versions, and missing packages with the commands to install them", None, None),
 }
 
 
@@ -289,7 +285,7 @@ _OPTIONS = (
         _SCENE,
         "--set",
         "KEY=VALUE",
-        "a key of the scene with another value, as joints.dovetail.friction=0.2; may be given several times",
+        "override a key of the scene, for example joints.dovetail.friction=0.2; may be given several times",
         dest="settings",
         action="append",
         default=[],
@@ -299,30 +295,27 @@ _OPTIONS = (
         "run",
         "--groups",
         "G",
-        "split the ranks into G groups, each with levels of its own (default: as many as pay); "
-        "of several scenes, each with scenes of its own (default: 1)",
+        "split the ranks into G groups that solve levels in parallel (default: the fastest number); "
+        "with several scenes each group solves scenes (default: 1)",
         type=_count,
     ),
     _option(
-        "run",
-        "--fresh",
-        None,
-        "compute everything again, in place of going on from an earlier run; its results move to a folder earlier-N",
+        "run", "--fresh", None, "recompute everything instead of continuing an earlier run; earlier results move to earlier-N/"
     ),
     _option(
         "run",
         "--walltime",
         "T",
-        "stop in time to save, with status 5, as 3600, 90m, 1h30m, HH:MM:SS, D-HH:MM:SS "
-        "(default: what Slurm or PBS has left for the job)",
+        "time limit: the run saves and stops before it, with status 5; 3600, 90m, 1h30m, HH:MM:SS, D-HH:MM:SS "
+        "(default: the remaining time of the Slurm or PBS job)",
         type=_time,
     ),
-    _option("modes", "--count", "N", "how many, in place of [solver] modes (default: the scene's, or 12)", type=_count),
+    _option("modes", "--count", "N", "number of modes (default: [solver] modes, or 12)", type=_count),
     _option(
         "modes",
         "--speeds",
         "A,B,...",
-        "speeds of rotation in rad/s, at least two: the Campbell diagram, with [statics] at each of them",
+        "speeds of rotation in rad/s, at least two, for a Campbell diagram with [statics] at each speed",
         type=_speeds,
         default=(),
     ),
@@ -330,7 +323,7 @@ _OPTIONS = (
         "modes",
         "--diameters",
         "A,B,...",
-        "nodal diameters of a disc (default: all, 0 to half of the sectors)",
+        "nodal diameters of a disc (default: all, from 0 to half of the sectors)",
         type=_diameters,
         default=(),
     ),
@@ -338,81 +331,79 @@ _OPTIONS = (
         "modes",
         "--orders",
         "A,B,...",
-        "engine orders (default: 1 to 6, of a disc 1 to the number of sectors)",
+        "engine orders (default: 1 to 6; for a disc 1 to the number of sectors)",
         type=_orders,
         default=(),
     ),
-    _option("backbone", "--mode", "N", "its number among the modes with all joints stuck (default: 1)", type=_count),
+    _option("backbone", "--mode", "N", "number of the mode, with all joints stuck (default: 1)", type=_count),
     _option(
         "backbone",
         "--farthest",
         "X",
-        "the last amplitude over that of first slip (default: to gross slip, where the damping has passed its largest value)",
+        "last amplitude over the amplitude at first slip (default: gross slip, where the damping is past its maximum)",
         type=_above_one,
     ),
     _option(
         "backbone",
         "--levels",
         "A,B,...",
-        "forced responses at levels in N, by the mode alone beside the computed curves (default: none)",
+        "levels in N of forced responses, synthesised from the mode and computed (default: none)",
         **_NUMBERS,
     ),
-    _option("compare", "--methods", "A,B,...", "their names, with commas (default: all)", **_LIST),
+    _option("compare", "--methods", "A,B,...", "names of methods, separated by commas (default: all)", **_LIST),
     _option(
         "trade",
         "--knobs",
         "A,B,...",
-        "what to turn, with commas: harmonics, samples, modes, tolerance, eps, method, mesh (default: all)",
+        "settings to vary: harmonics, samples, modes, tolerance, eps, method, mesh, separated by commas (default: all)",
         **_LIST,
     ),
     _option(
         "trade",
         "--levels",
         "A,B,...",
-        "forces in N, with commas (default: of the scene's the first with slip and the strongest)",
+        "levels in N, separated by commas (default: the first level of the scene with slip, and the highest)",
         **_NUMBERS,
     ),
     _option(
         "trade",
         "--meshes",
         "A,B,...",
-        "further meshes of the same scene, with the same groups, to measure what the mesh costs and buys",
+        "further meshes of the same scene, with the same groups, to measure the effect of the mesh",
         **_LIST,
     ),
     _option(
-        "trade",
-        "--seconds",
-        "S",
-        "approximate time to spend; more time gives a better reference (default: 105)",
-        type=_above_zero,
+        "trade", "--seconds", "S", "approximate time budget; more time gives a better reference (default: 105)", type=_above_zero
     ),
     _option(
         "verify",
         "--at",
         "F1,F2,...",
-        "frequencies in Hz (default: the peak of each level and two points on each side of it)",
+        "frequencies in Hz (default: the peak of each level and two points on each side)",
         **_NUMBERS,
     ),
     _option("verify", "--levels", "A,B,...", "levels in N (default: the scene's)", **_NUMBERS),
-    _option("verify", "--harmonics", "H", "of harmonic balance (default: the scene's)", type=_count),
-    _option("verify", "--samples", "N", "of harmonic balance (default: the scene's)", type=_count),
-    _option("verify", "--steps", "N", "time steps a period (default: 256)", type=_steps),
-    _option("verify", "--from-rest", None, "march from rest, without acceleration: many periods"),
-    _option("export", "--method", "NAME", "the reduction method (default: the scene's, where it has matrices)"),
-    _option("export", "--recovery", None, "write what makes full fields of the coordinates, too"),
-    _option("convert", "--to", "A,B,...", "vtkhdf, unv, mat, with commas (default: all), or scene", **_LIST),
-    _option("convert", "--steps", "N", "steps of a period in files for ParaView (default: 32)", type=_steps),
+    _option("verify", "--harmonics", "H", "harmonics of harmonic balance (default: the scene's)", type=_count),
+    _option("verify", "--samples", "N", "time samples of harmonic balance (default: the scene's)", type=_count),
+    _option("verify", "--steps", "N", "time steps per period (default: 256)", type=_steps),
+    _option("verify", "--from-rest", None, "integrate from rest, without acceleration: many periods"),
+    _option("export", "--method", "NAME", "reduction method (default: the scene's, if it has finite matrices)"),
+    _option("export", "--recovery", None, "also write the map from the coordinates to full fields"),
+    _option("convert", "--to", "A,B,...", "vtkhdf, unv, mat, separated by commas (default: all), or scene", **_LIST),
+    _option("convert", "--steps", "N", "time steps per period in files for ParaView (default: 32)", type=_steps),
     _option("check", "--out", "DIR", "draw the mesh with its sets: DIR/mesh.png (default: no picture)", type=Path),
-    _option("new", "--out", "SCENE.toml", "the scene to write (default: the model's name, with .toml, where you are)", type=Path),
-    _option("new", "--force", None, "write it even where there is a file of this name"),
+    _option(
+        "new", "--out", "SCENE.toml", "scene to write (default: name of the model with .toml, in the current folder)", type=Path
+    ),
+    _option("new", "--force", None, "overwrite an existing file"),
     _option("diff", "other", "B.h5", ""),
     _option(
         "diff",
         "--tolerance",
         "T",
-        "largest difference of curves that are the same, over their peak (default: 1e-6, and what their points resolve)",
+        "accepted difference of curves relative to the peak (default: 1e-6, plus the resolution of their points)",
         type=_above_zero,
     ),
-    _option("diff", "--bars", None, "curves that differ by less than their error bars are the same"),
-    _option("diff", "--json", None, "print it all as JSON", dest="as_json"),
+    _option("diff", "--bars", None, "ignore differences inside the error bars"),
+    _option("diff", "--json", None, "print the comparison as JSON", dest="as_json"),
 )

@@ -1,6 +1,6 @@
-"""What the program needs from its machine: what is there, in which version, and the command that brings the rest.
+"""Requirements of the program on its machine: installed versions, and the commands that install missing parts.
 
-Imports nothing that may be missing before it is asked for.
+Optional modules are imported only when they are examined.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..version import __version__
 
 
 class Unusable(Exception):
-    """Something is there, but not as the program needs it; what to do, where that is not what brings the part."""
+    """A part is installed, but not usable; ``remedy`` if installing it again does not help."""
 
     def __init__(self, fault: str, remedy: str = ""):
         super().__init__(fault)
@@ -32,33 +32,33 @@ class Unusable(Exception):
 
 @dataclass(frozen=True)
 class Part:
-    """Something the program needs: ``version`` raises ImportError if it is missing, Unusable if it is of no use."""
+    """A requirement of the program: ``version`` raises ImportError if it is missing, Unusable if it is unusable."""
 
     name: str
     version: Callable[[], str]
     remedy: str
-    is_plain: bool = False  # Python alone, and seldom all of it needed: that it is there is enough for a run
+    is_plain: bool = False  # pure Python, seldom needed completely: a run only checks that it exists
 
 
 def examine() -> tuple[list[str], bool]:
-    """Return the lines of ``microslip doctor``, and whether everything is there.  Local; starts MPI and PETSc."""
+    """Return the lines of ``microslip doctor``, and whether nothing is missing.  Local; starts MPI and PETSc."""
     lines = [f"microslip {__version__} on Python {platform.python_version()} ({sys.executable}), {platform.platform()}"]
     is_well = True
     for part in PARTS:
         fault = _fault(part)
         lines.append(f"  {part.name:<12} {part.version()}" if fault is None else f"  {part.name:<12} {fault}")
         is_well = is_well and fault is None
-        if not is_well and part.name == "numpy":  # everything else is built on it
+        if not is_well and part.name == "numpy":  # all other parts depend on it
             break
     lines += [f"note: {note}" for note in _notes(is_well)]
-    lines.append("everything is there" if is_well else "something is missing: the lines above name the command that brings it")
+    lines.append("nothing is missing" if is_well else "a part is missing: the lines above name the command that installs it")
     return lines, is_well
 
 
 def faults(*names: str) -> str | None:
-    """Return what is missing of the parts named, of all parts if none is named, or None.  Local.
+    """Return the missing ones among the named parts (by default all parts) as text, or None.  Local.
 
-    NumPy comes first: on another one than they are built for, the other parts fail with pages of text.
+    NumPy comes first: with a NumPy other than the one they were built for, the other parts fail with long messages.
     """
     first = PARTS[0]
     wanted = [part for part in PARTS if part.name in names or not names and not (part.is_plain and _is_there(part))]
@@ -74,7 +74,7 @@ def _is_there(part: Part) -> bool:
 
 
 def _fault(part: Part) -> str | None:
-    """Return what is wrong with a part and what brings it, or None."""
+    """Return the fault of a part and its remedy, or None."""
     try:
         part.version()
     except Unusable as problem:
@@ -83,7 +83,7 @@ def _fault(part: Part) -> str | None:
         missing = isinstance(problem, ModuleNotFoundError) and problem.name == part.name
         return f"missing{'' if missing else f' ({problem})'}: {part.remedy}"
     except (ValueError, AttributeError, SystemError) as problem:  # built for another NumPy or another Python
-        return f"it does not fit to what is here ({problem}): {part.remedy}"
+        return f"it does not match the installed packages ({problem}): {part.remedy}"
     return None
 
 
@@ -92,13 +92,13 @@ def _module(name: str) -> Callable[[], str]:
 
 
 def _numpy() -> str:
-    """Return NumPy's version; where it comes from the user's own folders, PETSc must have been built for such a one."""
+    """Return NumPy's version; a NumPy from the user's folders must be one that PETSc was built for."""
     module = importlib.import_module("numpy")
     if module.__file__ is not None and (remedy := _way_around(module.__file__)):
         try:
             locate()
             importlib.import_module("petsc4py.lib").ImportPETSc()
-        except ModuleNotFoundError:  # said of PETSc
+        except ModuleNotFoundError:  # reported as missing PETSc
             pass
         except (ImportError, ValueError, AttributeError, SystemError) as problem:
             folder = os.path.dirname(module.__file__)
@@ -108,7 +108,7 @@ def _numpy() -> str:
 
 
 def _way_around(file: str) -> str:
-    """Return how to start without a file of the user's own packages or of PYTHONPATH; "" of any other file."""
+    """Return the way to start without a file of the user's packages or of PYTHONPATH; "" for other files."""
     if site.ENABLE_USER_SITE and file.startswith(site.getusersitepackages() + os.sep):
         return "start with PYTHONNOUSERSITE=1 in the environment, or pip uninstall numpy"
     of_variable = [os.path.abspath(folder) + os.sep for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep) if folder]
@@ -179,8 +179,8 @@ def _without_bridge() -> str:
 
 def _h5py() -> str:
     module = importlib.import_module("h5py")
-    if not hasattr(module, "File"):  # Debian 13's parallel part without the package that chooses it
-        raise Unusable("only a part of it is there")
+    if not hasattr(module, "File"):  # Debian 13's parallel module without the package that selects it
+        raise Unusable("only a part of it is installed")
     return f"{module.__version__}, HDF5 {module.version.hdf5_version}"
 
 
@@ -197,11 +197,11 @@ def _kernel() -> str:
 
 
 def _notes(is_well: bool) -> list[str]:
-    """Return what slows the program down without stopping it, and why packages may be there but not found."""
+    """Return notes on slow libraries, and on installed packages that this Python does not find."""
     lines = []
     if not is_well and os.path.exists("/etc/debian_version") and sys.base_prefix != "/usr":
         lines.append(
-            "Debian's packages serve /usr/bin/python3, and this is another Python; start from its environment: "
+            "Debian's packages belong to /usr/bin/python3, and this is another Python; start from its environment: "
             "/usr/bin/python3 -m venv --system-site-packages .venv"
         )
     loaded = loaded_libraries()
@@ -217,7 +217,7 @@ def _notes(is_well: bool) -> list[str]:
             lines.append(f"without {package} {files} are not read: {_pip(package)}")
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "1")
     if threads != "1":
-        lines.append(f"OPENBLAS_NUM_THREADS = {threads}: each rank uses so many threads")
+        lines.append(f"OPENBLAS_NUM_THREADS = {threads}: number of threads of each rank")
     return lines
 
 
