@@ -1,1 +1,1 @@
-"""What holds for all ranks of a run: one end, one run a folder, memory refused before it is taken."""
+"""Guards of a run on all ranks: common end, one run per folder, memory checks before allocation."""

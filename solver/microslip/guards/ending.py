@@ -1,7 +1,7 @@
-"""The end of the program: every rank with the same exit status, every problem said once, no rank left waiting.
+"""The end of the program: the same exit status on every rank, every problem reported once, no rank left waiting.
 
-Problems that all ranks agreed on reach :func:`conclude` on all of them.  What one rank met alone, while the others wait
-for it in some collective call, ends the job by MPI's Abort: nothing else would.
+Collective problems reach :func:`conclude` on all ranks.  A problem of a single rank, for which the others wait in a collective
+call, ends the job by MPI's Abort, the only way to end them.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from .overdue import ABORTS, is_aborted
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-GRACE = 5.0  # s that the ranks may arrive apart with a problem they agreed on, and that rank 0 has to save after a signal
-GRACE_OF_SIGNAL = 2.0  # s that rank 0 waits then: longer than mpirun does before it kills the ranks that follow an Abort
+GRACE = 5.0  # s between the arrivals of ranks with a collective problem, and for rank 0 to save after a signal
+GRACE_OF_SIGNAL = 2.0  # s that rank 0 waits after a signal: longer than mpirun does before it kills ranks after an Abort
 DEFECT = 70
-_SAID = 2  # of a rank whose problem has been said; 1: it has one
-_INTERRUPTED: list[Interrupted] = []  # kept with their traces, and so with the solvers in them
-_NEWS = 0.2  # s that such a message may take; the launcher kills a second after its signal
+_SAID = 2  # state of a rank with a reported problem; 1: with an unreported problem
+_INTERRUPTED: list[Interrupted] = []  # referenced with their traces, so that the solvers in them are not freed
+_NEWS = 0.2  # s that a message of an Abort may take; the launcher kills one second after its signal
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 _PETSC_OUT_OF_MEMORY = 55
 
 
 def conclude(comm: MPI.Comm | None, action: Callable[[], int | None]) -> int:
-    """Do ``action`` and return the exit status, the largest of all ranks.
+    """Run ``action`` and return the largest exit status of all ranks.
 
-    Collective on ``comm``, which may be None where MPI is missing.  Does not return from a defect, nor from a problem that
-    other ranks do not know of, if there are several ranks.
+    Collective on ``comm``, which may be None without MPI.  On several ranks it does not return after a defect or a problem of a
+    single rank.
     """
     status, problem = _last_outcome(comm, action)
     if comm is None or comm.size == 1:
-        if launcher_rank() > 0:  # without MPI: the launcher ends rank 0, too, as soon as one rank ends
+        if launcher_rank() > 0:  # without MPI: the launcher also ends rank 0 as soon as one rank ends
             time.sleep(1.0)
         elif problem is not None:
             _say_problem(str(problem), problem)
@@ -58,7 +58,7 @@ def conclude(comm: MPI.Comm | None, action: Callable[[], int | None]) -> int:
 
 
 def _last_outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[int, MicroslipError | None]:
-    """Do the last action of the process, as :func:`_outcome`: then no signal changes its end."""
+    """Run the last action of the process as :func:`_outcome` does; afterwards no signal changes its end."""
 
     def to_its_end() -> int | None:
         status = action()
@@ -69,15 +69,15 @@ def _last_outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tu
         outcome = _outcome(comm, to_its_end)
         conclude_signals()
         return outcome
-    except Interrupted as problem:  # while another problem was dealt with
+    except Interrupted as problem:  # while another problem was handled
         conclude_signals()
         return problem.exit_status, problem
 
 
 def conclude_part(comm: MPI.Comm, name: str, action: Callable[[], None]) -> int:
-    """Do ``action``, one of several that a job is made of, say a problem under its ``name`` and return its exit status.
+    """Run ``action``, one of several of a job, report a problem with its ``name`` and return its exit status.
 
-    Collective on ``comm``, all ranks or a part of them.  Ends the job where :func:`conclude` does.
+    Collective on ``comm``, all or some of the ranks.  Ends the job in the same cases as :func:`conclude`.
     """
     status, problem = _outcome(comm, action)
     if isinstance(problem, Interrupted):
@@ -86,7 +86,7 @@ def conclude_part(comm: MPI.Comm, name: str, action: Callable[[], None]) -> int:
 
 
 def _outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[int, MicroslipError | None]:
-    """Return the exit status of an action on this rank, and the problem that is still to be said."""
+    """Return the exit status of an action on this rank, and the problem that is not yet reported."""
     try:
         return action() or 0, None
     except SystemExit as stop:  # argparse, after --help
@@ -100,7 +100,7 @@ def _outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[i
 
 @contextmanager
 def no_exit() -> Iterator[None]:
-    """Make a ``sys.exit`` in the block a defect: what calls it there would end one rank, or a run without its results.  Local."""
+    """Make ``sys.exit`` in the block a defect: it would end a single rank, or a run without its results.  Local."""
     try:
         yield
     except SystemExit as stop:
@@ -108,7 +108,7 @@ def no_exit() -> Iterator[None]:
 
 
 def expected(problem: BaseException) -> MicroslipError | None:
-    """Return a problem as one that the user, the machine or a signal made, or None if it is a defect.  Local."""
+    """Return a problem as an error of the user, the machine or a signal; None for a defect.  Local."""
     if isinstance(problem, MicroslipError):
         return problem
     if isinstance(problem, MemoryError) or getattr(problem, "ierr", None) == _PETSC_OUT_OF_MEMORY:
@@ -120,7 +120,7 @@ def expected(problem: BaseException) -> MicroslipError | None:
     if isinstance(problem, KeyboardInterrupt):
         return Interrupted("interrupted from the keyboard")
     if isinstance(problem, BrokenPipeError):
-        drop_output(sys.stdout.fileno())  # with what is left to flush
+        drop_output(sys.stdout.fileno())  # including unflushed output
         return Interrupted("the reader of the output went away")
     if isinstance(problem, OSError) and problem.errno in _DISK:
         where = f"{problem.filename}: " if problem.filename else ""
@@ -139,7 +139,7 @@ def require(comm: MPI.Comm | None, problem: str | None) -> None:
 def leave(status: int) -> NoReturn:
     """End the process.  Collective on all ranks.
 
-    After a signal at once: a solver that it interrupted can neither go on nor be freed.
+    After a signal it ends immediately: an interrupted solver can neither continue nor be freed.
     """
     ignore_signals()
     status = max(status, _flush())
@@ -154,9 +154,9 @@ def leave(status: int) -> NoReturn:
 
 
 def _flush() -> int:
-    """Write what standard output and error still hold; return the status of the problem where that fails, else 0.  Local.
+    """Flush standard output and error; return the status of a problem, otherwise 0.  Local.
 
-    What cannot be written is dropped: the interpreter would try again at its end, and exit with a status of its own.
+    Output that cannot be written is dropped: the interpreter would try again at its end and change the exit status.
     """
     status = 0
     for stream in (sys.stdout, sys.stderr):
@@ -172,23 +172,23 @@ def _flush() -> int:
 
 
 def _say(text: str) -> None:
-    """Write a problem to standard error at once."""
+    """Write a problem to standard error immediately."""
     with suppress(OSError):
         sys.stdout.flush()
     plain = "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in text)
-    sys.stderr.write(f"microslip: error: {plain}\n")  # names of a file may hold what steers a terminal
+    sys.stderr.write(f"microslip: error: {plain}\n")  # file names may contain control characters
     sys.stderr.flush()
 
 
 def _say_problem(text: str, problem: MicroslipError | None) -> None:
-    """Write a problem to standard error; of a signal that ends the program, everything has been saved by now."""
+    """Write a problem to standard error; after a signal that ends the program all results have been saved."""
     _say(text)
     if isinstance(problem, Interrupted):
         Answer.said.set()
 
 
 def _defect(comm: MPI.Comm | None, problem: BaseException) -> int:
-    """Show the traceback of a mistake of this program, and end all ranks."""
+    """Print the traceback of a defect of this program, and end all ranks."""
     rank = "" if comm is None or comm.size == 1 else f" on rank {comm.rank} of {comm.size}"
     trace = "".join(traceback.format_exception(problem))
     _say(f"a defect of the program{rank}; please report it with these lines and run.log\n{trace}")
@@ -198,10 +198,10 @@ def _defect(comm: MPI.Comm | None, problem: BaseException) -> int:
 
 
 def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name: str = "") -> int:
-    """Wait for all ranks, let the first with a problem say it, and return the largest status.  Collective.
+    """Wait for all ranks, let the first rank with a problem report it, and return the largest status.  Collective.
 
-    A rank that has a problem waits for a while only; a rank without one waits for those that still compute.  A signal often
-    finds the other ranks in the middle of something: rank 0, where everything is saved, says it before it waits for them.
+    A rank with a problem waits for a limited time; a rank without one waits for ranks that still compute.  After a signal rank 0,
+    which has saved all results, reports it before it waits for the other ranks.
     """
     is_said = comm.rank == 0 and isinstance(problem, Interrupted) and not _comes_from_abort()
     if is_said:
@@ -214,24 +214,24 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
             if not is_said:
                 _say(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
             _abort(comm, status)
-        if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has said so and ends this one, too
+        if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has reported it and also ends this one
             _abort(comm, status)
     has_problem = statuses[1::2]
     if _SAID not in has_problem and comm.rank == next((rank for rank in range(comm.size) if has_problem[rank]), None):
         _say(f"{name}{problem}")
-    comm.Barrier()  # a launcher kills the others as soon as one rank ends with a status
+    comm.Barrier()  # a launcher kills the others as soon as one rank ends with a nonzero status
     return max(statuses[::2])
 
 
 def _abort(comm: MPI.Comm, status: int) -> None:
-    """End all ranks.  Rank 0 hears of it first, and takes the launcher's signal for no news."""
+    """End all ranks.  Rank 0 is notified first, so that it ignores the launcher's signal."""
     if comm.rank > 0:
         comm.isend(None, 0, ABORTS)
     comm.Abort(status)
 
 
 def _comes_from_abort() -> bool:
-    """Return on rank 0 whether another one has ended all ranks: then a signal comes from the launcher."""
+    """Return on rank 0 whether another rank has ended all ranks; a signal then comes from the launcher."""
     began = time.monotonic()
     while time.monotonic() - began < _NEWS:
         if is_aborted():
@@ -241,7 +241,7 @@ def _comes_from_abort() -> bool:
 
 
 def _arrives(request, grace: float | None) -> bool:
-    """Wait for a request, for ``grace`` seconds at most; sleeping, as other ranks may still compute."""
+    """Wait for a request for at most ``grace`` seconds, with sleeps, because other ranks may still compute."""
     began = time.monotonic()
     while not request.Test():
         if grace is not None and time.monotonic() - began > grace:

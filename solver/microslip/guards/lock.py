@@ -1,8 +1,8 @@
-"""One run at a time in a folder for results: a file there says who is at work, and is gone when nobody is.
+"""One run at a time in a results folder: a lock file there names the running process.
 
-The file is locked by the system (flock), which ends with the process in whatever way that ends.  Where a file system has no
-such locks, or keeps them to one machine, what the file says decides: the process on this machine, by its number and start; on
-another one, whether it still touches the file every now and then.
+The file has a system lock (flock), which ends with the process in any case.  On file systems without such locks, or with locks
+local to a machine, the content of the file decides: on this machine the process by number and start time, on another machine
+whether the process still touches the file regularly.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 
 NAME = ".microslip.lock"
 TOUCHED_EVERY = 20.0  # s
-STILL = 4.5 * TOUCHED_EVERY  # s untouched after which a run on another machine counts as gone; file systems see it late
-FIRST_WORDS = 1.0  # s that a new file may take to say whose it is
+STILL = 4.5 * TOUCHED_EVERY  # s without a touch after which a run on another machine has ended; file systems show it late
+FIRST_WORDS = 1.0  # s until a new file names its process
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL, errno.EPERM}
 _JOBS = ("SLURM_JOB_ID", "PBS_JOBID")
-_HELD: set[Lock] = set()  # by this process
+_HELD: set[Lock] = set()  # locks of this process
 
 
 @contextmanager
 def locked(comm: MPI.Comm, folder: Path) -> Iterator[list[str]]:
-    """Keep a folder, which is created, to this run until the block ends in whatever way; yield what is to be said of it.
+    """Create a folder and lock it for this run until the block ends in any way; yield messages on the lock.
 
     Collective on ``comm`` at its beginning, local at its end: rank 0 holds the lock.
 
@@ -72,13 +72,13 @@ class Lock:
             ) from problem
 
     def _touch(self) -> None:
-        """Show now and then that this process goes on, as far as its libraries let a thread run."""
+        """Touch the file regularly while this process runs, as far as its libraries let a thread run."""
         while not self._ends.wait(TOUCHED_EVERY):
             with suppress(OSError):
                 os.utime(self._handle)
 
     def release(self) -> None:
-        """Take the file away, if it is still this one, and give up the lock."""
+        """Remove the file, if it is still the file of this lock, and release the lock."""
         self._ends.set()
         _HELD.discard(self)
         with suppress(OSError):
@@ -89,13 +89,13 @@ class Lock:
 
 
 def release_all() -> None:
-    """Release all locks of this process, which ends.  Local, in any thread."""
+    """Release all locks of this process at its end.  Local, in any thread."""
     for lock in tuple(_HELD):
         lock.release()
 
 
 def _take(folder: Path) -> tuple[Lock, list[str]]:
-    """Return the lock of a folder, and whose place it took, if somebody left one.  On rank 0.
+    """Return the lock of a folder, and a message on an abandoned lock that it replaced.  On rank 0.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def _take(folder: Path) -> tuple[Lock, list[str]]:
             handle, is_new = _open(path)
             is_free = _flock(handle)
             holder = _read(handle)
-            if is_free is None and not is_new and not holder:  # between its creation and its first words
+            if is_free is None and not is_new and not holder:  # between its creation and its first content
                 time.sleep(FIRST_WORDS)
                 holder = _read(handle)
             if is_free is False or not (is_new or _is_gone(path, holder, trusted=is_free is True)):
@@ -120,7 +120,7 @@ def _take(folder: Path) -> tuple[Lock, list[str]]:
             if _is_at(path, handle):
                 left = [f"{path} was left behind{_in_words(holder)}, which is gone; taken over"] if holder else []
                 return Lock(path, handle), left
-            os.close(handle)  # somebody else took it away meanwhile
+            os.close(handle)  # another process removed it meanwhile
 
 
 def _open(path: Path) -> tuple[int, bool]:
@@ -132,7 +132,7 @@ def _open(path: Path) -> tuple[int, bool]:
 
 
 def _flock(handle: int) -> bool | None:
-    """Return whether the system gave its lock on a file; None: it has no such locks there."""
+    """Return whether the system granted its lock on a file; None: the file system has no such locks."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -145,7 +145,7 @@ def _flock(handle: int) -> bool | None:
 
 
 def _is_at(path: Path, handle: int) -> bool:
-    """Return whether the file of a handle is the one that has the name."""
+    """Return whether the path still names the file of a handle."""
     try:
         return os.path.samestat(os.stat(path), os.fstat(handle))
     except FileNotFoundError:
@@ -153,17 +153,17 @@ def _is_at(path: Path, handle: int) -> bool:
 
 
 def _is_gone(path: Path, holder: dict[str, Any], trusted: bool) -> bool:
-    """Return whether whoever wrote the file is no longer at work; ``trusted`` says that the system gave the lock."""
+    """Return whether the process that wrote the file has ended; ``trusted``: the system granted the lock."""
     if not holder:
         return trusted or _stands_still(path)
     if holder.get("host") == socket.gethostname():
         return trusted or started(holder.get("process")) != holder.get("started")
-    is_own_job = bool(holder.get("job")) and holder.get("job") == _self()["job"]  # which was put into the queue again
+    is_own_job = bool(holder.get("job")) and holder.get("job") == _self()["job"]  # a job that was requeued
     return (trusted and is_own_job) or _stands_still(path)
 
 
 def _stands_still(path: Path) -> bool:
-    """Return whether nobody touches a file, watched until that is certain."""
+    """Return whether no process touches a file, watched until that is certain."""
     if time.time() - os.stat(path).st_mtime > 10.0 * STILL:
         return True
     _say_that_it_waits(path)
@@ -176,14 +176,14 @@ def _stands_still(path: Path) -> bool:
 
 
 def _say_that_it_waits(path: Path) -> None:
-    """Write to standard error why nothing happens for a while."""
-    with suppress(OSError, AttributeError):  # where it was closed
+    """Write the reason of the wait to standard error."""
+    with suppress(OSError, AttributeError):  # standard error may be closed
         sys.stderr.write(f"microslip: {path} is that of another run; watching for {STILL:.0f} s whether it is at work\n")
         sys.stderr.flush()
 
 
 def _touched(path: Path) -> int | None:
-    """Return when a file was touched last, asking the server of the file system: it is opened for that."""
+    """Return the last modification time of a file from the file server, which opening the file ensures."""
     try:
         with open(path, "rb") as file:
             return os.fstat(file.fileno()).st_mtime_ns
@@ -192,7 +192,7 @@ def _touched(path: Path) -> int | None:
 
 
 def _self() -> dict[str, Any]:
-    """Return what the file says of this process."""
+    """Return the content of the file for this process."""
     return {
         "host": socket.gethostname(),
         "process": os.getpid(),
@@ -203,7 +203,7 @@ def _self() -> dict[str, Any]:
 
 
 def started(process: Any) -> str:
-    """Return when a process of this machine started, in its own count; nothing if there is no such process."""
+    """Return the start time of a process of this machine, in the machine's count; "" if the process does not exist."""
     try:
         with open("/proc/sys/kernel/random/boot_id") as boot, open(f"/proc/{int(process)}/stat") as file:
             state, *fields = file.read().rpartition(")")[2].split()
@@ -213,7 +213,7 @@ def started(process: Any) -> str:
 
 
 def _read(handle: int) -> dict[str, Any]:
-    """Return what a lock's file says; nothing if it says nothing that can be read."""
+    """Return the content of a lock's file; empty if it is unreadable."""
     try:
         holder = json.loads(os.pread(handle, 4096, 0))
     except (OSError, ValueError, RecursionError):
@@ -222,7 +222,7 @@ def _read(handle: int) -> dict[str, Any]:
 
 
 def _in_words(holder: dict[str, Any]) -> str:
-    """Name whoever wrote a lock's file."""
+    """Return the process that wrote a lock's file as text."""
     if not holder:
         return ""
     job = f", job {holder['job']}" if holder.get("job") else ""

@@ -1,7 +1,7 @@
-"""How much memory is left to the ranks of a run, by machine, control group and limit, and the refusal of what is more.
+"""Memory available to the ranks of a run by machine, control group and limit, and checks before allocations.
 
-A limit is shared: by all ranks of a machine, of a control group, or by none.  What a stage needs is compared with every one of
-them before it is taken: a process that takes more is killed without a word.
+A limit is shared by all ranks of a machine or of a control group, or belongs to one rank.  The memory of a stage is compared with
+every limit before its allocation: a process beyond a limit is killed without a message.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from ..system.memory import Limit, gigabytes, give_back, limits_here, resident_m
 
 @dataclass(frozen=True)
 class Shortage:
-    """What is needed and what is left of a limit that does not suffice."""
+    """Needed and available memory of a limit that does not suffice."""
 
     limit: str
-    n_ranks: int  # that share it
-    needed: float  # bytes, all of them together
+    n_ranks: int  # number of ranks that share it
+    needed: float  # bytes, all these ranks
     available: float  # bytes
 
     def __str__(self) -> str:
@@ -31,9 +31,9 @@ class Shortage:
 
 
 def memory_left(comm: MPI.Comm) -> float:
-    """Return the memory that the ranks of ``comm`` may still take together [bytes]; infinite where nothing tells.
+    """Return the memory available to all ranks of ``comm`` [bytes]; infinite if unknown.
 
-    Collective: what ranks share is parted evenly, and the rank with least counts for all.
+    Collective: shared memory is divided evenly, and the rank with the least memory determines the result.
     """
     of_ranks = limits_of_ranks(comm)
     sharing = Counter(limit.shared_by for limits in of_ranks for limit in limits)
@@ -42,14 +42,14 @@ def memory_left(comm: MPI.Comm) -> float:
 
 
 def refuse_beyond(comm: MPI.Comm, needed: float, what: str, advice: str) -> None:
-    """Raise ResourceError if the memory that the ranks need is more than is left: before it is taken.
+    """Raise ResourceError if the ranks need more memory than is available, before its allocation.
 
     Collective on ``comm``: two gathers.
 
     Parameters
     ----------
-    needed : bytes that this rank will take
-    what, advice : for the message: what needs it, and what to do
+    needed : bytes that this rank will allocate
+    what, advice : parts of the message: the purpose, and what to do
 
     Raises
     ------
@@ -61,7 +61,7 @@ def refuse_beyond(comm: MPI.Comm, needed: float, what: str, advice: str) -> None
 
 
 def shortage(comm: MPI.Comm, needed: float) -> Shortage | None:
-    """Return the limit that ``needed`` bytes more on this rank, and those of the others, exceed most; None if all fits.
+    """Return the limit exceeded most by ``needed`` further bytes on each rank; None if the memory suffices.
 
     Collective on ``comm``; the same on every rank.
     """
@@ -83,7 +83,7 @@ def worst(of_ranks: Sequence[Sequence[Limit]], needed: Sequence[float]) -> Short
 
 
 def limits_of_ranks(comm: MPI.Comm) -> list[list[Limit]]:
-    """Return the limits of each rank, on every rank.  Collective: each machine is asked once by each of its ranks."""
+    """Return the limits of each rank, on every rank.  Collective: each rank queries its machine once."""
     give_back()
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
     machine, resident = here.allreduce(comm.rank, op=MPI.MIN), here.allreduce(resident_memory())

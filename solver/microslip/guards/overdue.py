@@ -1,8 +1,8 @@
-"""The end of a run that does not answer a signal in time: by a thread, which the signal wakes.
+"""The end of a run that does not handle a signal in time, by a thread that the signal wakes.
 
-Python answers a signal when the call in progress returns: a factorisation may take minutes.  MUMPS and mpi4py let other threads
-run meanwhile, so that one of them can end the process; within a call that does not, faulthandler's timers remain.  The thread
-also passes a signal on to the rank that saves, which may not have got it.
+Python handles a signal when the call in progress returns: a factorisation may take minutes.  MUMPS and mpi4py let other threads
+run meanwhile, so that this thread can end the process; in calls that do not, faulthandler's timers end it.  The thread also
+forwards a signal to the rank that saves, which may not have received it.
 """
 
 from __future__ import annotations
@@ -25,45 +25,45 @@ from .lock import release_all, started
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-NOTICE = 0.6  # s without an answer until a line says so: mpirun kills a second after its signal
-ANSWER = 5.0  # s without an answer until the process ends
+NOTICE = 0.6  # s without reaction until a line reports it: mpirun kills one second after its signal
+ANSWER = 5.0  # s without reaction until the process ends
 LEAVING = 5.0  # s from the message to the end of the process
-_STILL = 1.0  # s without a file in progress, then, on a way out that waits for other ranks
+_STILL = 1.0  # further s without a file being written, if the end waits for other ranks
 _ABORTING = 2.0  # s that MPI may take to end the job
-ABORTS = 32  # tag: to rank 0, from one that ends all of them
+ABORTS = 32  # tag of the message to rank 0 from a rank that ends all ranks
 
 
 class _First:
-    """The rank that saves, where it is another process of this machine."""
+    """The rank that saves, if it is another process of this machine."""
 
-    process, start = 0, ""  # its number, and when it started; 0: there is none
+    process, start = 0, ""  # its number and start time; 0: none
 
 
 def pass_on_to_first(comm: MPI.Comm) -> None:
-    """Pass signals that stop on to the first rank of ``comm``, where it is a process of this machine.  Collective on ``comm``."""
+    """Forward stop signals to the first rank of ``comm``, if it is a process of this machine.  Collective on ``comm``."""
     process, start = comm.bcast((os.getpid(), started(os.getpid())))
     is_here = comm.rank > 0 and start != "" and started(process) == start
     _First.process, _First.start = (process, start) if is_here else (0, "")
 
 
 def _pass_on(number: int) -> None:
-    """Send a signal to the first rank unless it has ended.  Local; a second one changes nothing there."""
+    """Send a signal to the first rank unless it has ended.  Local; a repeated signal has no effect there."""
     if _First.process and started(_First.process) == _First.start:
         with suppress(ProcessLookupError):
             os.kill(_First.process, number)
 
 
 def oversee_signals() -> None:
-    """Start the thread.  Local; in the main thread of a process that is the program's own."""
+    """Start the thread.  Local; in the main thread of a process of the program."""
     receiver, sender = os.pipe()
     os.set_blocking(sender, False)
-    with suppress(RuntimeError):  # no further thread is to be had: signals are answered, late in long calls
+    with suppress(RuntimeError):  # no further thread available: signals are handled late in long calls
         threading.Thread(target=_oversee, args=(receiver,), name="signals", daemon=True).start()
         signal.set_wakeup_fd(sender, warn_on_full_buffer=False)
 
 
 def _oversee(receiver: int) -> NoReturn:
-    """Wait for a signal that stops, and see that the process ends after it."""
+    """Wait for a stop signal, and ensure that the process ends after it."""
     while True:
         stopping = [number for number in os.read(receiver, 64) if number in STOPPING]
         if stopping and not is_concluded():
@@ -72,7 +72,7 @@ def _oversee(receiver: int) -> NoReturn:
 
 
 def _see_to_the_end(name: str) -> None:
-    """End the process where it does not answer a signal, or does not end after its message."""
+    """End the process if it does not handle a signal, or does not end after its message."""
     is_first = launcher_rank() == 0
     if not Answer.begun.wait(NOTICE) and is_first and not is_aborted():
         _write(f"microslip: {name} arrived: the call in progress may end within {ANSWER:.0f} s{parting_words()}\n")
@@ -86,7 +86,7 @@ def _see_to_the_end(name: str) -> None:
 
 
 def _says() -> bool:
-    """Return whether the main thread says its message: False where it waits on its way out, for ranks that are elsewhere."""
+    """Return whether the main thread reports the signal; False if it already waits for other ranks at its end."""
     answered = idle_since = time.monotonic()
     while not (Answer.said.wait(0.1) or Answer.of_part.is_set()):
         now = time.monotonic()
@@ -107,9 +107,9 @@ def _n_ranks() -> int:
 
 
 def _end(message: str) -> NoReturn:
-    """Say a message and end this process, and with it the job, whatever its main thread does.  Local.
+    """Print a message and end this process, and with it the job, independent of its main thread.  Local.
 
-    Nothing is said where another rank has ended all of them, and said why.
+    No message if another rank has ended all ranks and reported the reason.
     """
     if message and not is_aborted():
         _write(f"microslip: error: {message}\n")
@@ -125,7 +125,7 @@ def _end(message: str) -> NoReturn:
 
 
 def is_aborted() -> bool:
-    """Return on rank 0 whether another one has ended all ranks: then a signal comes from the launcher.  Local, in any thread."""
+    """Return on rank 0 whether another rank has ended all ranks; a signal then is the launcher's.  Local, in any thread."""
     with suppress(ImportError):
         from mpi4py import MPI
 
@@ -139,7 +139,7 @@ def _lets_threads_call(MPI) -> bool:
 
 
 def _write(text: str) -> None:
-    """Write to standard error, past Python's buffers, whose locks the main thread may hold; nowhere if that is full."""
+    """Write to standard error without Python's buffers, whose locks the main thread may hold; errors are ignored."""
     with suppress(OSError, ValueError):
         if select.select([], [2], [], 0.0)[1]:
             os.write(2, text.encode(errors="backslashreplace"))

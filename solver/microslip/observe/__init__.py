@@ -1,1 +1,1 @@
-"""Observers of a run: log, screen, stops, list of what was not computed.  None of them changes a result."""
+"""Observers of a run: log, screen, stops, list of omitted computations.  None of them changes a result."""

@@ -1,4 +1,4 @@
-"""Levels and points in the log: a line a point, a sum a level, and on a terminal a bar for each level at work."""
+"""Levels and points in the log: a line per point, a summary per level, and on a terminal a bar per active level."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..results.measures import AMPLITUDE, Shown, counts
 from ..results.record import PeaksOver
 from .log import RunLog
 
-EXACT = 1e-10  # of a frequency: a peak in a narrower interval is said to be at a frequency
+EXACT = 1e-10  # of a frequency: the width of a peak's interval below which it is not stated
 
 
 class LevelLog:
@@ -20,15 +20,15 @@ class LevelLog:
 
     Parameters
     ----------
-    sweep : the range [rad/s]; one point of statics stands for all of it
+    sweep : the range [rad/s]; in statics one point represents it
     shown : the quantity shown of the first output at a point
     """
 
     def __init__(self, log: RunLog, sweep: Sweep, n_levels: int, shown: Shown = AMPLITUDE):
         self.log, self.n_levels, self.shown = log, n_levels, shown
         self.start, self.stop = sweep.start / 2.0 / np.pi, sweep.stop / 2.0 / np.pi
-        self._levels: dict[int, float] = {}  # of the levels begun, by number
-        self._mixed = False  # the line of a point says whose it is
+        self._levels: dict[int, float] = {}  # levels begun, by number
+        self._mixed = False  # whether the line of a point names its level
 
     def level_started(self, number: int, level: float, where: str) -> None:
         """Announce a level and its range."""
@@ -53,7 +53,7 @@ class LevelLog:
         self.log.screen.advance(self._name(number), frequency, size, n_slip + n_open, i + 1, self.shown.unit)
 
     def level_finished(self, number: int, branch: Branch) -> None:
-        """Sum up a level: its peak, or why it ended early."""
+        """Write the summary of a level: its peak, or the reason of its early end."""
         self.log.screen.end_bar(self._name(number))
         more = *peak_lines(branch), *stability_lines(branch), *remarks(branch)
         for line in (f"{self._name(number)}: {summary(branch, self.shown)}", *more):
@@ -66,7 +66,7 @@ class LevelLog:
         return f"level {number + 1} of {self.n_levels}: {self._levels[number]:g} {self.shown.level_unit}".removesuffix(" 1")
 
     def _of(self, level: str) -> str:
-        """Return the first column of a line where levels come mixed."""
+        """Return the first column of a line if levels are mixed."""
         return f"{level:>10} " if self._mixed else ""
 
 
@@ -88,7 +88,7 @@ def summary(branch: Branch, shown: Shown) -> str:
 
 
 def peak_lines(branch: Branch) -> list[str]:
-    """Return a line for each peak that was solved for: output, frequency, amplitude, width and damping."""
+    """Return a line for each solved peak: output, frequency, amplitude, width and damping."""
     lines = []
     for peak in branch.peaks or []:
         width = f", half-power width {peak.width / 2.0 / np.pi:.4g} Hz, damping {peak.damping:.4g}"
@@ -100,7 +100,7 @@ def peak_lines(branch: Branch) -> list[str]:
 
 
 def stability_lines(branch: Branch) -> list[str]:
-    """Return a line on the stability of the points, where it was computed, and one for each bifurcation."""
+    """Return a line on the stability of the points, if computed, and one for each bifurcation."""
     if branch.bifurcations is None or not branch.points:
         return []
     judged = [is_stable(point.multipliers) for point in branch.points if point.multipliers is not None]
@@ -116,7 +116,7 @@ def stability_lines(branch: Branch) -> list[str]:
 
 
 def over_lines(curve: PeaksOver) -> list[str]:
-    """Return lines on a peak over a number: its ends, where pairs begin to slip and to open, and why it ended early."""
+    """Return lines on a peak over a parameter: ends, begin of slip and opening, and the reason of an early end."""
     value, points, head = curve.value, curve.points, f"peak of output {curve.linear.output + 1} over {curve.key}"
     if len(value) == 0:
         return [f"{head}: no point: {points.failure}"]
@@ -130,7 +130,7 @@ def over_lines(curve: PeaksOver) -> list[str]:
 
 
 def remarks(branch: Branch) -> list[str]:
-    """Return a line for each note of its points, and for whatever is out of the ordinary with it."""
+    """Return a line for each note of the points of a branch, and for each exceptional property of the branch."""
     lines = []
     for note, points in _noted(branch.points).items():
         low, high = (f(point.omega for point in points) / 2.0 / np.pi for f in (min, max))
@@ -146,7 +146,7 @@ def remarks(branch: Branch) -> list[str]:
 
 
 def _noted(points: list[Point]) -> dict[str, list[Point]]:
-    """Return the points that carry a note, by note."""
+    """Return the points with a note, by note."""
     by_note: dict[str, list[Point]] = {}
     for point in points:
         for note in point.notes:

@@ -1,8 +1,8 @@
 """The log of a run: run.log and the screen.  Rank 0 writes; every rank may call.
 
-Every call is local except where it says *Collective*: opening, the end of a stage and the closing table reduce times
-and memory over the ranks.  None of them is entered when an exception passes through, so that an error of one rank
-cannot leave the others waiting here.  What is shown changes no result.
+Calls are local unless marked *Collective*: opening, the end of a stage and the closing table reduce times and memory over the
+ranks.  They are skipped when an exception passes through, so that an error of one rank cannot leave the others waiting here.
+The log changes no result.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _KIB = 1024.0 if sys.platform == "darwin" else 1.0  # ru_maxrss counts bytes the
 
 @dataclass(frozen=True)
 class Stage:
-    """What a finished stage took."""
+    """Time and memory of a finished stage."""
 
     name: str
-    depth: int  # stages it lies in
+    depth: int  # number of enclosing stages
     seconds: float  # wall time, the slowest rank
     memory: float  # peak resident memory until its end, sum over ranks [MiB]
     memory_largest: float  # the same of the largest rank [MiB]
@@ -48,11 +48,11 @@ class Stage:
 class RunLog:
     """Lines of run.log and of the screen, stage by stage; LevelLog writes those of levels and points.
 
-    Collective on ``comm`` (opening).  ``path`` None writes no file.  ``interactive`` None asks whether standard error is
-    a terminal: then the screen shows a bar, otherwise one plain line a point.  ``screen`` False shows nothing at all.
-    ``facts`` are further lines of the header: versions, method, PETSc options.  The header is written on entry.
+    Collective on ``comm`` (opening).  ``path`` None writes no file.  The screen shows a bar if ``interactive``, otherwise a plain
+    line per point; None: whether standard error is a terminal.  ``screen`` False shows nothing.  ``facts`` are further lines of
+    the header: versions, method, PETSc options.  The header is written on entry.
 
-    Used as a context manager it closes itself, and says so when an exception ends the run.
+    A context manager, which closes the log and records an exception that ends the run.
 
     Raises
     ------
@@ -71,10 +71,10 @@ class RunLog:
     ):
         self.comm = comm
         self.stages: list[Stage] = []
-        self.notes: list[str] = []  # notes so far, without the lines of points; on every rank
+        self.notes: list[str] = []  # all notes except lines of points; on every rank
         self._began = time.perf_counter()
         self._depth = 0
-        self._unfinished = ""  # a line of the file and the screen that waits for its numbers
+        self._unfinished = ""  # an incomplete line of file and screen
         self._closed = False
         self._file = on_root(comm, _open, path, share=False) if path is not None else None
         hosts = comm.gather(socket.gethostname())
@@ -91,7 +91,7 @@ class RunLog:
     # -- lines -------------------------------------------------------------------------------------------------
 
     def note(self, text: str, *, on_screen: bool = True, keep: bool = True) -> None:
-        """Write plain lines.  Local; rank 0 writes.  Without ``keep`` they are not among the notes that results.h5 keeps."""
+        """Write plain lines.  Local; rank 0 writes.  Without ``keep`` results.h5 does not have them."""
         if keep:
             self.notes.append(text)
         self._write(("\n" if self._unfinished else "") + text + "\n")
@@ -132,7 +132,7 @@ class RunLog:
     def stage(self, name: str) -> Iterator[None]:
         """Time a stage and record the peak memory so far.  Collective on ``comm`` at its end, unless it raises.
 
-        Stages may lie in each other.
+        Stages may be nested.
         """
         moved()
         raise_stop()
@@ -145,7 +145,7 @@ class RunLog:
             self.screen.clear()
             self.note(f"{'  ' * depth}{name} ended after {time.perf_counter() - began:.3g} s by {type(problem).__name__}")
             if not isinstance(problem, Interrupted):
-                raise_stop()  # what a library has made of a signal
+                raise_stop()  # a library may have converted a signal to this exception
             raise
         finally:
             self._depth = depth
@@ -188,7 +188,9 @@ class RunLog:
             self.stages.append(Stage("total", 0, seconds, memory, largest))
         if self.stages:
             self.note("\n" + self.table(seconds))
-        self.note(f"ended by {failure}" if failure else "done", on_screen=not failure)  # reported at the end of the program
+        self.note(
+            f"ended by {failure}" if failure else "done", on_screen=not failure
+        )  # a failure is reported at the end of the program
         if self._file is not None:
             self._file.close()
             self._file = None

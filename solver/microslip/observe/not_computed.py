@@ -1,4 +1,4 @@
-"""What a run did not compute, for the end of the response in the log: with the reason, or its effect by the error bars."""
+"""Omitted computations of a run for the log: each with the reason, or with its effect by the error bars."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from ..points.branch import Branch, Point
 from ..points.error_parts import PARTS, SAFETY
 
-FAINT = 1e-3  # of the largest output: fainter ones are judged against that
-TOO_LITTLE = 1e-6  # of the peak: less is not told in digits
+FAINT = 1e-3  # of the largest output: smaller outputs are compared with this value
+TOO_LITTLE = 1e-6  # of the peak: smaller effects are not quantified
 
 
 @dataclass(frozen=True)
 class Extent:
-    """How far a response reaches."""
+    """The extent of a response."""
 
     method: str
-    leaves_out: str  # what the method does: Reduction.leaves_out
+    leaves_out: str  # omission of the method: Reduction.leaves_out
     omega_n: np.ndarray  # (n_modes,) rad/s
     n_dof: int
-    moves: bool  # back and forth
-    n_damped: int | None  # the highest mode whose damping is stated; None: there is a damping matrix
-    has_bars: bool  # asks for error bars
+    moves: bool  # whether loads oscillate
+    n_damped: int | None  # highest mode with stated damping; None: there is a damping matrix
+    has_bars: bool  # with error bars
     has_mesh: bool
 
 
 def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -> list[str]:
-    """Return a line for everything not computed, with the reason or its effect on the response.  Local.
+    """Return a line for each omitted computation, with the reason or its effect on the response.  Local.
 
-    ``known`` (n_pairs,) bool are the pairs whose static columns were solved for; None where those of all pairs had to be.
+    ``known`` (n_pairs,) bool: pairs with computed static columns; None if the columns of all pairs were needed.
     """
     solved = [branch for branch in branches if branch.points]
     lines = _harmonics(solved, has_pairs=known is None or len(known) > 0) if of.moves else _statics(solved)
@@ -71,7 +71,7 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
 
 
 def _statics(solved: list[Branch]) -> list[str]:
-    """Say that one point stands for all frequencies."""
+    """Return lines that state that one point represents all frequencies."""
     return (
         [
             "further points of [response]: harmonics = 0, constant loads have the same response at every frequency",
@@ -83,7 +83,7 @@ def _statics(solved: list[Branch]) -> list[str]:
 
 
 def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
-    """Return a line on the harmonics of levels that slip, and those of linear ones."""
+    """Return a line on the harmonics of levels with slip, and of linear levels."""
     if not solved:
         return []
     slips = [branch for branch in solved if has_pairs and not branch.is_linear]
@@ -96,7 +96,7 @@ def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
 
 
 def changes(branches: list[Branch], part: str) -> str:
-    """Say by how much a part of the error bars may change the response of any output, of the peak of its level.  Local."""
+    """Return the largest effect of a part of the error bars on any output, relative to the peak of its level, as text.  Local."""
     if not any(point.error is not None for branch in branches for point in branch.points):
         return "without error bars it is not known what they would change"
     share, where = _most(branches, part)
@@ -106,7 +106,7 @@ def changes(branches: list[Branch], part: str) -> str:
 
 
 def _most(branches: list[Branch], part: str) -> tuple[float, float]:
-    """Return the largest share that a part of the bars has of the peak of its output and level, and that level [N].  Local."""
+    """Return the largest ratio of a part of the bars to the peak of its output and level, and the level [N].  Local."""
     shares = [
         (_share([point for point in branch.points if point.error is not None], PARTS.index(part)), branch.level)
         for branch in branches
@@ -115,7 +115,7 @@ def _most(branches: list[Branch], part: str) -> tuple[float, float]:
 
 
 def _share(points: list[Point], i: int) -> float:
-    """Return the largest of part i over the peak of its output, of points with error bars.  Local."""
+    """Return the largest ratio of part i to the peak of its output, over points with error bars.  Local."""
     if not points:
         return 0.0
     peaks = np.max([np.hypot(point.response[:, 1], point.response[:, 2]) for point in points], axis=0)

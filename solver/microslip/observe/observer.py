@@ -1,4 +1,4 @@
-"""Observers of levels and points, such as the log and the result files.  They change no result; there may be none."""
+"""Observers of levels and points, such as the log and the result files; observers change no result."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ if TYPE_CHECKING:
 
 
 class Observer(Protocol):
-    """Hears of levels and points, on rank 0.  Its methods are local.
+    """Receives events of levels and points, on rank 0.  Its methods are local.
 
-    Levels have numbers, from 0 in the order of the scene, since the points of several may come mixed: ``where`` then names the
-    ranks at work on a level, and is empty otherwise.
+    Levels have numbers, from 0 in the order of the scene, because points of several levels may alternate: ``where`` then names
+    the ranks of a level, and is empty otherwise.
     """
 
     def level_started(self, number: int, level: float, where: str) -> None:
-        """Hear that a level [N] is begun."""
+        """Handle the begin of a level [N]."""
 
     def point(self, number: int, i: int, point: Point) -> None:
-        """Hear of the ``i``-th converged point of a level, from 0."""
+        """Handle the ``i``-th converged point of a level, from 0."""
 
     def level_finished(self, number: int, branch: Branch) -> None:
-        """Hear how a level ended, with all its points."""
+        """Handle the end of a level with all its points."""
 
 
 class Observers:
-    """All observers of the levels of a run.  ``branches`` has one for each level [N], with the points reported so far.
+    """All observers of the levels of a run.  ``branches`` has one branch per level [N], with the points so far.
 
     Its methods are local, on rank 0, except ``notify``.  Without ``keeps_motion`` the motion of all points but the one of largest
     response is dropped when a level has ended and all observers are notified: it takes most of the memory of a run.
@@ -67,5 +67,5 @@ class Observers:
         if not self.keeps_motion:
             light = branch.without_motion()
             is_same = all(point is theirs for point, theirs in zip_longest(branch.points, finished.points))
-            finished.points[:] = light if is_same else finished.without_motion()  # one object a point, if there was one
+            finished.points[:] = light if is_same else finished.without_motion()  # the same objects for the same points
             branch.points[:] = light

@@ -1,4 +1,4 @@
-"""What the screen shows of a run: on a terminal a bar a level at work, elsewhere plain lines.  Rank 0 only; no communication."""
+"""The screen of a run: on a terminal a bar per active level, otherwise plain lines.  Rank 0 only; no communication."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Any
 
 
 class Screen:
-    """Lines, and one thing that moves.  ``interactive`` None asks whether standard error is a terminal.
+    """Lines, and one moving display.  ``interactive`` None: whether standard error is a terminal.
 
-    Under mpirun standard output claims to be a terminal even when it is redirected; standard error does not.
-    Lines of a batch job go to standard output, whole and flushed.
+    Under mpirun standard output appears as a terminal even if redirected; standard error does not.
+    Lines of a batch job go to standard output, complete and flushed.
     """
 
     def __init__(self, interactive: bool | None = None, *, silent: bool = False):
@@ -24,21 +24,21 @@ class Screen:
         return self._console is not None
 
     def line(self, text: str) -> None:
-        """Show a finished line, above whatever moves."""
+        """Show a finished line above the moving display."""
         if self._console is not None:
             self._console.print(text, markup=False, highlight=False, emoji=False, soft_wrap=True)
         elif not self._silent:
             print(text, flush=True)
 
     def begin(self, name: str) -> None:
-        """Show that a stage is at work; plain screens wait for its numbers."""
+        """Show that a stage has begun; plain screens show only its result."""
         if self._console is not None:
             self.clear()
             self._moving = self._console.status(name.strip())
             self._moving.start()
 
     def bar(self, name: str, start: float, stop: float) -> None:
-        """Show a bar from one frequency to another [Hz], below those that move."""
+        """Show a bar from one frequency to another [Hz], below the other bars."""
         if self._console is None:
             return
         if not self._bars:
@@ -60,7 +60,7 @@ class Screen:
         )
 
     def end_bar(self, name: str) -> None:
-        """Take away one bar, and with the last one the display."""
+        """Remove a bar, and with the last one the display."""
         if name in self._bars:
             self._moving.remove_task(self._bars.pop(name)[0])
         if not self._bars:
@@ -79,7 +79,7 @@ class Screen:
         )
 
     def clear(self) -> None:
-        """Take away whatever moves."""
+        """Remove the moving display."""
         if self._moving is not None:
             self._moving.stop()
             self._moving = None
@@ -92,6 +92,6 @@ def _console(interactive: bool | None):
         return None
     try:
         from rich.console import Console
-    except ImportError:  # a cluster's Python may lack it: plain lines then
+    except ImportError:  # without rich: plain lines
         return None
     return Console(stderr=True, force_terminal=True)

@@ -1,4 +1,4 @@
-"""A table for the screen: drawn by rich, or plain text where a cluster's Python lacks it."""
+"""A table for the screen: drawn by rich, or plain text without rich."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def screen_table(
 
     Parameters
     ----------
-    rows : the group of each, and its cells; a line is drawn where the group changes
-    left, wraps : headings of the columns that are aligned left, and that may take several lines
+    rows : group and cells of each row; a line is drawn where the group changes
+    left, wraps : headings of left-aligned columns, and of columns that may wrap
     close : no space between the columns
     """
     try:

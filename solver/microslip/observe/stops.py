@@ -1,4 +1,4 @@
-"""What comes from outside while levels are followed: a signal that asks to save, and the end of the time that a run has."""
+"""External events while levels are followed: a signal that requests a save, and the time limit of a run."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from ..system.signals import parting_with, raise_stop, save_requested
 from ..system.walltime import TimeLimit
 from .log import RunLog
 
-LEAST_MARGIN = 5.0  # s before the end, for what is not measured
+LEAST_MARGIN = 5.0  # s before the time limit, for unmeasured work
 POINTS_AHEAD, SAVES_AHEAD = 2.0, 3.0  # times the slowest point and the slowest save so far
 
 
 class Stops:
-    """An :class:`~microslip.observe.observer.Observer` that saves when SIGUSR1 asks for it, and stops before the time is up.
+    """An :class:`~microslip.observe.observer.Observer` that saves on SIGUSR1 and stops before the time limit.
 
-    What it raises is raised on all ranks, as of any observer: they agree, whenever the time ends by their own clocks.
+    As for any observer, its exceptions are raised on all ranks: all ranks stop together, independent of their clocks.
 
     Parameters
     ----------
-    save : writes what the levels at work have so far
-    limit : of this run; None: nothing limits it
+    save : writes the points of unfinished levels
+    limit : time limit of this run; None: no limit
     """
 
     def __init__(self, log: RunLog, save: Callable[[], None], limit: TimeLimit | None = None):
@@ -38,24 +38,24 @@ class Stops:
 
     @property
     def margin(self) -> float:
-        """The time [s] before the end at which no further point is begun."""
+        """The time [s] before the limit from which no further point is begun."""
         return LEAST_MARGIN + POINTS_AHEAD * self._slowest_point + SAVES_AHEAD * self._slowest_save
 
     def level_started(self, number: int, level: float, where: str) -> None:
-        """Look whether there is time for a level."""
+        """Check whether there is time for a level."""
         self._look()
 
     def point(self, number: int, i: int, point: Point) -> None:
-        """Look whether something is asked for, and whether there is time for another point."""
+        """Check for a requested save, and whether there is time for another point."""
         self._slowest_point = max(self._slowest_point, point.seconds)
         self._look()
 
     def level_finished(self, number: int, branch: Branch) -> None:
-        """Take note of a level at its end, which has been saved."""
+        """Record the end of a level, which has been saved."""
 
     @contextmanager
     def in_force(self) -> Iterator[None]:
-        """Save on the way out of what a signal interrupts.  Local: other ranks may be anywhere."""
+        """Save if a signal interrupts the block.  Local: other ranks may be in any state."""
         try:
             yield
         except Interrupted:
@@ -65,7 +65,7 @@ class Stops:
             raise
 
     def _look(self) -> None:
-        """Raise Interrupted when the time is nearly up, with everything saved, or a signal has been swallowed."""
+        """Raise Interrupted near the time limit, after saving, or after a signal that a library has suppressed."""
         raise_stop()
         if save_requested():
             self._save_in_time()
@@ -78,7 +78,7 @@ class Stops:
             raise Interrupted(f"stopped {when} the end of {self._limit.source}")
 
     def _save_in_time(self) -> None:
-        """Save, and learn how long that takes."""
+        """Save, and measure the time of saving."""
         began = time.monotonic()
         self._save()
         self._slowest_save = max(self._slowest_save, time.monotonic() - began)
@@ -86,7 +86,7 @@ class Stops:
 
 @contextmanager
 def goes_on(folder: Path) -> Iterator[None]:
-    """Say of an interruption where the results are, and how they are completed.  Local."""
+    """Add to the message of an interruption the folder of the results and how to continue.  Local."""
     words = f"; what was computed until then is in {folder}, and the same command continues from there"
     with parting_with(words):
         try:
