@@ -1,1 +1,1 @@
-"""What a run keeps on disk as it goes, how the same command goes on from it, and what runs of one structure share."""
+"""Checkpoints of a run, continuation from them, and a cache of structures shared by runs."""

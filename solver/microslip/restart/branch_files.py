@@ -41,17 +41,17 @@ if TYPE_CHECKING:
     from ..continuation.task import BranchTask
     from ..points.sweep import Sweep
 
-SELDOM = 300.0  # times the time of writing: two steps within this interval are written together
-SHORT = 0.1  # s; a step that takes longer is always written at once
-_OUTCOME = ("failure", "is_linear", "closes_to", "odd", "solver")  # of a branch that ended
+SELDOM = 300.0  # times the duration of a write: two steps within this interval are written together
+SHORT = 0.1  # s; longer steps are always written immediately
+_OUTCOME = ("failure", "is_linear", "closes_to", "odd", "solver")  # fields of a finished branch
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What is saved of a continuation step: its points and the state after them, if there is one."""
+    """The saved data of a continuation step: its points and the state after them, if there is one."""
 
     points: tuple[Point, ...]
-    arrays: Arrays | None = None  # the state's own
+    arrays: Arrays | None = None  # arrays of the state
     parts: dict[str, Part] = field(default_factory=dict)
 
     def then(self, other: Step) -> Step:
@@ -67,7 +67,7 @@ class BranchFiles:
     Rank 0 reads and writes the files, which do not depend on the number of ranks.  ``other_ranges`` are folders of the same
     branch over other ranges.
 
-    A step that takes long is written at once.  Short steps are written in pairs, so that writing does not slow the continuation:
+    A long step is written immediately.  Short steps are written in pairs, so that writing does not slow the continuation:
     if the process ends, at most one converged step is lost.
 
     Raises
@@ -144,7 +144,7 @@ class BranchFiles:
         return sweep, checked_read(self._folder.parent, from_arrays, task, arrays, workspace), branch.points
 
     def _read_narrower(self, wider: Sweep) -> tuple[Sweep, Arrays, list[Point]] | None:
-        """Return the widest narrower range over which the branch came to its end, its last state and its points."""
+        """Return the widest narrower range that the branch has completed, its last state and its points."""
         for folder, sweep in sorted(self._other_ranges(), key=lambda other: -other[1].scale):
             other = BranchFiles(self.comm, folder, 0)
             finished, states = read_record(other._end), Latest(other._state).read()

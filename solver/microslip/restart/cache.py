@@ -6,7 +6,7 @@
 
 The key is a hash of everything that a stuck structure depends on (identity.py).  Files are written under temporary names, renamed
 atomically and never changed afterwards, so that any number of runs may read and write at the same time; the last writer wins.
-Damaged files are removed.  A run that cannot use the cache computes everything itself.
+Damaged files are removed.  Without a usable entry a run computes its structure.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ if TYPE_CHECKING:
 
 NAME, VARIABLE, OFF = "cache", "MICROSLIP_CACHE", "off"
 WHY = "modes: "  # start of the note that gives the reason for the number of modes
-_LIMITS = ("mu", "N0", "law_columns/mu_y", "law_columns/start")  # of pairs: the stuck structure does not depend on them
-LARGEST = 4e9  # bytes of the cache: beyond, the least recently used factors and then set-ups are removed
+_LIMITS = ("mu", "N0", "law_columns/mu_y", "law_columns/start")  # columns of pairs that the stuck structure does not depend on
+LARGEST = 4e9  # bytes of the cache, beyond which the least recently used factors and then set-ups are removed
 
 
 def cache_of(folder: Path) -> Path | None:
-    """Return the folder of the cache, next to that of the results or as the environment states; None where it is off."""
+    """Return the folder of the cache, next to the results folder or from the environment; None if it is off."""
     choice = os.environ.get(VARIABLE, "")
     return None if choice == OFF else Path(choice) if choice else folder.absolute().parent / NAME
 
@@ -62,8 +62,8 @@ class Cache:
     """A structure in the cache.  All methods are collective on ``comm``; faulty files raise no errors."""
 
     comm: MPI.Comm
-    path: Path  # of the cache
-    key: str  # of the structure
+    path: Path  # folder of the cache
+    key: str  # key of the structure
 
     @property
     def entry(self) -> Path:
@@ -111,7 +111,7 @@ class Cache:
     def share(self, structure: Structure, of_run: StoredStructure, renews: bool, stored: StoredStructure | None = None) -> str:
         """Store a structure unless the cache has the same extent already; return an error message or nothing.
 
-        ``stored`` are its files in the cache: of a disc those of a nodal diameter.
+        ``stored``: its files in the cache; for a disc the files of a nodal diameter.
         """
         return self._tried(lambda: self._share(structure, of_run, renews, stored or self.stored))
 
@@ -171,7 +171,7 @@ def size_of(folder: Path) -> int:
 
 
 def _used(entry: Path) -> float:
-    """Return when a set-up was used last; one without a model is the oldest."""
+    """Return the time of the last use of a set-up; 0 without a model."""
     with suppress(OSError):
         return (entry / "model").stat().st_mtime
     return 0.0
@@ -181,12 +181,12 @@ def _used(entry: Path) -> float:
 
 
 def joints_of(scene: Scene) -> list[dict[str, Any]]:
-    """Return the joints of a scene as stated, as JSON has them.  Local."""
+    """Return the joints of a scene as stated, as JSON values.  Local."""
     return [joint.model_dump(mode="json", exclude_unset=True) for joint in scene.joints]
 
 
 def pairs_for(scene: Scene, cached: ContactPairs, joints: list[dict[str, Any]], comm: MPI.Comm) -> ContactPairs | None:
-    """Return the contact pairs of a scene: those cached, or with limits of its own; None where more than these differs.
+    """Return the cached contact pairs with the limits of a scene; None if other properties differ.
 
     Collective.
     """
@@ -199,7 +199,7 @@ def pairs_for(scene: Scene, cached: ContactPairs, joints: list[dict[str, Any]], 
 
 
 def _paired(scene: Scene, file, cached: ContactPairs) -> ContactPairs | None:
-    """Return the pairs of a scene as they are found, if they have the springs and places of those cached.  Rank 0."""
+    """Return newly paired contact pairs of a scene if their springs and places equal the cached ones.  Rank 0."""
     pairs = pair_contacts(read_mesh(scene, file), scene.joints, scene.cyclic)
     mine, other = ({k: v for k, v in numbers_of(which).items() if k not in _LIMITS} for which in (pairs, cached))
     same = mine.keys() == other.keys() and all(np.array_equal(mine[key], other[key], equal_nan=True) for key in mine)

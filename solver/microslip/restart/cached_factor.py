@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 LARGEST = 1e9  # bytes of a factor, all ranks: a quarter of the cache
 _NOT_STORED = "the factor is not stored for other runs"
 _CHUNK = 1 << 20  # bytes read at a time for the checksum
-_ABANDONED = 3600.0  # s after which a temporary folder is taken to be of a killed run
+_ABANDONED = 3600.0  # s after which a temporary folder is taken as abandoned by a killed run
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class CachedFactor:
 
     def __init__(self, comm: MPI.Comm, entry: Path):
         self.comm, self.entry = comm, entry
-        self.messages: tuple[str, ...] = ()  # why it was not used
+        self.messages: tuple[str, ...] = ()  # reasons why it was not used
 
     @property
     def path(self) -> Path:
@@ -90,7 +90,7 @@ class CachedFactor:
         saved = on_root(self.comm, _tried, Saved.read, self.path)
         why = self._fault(saved, A)
         if not why and shortage(self.comm, float(saved.sizes[self.comm.rank])) is not None:
-            return None  # factoring again chooses, and reports, a way that fits into memory
+            return None  # a new factorisation chooses, and reports, a method that fits into memory
         restored = None if why else self._restored(A, prefix)
         if restored is None:
             self.drop(why or "MUMPS rejects it")
@@ -129,7 +129,7 @@ class CachedFactor:
         shutil.rmtree(temporary, ignore_errors=True)
 
     def is_wanted(self, factor: Factor) -> bool:
-        """Return whether to store a factor: one by MUMPS, in memory, computed by this run, of a set-up without a factor."""
+        """Return whether to store a factor: by MUMPS, in memory, computed by this run, and missing in the cache."""
         if not isinstance(factor.solver, MumpsFactor) or factor.info["out_of_core"] or "restored_from" in factor.info:
             return False
         return on_root(self.comm, self._is_missing)

@@ -16,7 +16,7 @@ from .records import Arrays, Disk, Journal, checked_read, length_of, read_record
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-BATCH = 64  # pairs whose columns travel together
+BATCH = 64  # pairs per message of columns
 
 
 class ColumnsFile:
@@ -32,7 +32,7 @@ class ColumnsFile:
         self._journal: Journal | None = None
 
     def restore(self, G_static: StaticColumns, is_known: bool) -> None:
-        """Give the stored columns to ``G_static``: as known columns, or as columns to take when they are required."""
+        """Give the stored columns to ``G_static``, as known columns or for use when they are required."""
         records = on_root(self.comm, read_records, self.path, share=False)
         ends = 3 * split_evenly(len(G_static.known), self.comm.size)[self.comm.rank :][:2]
         for i in range(self.comm.bcast(len(records) if records is not None else None)):

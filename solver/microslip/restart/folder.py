@@ -47,7 +47,7 @@ _FILES = ("identity", "done")
 
 @dataclass(frozen=True)
 class Finished:
-    """A finished run: the folder of its results, and why levels ended early, if any did."""
+    """A finished run: the folder of its results, and the reasons of early ends of levels."""
 
     folder: Path
     failures: list[str]
@@ -65,14 +65,14 @@ class Restart:
     comm: MPI.Comm
     path: Path
     scene: Scene
-    identity: Identity  # of this run
-    notes: tuple[str, ...]  # which checkpoints exist, and how their inputs differ
-    finished: Finished | None = None  # the same run if it was finished before; None: there is something left to compute
-    cache: Cache | None = None  # of set-ups that runs share
+    identity: Identity  # identity of this run
+    notes: tuple[str, ...]  # existing checkpoints, and differences of their inputs
+    finished: Finished | None = None  # outcome if the same run is finished; None: points remain to be computed
+    cache: Cache | None = None  # cache of set-ups shared by runs
     fresh: bool = False  # no checkpoint is used
     _used: set[str] = field(default_factory=set)  # names of folders that this run has used; on rank 0
     _disk: Disk = field(default_factory=Disk)  # of all journals
-    _discs: list[StoredDisc] = field(default_factory=list)  # of alike sectors, that this run has prepared
+    _discs: list[StoredDisc] = field(default_factory=list)  # discs of equal sectors prepared by this run
 
     @classmethod
     def open(
@@ -91,7 +91,7 @@ class Restart:
         return cls(comm, path, scene, identity, notes, finished, cache, fresh)
 
     def noting(self, more: Iterable[str]) -> Restart:
-        """Return the same with further notes, which come first.  Local."""
+        """Return a copy with further notes in front.  Local."""
         return replace(self, notes=(*more, *self.notes))
 
     @property
@@ -116,7 +116,7 @@ class Restart:
             of_disc = disc.structure()
             with log.stage("reduction"):
                 return prepare(of_disc)
-        if self.scene.cyclic is not None:  # all sectors, which may differ: made again
+        if self.scene.cyclic is not None:  # all sectors, which may differ: built again
             whole = build()
             with log.stage("reduction"):
                 return prepare(whole)
@@ -164,7 +164,7 @@ class Restart:
             log.note(problem)
 
     def share_columns(self, log: RunLog) -> None:
-        """Store the static columns of this run in the cache; of a disc all that is known of its nodal diameters by now."""
+        """Store the static columns of this run in the cache; for a disc all data of its nodal diameters."""
         for disc in self._discs:
             disc.finish()
         if self.scene.cyclic is not None:
@@ -208,12 +208,12 @@ class Restart:
     # -- the end -----------------------------------------------------------------------------------------------------
 
     def final_folder(self, folder: Path, output: Path, failures: list[str]) -> Path:
-        """Return the folder where results stay: ``output`` if levels ended early and ``folder`` has complete results."""
+        """Return the final folder of the results: ``output`` if levels ended early and ``folder`` has complete results."""
         stays = bool(failures) and not self.fresh and on_root(self.comm, _has_complete_results, folder)
         return output if stays else folder
 
     def finish(self, folder: Path, output: Path, failures: list[str]) -> Finished:
-        """Record that the run is finished, with results in ``output``; remove unused checkpoints, which are of other scenes."""
+        """Record that the run is finished, with results in ``output``; remove unused checkpoints of other scenes."""
         on_each(self.comm, self._wait)
         on_root(self.comm, self._finish, folder, output, failures)
         return Finished(output, failures)
@@ -304,7 +304,7 @@ def _has_complete_results(folder: Path) -> bool:
 
 
 def _hash(path: Path) -> str:
-    """Return a hash of a file, "" of none."""
+    """Return a hash of a file; "" without a file."""
     if not path.is_file():
         return ""
     with open(path, "rb") as file:

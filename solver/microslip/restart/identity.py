@@ -1,4 +1,4 @@
-"""The inputs of a run: scene, files, program; and the keys of its parts, hashes of the inputs that each part depends on."""
+"""The inputs of a run (scene, files, program) and the keys of its parts: hashes of the inputs of each part."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..scene.schema import Scene
 
 Tables = dict[str, Any]
-_OF_RESPONSE = ("samples", "tolerance")  # of [solver]: the set-up does not depend on them
+_OF_RESPONSE = ("samples", "tolerance")  # keys of [solver] that the set-up does not depend on
 _NOT_OF_STRUCTURE = ("title", "continuation", "response", "solver", "damping")
 _RANGE = ("frequencies", "mode", "span")  # of [response]
 _AT_REST = "loads at rest"  # key in ``files``: the model file may have the loads of [statics]
@@ -29,12 +29,12 @@ _PERTURBED, _LOADED = re.compile(rb"(?i)perturbation"), re.compile(rb"(?i)\*\s*(
 
 @dataclass(frozen=True)
 class Identity:
-    """A scene as stated, and all other inputs that decide its results."""
+    """A scene as stated, and all other inputs that determine its results."""
 
     scene: Tables  # as JSON, without defaults
     files: dict[str, str]  # hashes of the input files, by their names in the scene
     program: dict[str, str]  # versions, and a hash of the program's own files
-    options: tuple[str, ...]  # of PETSc
+    options: tuple[str, ...]  # PETSc options
 
     def as_texts(self) -> Tables:
         """Return the identity as JSON can represent it."""
@@ -54,9 +54,9 @@ class Identity:
 
     @property
     def setup(self) -> str:
-        """The key of the set-up: all inputs except those of the response alone.
+        """The key of the set-up: all inputs except the inputs of only the response.
 
-        The range is part of it, also where modes are stated: whether they reach its end is said with the set-up.
+        It includes the range even with stated modes, because a note of the set-up says whether they cover the range.
         """
         scene, response = dict(self.scene), dict(self.scene["response"])
         solver = {key: value for key, value in scene.pop("solver", {}).items() if key not in _OF_RESPONSE}
@@ -71,8 +71,8 @@ class Identity:
     def structure(self) -> str:
         """The key of the stuck structure, its modes and static response.
 
-        It leaves out what only the response or the choice of the modes follows, and friction and preload where neither a spring
-        nor the state of rest follows from them.
+        It omits inputs of only the response or the choice of modes, and friction and preload if neither a spring nor the state of
+        rest depends on them.
         """
         scene = {key: value for key, value in self.scene.items() if key not in _NOT_OF_STRUCTURE}
         if "mesh" in self.scene["model"] and not self.scene.get("statics") and _AT_REST not in self.files:

@@ -11,7 +11,7 @@ from ..points.branch import Point
 from .records import Arrays
 
 _KINDS = get_type_hints(Point)
-_NUMBERS = {name: kind for name, kind in _KINDS.items() if kind in (float, int, bool)}  # doubles hold them all: counts are small
+_NUMBERS = {name: kind for name, kind in _KINDS.items() if kind in (float, int, bool)}  # all exact as doubles: counts are small
 _ARRAYS = tuple(name for name in _KINDS if name not in _NUMBERS and name != "notes")
 _numbers = attrgetter(*_NUMBERS)
 

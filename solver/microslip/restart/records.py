@@ -30,8 +30,8 @@ T = TypeVar("T")
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _FRAME = struct.Struct("<QI")  # bytes of a record, their CRC-32
 _HEAD = struct.Struct("<I")  # bytes of its head
-_KIND = re.compile(r"[<>|][iufbc]\d{1,2}")  # of arrays; texts travel in the head
-# errors of decoding bytes that are no record
+_KIND = re.compile(r"[<>|][iufbc]\d{1,2}")  # types of arrays; texts are in the head
+# errors of decoding bytes that are not a record
 _DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError, struct.error)
 _INTERVAL = 300.0  # times the duration of an fsync: the least time between two of them
 
@@ -52,7 +52,7 @@ def framed(body: bytes) -> bytes:
 
 @lru_cache(maxsize=64)
 def _head_of(names: tuple[str, ...], kinds: tuple[np.dtype, ...] = (), shapes: tuple[tuple[int, ...], ...] = ()) -> bytes:
-    """Return the first half of a head: names, types and shapes; most records have those of the record before."""
+    """Return the first half of a head: names, types and shapes, cached because most records equal the previous one."""
     described = {name: (kind.str, shape) for name, kind, shape in zip(names, kinds, shapes)}
     return json.dumps([described]).encode()[:-1] + b","
 
@@ -62,7 +62,7 @@ def unpack(body: bytes) -> tuple[Arrays, dict]:
 
     Raises
     ------
-    ValueError : the bytes are no record
+    ValueError : the bytes are not a record
     """
     start = _HEAD.size + _HEAD.unpack_from(body)[0]
     head, texts = json.loads(body[_HEAD.size : start])
@@ -125,7 +125,7 @@ def checked_read(path: Path, read: Callable[..., T], *arguments: object) -> T:
 
     Raises
     ------
-    CaseError : the records have contents that this program does not write
+    CaseError : the records have contents unknown to this version
     """
     try:
         return read(*arguments)
@@ -170,14 +170,14 @@ class Disk:
         self._pending: list[Future] = []
 
     def sync(self, handle: int, is_last: bool = False) -> None:
-        """Start to synchronise a file, if that is due or ``is_last``."""
+        """Start to synchronise a file, if the interval has passed or ``is_last``."""
         self._raise_failures()
         if is_last or (not self._pending and monotonic() >= self._next):
             self._executor = self._executor or ThreadPoolExecutor(1, "disk")
             duplicate = os.dup(handle)
             try:
                 self._pending.append(self._executor.submit(self._sync, duplicate))
-            except RuntimeError:  # the system gives no further thread
+            except RuntimeError:  # no further thread available
                 self._executor = None
                 self._sync(duplicate)
 
@@ -237,7 +237,7 @@ class Journal:
                 raise
 
     def close(self) -> None:
-        """Leave the file to the disk and close it."""
+        """Request a last synchronisation and close the file."""
         if self._handle >= 0:
             with file_errors(str(self.path)):
                 self._disk.sync(self._handle, is_last=True)
@@ -304,7 +304,7 @@ class Latest:
 
 @lru_cache(maxsize=64)
 def _names_of(parts: tuple[str, ...]) -> bytes:
-    """Return the names of the parts as JSON; most records have those of the record before."""
+    """Return the names of the parts as JSON, cached because most records equal the previous one."""
     return json.dumps({"parts": parts}).encode()
 
 
@@ -325,7 +325,7 @@ def _with_parts(path: Path) -> tuple[Arrays, dict] | None:
 
 
 def _write_all(handle: int, records: Sequence[bytes]) -> int:
-    """Write records and return their bytes; the system may take a part at a time."""
+    """Write records and return their size in bytes, in several system calls if necessary."""
     length, written = sum(map(len, records)), os.writev(handle, records)
     if written < length:
         view = memoryview(b"".join(records))

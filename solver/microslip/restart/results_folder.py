@@ -1,4 +1,4 @@
-"""The folder of the results: where a run writes while earlier results are in it, and how new results replace them.  Rank 0."""
+"""The results folder: the output folder while earlier results exist, and their replacement by new results.  Rank 0."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..system.signals import unbroken
 
 UNFINISHED, EARLIER = "unfinished", "earlier"
 RESULTS, TABLE = "results.h5", "frf.csv"
-WRITTEN = (RESULTS, TABLE, "run.log")  # by every run
+WRITTEN = (RESULTS, TABLE, "run.log")  # files of every run
 OPTIONAL = ("modes.vtkhdf", "peak_response.vtkhdf", "peaks_over.csv")  # if requested
 # files of run, plot, report and convert; other files in a folder belong to the user
 _RESULTS_FILES = re.compile(
@@ -42,7 +42,7 @@ def output_folder(folder: Path) -> Path:
 
     Raises
     ------
-    CaseError : a folder has the name of a file
+    CaseError : a folder has the name of an output file
     """
     output = folder / UNFINISHED if any((folder / name).is_file() for name in (RESULTS, TABLE)) else folder
     for path in (within / name for within in {folder, output} for name in WRITTEN):
@@ -57,7 +57,7 @@ def output_folder(folder: Path) -> Path:
 
 
 def move_results(folder: Path, output: Path, keeps_earlier: bool = False) -> None:
-    """Move the files of ``output`` to ``folder``; with ``keeps_earlier`` those there move to ``earlier-N/`` first.
+    """Move the files of ``output`` to ``folder``; with ``keeps_earlier`` earlier files move to ``earlier-N/`` first.
 
     Raises
     ------

@@ -2,8 +2,8 @@
 
     diameter-D/model, modes-NAME, columns    the structure of the sector index D, up to half of the sectors: stored_structure.py
 
-Each is written when it is computed, and again at the end of the run if more is known of it.  Matrices and the factor of the
-sector are made, once for all nodal diameters, when one of them first needs them.
+Each structure is written when it is computed, and again at the end of the run if it has more data.  Matrices and factor of the
+sector are computed once for all nodal diameters, when first needed.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ class StoredDisc:
     log: RunLog
     disk: Disk
     cache: Cache | None = None
-    renews: bool = False  # what the cache has is replaced
-    _written: dict[int, list[int]] = field(default_factory=dict)  # extent of what was written, by diameter
+    renews: bool = False  # whether entries of the cache are replaced
+    _written: dict[int, list[int]] = field(default_factory=dict)  # extent of the written data, by diameter
 
     def structure(self) -> Structure:
-        """Return the structure of harmonic 1, which has those of all others."""
+        """Return the structure of harmonic 1, which gives access to all other harmonics."""
         return self._groups.of(1)
 
     @cached_property
@@ -59,7 +59,7 @@ class StoredDisc:
 
     @cached_property
     def _parts(self) -> Assembled:
-        """The matrices of the sector; collective where they are not there."""
+        """The matrices of the sector; collective if they are not assembled yet."""
         return without_reference(assembled(self.scene, self.comm, self.log), False)
 
     def _of_diameter(self, d: int) -> Structure:
@@ -72,7 +72,7 @@ class StoredDisc:
         is_new = structure is None
         if structure is None:
             structure, modes = self._cached(d) or (of_diameter(self._parts, d, self._groups, self.log), None)
-        structure = replace(structure, group=d, groups=self._groups)  # type: ignore[arg-type]  # its groups are structures
+        structure = replace(structure, group=d, groups=self._groups)  # type: ignore[arg-type]  # the groups are structures
         if is_new:
             self._write(d, structure, modes)
         self._written[d] = extent_of(structure)
@@ -138,7 +138,7 @@ class StoredDisc:
             self.log.note(problem)
 
     def finish(self) -> None:
-        """Store again what is known of more nodal diameters than before, and their static columns in the cache."""
+        """Store nodal diameters with more data than before again, and their static columns in the cache."""
         for d in sorted(self._written):
             structure = self._groups.of_group(d)
             if structure.factored.value is not None and extent_of(structure) != self._written[d]:

@@ -1,7 +1,7 @@
-"""A stuck structure in a folder: that of a run, or one in the cache.
+"""A stuck structure in the folder of a run or in the cache.
 
     model        everything except data as large as the mesh (structure_arrays.py); names the file of its modes
-    modes-NAME   all modes computed, in the order of the user's nodes, for fields on the mesh
+    modes-NAME   all computed modes, in the order of the user's nodes, for fields on the mesh
     columns      static columns (columns_file.py)
 
 The modes are written first: a folder without a model has no structure.
@@ -69,7 +69,7 @@ class StoredStructure:
     ) -> Structure:
         """Return the structure of arrays and texts, the same on every rank.  Local.
 
-        Its large parts are computed when they are first needed, by ``large`` from what reads the modes, or from the scene.
+        Its large parts are computed when first needed, by ``large`` from a function that reads the modes, or from the scene.
         """
         arrays, texts = stored
 
@@ -105,7 +105,7 @@ class StoredStructure:
         make_folder(str(self.path))
         name = f"modes-{uuid.uuid4().hex[:12]}" if modes is None else modes.name
         if modes is not None:
-            with suppress(OSError):  # modes removed meanwhile are computed again when they are needed
+            with suppress(OSError):  # modes removed meanwhile are computed again when needed
                 link_or_copy(modes, self.path / name)
         elif phi is not None:
             write_record(self.path / name, {"phi": phi})

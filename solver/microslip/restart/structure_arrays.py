@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
     from ..scene.schema import Scene
 
-_OF_MESH = ("weights1", "weights2", "notes")  # of pairs: assembly alone needs them
+_OF_MESH = ("weights1", "weights2", "notes")  # attributes of pairs that only the assembly needs
 _COUNTS = ("n_modes", "n_proved")
-_MADE: dict[str, type] = {SAMPLED: Samples, COUPLED: StructuralCoupling}  # what is made of a group once, by its key
+_MADE: dict[str, type] = {SAMPLED: Samples, COUPLED: StructuralCoupling}  # types of data computed once per group, by key
 
 
 # -- to arrays -----------------------------------------------------------------------------------------------------
@@ -77,7 +77,7 @@ def _tables_of(structure: Structure) -> dict[str, BoltsAtRest | JointsAtRest | B
 
 
 def numbers_of(of: Any) -> Arrays:
-    """Return the numbers in a dataclass by path: arrays, scalars, and those of nested dataclasses."""
+    """Return the numbers in a dataclass by path: arrays, scalars, and numbers of nested dataclasses."""
     arrays: Arrays = {}
     for field in fields(of):
         value = getattr(of, field.name)
@@ -109,8 +109,8 @@ def structure_of(
 
     Parameters
     ----------
-    factored : returns what makes the large parts of a group of harmonics
-    per_group : makes the groups that are not among the arrays; None: the structure has one group
+    factored : returns the function that computes the large parts of a group of harmonics
+    per_group : computes the groups that are not among the arrays; None: the structure has one group
     """
     bolts, balance, observed = None, None, under("observed", arrays)
     if "bolts" in texts:
@@ -185,7 +185,7 @@ def pairs_of(arrays: Arrays, texts: Mapping[str, Any]) -> ContactPairs:
 
 
 def basis_of(arrays: Arrays, texts: Mapping[str, Any]) -> Basis | None:
-    """Return the basis of a Galerkin method; None where there is none.  Local."""
+    """Return the basis of a Galerkin method; None without a basis.  Local."""
     if "basis" not in texts:
         return None
     unknowns, leaves_out = texts["basis"]

@@ -1,1 +1,1 @@
-"""Statics: contact at rest under constant loads, in load steps."""
+"""Statics: contact at rest under constant loads."""

@@ -17,7 +17,7 @@ from ..parallel.agree import on_root
 from .equilibrium import TOLERANCE, Rest
 from .loaded import Loaded
 
-_ROUNDING = 1e-9  # of the forces: less is not shown
+_ROUNDING = 1e-9  # of the forces: smaller values are shown as 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +38,9 @@ class BodiesAtRest:
 
     names: tuple[str, ...]
     about: np.ndarray  # (n_bodies, 3) m, the mean of the nodes, about which moments are
-    loads: np.ndarray  # (n_bodies, 6) of [statics]
-    joints: np.ndarray  # (n_bodies, 6) without stated preloads, which are self-equilibrated
-    supports: np.ndarray  # (n_bodies, 6) of supports, springs to ground and equations
+    loads: np.ndarray  # (n_bodies, 6) loads of [statics]
+    joints: np.ndarray  # (n_bodies, 6) contact forces without stated preloads, which are self-equilibrated
+    supports: np.ndarray  # (n_bodies, 6) forces of supports, springs to ground and equations
     size: np.ndarray  # (n_bodies,) N, the largest sum of magnitudes of the three
     reach: np.ndarray  # (n_bodies,) m, from the middle to the farthest node
 
@@ -61,11 +61,11 @@ class Balance:
 def balance_of(loaded: Loaded, rest: Rest, acting: Acting | None) -> Balance:
     """Return forces and moments across joints and on bodies at rest, eq. (12.15), the same on every rank.
 
-    Collective on ``loaded.system.comm``.  ``acting`` is that of rank 0.
+    Collective on ``loaded.system.comm``.  ``acting`` is used on rank 0.
 
     Raises
     ------
-    ConvergenceError : the imbalance of forces is larger than that of an accepted solve; on every rank
+    ConvergenceError : the imbalance of forces exceeds the limit of an accepted solve; on every rank
     """
 
     def checked() -> Balance:
@@ -154,7 +154,7 @@ def _columns(rows: list[tuple], widths: tuple) -> tuple:
 
 
 def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
-    """Raise ConvergenceError for a body or a joint with a larger imbalance than an accepted solve leaves.  Local."""
+    """Raise ConvergenceError for a body or a joint whose imbalance exceeds the limit of an accepted solve.  Local."""
     for what, table, force in (("", balance.bodies, balance.bodies.left), ("joint ", balance.joints, _between(balance.joints))):
         sizes = _against(table.size)
         for i, name in enumerate(table.names):
@@ -224,5 +224,5 @@ def _open(remainder: float) -> str:
 
 
 def _shown(vector: np.ndarray, size: float) -> str:
-    """Return three numbers as text; those that are rounding relative to ``size`` are 0."""
+    """Return three numbers as text; rounding relative to ``size`` is shown as 0."""
     return place(np.where(np.abs(vector) > _ROUNDING * size, vector, 0.0))

@@ -15,7 +15,7 @@ from ..linear.joint_springs import Linearised
 from ..messages.errors import CaseError
 from ..parallel.ownership import summed
 
-_NOTHING = 1e-9  # stiffness at a cut relative to that of the cut itself: below it nothing clamps the two halves of the shank
+_NOTHING = 1e-9  # stiffness at a cut over the stiffness of the shank, below which nothing clamps its two halves
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,15 +23,15 @@ class BoltsAtRest:
     """The bolts of a joint at rest, the same on every rank."""
 
     names: tuple[str, ...]
-    area: np.ndarray  # (n_bolts,) m2 of the cut
-    shortening: np.ndarray  # (n_bolts,) m, held since they were tightened
-    tightened: np.ndarray  # (n_bolts,) N, when all were tightened and nothing else acted
+    area: np.ndarray  # (n_bolts,) m2, area of the cut
+    shortening: np.ndarray  # (n_bolts,) m, constant after the tightening
+    tightened: np.ndarray  # (n_bolts,) N, with all bolts tightened and no other load
     force: np.ndarray  # (n_bolts,) N, at rest under all loads
 
 
 @dataclass(frozen=True, eq=False)
 class Cuts:
-    """The cuts in the structure with all pairs stuck."""
+    """The cuts of bolts in the stuck structure."""
 
     bolts: Bolts
     U_owned: np.ndarray  # (n_dof_owned, n_bolts) K_L^-1 F, motion of a unit shortening
@@ -56,16 +56,16 @@ class Cuts:
 
     @property
     def release(self) -> tuple[np.ndarray, np.ndarray]:
-        """R K_L^-1 F and S^-1 of the bolts that are pulled by a given force, (3 n_pairs, n_given) and (n_given, n_given)."""
+        """R K_L^-1 F and S^-1 of the bolts with a given force, (3 n_pairs, n_given) and (n_given, n_given)."""
         return self.RU[:, self.has_force], np.linalg.inv(self.S[np.ix_(self.has_force, self.has_force)])
 
 
 def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
-    """Return the cuts in the stuck structure.  Collective: a solve a bolt.
+    """Return the cuts in the stuck structure.  Collective: one solve per bolt.
 
     Raises
     ------
-    CaseError : a part of a bolt with a given force is held by its shank alone; on every rank
+    CaseError : only the shank connects the two sides of a bolt with a given force; on every rank
     """
     system, comm = linearised.system, linearised.system.comm
     first, last = linearised.K_L.getOwnershipRange()
@@ -76,7 +76,7 @@ def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
     for bolt, k, s in zip(bolts.given, bolts.k, np.diag(S)):
         if bolt.force is not None and s < _NOTHING * k:
             raise CaseError(
-                f"{where}{': ' if where else ''}[[statics.bolts]] {bolt.label!r}: there is nothing to clamp: beside the shank "
+                f"{where}{': ' if where else ''}[[statics.bolts]] {bolt.label!r}: there is nothing to clamp: besides the shank "
                 "nothing connects its two sides, no joint under the head and no support; add the joint that it presses on, or "
                 "pull with a force"
             )

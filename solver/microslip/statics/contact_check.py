@@ -1,4 +1,4 @@
-"""Contact check: bodies held by contact alone must be in contact at rest (docs/theory.md, section 12)."""
+"""Contact check: bodies that only contact holds must be in contact at rest (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RESOLVED = 1e-10  # normal force over the sum of all loads; a hundred times the 
 
 
 def check_contact(loaded: Loaded, rest: Rest) -> None:
-    """Raise CaseError on every rank for a body held by contact alone that no contact force acts on.
+    """Raise CaseError on every rank for a body that only contact holds and on which no contact force acts.
 
     Collective on ``loaded.system.comm``.  If the loads on a body balance each other, its contact forces are rounding: a pair or
     two then count as closed, and hold the vibrating body.
@@ -36,7 +36,7 @@ def check_contact(loaded: Loaded, rest: Rest) -> None:
         loose = loose_parts(system, part, len(names))
         group_of, is_held = _groups(part, len(names), loose)
         first, second = (_on_groups(on_parts(side, part, len(names)), group_of) for side in pairs.sides(len(part)))
-        if len(loose) and group_of.all() and first.all() and second.all():  # without supports, one body stands for what is held
+        if len(loose) and group_of.all() and first.all() and second.all():  # without supports one body is taken as held
             is_held[1] = True
         free = _not_pressed(first, second, np.where(np.isnan(pairs.N0), np.inf, rest.N), is_held, RESOLVED * size)
         if len(free):
@@ -55,7 +55,7 @@ def _size(forces: np.ndarray, pairs: ContactPairs, rest: Rest) -> float:
 
 
 def _groups(part: np.ndarray, n_parts: int, loose: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the group of each part, (n_parts,), and which groups are held: all held parts are the first; tied parts are one."""
+    """Return the group of each part, (n_parts,), and which groups are held: held parts form the first; tied parts one each."""
     group_of = np.zeros(n_parts, dtype=int)
     for i, parts in enumerate(loose, 1):
         group_of[parts] = i
@@ -71,7 +71,7 @@ def _on_groups(counts: sp.csr_matrix, group_of: np.ndarray) -> np.ndarray:
 
 
 def _not_pressed(first: np.ndarray, second: np.ndarray, N: np.ndarray, is_held: np.ndarray, least: float) -> np.ndarray:
-    """Return the groups that no chain of joints, each with a force of ``least`` [N] or more, connects to a held group."""
+    """Return the groups that no chain of joints, each with a force of at least ``least`` [N], connects to a held group."""
     carried = sp.coo_matrix((np.maximum(N, 0.0), (first, second)), (len(is_held), len(is_held))).tocsr()
     carried.data[~(carried.data > least)] = 0.0
     carried.eliminate_zeros()

@@ -1,7 +1,7 @@
 """Rest of a joint under constant loads: unilateral contact and friction in load steps (docs/theory.md, section 12).
 
 With all pairs stuck the structure is linear, and only the contact forces are nonlinear: the equations are those of harmonic
-balance with the mean alone, condensed to the pairs, and the law is that of the vibration, step by step.
+balance with only the mean, condensed to the pairs, and the contact law of the vibration is applied step by step.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from ..parallel.ownership import gathered_rows, rows_of, split_evenly, summed
 from ..receptance.static_columns import StaticColumns
 from .bolts import BoltsAtRest, Cuts, of_loads
 
-TOLERANCE = 1e-12  # of the relative displacement, over the largest there is
+TOLERANCE = 1e-12  # of the relative displacement over its largest value
 MOST_ITERATIONS = 60
-HALVINGS = 6  # of a Newton step that makes the residual grow
-FARTHEST = 1e6  # times the displacement with all pairs stuck: beyond it a body is taken to be free
-SHORTEST = 2.0**-12  # of a load step
-LARGEST = 12_000  # rows of pairs that open or slip, solved for densely
+HALVINGS = 6  # halvings of a Newton step that increases the residual
+FARTHEST = 1e6  # times the displacement with all pairs stuck, beyond which a body is taken as free
+SHORTEST = 2.0**-12  # shortest part of a load step
+LARGEST = 12_000  # rows of a dense solve for pairs that open or slip
 _ASKED_FROM = 1e8  # bytes from which the available memory is checked before allocation
-_BLOCK = 64  # pairs whose rows of the flexibility are copied at a time
+_BLOCK = 64  # pairs per block of copied rows of the flexibility
 _FEWER = "a coarser mesh of the contact surfaces, stiffer contact, or more ranks on more machines need less"
 
 
@@ -41,10 +41,10 @@ class Rest:
     """A joint in equilibrium; the same on every rank except the displacement of the structure."""
 
     du: np.ndarray  # (n_pairs, 3) m, relative displacements
-    force: np.ndarray  # (n_pairs, 3) N, on body 2 and against body 1: friction x and y, and minus the normal force
+    force: np.ndarray  # (n_pairs, 3) N, on body 2, opposite on body 1: friction x and y, and minus the normal force
     u_owned: np.ndarray  # (n_dof_owned,) m, this rank's rows of the displacement
-    iterations: int  # of Newton, in all steps
-    steps: int  # that were taken
+    iterations: int  # Newton iterations of all steps
+    steps: int  # number of steps
     bolts: BoltsAtRest | None = None
     memory: np.ndarray = field(
         default_factory=lambda: np.zeros((0, 0))
@@ -57,7 +57,7 @@ class Rest:
 
 
 class Flexibility:
-    """R K_L^-1 R^T by columns, computed when pairs first need them; each rank has the rows of its pairs."""
+    """R K_L^-1 R^T by columns, computed when first needed; each rank has the rows of its pairs."""
 
     def __init__(self, linearised: Linearised):
         R, self.comm = linearised.system.R, linearised.system.comm
@@ -72,11 +72,11 @@ class Flexibility:
 
     @property
     def known(self) -> np.ndarray:
-        """The pairs whose columns are solved for, (n_pairs,) bool."""
+        """The pairs with computed columns, (n_pairs,) bool."""
         return self._columns.known
 
     def require(self, pairs: np.ndarray) -> None:
-        """Solve for the columns of ``pairs`` that are not known.  Collective; the same on every rank.
+        """Compute the missing columns of ``pairs``.  Collective; the same on every rank.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class Flexibility:
     def newton_matrix(self, pairs: np.ndarray, L: np.ndarray, release: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray | None:
         """Return 1 + G L of ``pairs`` (m,), L being (m, 3, 3) [N/m], (3 m, 3 m) on rank 0, None elsewhere.  Collective.
 
-        ``release`` is that of a :class:`Loading`, whose bolts add to G.
+        ``release``: of a :class:`Loading`, whose bolts add to G.
 
         Raises
         ------
@@ -140,7 +140,7 @@ def equilibrium(
 
     Parameters
     ----------
-    free_bodies : returns a text on the bodies that the loads move freely and on what would hold them; collective
+    free_bodies : returns a text on bodies that the loads move freely and on possible remedies; collective
 
     Raises
     ------
@@ -204,11 +204,11 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """The motion of stuck pairs under loads: a constant part, and a part that rises in steps."""
+    """The motion of stuck pairs under loads: a constant part, and a part that increases in steps."""
 
     held: np.ndarray  # (n_pairs, 3) m
     rising: np.ndarray  # (n_pairs, 3) m
-    name: str  # of the rising part, for messages
+    name: str  # name of the increasing part, for messages
     free_bodies: Callable[[], str] = lambda: ""
     release: tuple[np.ndarray, np.ndarray] | None = None  # R K_L^-1 F and S^-1 of bolts with a given force
 
@@ -222,7 +222,7 @@ class _Sought:
     """An equilibrium problem: loads, contact law, and the state before."""
 
     loading: Loading
-    fraction: float  # of what rises
+    fraction: float  # fraction of the increasing part
     law: Law
     was: State
 
@@ -254,7 +254,7 @@ class Contact:
         self.iterations = 0
 
     def follow(self, loading: Loading, now: State, n_steps: int) -> tuple[State, int]:
-        """Return the state under the whole loading, applied in equal or shorter steps, and their number.  Collective."""
+        """Return the state under the complete loading, applied in equal or shorter steps, and their number.  Collective."""
         fraction, step, n_taken = 0.0, 1.0 / n_steps, 0
         while fraction < 1.0 - 1e-9:
             next_fraction = min(fraction + step, 1.0)
@@ -273,8 +273,8 @@ class Contact:
     def _fallen(self, loading: Loading, was: State, fraction: float) -> State | None:
         """Return the state of bodies that have moved through their gaps, None if there is none.  Collective.
 
-        A body with gaps alone moves freely until they close, so that no fraction of the load leads there.  Instead the gaps
-        grow from zero under that fraction; then friction acts, from zero.
+        A body with only gaps moves freely until they close: no fraction of the load leads to this state.  Instead the gaps
+        increase from zero under that fraction; then friction increases from zero.
         """
         opened, step, gaps = 0.0, 1.0, np.minimum(self.pairs.N0, 0.0)
         start = fraction * loading.rising
@@ -296,7 +296,7 @@ class Contact:
     def _solve(self, loading: Loading, was: State, fraction: float, du: np.ndarray, law: Law | None = None) -> State | None:
         """Return the state at a fraction of the load, from ``du``; None if Newton's method does not converge.  Collective.
 
-        With many gaps, full steps are tried first; steps that must lower the residual follow if these fail.
+        With many gaps, full steps are tried first; if they fail, steps that must reduce the residual follow.
         """
         has_gaps, sought = bool((self.pairs.N0 < 0.0).any()), _Sought(loading, fraction, law or self.law, was)
         state = self._newton_from(sought, du, 0) if has_gaps else None
@@ -326,7 +326,7 @@ class Contact:
         return None
 
     def _iterate(self, sought: _Sought, trial: _Trial, halvings: int) -> tuple[np.ndarray | None, float]:
-        """Return du after a Newton step, None where there is none, and the residual before it [m].  Collective."""
+        """Return du after a Newton step, None if the step fails, and the residual before it [m].  Collective."""
         residual = self._residual(sought, trial.state.du, trial.state.p, trial.active)
         error = float(np.abs(residual).max(initial=0.0))
         step = self._newton(sought.loading, residual, trial)
@@ -360,7 +360,7 @@ class Contact:
         return du - sought.load + self._flexibility(sought.loading, p, active)
 
     def _newton(self, loading: Loading, residual: np.ndarray, trial: _Trial) -> np.ndarray | None:
-        """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular.  Collective."""
+        """Return the Newton step, (n_pairs, 3) [m]; None if the system is singular.  Collective."""
         active = np.flatnonzero(trial.active)
         if len(active) == 0:
             return -residual
@@ -375,7 +375,7 @@ class Contact:
         return step if np.isfinite(step).all() else None
 
     def _why_not(self, loading: Loading, now: State, fraction: float, n_steps: int) -> str:
-        """Return a text on the largest load with equilibrium: open pairs there, what moves beyond it, and what would hold it.
+        """Return a text on the largest load with equilibrium: open pairs there, bodies that move beyond it, and remedies.
 
         Collective.
         """
@@ -393,8 +393,8 @@ class Contact:
 
 
 def _solved(J: np.ndarray, right: np.ndarray) -> np.ndarray | None:
-    """Return x with J x = right, None where J is singular; J is overwritten.  Local."""
-    factors, order, info = lapack.dgetrf(J.T, overwrite_a=True)  # the transposed is in the order of LAPACK: no copy
+    """Return x with J x = right, None if J is singular; J is overwritten.  Local."""
+    factors, order, info = lapack.dgetrf(J.T, overwrite_a=True)  # the transpose has the order of LAPACK: no copy
     return lapack.dgetrs(factors, order, right, trans=1)[0] if info == 0 else None
 
 

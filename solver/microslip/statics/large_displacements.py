@@ -16,9 +16,9 @@ from ..messages.errors import CaseError, ConvergenceError
 from ..parallel.petsc import free
 from .equilibrium import Flexibility, Rest, equilibrium
 
-CLOSE = 1e-8  # change of a step over the largest displacement: that of the next one is its square
-MOST_STEPS = 12  # of Newton's method, under one share of the load
-SHORTEST = 1.0 / 16.0  # share of the load put on at once
+CLOSE = 1e-8  # change of the last step over the largest displacement: the next change would be its square
+MOST_STEPS = 12  # Newton steps under one fraction of the load
+SHORTEST = 1.0 / 16.0  # shortest step, as a fraction of the load
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +26,8 @@ class About:
     """The structure linearised about a displacement, under a fraction of the load."""
 
     K: PETSc.Mat  # K_T, N/m
-    forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows of the forces beside that share of the constant ones
-    pairs: ContactPairs  # with the areas that surfaces have there
+    forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows of the forces besides that fraction of the constant loads
+    pairs: ContactPairs  # with the areas of the deformed surfaces
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +35,10 @@ class Sought:
     """An equilibrium problem with large displacements."""
 
     system: System
-    # of this rank's rows of a displacement, a fraction of the load, and whether the stress is that of an equilibrium
+    # arguments: this rank's rows of a displacement, fraction of the load, whether the stress is in equilibrium
     about: Callable[[np.ndarray, float, bool], About]
     forces_owned: np.ndarray  # (n_dof_owned,) N, constant, this rank's rows
-    n_steps: int  # of contact, each time
+    n_steps: int  # load steps of each contact problem
     free_bodies: Callable[[], str]
     where: str  # the scene file, for messages
 
@@ -46,11 +46,11 @@ class Sought:
 def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
     """Return the rest under all loads, the structure linearised about it, and the number of Newton steps.
 
-    Collective.  docs/theory.md, eq. (12.14).  A step of the load without solution is halved.
+    Collective.  docs/theory.md, eq. (12.14).  Load steps without solution are halved.
 
     Raises
     ------
-    ConvergenceError : no equilibrium, as beyond the load at which the structure buckles; on every rank
+    ConvergenceError : no equilibrium, for example beyond the buckling load; on every rank
     ResourceError : not enough memory for a factor
     """
     u, rest = np.zeros(len(sought.forces_owned)), None

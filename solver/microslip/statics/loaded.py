@@ -13,7 +13,7 @@ from ..mesh.data import ContactPairs, Mesh
 
 @dataclass(frozen=True, eq=False)
 class Loaded:
-    """A structure, the constant forces on it, and the pairs before these act."""
+    """A structure, the constant forces on it, and the pairs in the reference state."""
 
     system: System
     mesh: Mesh | None  # rank 0 only

@@ -33,12 +33,12 @@ from .rest import at_rest, in_words, of_larger_area, referred_to, touches_from_n
 from .rigid_bodies import freely_moved_bodies
 from .unsupported import check_unsupported
 
-SAME = 1e-10  # of the largest displacement: states of rest that differ by less are the same
+SAME = 1e-10  # relative difference of displacements below which states of rest are the same
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceState:
-    """A structure before its constant loads act, with all data for computing its rest."""
+    """A structure before its constant loads act, with all data to compute its rest."""
 
     system: System
     shares: DistributedMesh
@@ -61,8 +61,8 @@ class ReferenceState:
     ) -> ReferenceState:
         """Return a structure with its constant forces and bolts.  Collective.
 
-        Rough surfaces without pressure at first get the springs of the approximate pressure under the loads, which takes another
-        factor.
+        Rough surfaces without initial pressure get the springs of the approximate pressure under the loads, which needs one more
+        factorisation.
 
         Raises
         ------
@@ -81,12 +81,12 @@ class ReferenceState:
 
     @cached_property
     def flexibility(self) -> Flexibility:
-        """The flexibility with all pairs stuck, and its factor; it does not depend on friction and preload.  Collective."""
+        """The flexibility of the stuck structure with its factor; independent of friction and preload.  Collective."""
         return Flexibility(linearise(self.system, self.pairs, self.where))
 
     @cached_property
     def cuts(self) -> Cuts | None:
-        """The cuts through the bolts while all pairs stick; None without bolts.  Collective: a solve a bolt.
+        """The cuts of the bolts in the stuck structure; None without bolts.  Collective: one solve per bolt.
 
         Raises
         ------
@@ -110,13 +110,13 @@ class AtRest:
     pairs: ContactPairs
     bolts: BoltsAtRest | None = None
     balance: Balance | None = None
-    messages: tuple[str, ...] = ()  # of the rest, for the log
+    messages: tuple[str, ...] = ()  # lines on the rest for the log
 
 
 def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | None = None) -> AtRest:
     """Return the structure at rest under the constant loads, about which it vibrates.
 
-    Collective.  ``pairs`` are those before the loads act; they may differ from the structure's own in friction and preload.
+    Collective.  ``pairs``: before the loads act; they may differ from the structure's pairs in friction and preload.
     ``known`` is the structure at an earlier rest, whose K is reused if the displacement at rest is the same.
 
     Raises
@@ -168,7 +168,7 @@ def _about(reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, 
 def _stretched(
     reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, fraction: float
 ) -> tuple[np.ndarray, dict[str, float]]:
-    """Return the areas of the pairs over those without load, (n_pairs,), and how far joints turn [rad].  Collective."""
+    """Return the areas of the pairs over their unloaded areas, (n_pairs,), and the rotations of joints [rad].  Collective."""
     system = reference.system
     u = system.at_nodes(np.concatenate(system.comm.allgather(u_owned)))
     u = u if system.moved is None else u + fraction * system.moved
@@ -176,7 +176,7 @@ def _stretched(
 
 
 def _messages_of_large(reference: ReferenceState, pairs: ContactPairs, rest: Rest, n_steps: int) -> list[str]:
-    """Return lines on a rest with large displacements: steps, and how far the surfaces of joints turn.  Collective."""
+    """Return lines on a rest with large displacements: steps, and rotations of the surfaces of joints.  Collective."""
     lines = [f"rest with large displacements found in {n_steps} steps of Newton's method"]
     turns = _stretched(reference, pairs, rest.u_owned, 1.0)[1] if pairs.n_pairs else {}
     return lines + [
@@ -186,7 +186,7 @@ def _messages_of_large(reference: ReferenceState, pairs: ContactPairs, rest: Res
 
 
 def _stiffness(reference: ReferenceState, rest: Rest, known: System | None) -> PETSc.Mat:
-    """Return K about a rest with small displacements; that of the known rest if it is the same.  Collective."""
+    """Return K about a rest with small displacements; K of the known rest if the rests are equal.  Collective."""
     system, settings = reference.system, reference.settings
     if known is not None and _is_same(known, rest.u_owned):
         return known.K
@@ -203,7 +203,7 @@ def _motions_above_cuts(reference: ReferenceState, rest: Rest) -> Seen | None:
 
 
 def _is_same(known: System, u_owned: np.ndarray) -> bool:
-    """Return whether a displacement at rest is that of a known rest.  Collective."""
+    """Return whether a displacement at rest equals the displacement of a known rest.  Collective."""
     was = known.rest_owned
     assert was is not None, "a structure at rest"
     sizes = np.array([np.abs(u_owned - was).max(initial=0.0), np.abs(was).max(initial=0.0)])

@@ -24,7 +24,7 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
 
     Raises
     ------
-    CaseError : pairs are open at rest whose law needs pressure at rest
+    CaseError : pairs with a law that needs pressure at rest are open at rest
     """
     try:
         changed = about_rest(pairs.laws, pairs.columns, rest.du, rest.memory)
@@ -51,7 +51,7 @@ def of_larger_area(pairs: ContactPairs, ratio: np.ndarray) -> ContactPairs:
 
 
 def touches_from_none(pairs: ContactPairs) -> np.ndarray:
-    """Return which pairs follow a power of the approach from zero pressure, (n_pairs,) bool.  Local."""
+    """Return which pairs follow a power of the approach starting from zero pressure, (n_pairs,) bool.  Local."""
     reference = pairs.law_columns.get("reference", np.full(pairs.n_pairs, np.nan))
     return (reference > 0.0) & (pairs.N0 <= 0.0)
 
@@ -59,7 +59,7 @@ def touches_from_none(pairs: ContactPairs) -> np.ndarray:
 def referred_to(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
     """Return pairs of the same law, with springs and asperities for the approximate pressure of forces N (n_pairs,) [N].
 
-    Local.  docs/theory.md, section 12: of pairs that touch from none on, joint by joint, at the largest pressure there.
+    Local.  docs/theory.md, section 12: only pairs that start from zero pressure, at the largest pressure of each joint.
     """
     k_t, k_n, reference = pairs.k_t.copy(), pairs.k_n.copy(), pairs.law_columns["reference"].copy()
     joint, touches = np.array(pairs.joint), touches_from_none(pairs)
@@ -114,9 +114,9 @@ def _of_bolts(rest: Rest) -> list[str]:
 
 
 def loose_parts(system: System, part: np.ndarray, n_parts: int) -> tuple[np.ndarray, ...]:
-    """Return the connected parts held by joints alone; tied parts are in one array.  Local, rank 0.
+    """Return the connected parts that only joints hold; tied parts are in one array.  Local, rank 0.
 
-    ``part`` (n_nodes,) is that of each node.
+    ``part`` (n_nodes,): number of the part of each node.
     """
     assert system.dof is not None, "a structure with a mesh"
     if system.constraints is not None:

@@ -13,34 +13,34 @@ from ..mesh.data import ContactPairs
 from ..parallel.agree import on_root
 from .loaded import Loaded
 
-_BALANCED = 1e-6  # what is left of the loads over themselves: below it rigid bodies are in equilibrium
-_TAKES_PART = 0.3  # of the largest motion: bodies that move less are not named
-_TIMES = tuple(2.0**k for k in range(1, 8))  # the friction stated, in the search for what would hold a body
+_BALANCED = 1e-6  # imbalance over the loads, below which rigid bodies are in equilibrium
+_TAKES_PART = 0.3  # of the largest motion: bodies with smaller motions are not named
+_TIMES = tuple(2.0**k for k in range(1, 8))  # factors of the stated friction in the search for a sufficient one
 _HALVINGS = 6  # of that search, to 1 or 2 %
-_ROUNDS = 40  # in which edges are added to the cones, each straight against the motion of the last
+_ROUNDS = 40  # rounds that add edges to the cones, opposite to the motion of the last round
 
 
 @dataclass(frozen=True)
 class _Rigid:
-    """Rigid motions of every part: three translations and three turns about its middle [m, and m a radian over its reach]."""
+    """Rigid motions of each part: 3 translations and 3 rotations about its middle [m, and m per radian over its reach]."""
 
     names: tuple[str, ...]
     middle: np.ndarray  # (n_parts, 3) m
     reach: np.ndarray  # (n_parts,) m
-    motions: np.ndarray  # (n_nodes, 3, 6) of each node with its own part
-    part: np.ndarray  # (n_nodes,); tied parts are one
+    motions: np.ndarray  # (n_nodes, 3, 6) motion of each node with its part
+    part: np.ndarray  # (n_nodes,) number of the part; tied parts are one
 
 
 def freely_moved_bodies(loaded: Loaded) -> str:
-    """Return a text on the bodies that contact and friction cannot hold, how they move, and what would hold them.
+    """Return a text on the bodies that contact and friction cannot hold, their motions, and remedies.
 
-    "" where rigid bodies would be held.
+    "" if contact and friction can hold all rigid bodies.
 
     Collective on ``loaded.system.comm``.
 
     Notes
     -----
-    docs/theory.md, eq. (12.9): bodies are rigid here.  The loads are projected on the forces of supports and of contact within
+    docs/theory.md, eq. (12.9), with rigid bodies.  The loads are projected on the forces of supports and of contact within
     its friction cones; the remainder is the motion.
     """
     system = loaded.system
@@ -75,10 +75,10 @@ def _rigid_motions(loaded: Loaded) -> _Rigid:
 
 
 def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> np.ndarray:
-    """Return the motion of each part, (n_parts, 6); zero where all are held.  Local, rank 0."""
-    from scipy.optimize import nnls  # long to import, and seldom needed
+    """Return the motion of each part, (n_parts, 6); zero if all are held.  Local, rank 0."""
+    from scipy.optimize import nnls  # slow import, seldom needed
 
-    if friction_limit(pairs.laws, pairs.columns, np.zeros(pairs.n_pairs)).any():  # a law that holds without pressure
+    if friction_limit(pairs.laws, pairs.columns, np.zeros(pairs.n_pairs)).any():  # a law with friction without pressure
         return np.zeros((len(rigid.names), 6))
     T = _by_row(system, rigid)
     B = np.asarray(system.R @ T).reshape(pairs.n_pairs, 3, T.shape[1])
@@ -102,7 +102,7 @@ def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndar
 
 
 def _what_holds(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> str:
-    """Return a text on the friction coefficient that would hold the bodies, or that none would.  Local, rank 0."""
+    """Return a text on the friction coefficient that would hold the bodies, if one exists.  Local, rank 0."""
 
     def is_held(times: float) -> bool:
         return not _motions(system, rigid, replace(pairs, mu=times * pairs.mu), forces).any()
@@ -136,7 +136,7 @@ def _by_row(system: System, rigid: _Rigid) -> np.ndarray:
 
 
 def _points(system: System, rigid: _Rigid) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
-    """Return for each point its rows (6,), which of them are held (6,), its part, and its rigid motions (6, 6)."""
+    """Return for each point its rows (6,), held rows (6,), part, and rigid motions (6, 6)."""
     constraints, points = system.constraints, []
     if constraints is None:
         return []
@@ -157,7 +157,7 @@ def _allowed(system: System, rigid: _Rigid) -> np.ndarray:
     assert system.dof is not None, "a structure with a mesh"
     constraints = system.constraints
     node, axis = np.nonzero((system.dof if constraints is None else constraints.dof[: len(rigid.part)]) < 0)
-    normal = np.zeros((len(rigid.names), 6, 6))  # of the held rows, part by part
+    normal = np.zeros((len(rigid.names), 6, 6))  # normal matrix of the held rows of each part
     np.add.at(normal, rigid.part[node], np.einsum("na,nb->nab", *2 * [rigid.motions[node, axis]]))
     for _, is_held, part, motions in _points(system, rigid):
         normal[part] += motions[is_held].T @ motions[is_held]
@@ -178,7 +178,7 @@ def _edges(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray) -> np.ndarray:
 
 
 def _against(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return the edges that point straight against a motion, (n_pairs, n)."""
+    """Return the edges opposite to a motion, (n_pairs, n)."""
     slip = B[:, :2] @ (Z @ q)
     return _cone(pairs, B, Z, -slip / np.maximum(np.linalg.norm(slip, axis=1, keepdims=True), 1e-300))
 

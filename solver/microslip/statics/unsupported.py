@@ -1,4 +1,4 @@
-"""What constant loads may do to a structure that supports leave free: where nothing holds it, they must be in balance."""
+"""Check of constant loads on a structure with free rigid-body motions: the loads must be in balance along them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ..messages.words import place
 from ..parallel.ownership import summed
 from ..tables.structure_tables import StructureTables
 
-_BALANCED = 1e-6  # of the sum of all forces, and of their moments: less is rounding
+_BALANCED = 1e-6  # of the sum of all forces and of their moments: smaller imbalances are rounding
 
 
 def check_unsupported(system: System, settings: StructureTables, forces_owned: np.ndarray, where: str) -> None:
-    """Raise CaseError, on every rank, for constant loads that a structure cannot bear along rigid-body motions left free.
+    """Raise CaseError on every rank for constant loads that are not in balance along free rigid-body motions.
 
     Collective: one sum.  ``forces_owned`` (n_dof_owned,) [N].
     """
