@@ -1,1 +1,1 @@
-"""Stories told with the library beside a run: check, new, compare, verify, trade, export, diff, batches."""
+"""The commands other than run, built on the library: check, new, compare, verify, trade, export, diff, batches."""

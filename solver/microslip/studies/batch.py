@@ -1,4 +1,4 @@
-"""The story of several scenes: each is run by one group of ranks, from its mesh to its pictures."""
+"""Runs of several scenes: one group of ranks runs each scene, from its mesh to its pictures."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 
 def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, options: RunOptions) -> int:
-    """Run scenes side by side, or in turn with one group, each into ``out``/its name; return the worst exit status.
+    """Run scenes in parallel groups of ranks, or in sequence with one group; return the worst exit status.
 
-    Collective on ``comm``.  A group takes the next scene whenever it has done the last one.  A scene that fails is said and
-    ends no other; after a signal, or when the time limit is near, no further scene begins.
+    Collective on ``comm``.  Each scene writes to ``out``/NAME.  A group that has finished a scene takes the next one.  A failed
+    scene is reported and stops no other scene; after a signal, or near the time limit, no further scene begins.
 
     Raises
     ------
-    CaseError : two scenes have the same name; on every rank, before anything is run
+    CaseError : two scenes have the same name; on every rank, before the first run
     """
     names = [scene.name for scene in scenes]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -51,7 +51,7 @@ def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, options: RunO
 def _run(scene: Scene, groups: Groups, folder: Path, options: RunOptions) -> int:
     """Run one scene on this rank's group and return its exit status.  Collective on ``groups.comm``.
 
-    With several groups the screen has a line when a scene begins and one when it ends; run.log has the rest.
+    With several groups the screen shows one line at the begin and one at the end of a scene; run.log has the rest.
     """
     is_alone, began = groups.n == 1, time.perf_counter()
     if groups.is_root and not is_alone:

@@ -14,7 +14,7 @@ UNKNOWN = "\u2013"  # on the screen
 def write_csv(
     path: str, columns: Iterable[str], records: Iterable[Mapping[str, Any]], digits: int = 9, unknown: str = "nan"
 ) -> None:
-    """Write records to a CSV file, numbers to so many digits, ``unknown`` in place of NaN.  Local.
+    """Write records to a CSV file, numbers with ``digits`` digits, ``unknown`` in place of NaN.  Local.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def write_csv(
 
 
 def cell(value: Any, digits: int, unknown: str = UNKNOWN) -> str:
-    """Return a cell: a float to so many digits, ``unknown`` of NaN, other values as text.  Local."""
+    """Return a cell: a float with ``digits`` digits, ``unknown`` for NaN, other values as text.  Local."""
     if not isinstance(value, float):
         return str(value)
     return unknown if value != value else f"{value:.{digits}g}"

@@ -1,1 +1,1 @@
-"""Nonlinear modes: frequency and damping against amplitude, and the forced response that follows from them."""
+"""Nonlinear modes: frequency and damping against amplitude, and the forced response synthesised from them."""

@@ -21,14 +21,14 @@ from ...system.files import atomic_write, make_folder
 from ...system.hdf5 import written_hdf5
 from ..records import cell, write_csv
 
-_ROWS = 14  # of the table on the screen
+_ROWS = 14  # rows of the table on the screen
 _WIDE = 30.0  # ratio of damping ratios beyond which their axis is logarithmic
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
 
 
 @dataclass(frozen=True, eq=False)
 class Forced:
-    """The forced response at a level, by the mode alone and in full."""
+    """The forced response at a level: synthesised from the mode, and computed."""
 
     level: float  # N
     by_mode: Synthesis
@@ -39,13 +39,13 @@ class Forced:
 
     @property
     def peak(self) -> float:
-        """The largest amplitude of the first output, computed in full."""
+        """The largest computed amplitude of the first output."""
         of_points = float(np.abs(self.amplitude[:, 0]).max(initial=0.0))
         return max([of_points, *(abs(peak.amplitude) for peak in self.peaks if peak.output == 0)])
 
     @property
     def error(self) -> float:
-        """Error of the peak by the mode alone, over the peak; NaN where the mode does not reach it."""
+        """Relative error of the peak synthesised from the mode; NaN if the mode does not reach it."""
         return float(self.by_mode.peak[0]) / self.peak - 1.0
 
 
@@ -72,7 +72,7 @@ def write_backbone(result: Backbone, forced: Sequence[Forced], scene: Titled, fo
 
 
 def records(result: Backbone) -> list[dict[str, Any]]:
-    """Return a record a point, by the names of the columns of backbone.csv."""
+    """Return one record per point, by the names of the columns of backbone.csv."""
     columns: dict[str, np.ndarray] = {
         "modal_amplitude": result.amplitude,
         "frequency_Hz": result.frequency,
@@ -127,7 +127,7 @@ def write_arrays(result: Backbone, path: str) -> None:
 
 
 def on_screen(result: Backbone) -> list[str]:
-    """Return the table for the screen: points evenly spread."""
+    """Return the table for the screen, for evenly spread points."""
     rows = some(records(result), _ROWS)
     if not rows:
         return []
@@ -169,7 +169,7 @@ def on_screen(result: Backbone) -> list[str]:
 
 
 def in_words(result: Backbone) -> list[str]:
-    """Return lines on a nonlinear mode: where it begins, its largest damping, its cost, resonances on the way."""
+    """Return lines on a nonlinear mode: its begin, largest damping, cost, and superharmonic resonances."""
     if not result.points:
         return [f"mode {result.mode}: {result.linear_frequency:.6g} Hz, damping {100.0 * result.linear_damping:.4g} %, a line"]
     top = int(np.argmax(result.damping))
@@ -214,7 +214,7 @@ def _forced_in_words(forced: Forced) -> str:
 
 
 def synthesis_records(result: Backbone, forced: Sequence[Forced]) -> list[dict[str, Any]]:
-    """Return a record a point of the synthesised responses, by the names of the columns of synthesis.csv."""
+    """Return one record per point of the synthesised responses, by the names of the columns of synthesis.csv."""
     return [
         {f"level_{result.level_unit}": each.level, "frequency_Hz": float(frequency)}
         | {f"{name}_{unit}": float(abs(a)) for name, unit, a in zip(result.outputs, result.units, amplitudes)}
@@ -272,7 +272,7 @@ def draw_backbone(result: Backbone, scene: Titled, path: str) -> None:
 
 
 def draw_forced(result: Backbone, forced: Sequence[Forced], scene: Titled, path: str) -> None:
-    """Draw forced responses by the mode alone and in full, with the phase resonances.  Local."""
+    """Draw synthesised and computed forced responses, with the phase resonances.  Local."""
     size = np.abs(result.shape[:, 0]) * result.amplitude
     factor, unit = with_prefix(np.concatenate([np.abs(each.amplitude[:, 0]) for each in forced]), result.units[0])
     colours = level_colours(len(forced))

@@ -1,4 +1,4 @@
-"""The story of a nonlinear mode: build, follow, compare with statics and with forced responses; table, files, pictures."""
+"""The command `backbone`: build, follow a nonlinear mode, compare with statics and forced responses; tables and pictures."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line states in addition to the scene."""
+    """Options of the command line."""
 
     mode: int = 1
     farthest: float | None = None  # amplitude over that of first slip; None: to gross slip
-    levels: tuple[float, ...] = ()  # N, of forced responses; empty: none
+    levels: tuple[float, ...] = ()  # N, levels of forced responses; empty: none
 
 
 def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
-    """Compute a nonlinear mode of a scene; at the requested levels also the forced response, by the mode alone and in full.
+    """Compute a nonlinear mode of a scene, and at the requested levels the forced response, synthesised and computed.
 
     Collective on ``comm``.
 
     Raises
     ------
     CaseError, MeshError, ResourceError : on every rank
-    ConvergenceError : the mode or a curve ended early, after everything was written; on every rank
+    ConvergenceError : the mode or a curve ended early, after all files were written; on every rank
     """
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "backbone.log"), facts=facts) as log:
@@ -63,7 +63,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
 
 
 def beside(result: Backbone, response: Response, level: float) -> Forced:
-    """Return the forced response at a level by the mode alone beside the computed curve.  Local."""
+    """Return the synthesised and the computed forced response at a level.  Local."""
     curve = response.level(level)
     return Forced(
         level,

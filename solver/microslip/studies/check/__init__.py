@@ -1,1 +1,1 @@
-"""What a scene or a model file holds, and what a run will need; nothing is solved."""
+"""The command `check`: the content of a scene or a model file, and the resources of a run; nothing is solved."""

@@ -1,4 +1,4 @@
-"""All faults of a scene and its files together, where the first has ended a check: a user mends them in one round."""
+"""All independent faults of a scene and its files in one message, collected after the first one has ended a check."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ T = TypeVar("T")
 
 
 def refuse_all(scene: Scene, first: CaseError) -> None:
-    """Raise ``first``, which ended a check of a scene with a mesh, together with all others that do not follow from it.
+    """Raise ``first``, which ended a check of a scene with a mesh, together with all faults independent of it.
 
     Local, rank 0.
 
@@ -50,14 +50,14 @@ def refuse_all(scene: Scene, first: CaseError) -> None:
 
 
 def _value(faults: Faults, function: Callable[[], T]) -> T | None:
-    """Return the value of a function, or None where it raised a fault, which is collected."""
+    """Return the value of a function; None if it raised a fault, which is collected."""
     with faults.collected():
         return function()
     return None
 
 
 def _completed(scene: Scene, faults: Faults) -> tuple[Scene | None, FileModel | None]:
-    """Return the scene completed by its file, what of the file has to be answered waived, and the file."""
+    """Return the scene completed by its file, with unresolved findings waived, and the file."""
     assert scene.model.mesh is not None, "a scene with a mesh"
     file = _value(faults, lambda: read_model(scene.folder / (scene.model.mesh or ""), scene.model.step))
     if file is None:
@@ -93,7 +93,7 @@ def _of_mesh(scene: Scene, mesh: Mesh, faults: Faults) -> None:
 
 
 def _of_links(scene: Scene, mesh: Mesh, pairs: ContactPairs | None, links: Links, faults: Faults) -> None:
-    """Collect the faults of supports, with what follows what."""
+    """Collect the faults of supports and of links between nodes."""
     with faults.collected():
         is_fixed = fixed_places(mesh, scene, links)
         check_supports(mesh, links, is_fixed)

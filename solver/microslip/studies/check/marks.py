@@ -1,4 +1,4 @@
-"""The sets that the picture of a mesh marks: of a scene what it uses, of a model file what it names."""
+"""The sets marked in the picture of a mesh: those used by a scene, or named by a model file."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _faces(mesh: Mesh, groups: tuple[str, ...]) -> list[np.ndarray]:
 
 
 def _mark_at(mesh: Mesh, label: str, entry: Load | Output, places: dict) -> Mark | None:
-    """Return where a load acts or an output is; None of what acts everywhere, or on a joint."""
+    """Return the mark of a load or an output; None if it acts everywhere or on a joint."""
     group = getattr(entry, "group", None)
     if entry.point is not None:
         points = np.array([places[entry.point]])
@@ -58,7 +58,7 @@ def _mark_at(mesh: Mesh, label: str, entry: Load | Output, places: dict) -> Mark
 
 
 def marks_of_file(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Mark]:
-    """Return the groups of faces, what is held, and the points of a model file.  Local, rank 0."""
+    """Return the groups of faces, the supports and the points of a model file.  Local, rank 0."""
     skin, of_bodies, held = skin_of_mesh(mesh), set(settings.body_of), {support.group for support in file.supports}
     marks = []
     for name, nodes in mesh.node_groups.items():

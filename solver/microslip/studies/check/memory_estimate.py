@@ -1,7 +1,7 @@
-"""The memory of a run before it is taken: the peak of each rank until the end of each stage, from the mesh and the scene alone.
+"""Estimate of the memory of a run from the mesh and the scene: the peak of each rank up to the end of each stage.
 
-What a matrix takes is counted: its entries are known from the mesh.  What its factor takes is MUMPS' own analysis, of the graph
-of the nodes.  Both are sums over arrays that the stages hold at once; what the allocator adds to them is not known.
+The entries of the matrices are counted on the mesh; the size of the factor is from MUMPS' analysis of the graph of the nodes.
+Both are sums over the arrays that exist at the same time; the overhead of the allocator is not included.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from ...reduction.memory_of_modes import HELD, PICKED, SHARPENED, VECTORS, of_pr
 from ...reduction.methods import METHODS
 from ...scene.schema import Scene
 
-FACTORED = KEPT + 10.5  # bytes an entry of K: K_L, and the half of it that is handed to MUMPS, with places and its analysis
+FACTORED = KEPT + 10.5  # bytes per entry of K: K_L, its triangle with indices for MUMPS, and the analysis
 LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at first use
-PICTURES = 30e6  # bytes of Matplotlib and its fonts, likewise
-_FRONTS = 0.25  # of a factor: what a factorisation takes that drops it as it comes
-COLUMNS = 2.5e8  # bytes of a batch of static solutions, all ranks
+PICTURES = 30e6  # bytes of Matplotlib and its fonts, touched at first use
+_FRONTS = 0.25  # memory of a factorisation that discards its factor, over the size of the factor
+COLUMNS = 2.5e8  # bytes of a batch of static solutions on all ranks
 
 
 @dataclass(frozen=True)
 class StageMemory:
-    """The most memory that ranks have had by the end of a stage, counted from the start of the program."""
+    """The peak memory of the ranks up to the end of a stage, since the start of the program."""
 
     name: str  # as in run.log
     peak: np.ndarray  # (size,) bytes
@@ -41,23 +41,23 @@ class StageMemory:
 
 @dataclass(frozen=True)
 class MemoryEstimate:
-    """The memory of a run by stage, and of the factor alone; of all ranks."""
+    """The memory of a run by stage, and of the factor, on all ranks."""
 
     stages: tuple[StageMemory, ...]
-    factor: tuple[FactorMemory, ...] | None  # of each rank; None where MUMPS does not tell
-    modes: int  # counted with
+    factor: tuple[FactorMemory, ...] | None  # of each rank; None without MUMPS' analysis
+    modes: int  # assumed number of modes
 
     @property
     def more(self) -> np.ndarray:
-        """What each rank will take beyond what it has had so far, (size,) bytes."""
+        """Memory that each rank will need in addition to its peak so far, (size,) bytes."""
         measured = np.max([stage.peak for stage in self.stages if stage.is_measured], axis=0)
         return np.max([stage.peak for stage in self.stages], axis=0) - measured
 
 
 def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int) -> MemoryEstimate:
-    """Return the memory of a run of a scene, whose mesh has been read and distributed: ``so_far`` bytes at most on this rank.
+    """Return the memory of a run of a scene after its mesh has been distributed, with a peak of ``so_far`` bytes on this rank.
 
-    Collective on the graph's communicator; the same on every rank.  ``highest`` is the highest harmonic of its points.
+    Collective on the graph's communicator; the same on every rank.  ``highest``: the highest harmonic of the points.
     """
     comm = coupling.graph.comm.tompi4py()
     factor = foreseen(coupling.graph, coupling.n_dof_each, coupling.entries_owned)
@@ -72,14 +72,14 @@ def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: floa
 def _peaks(
     scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int, factor: FactorMemory | None
 ) -> dict[str, float]:
-    """Return the peak of this rank until the end of each stage [bytes].  Local."""
+    """Return the peak of this rank up to the end of each stage [bytes].  Local."""
     comm, entries, n_owned, n_dof = coupling.graph.comm, coupling.entries_owned, coupling.dofs_owned, coupling.n_dof
     of_factor = FACTORED * entries + (factor.in_core if factor is not None else _by_size(n_dof) / comm.size)
     n_modes, solver = _n_modes(scene, n_dof), scene.solver
     settings = reduction_settings(scene)
     own_pairs, N_H = -(-n_pairs // comm.size), 2 * highest + 1
     held = so_far + HELD * entries
-    if scene.model.mesh is None:  # what was read stays on rank 0
+    if scene.model.mesh is None:  # rank 0 retains the matrices that it read
         stages = {"matrices and contact pairs": so_far, "assembly": so_far + HELD * entries}
     else:
         stages = {"partition": so_far, "assembly": so_far + ASSEMBLED * entries}
@@ -105,7 +105,7 @@ def _peaks(
 
 
 def _rising(stages: dict[str, float]) -> dict[str, float]:
-    """Return peaks until the end of each stage, those of earlier ones included.  Local."""
+    """Return the running maximum of the peaks of the stages.  Local."""
     return dict(zip(stages, np.maximum.accumulate(list(stages.values())).tolist()))
 
 
@@ -114,7 +114,7 @@ def _n_modes(scene: Scene, n_dof: int) -> int:
 
 
 def _bytes_a_point(n_pairs: int, N_H: int) -> float:
-    """Return what a recorded point takes: motion and forces of the pairs, and a few numbers of each pair and of itself."""
+    """Return the bytes of a recorded point: motion and forces of the pairs, and a few numbers per pair and per point."""
     return 8.0 * (6 * n_pairs * N_H + 8 * n_pairs) + 4e3
 
 

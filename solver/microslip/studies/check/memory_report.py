@@ -1,4 +1,4 @@
-"""What a run will take of the memory, stage by stage and rank by rank, in lines; nothing is solved for it."""
+"""The memory estimate of a run as text, by stage and rank; nothing is solved."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MIB = 1024.0**2
 
 
 def memory_of_mesh(scene: Scene, dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, so_far: float) -> list[str]:
-    """Return lines on the memory of a run of a scene with a mesh, which took ``so_far`` bytes on this rank.  Collective."""
+    """Return lines on the memory of a run of a scene with a mesh; peak so far ``so_far`` bytes on this rank.  Collective."""
     constraints = None
     if scene.ties or scene.points or scene.has_equations or scene.attached or scene.cyclic:
         whole = on_root(dmesh.comm, read_off, mesh, pairs, scene)
@@ -35,13 +35,13 @@ def memory_of_mesh(scene: Scene, dmesh: DistributedMesh, mesh: Mesh | None, pair
 
 
 def memory_of_matrices(scene: Scene, given: GivenStructure | None, comm: MPI.Comm) -> list[str]:
-    """Return the same of a scene given as matrices, on rank 0.  Collective."""
+    """Return lines on the memory of a run of a scene given as matrices, on rank 0.  Collective."""
     so_far, n_pairs = peak_memory(), comm.bcast(0 if given is None else given.pairs.n_pairs)
     return _lines(scene, coupling_of_dofs(given, comm), n_pairs, so_far, comm)
 
 
 def _lines(scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, comm: MPI.Comm) -> list[str]:
-    """Return the estimate in lines, the coupling freed.  Collective."""
+    """Return the estimate as lines and free the coupling.  Collective."""
     estimate = estimate_memory(scene, coupling, n_pairs, so_far, highest_harmonic(scene))
     coupling.graph.destroy()
     left, lacks = memory_left(comm), shortage(comm, float(estimate.more[comm.rank]))
@@ -49,14 +49,14 @@ def _lines(scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, comm: 
 
 
 def in_words(estimate: MemoryEstimate, columns: float, left: float, lacks: Shortage | None, picked: bool) -> list[str]:
-    """Return an estimate in lines.  Local.
+    """Return an estimate as lines.  Local.
 
     Parameters
     ----------
     columns : bytes of the static columns of all pairs, all ranks
-    left : bytes that all ranks may still take
-    lacks : the limit that does not suffice; None where all of it fits
-    picked : whether the number of modes is left to the program
+    left : bytes available to all ranks
+    lacks : the limit that is exceeded; None if the memory suffices
+    picked : whether the program chooses the number of modes
     """
     assumed = f", with {estimate.modes} modes" if picked else ""
     lines = [f"memory     peak by the end of each stage, MiB: all ranks, largest{assumed}"]
@@ -73,7 +73,7 @@ def in_words(estimate: MemoryEstimate, columns: float, left: float, lacks: Short
 
 
 def _factor(estimate: MemoryEstimate) -> str:
-    """Return what the factor takes, in words."""
+    """Return the memory of the factor as text."""
     if estimate.factor is None:
         return "the factor, by the number of DOF alone: this PETSc does not analyse without factoring"
     memory, on_disk = (sum(getattr(rank, name) for rank in estimate.factor) for name in ("in_core", "on_disk"))

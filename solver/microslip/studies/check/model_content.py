@@ -1,4 +1,4 @@
-"""What a model file holds, in lines: elements, bodies with volume and mass, materials, groups, and what is not taken over."""
+"""The content of a model file as lines: elements, bodies with volume and mass, materials, groups, findings."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ...tables.joint import Joint
 from ...tables.structure import TAKEN, Body, Material, Orientation
 from ...tables.units import Units
 
-MOST = 40  # groups, findings or bodies that are listed one by one
+MOST = 40  # groups, findings or bodies listed individually
 
 
 def table(heading: str, lines: list[str], most: int = MOST) -> list[str]:
-    """Return lines below each other, the first after a heading; ``most`` of them, and how many more there are.  Local."""
+    """Return lines after a heading, at most ``most`` of them and the number of the others.  Local."""
     shown = lines[:most] + ([f"... and {len(lines) - most} more ({len(lines)} in all)"] if len(lines) > most else [])
     return [f"{heading if i == 0 else '':10} {line}" for i, line in enumerate(shown)]
 
 
 def elements_of(mesh: Mesh) -> str:
-    """Return how many elements of each kind there are.  Local."""
+    """Return the number of elements of each kind as text.  Local."""
     counts: Counter[str] = Counter()
     for block in mesh.elements:
         counts[block.kind] += len(block.nodes)
@@ -47,7 +47,7 @@ def mass(volume: Mapping[str, float], density: Mapping[str, float]) -> float:
 
 
 def bodies(mesh: Mesh, of_scene: Mapping[str, Body], volume: Mapping[str, float], density: Mapping[str, float]) -> list[str]:
-    """Return a line for each body with its volume and mass, and one for all of them; a density that is NaN is not known.
+    """Return a line for each body with its volume and mass, and one for their sum; NaN is an unknown density.
 
     Local, rank 0.
     """
@@ -65,7 +65,7 @@ def _kilograms(mass: float) -> str:
 
 
 def groups(mesh: Mesh, of_scene: Mapping[str, Body]) -> list[str]:
-    """Return a line for each named group that is no body: its nodes, and the outer faces that it names or holds.  Local."""
+    """Return a line for each named group that is not a body: its nodes and outer faces.  Local."""
     skin, of_bodies = skin_of_mesh(mesh), {body.group for body in of_scene.values()}
     lines = []
     for name, nodes in mesh.node_groups.items():
@@ -92,7 +92,7 @@ def materials(of: Mapping[str, Material]) -> list[str]:
 
 
 def elastic(material: Material) -> list[str]:
-    """Return the elastic constants of a material in SI units, in words.  Local."""
+    """Return the elastic constants of a material in SI units as text.  Local."""
     if material.elasticity is not None:
         along_axes = _numbers(tuple(material.elasticity[i][i] for i in range(6)))
         return [f"elasticity along its axes {along_axes} Pa and between them"]
@@ -102,12 +102,12 @@ def elastic(material: Material) -> list[str]:
 
 
 def expansion(material: Material) -> list[str]:
-    """Return how a material expands, in words; nothing where that is not stated.  Local."""
+    """Return the thermal expansion of a material as text; empty if not stated.  Local."""
     return [f"expansion {_numbers(material.expansion)} 1/K"] if material.expansion is not None else []
 
 
 def axes(orientations: Mapping[str, Orientation], bodies: Mapping[str, Body], length: float = 1.0) -> list[str]:
-    """Return a line for the axes of materials and the bodies that have them; ``length`` is a unit of it [m].  Local."""
+    """Return a line for the axes of materials and their bodies; ``length``: unit of length [m].  Local."""
     lines = []
     for name, orientation in orientations.items():
         of = ", ".join(body for body, properties in bodies.items() if properties.orientation == name)
@@ -121,7 +121,7 @@ def axes(orientations: Mapping[str, Orientation], bodies: Mapping[str, Body], le
 
 
 def _numbers(value: float | tuple[float, ...]) -> str:
-    """Return a number, or several."""
+    """Return one or several numbers as text."""
     return " ".join(f"{number:.6g}" for number in (value if isinstance(value, tuple) else (value,)))
 
 
@@ -146,14 +146,14 @@ def attached(file: FileModel, units: Units) -> list[str]:
 
 
 def spring(groups: tuple[str, ...], stiffness: float, damping: float) -> str:
-    """Return what a spring is [N/m, N s/m]; a damper alone has no stiffness."""
+    """Return a spring as text [N/m, N s/m]; a damper has no stiffness."""
     parts = [f"{stiffness:.6g} N/m"] if stiffness or not damping else []
     parts += [f"{damping:.6g} N s/m"] if damping else []
     return f"{' to '.join(groups)}: {', '.join(parts)}"
 
 
 def _joint(joint: Joint, units: Units) -> str:
-    """Return what a file says of two surfaces in contact, in SI units."""
+    """Return a joint of the file as text, in SI units."""
     known = joint.in_si(units)
     parts = [f"friction {joint.friction:g}"] if joint.friction is not None else ["no friction coefficient"]
     for which in ("tangential", "normal"):
@@ -163,7 +163,7 @@ def _joint(joint: Joint, units: Units) -> str:
 
 
 def passed_over(findings: tuple[Finding, ...]) -> list[str]:
-    """Return a line for each thing that is not taken over, those that change the answer first.  Local."""
+    """Return a line for each finding; findings that change the answer come first.  Local."""
     counts = Counter((finding.word, finding.effect, finding.changes) for finding in findings)
     first: dict[tuple[str, str, bool], str] = {}
     lines = []
@@ -177,7 +177,7 @@ def passed_over(findings: tuple[Finding, ...]) -> list[str]:
 
 
 def steps(file: FileModel, parts: Collection[str] = TAKEN) -> list[str]:
-    """Return a table of the file's steps: what each states, and what of it is taken over with these parts of the file.  Local."""
+    """Return a table of the file's steps: the conditions of each, marked if taken over with ``parts``.  Local."""
     if not file.steps:
         return []
     part_of = {"supports": "supports", "loads": "statics", "temperatures": "statics"}
@@ -193,5 +193,5 @@ def steps(file: FileModel, parts: Collection[str] = TAKEN) -> list[str]:
 
 
 def facts(file: FileModel) -> list[str]:
-    """Return what the file says of itself.  Local."""
+    """Return the facts of the file, one per line.  Local."""
     return table("file", list(file.facts))

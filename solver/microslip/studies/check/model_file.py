@@ -1,4 +1,4 @@
-"""The story of `check` for a model file by itself, before a scene says what is used of it."""
+"""The command `check` for a model file without a scene."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 
 def check_model(path: str, comm: MPI.Comm, out: Path | None = None) -> None:
-    """Read a model file by itself, and print what it holds; its mesh is drawn into the folder ``out``, if one is given.
+    """Read a model file and print its content; with a folder ``out`` also draw the mesh there.
 
-    Collective on ``comm``; rank 0 alone reads and draws.
+    Collective on ``comm``; only rank 0 reads and draws.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def _lines(path: str, out: Path | None) -> list[str]:
 
 
 def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTables, units: str) -> list[str]:
-    """Return lines on all that a file holds, in SI units if the file is in ``units``.  Local, rank 0."""
+    """Return lines on the content of a file, in SI units if the file is in ``units``.  Local, rank 0."""
     _, parts = connected_parts(mesh, settings.body_of)
     volume = content.volumes(mesh, settings.bodies)
     metres, taken = UNITS[units].length, "metres" if units == SI else f'"{units}"' if file.materials else "millimetres"
@@ -72,5 +72,5 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: StructureTab
 
 
 def _mass_in_si(volume: Mapping[str, float], file: FileModel, metres: float) -> float:
-    """Return the mass that the file would have if its numbers were SI [kg]; NaN where a density is not known."""
+    """Return the mass of the file if its numbers were in SI units [kg]; NaN for an unknown density."""
     return content.mass({name: value / metres**3 for name, value in volume.items()}, densities_of(file, UNITS[SI]))

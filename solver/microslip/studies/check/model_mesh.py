@@ -1,4 +1,4 @@
-"""A model file as a mesh of its own bodies, before a scene says anything."""
+"""The mesh of all bodies of a model file, without a scene."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .plausible import SI, better_units, suspicion
 
 
 def whole_mesh(path: str, file: FileModel, units: Units) -> tuple[Mesh, StructureTables]:
-    """Return the mesh of all bodies of a model file in metres, and the tables that it was read by.  Local, rank 0.
+    """Return the mesh of all bodies of a model file in metres, and the tables used to read it.  Local, rank 0.
 
     Raises
     ------
-    MeshError : no volume elements, some in no named group, or of kinds that this program does not have
+    MeshError : no volume elements, some outside all named groups, or of unsupported kinds
     """
     bodies = {name: Body.of_file(group=group) for name, group in bodies_of(file).items()}
     if not bodies:
@@ -30,16 +30,16 @@ def whole_mesh(path: str, file: FileModel, units: Units) -> tuple[Mesh, Structur
 
 
 def densities_of(file: FileModel, units: Units) -> dict[str, float]:
-    """Return the density of each body in kg/m3, NaN where the file does not state it.  Local."""
+    """Return the density of each body in kg/m3, NaN if the file does not state it.  Local."""
     known = {name: file.materials.get(body.material) for name, body in file.bodies.items()}
     stated = {name: None if material is None else material.density for name, material in known.items()}
     return {name: np.nan if (rho := stated.get(name)) is None else rho * units.density for name in bodies_of(file)}
 
 
 def likely_units(path: str, file: FileModel) -> str:
-    """Return in which units a file is plausible: SI, or where its materials or its size are odd so, others.  Local, rank 0.
+    """Return the units in which a file is plausible: SI, or others if materials or size are implausible in SI.  Local, rank 0.
 
-    Of a mesh without materials whose size is odd in metres millimetres are supposed.
+    Millimetres are assumed for a mesh without materials whose size is implausible in metres.
     """
     mesh, _ = whole_mesh(path, file, UNITS[SI])
     if not suspicion(mesh.diagonal, file.materials, UNITS[SI]):
@@ -49,9 +49,9 @@ def likely_units(path: str, file: FileModel) -> str:
 
 
 def bodies_of(file: FileModel) -> dict[str, str]:
-    """Return the group of each body: as the file states, or groups of volume elements that hold each element once.  Local.
+    """Return the group of each body: as stated by the file, or groups that contain each volume element once.  Local.
 
-    Of groups within each other the small ones are taken, if all of them together hold every element; else the large ones.
+    Of nested groups the small ones are taken if they contain all elements, otherwise the large ones.
     """
     if file.bodies:
         return {name: body.group for name, body in file.bodies.items()}
@@ -71,7 +71,7 @@ def bodies_of(file: FileModel) -> dict[str, str]:
 
 
 def solids_of(file: FileModel, group: Group) -> np.ndarray:
-    """Return the volume elements of a group, counted over all cells of the file, rising.  Local."""
+    """Return the volume elements of a group, indices over all cells of the file, ascending.  Local."""
     start = np.cumsum([0, *(len(cell.nodes) for cell in file.cells)])
     rows = [start[i] + rows_of_block for i, rows_of_block in group.cells.items() if _is_solid(file.cells[i].kind)]
     return np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *rows]))
@@ -82,7 +82,7 @@ def _is_solid(kind: str) -> bool:
 
 
 def _no_bodies(file: FileModel) -> str:
-    """Say why there is no body."""
+    """Return the reason why there is no body."""
     kinds = {cell.kind: len(cell.nodes) for cell in file.cells if len(cell.nodes)}
     if any(_is_solid(kind) for kind in kinds):
         return (

@@ -1,4 +1,4 @@
-"""The picture of a mesh with its sets: the bodies as they look, and what is between and on them, seen through their edges."""
+"""The picture of a mesh with its sets: shaded bodies, and the sets drawn among the edges of the bodies."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from ...system.files import file_errors, make_folder
 
 BODY_COLOURS = ("#9db8d2", "#d9c7a3", "#b5ceb0", "#cbb4cf", "#e3b7a8", "#a8d1cf", "#d3d3a4", "#b9b9c9")
 SET_COLOURS = ("#d1495b", "#e08e00", "#00798c", "#7b4fa3", "#4f8f2f", "#b5651d", "#0057b8", "#c2185b")
-MOST_FACES = 30_000  # drawn; of larger meshes, nodes are drawn together
+MOST_FACES = 30_000  # faces drawn; larger meshes are coarsened
 MOST_NAMED = 12  # bodies and sets in the legend
-_SHARP = np.cos(np.radians(30.0))  # of an edge that is drawn
+_SHARP = np.cos(np.radians(30.0))  # cosine of the angle from which an edge is drawn
 _MESH_LINES = 8_000  # faces up to which their edges are drawn
 WIDTH = 9.0  # in
 PICTURE = "mesh.png"
@@ -29,7 +29,7 @@ PICTURE = "mesh.png"
 
 @dataclass(frozen=True, kw_only=True)
 class Mark:
-    """A set to be marked: faces, nodes, or a place with an arrow."""
+    """A set to mark: faces, nodes, or a point with an arrow."""
 
     label: str
     faces: Sequence[np.ndarray] = ()  # (n_faces, n_nodes) each, corners first
@@ -44,7 +44,7 @@ class _Title:
 
 
 def draw(folder: Path, mesh: Mesh, marks: Sequence[Mark], title: str) -> list[str]:
-    """Write the picture into a folder and return the line that says where.  Local, rank 0.
+    """Write the picture into a folder and return a line with its path.  Local, rank 0.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def _handles(names: Sequence[str], marks: Sequence[Mark]) -> list:
 
 
 def _bodies(axes, skin: Skin, view: np.ndarray) -> None:
-    """Draw the faces that look towards the viewer, the far ones first."""
+    """Draw the faces towards the viewer, from far to near."""
     corners, body = _coarse(skin)
     points = skin.points[corners]
     normal = np.cross(points[:, 2] - points[:, 0], points[:, 3] - points[:, 1])
@@ -125,13 +125,13 @@ def _bodies(axes, skin: Skin, view: np.ndarray) -> None:
 
 
 def _lit(view: np.ndarray) -> np.ndarray:
-    """Return the direction from which light falls: over the viewer's left shoulder."""
+    """Return the direction of the light: over the viewer's left shoulder."""
     light = view[0] - 0.5 * view[1] + 0.7 * view[2]
     return light / np.linalg.norm(light)
 
 
 def _coarse(skin: Skin) -> tuple[np.ndarray, np.ndarray]:
-    """Return corners (n, 4) and bodies (n,) of the faces to draw; of many faces, nodes near each other become one."""
+    """Return corners (n, 4) and bodies (n,) of the faces to draw; for many faces, nearby nodes are merged."""
     corners = skin.corners
     if len(corners) <= MOST_FACES:
         return corners, skin.body
@@ -165,7 +165,7 @@ def _sets(axes, skin: Skin, marks: Sequence[Mark], view: np.ndarray) -> None:
 
 
 def _edges(skin: Skin) -> np.ndarray:
-    """Return the edges of a skin at which it turns sharply or ends, (n, 2)."""
+    """Return the sharp edges and boundary edges of a skin, (n, 2)."""
     corners = skin.corners
     ends = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2), axis=2).reshape(-1, 2)
     owner = np.repeat(np.arange(len(corners)), corners.shape[1])

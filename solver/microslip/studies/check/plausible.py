@@ -1,4 +1,4 @@
-"""Units that cannot be meant: materials and lengths that no structure has, and the units in which they would be plausible."""
+"""Detection of wrong units: implausible materials and lengths, and units in which they would be plausible."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ...tables.structure import Material
 from ...tables.units import UNITS, Units
 
 SI = "m-kg-s"
-# least and most of what structures are made of, from rubber to diamond and from cork to tungsten, and their sizes
+# bounds of Young's modulus (rubber to diamond), density (cork to tungsten) and size of structures
 _YOUNG, _DENSITY, _SPEED, _LENGTH = (1e6, 1.3e12), (100.0, 25_000.0), (30.0, 20_000.0), (1e-4, 50.0)
 _METALS = (6e10, 2.3e11)  # Pa, from aluminium to steel and nickel alloys
 
@@ -18,14 +18,14 @@ _METALS = (6e10, 2.3e11)  # Pa, from aluminium to steel and nickel alloys
 def suspicion(
     diagonal: float, materials: Mapping[str, Material], stated: Units, mass: float = np.nan, by_scene: bool = False
 ) -> str:
-    """Say which units are suspected in place of those that are stated; empty where all is plausible.  Local.
+    """Return a text on the units suspected in place of the stated ones; empty if all values are plausible.  Local.
 
     Parameters
     ----------
-    diagonal : of the mesh, in units of the file
-    materials : of the file, by name; without any the length alone is judged
-    mass : of all bodies [kg], as the units make it; NaN: not known
-    by_scene : they are the scene's own, in SI units by definition
+    diagonal : diagonal of the mesh, in units of the file
+    materials : materials of the file, by name; without materials only the length is checked
+    mass : mass of all bodies in the stated units [kg]; NaN: unknown
+    by_scene : materials of the scene, which are in SI units
     """
     odd = [text for name, material in materials.items() if (text := _odd_material(name, material, stated))]
     if odd and by_scene:
@@ -50,7 +50,7 @@ def suspicion(
 
 
 def better_units(diagonal: float, materials: Iterable[Material]) -> list[str]:
-    """Return the units in which materials and length are plausible: metals first, then likelier lengths.  Local."""
+    """Return the units in which materials and length are plausible, sorted by metals and likely lengths.  Local."""
     known = [material for material in materials if material.modulus is not None or material.density is not None]
     fitting = [
         name
@@ -69,7 +69,7 @@ def better_units(diagonal: float, materials: Iterable[Material]) -> list[str]:
 
 
 def _as(diagonal: float, materials: Mapping[str, Material], name: str) -> str:
-    """Say what some units would make of the file."""
+    """Return length and material of the file in some units, as text."""
     units, (label, material) = UNITS[name], next(iter(materials.items()))
     parts = [f"{diagonal * units.length:.4g} m across"]
     parts += [f"young {material.modulus * units.stress:.4g} Pa"] if material.modulus is not None else []
@@ -78,7 +78,7 @@ def _as(diagonal: float, materials: Mapping[str, Material], name: str) -> str:
 
 
 def _odd_material(name: str, material: Material, units: Units) -> str:
-    """Say what no material has; empty where it is plausible."""
+    """Return the implausible values of a material as text; empty if all are plausible."""
     young = None if material.modulus is None else material.modulus * units.stress
     density = None if material.density is None else material.density * units.density
     if young is not None and not _within(young, _YOUNG):

@@ -1,4 +1,4 @@
-"""What a scene holds and what a run of it will need, in lines."""
+"""The report of `check`: content of a scene and resources of a run, as lines."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from .plausible import SI, suspicion
 def description(
     scene: Scene, file: FileModel, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...], stated: Scene
 ) -> list[str]:
-    """Return lines that say what the scene holds and what a run will need.  Local, on rank 0.
+    """Return lines on the content of the scene and the resources of a run.  Local, on rank 0.
 
-    ``of_file`` are notes on what was taken over from the model file, ``stated`` is the scene as its file states it.
+    ``of_file``: notes on data taken over from the model file; ``stated``: the scene before its completion by the file.
 
     Raises
     ------
-    MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
+    MeshError, CaseError : faults of mesh and scene together: free parts, loads or outputs without a node, too many modes
     """
     whole = read_off(mesh, pairs, scene)
     is_fixed, links = whole.is_fixed, whole.links
@@ -86,7 +86,7 @@ def _ends(spring: Spring) -> tuple[str, ...]:
 
 
 def _suspected(scene: Scene, file: FileModel, mesh: Mesh, stated: Container[str], mass: float) -> list[str]:
-    """Say which units are suspected in place of the scene's: those of the file, or of materials that the scene states."""
+    """Return a text on suspected units of the file, or of materials that the scene states."""
     units, used = UNITS[scene.model.units or SI], {body.material for body in scene.bodies.values()}
     of_file = {name: material for name, material in file.materials.items() if name in used and name not in stated}
     of_scene = {name: material for name, material in scene.materials.items() if name in used and name in stated}
@@ -96,7 +96,7 @@ def _suspected(scene: Scene, file: FileModel, mesh: Mesh, stated: Container[str]
 
 
 def _materials(scene: Scene) -> list[str]:
-    """Return a line for each material that a body has."""
+    """Return a line for each material in use."""
     used = dict.fromkeys(body.material for body in scene.bodies.values())
     return content.materials({name: material for name, material in scene.materials.items() if name in used})
 
@@ -122,7 +122,7 @@ def _bolts(mesh: Mesh, scene: Scene) -> list[str]:
 
 
 def description_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
-    """Return the same lines for a scene given as matrices.  Local, on rank 0.
+    """Return the lines of ``description`` for a scene given as matrices.  Local, on rank 0.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def description_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
 
 
 def highest_harmonic(scene: Scene) -> int:
-    """Return the most harmonics that a point may have."""
+    """Return the largest possible number of harmonics of a point."""
     return MOST_HARMONICS if scene.chooses("harmonics") else scene.harmonics
 
 
@@ -151,7 +151,7 @@ def _listed(scene: Scene) -> str:
 
 
 def resolution(scene: Scene) -> str:
-    """Say with which harmonics and samples the points are solved."""
+    """Return the harmonics and samples of the points as text."""
     chosen = f"chosen at each point for accuracy {scene.accuracy}"
     stated = "harmonic 0 alone: statics" if scene.is_static else f"harmonics {_listed(scene)}"
     harmonics = f"harmonics up to {MOST_HARMONICS}, {chosen}" if scene.chooses("harmonics") else stated
@@ -159,7 +159,7 @@ def resolution(scene: Scene) -> str:
 
 
 def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
-    """Say how the scene is solved, and what that takes."""
+    """Return lines on the method and its size."""
     solver = scene.solver
     refuse_too_many(solver.modes, n_dof, scene.path)
     modes = f"picked at run time for [solver] accuracy = {scene.accuracy or ACCURACY_OF_MODES:g}"
@@ -199,14 +199,14 @@ def _joints(pairs: ContactPairs) -> list[str]:
 
 
 def _load_on_dofs(load: Load) -> str:
-    """Say where a load on matrices acts."""
+    """Return the place of a load on matrices as text."""
     if load.forces is not None:
         return f"forces of {load.forces}"
     return f"DOF {load.dof}, scale {load.scale:g}" if load.dof is not None else _place_of(load)
 
 
 def _place_of(entry: Load | Output) -> str:
-    """Say where a load or an output on matrices is meant to be."""
+    """Return the stated place of a load or an output on matrices as text."""
     if entry.dof is not None:
         return f"DOF {entry.dof}"
     group = getattr(entry, "group", None)
@@ -215,7 +215,7 @@ def _place_of(entry: Load | Output) -> str:
 
 
 def _load_at(mesh: Mesh, load: Load, nodes: np.ndarray) -> str:
-    """Say where a load on a mesh acts."""
+    """Return the place of a load on a mesh as text."""
     if load.base_acceleration is not None:
         return f"acceleration of the supports along {place(load.base_acceleration)}"
     if load.forces is not None:
@@ -226,12 +226,12 @@ def _load_at(mesh: Mesh, load: Load, nodes: np.ndarray) -> str:
 
 
 def _output_at(mesh: Mesh, output: Output, node: int) -> str:
-    """Say where an output on a mesh is, and what."""
+    """Return kind and place of an output on a mesh as text."""
     return _output_on(output, "" if node < 0 else _at(mesh, output, np.array([node])))
 
 
 def _output_on(output: Output, where: str) -> str:
-    """Say what an output is at a place; a displacement is told by its place alone."""
+    """Return kind and place of an output as text; only the place for a displacement."""
     if output.joint is not None:
         along = "normal" if output.direction is None else f"along {place(output.direction)}"
         return f"contact force of {output.joint}, {along}"
@@ -241,7 +241,7 @@ def _output_on(output: Output, where: str) -> str:
 
 
 def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:
-    """Say where a load or an output lies."""
+    """Return the place of a load or an output as text."""
     if entry.point is not None:
         return f"point {entry.point}"
     if len(nodes) > 1:

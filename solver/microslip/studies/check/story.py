@@ -1,4 +1,4 @@
-"""The story of `check`: a scene is read and checked, what is in it is listed and, if asked for, drawn."""
+"""The command `check`: read and check a scene, list its content and optionally draw it."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 
 def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
-    """Read mesh and pairs, or matrices, check them, and print what is there and what a run will need; nothing is solved.
+    """Read and check mesh and pairs, or matrices; print their content and the resources of a run.  Nothing is solved.
 
-    Collective on ``comm``.  The mesh is drawn into the folder ``out``, if one is given.
+    Collective on ``comm``.  With a folder ``out`` the mesh is drawn there.
 
     Raises
     ------
-    CaseError, MeshError : on every rank; of a scene with a mesh all faults that are independent of each other
+    CaseError, MeshError : on every rank; for a scene with a mesh with all independent faults
     """
     try:
         lines = _lines(scene, comm, out)

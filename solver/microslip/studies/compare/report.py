@@ -1,4 +1,4 @@
-"""Methods side by side at the same points: the table, compare.csv and compare.png.  Rank 0 only."""
+"""Comparison of methods at the same points: the table, compare.csv and compare.png.  Rank 0 only."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ...results.style import LINEAR, RC, WIDTH, Page, Titled, some, with_prefix
 from ...system.files import make_folder
 from ..records import cell, write_csv
 
-_MOST_LEVELS = 4  # in the picture
-_FLOOR = 1e-12  # of a difference on a logarithmic axis
-# Okabe and Ito, and two more
+_MOST_LEVELS = 4  # levels in the picture
+_FLOOR = 1e-12  # least difference on a logarithmic axis
+# colours of Okabe and Ito, and two more
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1a1a1a", "#8a8a8a")
 
 
@@ -33,14 +33,14 @@ class Solved(Protocol):
 
 @dataclass(frozen=True)
 class Row:
-    """What one method did at the frequencies of one level."""
+    """Results of one method at the frequencies of one level."""
 
     level: float  # N
     method: str
-    setup: float  # s, of the reduction
+    setup: float  # s, time of the reduction
     points: list[Point]  # converged, in order
-    failure: str | None  # why they end early
-    shown: Shown = AMPLITUDE  # what is told of the first output
+    failure: str | None  # reason of an early end
+    shown: Shown = AMPLITUDE  # quantity of the first output
 
     @property
     def frequency(self) -> np.ndarray:
@@ -49,17 +49,17 @@ class Row:
 
     @property
     def top(self) -> int:
-        """Return the point where the first output is largest."""
+        """Return the index of the point where the first output is largest."""
         return int(np.argmax(np.abs(self.values)))
 
     @property
     def values(self) -> np.ndarray:
-        """Return what is told of the first output: the amplitude of harmonic 1, of statics the mean, (n,), in its unit."""
+        """Return the values of the first output: amplitude of harmonic 1, for statics the mean, (n,), in its unit."""
         return np.array([self.shown.of(point.response[0]) for point in self.points])
 
 
 def differences(row: Solved, reference: Solved) -> np.ndarray:
-    """Return at each common point the largest difference of any harmonic of any output over the reference's peak, (n,) [-]."""
+    """Return the largest difference of all harmonics and outputs over the reference's peak at each common point, (n,) [-]."""
     n = min(len(row.points), len(reference.points))
     exact = np.array([point.response for point in reference.points])
     peak = np.abs(exact).max(axis=(0, 2), initial=0.0)[:, None]
@@ -68,16 +68,14 @@ def differences(row: Solved, reference: Solved) -> np.ndarray:
 
 
 def energy_difference(row: Row, reference: Row) -> float:
-    """Return the largest difference of the friction loss over the largest of the reference; nan where that loses nothing."""
+    """Return the largest difference of the friction loss over the largest of the reference; nan if the reference has no loss."""
     exact = np.array([point.friction for point in reference.points])
     values = np.array([point.friction for point in row.points])
     n, most = min(len(values), len(exact)), np.abs(exact).max(initial=0.0)
     return float(np.abs(values[:n] - exact[:n]).max(initial=0.0) / most) if most > 0.0 and n else float("nan")
 
 
-COLUMNS: dict[
-    str, tuple[str, Callable[[Row, Row], Any]]
-] = {  # heading, and what it is of a row that has points and its reference
+COLUMNS: dict[str, tuple[str, Callable[[Row, Row], Any]]] = {  # heading, and the value from a row with points and its reference
     "level_N": ("level N", lambda row, _: row.level),
     "method": ("method", lambda row, _: row.method),
     "setup_s": ("set-up s", lambda row, _: row.setup),
@@ -91,13 +89,13 @@ COLUMNS: dict[
     "difference_percent": ("difference %", lambda row, reference: 100.0 * float(differences(row, reference).max(initial=0.0))),
     "energy_difference_percent": ("of energy %", lambda row, reference: 100.0 * energy_difference(row, reference)),
     "failure": ("failure", lambda row, _: row.failure or ""),
-    "unit": ("unit", lambda row, _: row.shown.unit),  # of the peak, whatever its column is called
+    "unit": ("unit", lambda row, _: row.shown.unit),  # unit of the peak, also if the column name has another one
 }
-_ALWAYS = ("level_N", "method", "setup_s", "points", "failure", "unit")  # known of a row without points
+_ALWAYS = ("level_N", "method", "setup_s", "points", "failure", "unit")  # columns known without points
 
 
 def numbers(row: Row, reference: Row) -> dict[str, Any]:
-    """Return the numbers of a row by the names of ``COLUMNS``; NaN where it has no points to tell."""
+    """Return the numbers of a row by the names of ``COLUMNS``; NaN without points."""
     return {name: of(row, reference) if row.points or name in _ALWAYS else float("nan") for name, (_, of) in COLUMNS.items()}
 
 
@@ -147,7 +145,7 @@ def _cell(name: str, entry: dict, reference: str) -> str:
 
 
 def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Titled, path: str) -> None:
-    """Draw the curves of all methods and their differences from the reference, a column a level."""
+    """Draw the curves of all methods and their differences from the reference, one column per level."""
     methods = list(dict.fromkeys(row.method for row in rows))
     reference, *others = methods
     colours = dict(zip(others, _COLOURS * (1 + len(others) // len(_COLOURS))))

@@ -1,4 +1,4 @@
-"""The story of a comparison: one structure, several methods at the same frequencies, one table."""
+"""The command `compare`: one structure, several methods at the same frequencies, one table."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
     from ...scene.schema import Scene
 
-LARGEST_REFERENCE = 20_000  # DOF up to which `full` is the reference unasked
+LARGEST_REFERENCE = 20_000  # DOF up to which `full` is the default reference
 
 
 def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...] = (), options: tuple[str, ...] = ()) -> None:
     """Solve one scene by several methods at the same frequencies; print and write one table.
 
-    Collective on ``comm``.  The reference is `full` where it fits, else `receptance`.  Its curve, followed by arc length, gives
-    the frequencies of each level; at these every method, the reference too, is solved from its own last two points.
+    Collective on ``comm``.  The reference is `full` if its size allows, else `receptance`.  Its curve, followed by arc length,
+    gives the frequencies of each level; there every method, including the reference, starts from its own last two points.
 
     Raises
     ------
-    CaseError : an unknown method, or one that cannot be used here, too few modes for one before any is run; on every rank
-    ConvergenceError : a method ended early, after everything was written; on every rank
+    CaseError : an unknown or unsuitable method, or too few modes for a method, before the first run; on every rank
+    ConvergenceError : a method ended early, after all files were written; on every rank
     """
     methods, notes = known_methods(scene, methods)
     facts = {"scene": scene.source, "methods": ", ".join(methods), "PETSc options": " ".join(options) or "none", **versions()}
@@ -67,11 +67,11 @@ def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...]
 
 
 def known_methods(scene: Scene, methods: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:
-    """Return the methods asked for, each once, or all that can answer the scene, and what is said of the others.  Local.
+    """Return the requested methods, each once, or by default all suitable ones, and notes on the others.  Local.
 
     Raises
     ------
-    CaseError : a name that no method has, or a method asked for that cannot answer the scene
+    CaseError : an unknown method, or a requested method that is not suitable for the scene
     """
     for name in methods:
         if name not in METHODS:
@@ -89,18 +89,18 @@ def known_methods(scene: Scene, methods: tuple[str, ...]) -> tuple[tuple[str, ..
 
 
 class Comparison:
-    """What all methods share: the structure, the range and, once the reference is followed, the frequencies of each level."""
+    """Data shared by all methods: the structure, the range and, from the reference, the frequencies of each level."""
 
     def __init__(self, structure: Structure, log: RunLog):
         self.structure, self.log = structure, log
         self.omegas: dict[float, list[float]] = {}
 
     def reference(self, is_requested: bool) -> tuple[str, Prepared]:
-        """Return the reference, reduced: `full` where it fits.  Collective.
+        """Return the reduced model of the reference: `full` if its size allows.  Collective.
 
         Raises
         ------
-        CaseError : `full` was asked for and does not fit; on every rank
+        CaseError : `full` was requested and is too large; on every rank
         """
         if is_requested or self.structure.n_dof <= LARGEST_REFERENCE:
             try:
@@ -117,7 +117,7 @@ class Comparison:
             return prepare(self.structure, by_method(self.structure.scene, method), has_bars=False)
 
     def points_of(self, method: str, prepared: Prepared) -> None:
-        """Follow the reference by arc length: its points are those of every method.  Collective.
+        """Follow the reference by arc length; its frequencies are used for every method.  Collective.
 
         Raises
         ------
@@ -131,7 +131,7 @@ class Comparison:
                     raise ConvergenceError(f"{method} at {level:g} N: {branch.failure}")
 
     def rows(self, method: str, prepared: Prepared) -> list[Row]:
-        """Return what a method does at the frequencies of each level.  Collective."""
+        """Return the results of a method at the frequencies of each level.  Collective."""
         rows, response = [], prepared.response
         units = units_of(self.structure.scene)
         shown = shown_with(response.model.harmonics.highest, units.outputs[0], units.level)

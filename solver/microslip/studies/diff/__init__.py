@@ -1,1 +1,1 @@
-"""Two results compared as curves, with what was asked for, and a verdict."""
+"""The command `diff`: comparison of two results by inputs and curves, with a verdict."""

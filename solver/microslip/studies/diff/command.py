@@ -1,4 +1,4 @@
-"""The command: compare, write what is asked for, say it."""
+"""The command `diff`: compare two result files, write files, return text and exit status."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from .picture import draw
 from .report import json_of, text_of
 from .story import diff
 
-DIFFERENT = 1  # exit status, as diff(1) has it
+DIFFERENT = 1  # exit status, as in diff(1)
 
 
 def compare_files(a: str, b: str, tolerance: float | None, bars: bool, out: Path | None, as_json: bool) -> tuple[str, int]:
-    """Return the comparison of two result files, and the exit status: 0 the same, 1 different.  Local.
+    """Return the comparison of two result files, and the exit status: 0 equal, 1 different.  Local.
 
-    Writes diff.png and diff.json into a folder ``out``.
+    With a folder ``out`` diff.png and diff.json are written there.
 
     Raises
     ------

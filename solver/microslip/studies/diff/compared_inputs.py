@@ -1,4 +1,4 @@
-"""What differs in what two results were asked for, and by what they were computed."""
+"""Differences between the inputs of two results and the programs that computed them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NOT_STATED = "not stated"
 
 @dataclass(frozen=True)
 class Change:
-    """A key or fact that two results do not share."""
+    """A key or fact that differs between two results."""
 
     key: str
     a: str
@@ -34,7 +34,7 @@ def keys_changed(a: ResultFile, b: ResultFile) -> list[Change]:
 
 
 def flattened(tables: Mapping[str, Any], before: str = "") -> dict[str, str]:
-    """Return the values of a scene as texts by their keys: ``joints.dovetail.friction``; entries by name, or number from 1."""
+    """Return the values of a scene as texts by key: ``joints.dovetail.friction``; entries by name, or number from 1."""
     values: dict[str, str] = {}
     for key, value in tables.items():
         name = before + (key if "." not in key else json.dumps(key))
@@ -64,7 +64,7 @@ def _changed(a: Mapping[str, str], b: Mapping[str, str]) -> list[Change]:
 
 
 def facts_changed(a: ResultFile, b: ResultFile) -> list[Change]:
-    """Return what else differs that a run depends on: options, versions, ranks and groups, threads, hosts.  Local."""
+    """Return the other differences that affect a run: options, versions, ranks and groups, threads, hosts.  Local."""
     return _changed(_facts(a), _facts(b))
 
 
@@ -79,7 +79,7 @@ def _facts(results: ResultFile) -> dict[str, str]:
 
 
 def inputs_changed(a: ResultFile, b: ResultFile) -> list[Change] | None:
-    """Return the files that were read whose contents differ; None where a file does not say what was read.  Local."""
+    """Return the input files with different contents; None if a result does not list its input files.  Local."""
     if a.origin is None or b.origin is None:
         return None
     return _changed(*({name: said for name, said in _inputs(results)} for results in (a, b)))

@@ -1,4 +1,4 @@
-"""A level of two results compared: its curves, peaks, losses, states and error bars.  NumPy and SciPy only."""
+"""Comparison of a level of two results: curves, peaks, losses, states and error bars.  NumPy and SciPy only."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ...results.measures import AMPLITUDE, Shown, counts
 from ...results.record import COMPLETE, LevelResult
 from .curves import Curve, Foot, half_width
 
-SAME_POINT = 1e-9  # half widths that the frequencies of one point may differ by
-_ENDS = 0.01  # of a step: a foot so close to an end of a curve is the end
+SAME_POINT = 1e-9  # largest difference of the frequencies of one point, in half widths
+_ENDS = 0.01  # of a step: a foot within this distance of an end of a curve is the end
 
 
 @dataclass(frozen=True)
@@ -22,10 +22,10 @@ class OutputDifference:
 
     name: str
     unit: str
-    difference: float  # the largest, over the peak of A
-    beyond: float  # the same beyond what the points of the curves resolve
-    at: float  # Hz, where it is largest
-    inside_bars: bool | None  # whether harmonic 1 differs by less than both error bars wherever it does; None: without bars
+    difference: float  # largest difference over the peak of A
+    beyond: float  # the part of it beyond the resolution of the points
+    at: float  # Hz, frequency of the largest difference
+    inside_bars: bool | None  # whether harmonic 1 differs by less than both error bars everywhere; None: without bars
     peak: tuple[float, float]  # of A and B
     peak_at: tuple[float, float]  # Hz
     bar: tuple[float | None, float | None]  # at the peak
@@ -41,14 +41,14 @@ class LevelDifference:
     status: tuple[str, str]
     failure: tuple[str, str]
     same_points: bool
-    ends: tuple[tuple[float, float], tuple[float, float]] | None  # Hz, where only parts of the curves were compared
+    ends: tuple[tuple[float, float], tuple[float, float]] | None  # Hz, if only parts of the curves were compared
     outputs: tuple[OutputDifference, ...]
-    friction: tuple[float, float]  # J a cycle, where the first output is largest
+    friction: tuple[float, float]  # J per cycle, where the first output is largest
     damping: tuple[float, float]
-    slip: tuple[int, int]  # pairs, there
+    slip: tuple[int, int]  # slipping pairs there
     open: tuple[int, int]
-    n_other_state: int | None  # pairs in another state there; None where the pairs are not the same
-    closes_to: float  # of the energy balance: the accuracy, where that chose how exactly the points were solved
+    n_other_state: int | None  # pairs in another state there; None for different pairs
+    closes_to: float  # bound of the energy balance: the accuracy, if it chose the tolerance of the points
 
     @property
     def difference(self) -> float:
@@ -64,18 +64,18 @@ class LevelDifference:
 
     @property
     def is_whole(self) -> bool:
-        """Whether both curves are complete, and there is no part of one that the other lacks."""
+        """Whether both curves are complete and cover the same range."""
         return self.status == (COMPLETE, COMPLETE) and self.ends is None and min(self.n_points) > 0
 
 
 def compare_level(
     a: LevelResult, b: LevelResult, outputs: Sequence[tuple[str, str, int, int]], same_pairs: bool, shown: Shown = AMPLITUDE
 ) -> LevelDifference:
-    """Return how a level differs.  Local.
+    """Return the difference of a level.  Local.
 
     Parameters
     ----------
-    outputs : name, unit and number in A and B of those that both have
+    outputs : name, unit, and number in A and B of the common outputs
     """
     n = len(a.frequency), len(b.frequency)
     differences: list[OutputDifference] = []
@@ -118,7 +118,7 @@ class _Output:
 
     @property
     def top(self) -> int:
-        """Return the point at which it is largest; 0 of a curve without points."""
+        """Return the index of the largest value; 0 for a curve without points."""
         return int(np.argmax(self.size)) if len(self.size) else 0
 
     @property
@@ -129,7 +129,7 @@ class _Output:
 
 
 def _has_same_points(a: LevelResult, b: LevelResult, shown: Shown) -> bool:
-    """Tell whether two curves have the same frequencies in the same order."""
+    """Return whether two curves have the same frequencies in the same order."""
     if len(a.frequency) != len(b.frequency) or not np.array_equal(a.segment, b.segment):
         return False
     size = shown.size(a.response[:, 0])
@@ -139,24 +139,24 @@ def _has_same_points(a: LevelResult, b: LevelResult, shown: Shown) -> bool:
 
 @dataclass(frozen=True)
 class Apart:
-    """How far n points of one curve lie from the other curve, where both are."""
+    """Differences of n points of one curve from the other curve, in the common range."""
 
     frequency: np.ndarray  # (n,) Hz
     segment: np.ndarray  # (n,)
-    difference: np.ndarray  # (n,) over the peak of A
-    beyond: np.ndarray  # (n,) the same beyond what the points of the other curve resolve
+    difference: np.ndarray  # (n,) difference over the peak of A
+    beyond: np.ndarray  # (n,) the part of it beyond the resolution of the other curve's points
     inside_bars: bool | None
-    is_whole: bool  # whether the other curve runs along all of its points
+    is_whole: bool  # whether the other curve covers all points of this one
 
 
 def apart_of(a: LevelResult, b: LevelResult, i: int, j: int, shown: Shown = AMPLITUDE) -> tuple[Apart, ...]:
-    """Return how far output ``i`` of A and ``j`` of B lie apart: once with the same points, else from each curve.  Local."""
+    """Return the differences of output ``i`` of A and ``j`` of B: one for common points, else one from each curve.  Local."""
     curve, other = _Output(a, i, shown), _Output(b, j, shown)
     return _apart(curve, other, _has_same_points(a, b, shown))[0]
 
 
 def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...], list[Curve]]:
-    """Return the differences as in ``apart_of``, and the two curves, none with the same points."""
+    """Return the differences as in ``apart_of``, and the two curves (none for common points)."""
     N_H = max(a.response.shape[1], b.response.shape[1])
     padded = [np.pad(output.response, [(0, 0), (0, N_H - output.response.shape[1])]) for output in (a, b)]
     scale = _scale(a, b)
@@ -184,17 +184,17 @@ def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...]
 
 
 def _scale(a: _Output, b: _Output) -> float:
-    """Return the peak of A; of B where A does not move."""
+    """Return the peak of A, or of B if A is 0."""
     return a.scale or b.scale or 1.0
 
 
 def _inside(apart: np.ndarray, bar: np.ndarray | None, other: np.ndarray | None, scale: float) -> bool | None:
-    """Tell whether amplitudes differ by less than both error bars; None where one has none."""
+    """Return whether amplitudes differ by less than both error bars; None if a bar is missing."""
     return None if bar is None or other is None else bool(np.all(apart <= bar + other + 1e-12 * scale))
 
 
 def _compare_output(a: _Output, b: _Output, same_points: bool, name: str, unit: str) -> tuple[OutputDifference, bool]:
-    """Return how an output differs, and whether all of both curves was compared."""
+    """Return the difference of an output, and whether both curves were compared completely."""
     sides, curves = _apart(a, b, same_points)
     difference, frequency = (np.concatenate([getattr(side, what) for side in sides]) for what in ("difference", "frequency"))
     worst = int(np.argmax(difference)) if len(difference) else None
@@ -226,7 +226,7 @@ def _between(values: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 
 def _top_between(curve: Curve, side: _Output, width: float, scale: float) -> tuple[float, float]:
-    """Return frequency [Hz] and size of the highest place of a curve."""
+    """Return frequency [Hz] and size of the maximum of a curve."""
     response = scale * curve.fine[:, 1:]
     size = side.shown.size(response)
     top = int(np.argmax(size))
@@ -238,17 +238,17 @@ def _range(level: LevelResult) -> tuple[float, float]:
 
 
 def _at(values: np.ndarray, i: int) -> float:
-    """Return an entry; 0 of a curve without points."""
+    """Return an entry; 0 for a curve without points."""
     return float(values[i]) if len(values) else 0.0
 
 
 def _both_there(curves: Sequence[Curve], feet: Sequence[Foot], i: int) -> np.ndarray:
-    """Return which points of one of two curves lie where the other one runs, (n,) bool.
+    """Return which points of one of two curves lie in the range of the other, (n,) bool.
 
-    Of curves in one piece each it is what lies between the ends of the other; those in several pieces are compared whole.
+    For curves in one piece these lie between the ends of the other; curves in several pieces are compared completely.
     """
     number = np.arange(len(curves[i].X))
     if any(curve.n_segments != 1 or len(curve.X) < 2 for curve in curves):
         return np.ones(len(number), dtype=bool)
-    ends = np.sort(feet[1 - i].place[[0, -1]])  # of the other curve, on this one
+    ends = np.sort(feet[1 - i].place[[0, -1]])  # ends of the other curve, on this one
     return (number >= ends[0] - _ENDS) & (number <= ends[1] + _ENDS)

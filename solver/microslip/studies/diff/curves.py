@@ -1,7 +1,7 @@
-"""How far points lie from a curve through other points.  NumPy and SciPy only.
+"""Distance of points from a curve through other points.  NumPy and SciPy only.
 
-A curve runs through a space of frequency, in half widths of the resonance, and the coefficients of an output, over its peak.
-There it is compared: where a curve turns back at a frequency (a fold), the part that is meant is the nearest one.
+The space of a curve has the frequency, in half widths of the resonance, and the coefficients of an output over its peak as
+coordinates.  Where a curve turns back in frequency (a fold), the nearest part is compared.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ from scipy.spatial import cKDTree
 
 from ...results.measures import segments
 
-FINE = 16  # places between two points of a curve
-_STEPS = 12  # of the search for the nearest place
-_NEAR = 5  # points on each side that tell, too: what is missed changes its sign along a curve, and at a corner one point misses
-_NEARBY = 8.0  # what is missed grows from a point linearly, and so much faster than to the middle between two
-_FEWEST = 5  # points of a segment that can tell what half of them are worth
+FINE = 16  # interpolated positions between two points of a curve
+_STEPS = 12  # Newton steps of the search for the nearest position
+_NEAR = 5  # points on each side included: the interpolation error changes its sign and peaks at corners
+_NEARBY = 8.0  # slope of the interpolation error at a point over its slope to the middle of two points
+_FEWEST = 5  # least points of a segment for an estimate from half of them
 
 
 @dataclass(frozen=True)
 class Foot:
-    """Where each of n points is nearest to a curve."""
+    """The nearest positions on a curve to n points."""
 
     distance: np.ndarray  # (n,) [-]
-    place: np.ndarray  # (n,) number of the curve's point before it, and the share of the way to the next one
-    at: np.ndarray  # (n, n_coordinates) there
+    place: np.ndarray  # (n,) number of the preceding point of the curve plus the fraction of the way to the next one
+    at: np.ndarray  # (n, n_coordinates) coordinates there
 
 
 def half_width(frequency: np.ndarray, size: np.ndarray) -> float:
-    """Return half of the range of frequency [Hz] in which a curve is above the peak over the root of 2.  Local.
+    """Return half of the frequency range [Hz] in which a curve is above the peak over the square root of 2.  Local.
 
-    With too few points to tell it is the range of them all.
+    With too few points it is the range of all points.
     """
     high = np.flatnonzero(size >= size.max(initial=0.0) / np.sqrt(2.0))
     near = np.unique(np.clip([high - 1, high, high + 1], 0, len(size) - 1)) if len(high) else high
@@ -45,12 +45,12 @@ def half_width(frequency: np.ndarray, size: np.ndarray) -> float:
 
 
 class Curve:
-    """A smooth line through points, in pieces for the segments of a curve.
+    """A smooth line through points, with one piece per segment of a curve.
 
     Parameters
     ----------
-    X : (n, n_coordinates) points in their order, [-]
-    segment : (n,) number of the segment of each
+    X : (n, n_coordinates) points in order [-]
+    segment : (n,) number of the segment of each point
     """
 
     def __init__(self, X: np.ndarray, segment: np.ndarray):
@@ -64,7 +64,7 @@ class Curve:
         self._tree = cKDTree(self.fine)
 
     def nearest(self, points: np.ndarray) -> Foot:
-        """Return where each of ``points`` (n, n_coordinates) is nearest to the curve."""
+        """Return the nearest positions on the curve to ``points`` (n, n_coordinates)."""
         first = np.atleast_1d(self._tree.query(points)[1])
         foot = Foot(np.empty(len(points)), np.empty(len(points)), np.empty_like(points))
         for i, piece in enumerate(self.pieces):
@@ -76,10 +76,10 @@ class Curve:
         return foot
 
     def resolution(self, place: np.ndarray) -> np.ndarray:
-        """Return how well the points of the curve tell where it runs at places between them, (n,) [-].
+        """Return an estimate of the interpolation error at positions between points, (n,) [-].
 
-        It is judged by what a line through every second point misses of the others: more than what all of them miss.  At a point
-        itself it is 0.
+        The estimate is the error at the omitted points of a line through every second point, which exceeds the error of the line
+        through all points.  At a point it is 0.
         """
         missed = np.zeros(len(self.X))
         for piece in self.pieces:
@@ -97,7 +97,7 @@ class _Piece:
     def __init__(self, X: np.ndarray, part: slice):
         self.part, self.X = part, X[part]
         steps = np.linalg.norm(np.diff(self.X, axis=0), axis=1)
-        self.index = np.flatnonzero(np.concatenate([[True], steps > 0.0]))  # points on top of each other are one
+        self.index = np.flatnonzero(np.concatenate([[True], steps > 0.0]))  # coincident points are merged
         self.knots = np.concatenate([[0.0], np.cumsum(steps)])[self.index]
         points = self.X[self.index]
         self.line = None
@@ -108,7 +108,7 @@ class _Piece:
 
     @property
     def fine(self) -> np.ndarray:
-        """Return the knots and places between them, (n_fine,)."""
+        """Return the knots and the interpolated positions between them, (n_fine,)."""
         between = np.arange(FINE) / FINE
         inner = self.knots[:-1, None] + np.diff(self.knots)[:, None] * between
         return np.append(inner.ravel(), self.knots[-1])
@@ -117,7 +117,7 @@ class _Piece:
         return np.repeat(self.X[:1], len(s), axis=0) if self.line is None else self.line(s)
 
     def nearest(self, points: np.ndarray, s: np.ndarray) -> np.ndarray:
-        """Return where each of ``points`` is nearest, from places ``s`` close to there: Newton's steps, within a fine one."""
+        """Return the nearest positions to ``points`` by Newton's method from ``s``, within one fine interval."""
         if self.line is None:
             return s
         best, least = s, np.linalg.norm(self.at(s) - points, axis=1)
@@ -133,7 +133,7 @@ class _Piece:
         return best
 
     def place(self, s: np.ndarray) -> np.ndarray:
-        """Return the number of the point before each place, among those of all segments, and the share of the way to the next."""
+        """Return the number of the preceding point over all segments plus the fraction of the way to the next one."""
         if self.line is None:
             return np.full(len(s), float(self.part.start))
         i = np.clip(np.searchsorted(self.knots, s, side="right") - 1, 0, len(self.knots) - 2)
@@ -141,7 +141,7 @@ class _Piece:
         return self.part.start + np.where(share >= 1.0, self.index[i + 1], self.index[i] + np.minimum(share, 1.0 - 1e-15))
 
     def missed(self) -> np.ndarray:
-        """Return how far each point lies from the line through every second one, (n,); of ends as of their neighbours."""
+        """Return the distance of each point from the line through every second point, (n,); ends as their neighbours."""
         n = len(self.X)
         missed = np.zeros(n)
         if n < _FEWEST:

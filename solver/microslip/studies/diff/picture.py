@@ -1,4 +1,4 @@
-"""Both curves of each level above each other, and how far apart they are."""
+"""The picture diff.png: both curves of each level, and their difference."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from .story import Difference
 
 _MOST_LEVELS, _MOST_OUTPUTS = 4, 3
 _B = {"color": "#d55e00", "lw": 1.1}
-_FLOOR = 1e-13  # of a difference on a logarithmic axis
+_FLOOR = 1e-13  # least difference on a logarithmic axis
 
 
 def draw(comparison: Difference, path: str) -> str | None:
-    """Draw diff.png and return its path; None where no level has points in both.  Local.
+    """Draw diff.png and return its path; None if no level has points in both results.  Local.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def draw(comparison: Difference, path: str) -> str | None:
 
 
 def _page(comparison: Difference, levels: list[LevelDifference]) -> Page:
-    """Return a column a level, and for each output a row with both curves and one with their difference."""
+    """Return a page with one column per level, and per output one row of both curves and one of their difference."""
     outputs = levels[0].outputs[:_MOST_OUTPUTS]
     names = [plain(results.path, 50) for results in (comparison.a, comparison.b)]
     handles = [Line2D([], [], label=f"{side}: {name}", **looks) for side, name, looks in zip("AB", names, (LINEAR, _B))]

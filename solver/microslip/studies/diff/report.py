@@ -1,4 +1,4 @@
-"""Two results compared, in words, as a table, and as JSON."""
+"""The comparison of two results as text, table and JSON."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .compared_inputs import Change
 from .compared_levels import LevelDifference
 from .story import Difference
 
-_MOST = 60  # characters of a value
-_RESOLVED = 0.9  # of a difference: where less is left beyond what the points resolve, it is said
-_ROUNDING = 1e-14  # of the peak
+_MOST = 60  # largest number of characters of a value
+_RESOLVED = 0.9  # of a difference: if less exceeds the resolution of the points, the text states it
+_ROUNDING = 1e-14  # rounding, relative to the peak
 _HEAD = (
     "level",
     "output",
@@ -39,7 +39,7 @@ _HEAD = (
 
 
 def text_of(comparison: Difference) -> str:
-    """Return all that there is to say, the verdict in the last line.  Local."""
+    """Return the complete comparison as text, with the verdict in the last line.  Local."""
     parts = [_heads(comparison), _inputs(comparison), _structure(comparison)]
     if comparison.levels:
         parts.append(_table(comparison))
@@ -48,7 +48,7 @@ def text_of(comparison: Difference) -> str:
 
 
 def verdict(comparison: Difference) -> str:
-    """Return in one line whether two results are the same, and to what."""
+    """Return one line on whether two results are the same, and within which tolerance."""
     largest = max((level.difference for level in comparison.levels), default=0.0)
     says = f"the curves differ by up to {_percent(largest)} % of the peak" if largest > _ROUNDING else "the curves are equal"
     if not comparison.levels:
@@ -67,7 +67,7 @@ def verdict(comparison: Difference) -> str:
 
 
 def _by(comparison: Difference) -> str:
-    """Return which bound was held, or not."""
+    """Return the applied tolerance as text."""
     tolerance = max(map(comparison.bound, comparison.levels))
     says = f" (tolerance {100.0 * tolerance:.2g} %"
     if comparison.tolerance is None and not all(level.same_points for level in comparison.levels):
@@ -166,7 +166,7 @@ def _rows(level: LevelDifference) -> list[tuple[float, list[str]]]:
 
 
 def _notes(comparison: Difference) -> str:
-    """Return what is to be known of levels: those that ended early, other points, pairs in other states."""
+    """Return notes on levels: early ends, different points, pairs in different states."""
     lines = []
     for level in comparison.levels:
         name = f"{level.level:g} {level.unit}".removesuffix(" 1")
@@ -196,7 +196,7 @@ def _notes(comparison: Difference) -> str:
 
 
 def json_of(comparison: Difference) -> str:
-    """Return the comparison as JSON: numbers as they are, null where one is not known.  Local."""
+    """Return the comparison as JSON: numbers unformatted, null for unknown ones.  Local."""
     levels = [
         {
             **asdict(level),
@@ -229,7 +229,7 @@ def json_of(comparison: Difference) -> str:
 
 
 def _finite(value: Any) -> Any:
-    """Return a value with None in place of numbers that JSON has not."""
+    """Return a value with None in place of numbers that JSON lacks."""
     if isinstance(value, dict):
         return {key: _finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -246,6 +246,6 @@ def _percent(share: float) -> str:
 
 
 def _short(text: str, most: int = _MOST) -> str:
-    """Return a text on one line, short enough, without what a terminal would obey."""
+    """Return a text on one line, shortened and without control characters."""
     line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return line if len(line) <= most else line[: most - 1] + "\u2026"

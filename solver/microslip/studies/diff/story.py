@@ -1,4 +1,4 @@
-"""Two results compared as a user would: what was asked for, the structure, every level; one verdict."""
+"""The comparison of two results: inputs, structure, every level; one verdict."""
 
 from __future__ import annotations
 
@@ -13,58 +13,58 @@ from ...results.record import COMPLETE, Joint, LevelResult, ResultFile
 from .compared_inputs import Change, facts_changed, inputs_changed, keys_changed
 from .compared_levels import LevelDifference, compare_level
 
-TOLERANCE = 1e-6  # of the peak, beyond what the points resolve
-_OF_ACCURACY = 0.1  # the share of an accuracy that is the solver's, where that chose how exactly the points were solved
-_LEVEL = 1e-9  # relative, within which two levels are one
+TOLERANCE = 1e-6  # relative to the peak, beyond the resolution of the points
+_OF_ACCURACY = 0.1  # fraction of an accuracy for the solver's error, if the accuracy chose the tolerance
+_LEVEL = 1e-9  # relative difference of equal levels
 _OF_PAIRS = ("mu", "N0", "k_t", "k_n", "area")
 
 
 @dataclass(frozen=True)
 class StructureDifference:
-    """What two results say of the structure."""
+    """Differences of the structures of two results."""
 
-    n_dof: tuple[int, int]  # 0: not known
+    n_dof: tuple[int, int]  # 0: unknown
     n_pairs: tuple[int, int]
     joints: tuple[tuple[str, ...], tuple[str, ...]]
-    same_pairs: bool  # as many, between the same nodes, of the same joints
-    pairs: dict[str, float]  # the largest difference of their numbers over the largest of A, where they are the same pairs
+    same_pairs: bool  # equal number, nodes and joints
+    pairs: dict[str, float]  # largest difference of each quantity over its largest value in A, for the same pairs
     n_modes: tuple[int, int]
-    modes: float  # the largest relative difference of a natural frequency of those that both have
-    mode: int  # which, from 1
+    modes: float  # largest relative difference of the natural frequencies in both
+    mode: int  # its number, from 1
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Two results, A and B, compared."""
+    """The comparison of two results, A and B."""
 
     a: ResultFile
     b: ResultFile
-    tolerance: float | None  # as asked for; None: as ``bound`` says, and what the points resolve
-    bars: bool  # whether a difference inside the error bars counts as none
+    tolerance: float | None  # requested; None: by ``bound``, plus the resolution of the points
+    bars: bool  # whether differences inside the error bars are ignored
     keys: list[Change]
     facts: list[Change]
-    inputs: list[Change] | None  # None: a file does not say what was read
+    inputs: list[Change] | None  # None: a result does not list its input files
     structure: StructureDifference
     levels: tuple[LevelDifference, ...]
-    only: tuple[tuple[str, ...], tuple[str, ...]]  # levels and outputs that one of them has alone
+    only: tuple[tuple[str, ...], tuple[str, ...]]  # levels and outputs in only one of them
 
     @property
     def shown(self) -> Shown:
         return self.a.shown
 
     def of_level(self, level: LevelDifference) -> tuple[LevelResult, LevelResult]:
-        """Return a level as A and B have it."""
+        """Return the results of A and B at a level."""
         return next(pair for pair in _levels(self.a, self.b)[0] if pair[0].level == level.level)
 
     @property
     def incomplete(self) -> tuple[str, ...]:
-        """Return which results have levels that ended early, or that were at work when the file was written."""
+        """Return which results have levels that ended early or were not finished when the file was written."""
         return tuple(
             name for name, results in (("A", self.a), ("B", self.b)) if any(level.status != COMPLETE for level in results.levels)
         )
 
     def is_level_same(self, level: LevelDifference) -> bool:
-        """Tell whether the curves of a level are the same where both are."""
+        """Return whether the curves of a level are the same in their common range."""
         if min(level.n_points) == 0:
             return max(level.n_points) == 0
         if self.bars and level.inside_bars:
@@ -72,18 +72,18 @@ class Difference:
         return (level.difference if self.tolerance is not None else level.beyond) <= self.bound(level)
 
     def bound(self, level: LevelDifference) -> float:
-        """Return the difference over the peak up to which the curves of a level are the same."""
+        """Return the accepted difference of the curves of a level, relative to the peak."""
         return max(TOLERANCE, _OF_ACCURACY * level.closes_to) if self.tolerance is None else self.tolerance
 
     @property
     def is_same(self) -> bool:
-        """Tell whether both hold the same levels and outputs, as far, and the same curves."""
+        """Return whether both have the same levels, outputs, ranges and curves."""
         whole = all(level.is_whole or level.status[0] == level.status[1] and level.ends is None for level in self.levels)
         return bool(self.levels) and whole and not any(self.only) and all(map(self.is_level_same, self.levels))
 
 
 def diff(path_a: str, path_b: str, tolerance: float | None = None, bars: bool = False) -> Difference:
-    """Return how two result files differ.  Local; no MPI, no PETSc.
+    """Return the difference of two result files.  Local; no MPI, no PETSc.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def diff(path_a: str, path_b: str, tolerance: float | None = None, bars: bool = 
 
 
 def compared(a: ResultFile, b: ResultFile, tolerance: float | None = None, bars: bool = False) -> Difference:
-    """Return how two results differ.  Local."""
+    """Return the difference of two results.  Local."""
     if a.shown.is_static != b.shown.is_static and all(
         any(len(level.frequency) for level in results.levels) for results in (a, b)
     ):
@@ -108,7 +108,7 @@ def compared(a: ResultFile, b: ResultFile, tolerance: float | None = None, bars:
 
 
 def _outputs(a: ResultFile, b: ResultFile) -> tuple[list[tuple[str, str, int, int]], tuple[list[str], list[str]]]:
-    """Return name, unit and numbers of the outputs that both have, and the names of the others."""
+    """Return name, unit and numbers of the common outputs, and the names of the others."""
     of_a, of_b = ({(name, results.unit_of(k)): k for k, name in enumerate(results.outputs)} for results in (a, b))
     both = [(name, unit, k, of_b[name, unit]) for (name, unit), k in of_a.items() if (name, unit) in of_b]
     only = tuple(
@@ -119,7 +119,7 @@ def _outputs(a: ResultFile, b: ResultFile) -> tuple[list[tuple[str, str, int, in
 
 
 def _levels(a: ResultFile, b: ResultFile) -> tuple[list[tuple[LevelResult, LevelResult]], tuple[list[str], list[str]]]:
-    """Return the levels that both have, in the order of A, and the others as texts."""
+    """Return the common levels in the order of A, and the others as texts."""
     left, pairs, only_a = list(b.levels), [], []
     for level in a.levels:
         near = [other for other in left if abs(other.level - level.level) <= _LEVEL * abs(level.level)]
@@ -149,7 +149,7 @@ def _structure(a: ResultFile, b: ResultFile) -> StructureDifference:
 
 
 def _same_pairs(a: Joint, b: Joint) -> bool:
-    """Tell whether two joints have as many pairs, in the same places."""
+    """Return whether two joints have the same number of pairs at the same positions."""
     if a.n_pairs != b.n_pairs or a.names != b.names or not np.array_equal(a.joint, b.joint):
         return False
     same_nodes = np.array_equal(a.node1, b.node1) and np.array_equal(a.node2, b.node2)
@@ -158,7 +158,7 @@ def _same_pairs(a: Joint, b: Joint) -> bool:
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
-    """Return the largest difference over the largest of A; infinite where one is known and the other not."""
+    """Return the largest difference over the largest value of A; infinite where only one is known."""
     if not np.array_equal(np.isnan(a), np.isnan(b)):
         return float("inf")
     apart, size = np.nan_to_num(np.abs(b - a)).max(initial=0.0), np.nan_to_num(np.abs(a)).max(initial=0.0)

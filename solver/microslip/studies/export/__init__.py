@@ -1,1 +1,1 @@
-"""The reduced model for other programs, with scripts that solve it there."""
+"""The command `export`: the reduced model for other programs, with scripts that solve it there."""

@@ -1,4 +1,4 @@
-"""What an export holds: names, arrays, units and meanings, the same in model.npz and model.mat."""
+"""The arrays of an export with names, units and meanings, the same in model.npz and model.mat."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def _settings(scene: Scene, structure: Structure) -> dict[str, Entry]:
 
 
 def recovery(parts: Sequence[np.ndarray], mesh: Mesh | None) -> dict[str, Entry]:
-    """Return what makes full fields of the coordinates, from rows of all ranks.  Local, rank 0."""
+    """Return the map from the coordinates to full fields, from rows of all ranks.  Local, rank 0."""
     u = np.concatenate(parts)
     if mesh is None:
         return {"recovery": Entry(u, "(n_dof, n)", "-", "displacement of each row of the scene's matrices: u = recovery q")}

@@ -1,11 +1,11 @@
 """A Galerkin reduction as explicit matrices over the joint's relative displacements and modes with the joint held.
 
-The modes phi of a Galerkin reduction (docs/theory.md, section 8) span all that it knows.  In their span
+The modes phi of a Galerkin reduction (docs/theory.md, section 8) span its trial space.  In this space
 
     u = psi du_b + chi xi,      R psi = E,      R chi = 0,
 
-with du_b the relative displacements that are independent, psi the static shapes of each of them, chi the modes with all of them
-held: Craig and Bampton's coordinates, with relative interface DOFs.  Nothing is lost and nothing added.  NumPy only; local.
+with du_b the independent relative displacements, psi their static shapes, chi the modes with all of them held: Craig-Bampton
+coordinates with relative interface DOFs.  The change of coordinates is exact.  NumPy only; local.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ import scipy.linalg
 
 from ...receptance.modes import DampedModes
 
-INDEPENDENT = 1e-7  # of a relative displacement's energy norm: what is less beside the others follows them
+INDEPENDENT = 1e-7  # relative energy norm of the part independent of the others, below which a displacement is dependent
 
 
 @dataclass(frozen=True, eq=False)
 class InterfaceModel:
     """M q'' + C q' + K q + R^T f_nl = F f, with q = [du_b, xi]; docs/theory.md, eq. (8.8)."""
 
-    M: np.ndarray  # (n, n) kg; the identity between the xi
+    M: np.ndarray  # (n, n) kg; identity in the block of xi
     C: np.ndarray  # (n, n) N s/m
     K: np.ndarray  # (n, n) N/m, without the springs of the pairs
-    S: np.ndarray | None  # (n, n) N/m, structural damping: i S of all harmonics above the mean; None: there is none
+    S: np.ndarray | None  # (n, n) N/m, structural damping: i S in all harmonics above 0; None: no structural damping
     R: np.ndarray  # (3 n_pairs, n) du = R q: x, y, z of each pair
     F: np.ndarray  # (n, n_loads)
     outputs: np.ndarray  # (n_outputs, n)
     T: np.ndarray  # (m, n) eta = T q, the coordinates of the modes phi
-    independent: np.ndarray  # (n_b,) rows of R that are coordinates themselves
+    independent: np.ndarray  # (n_b,) rows of R that are coordinates
 
     @property
     def n_b(self) -> int:
@@ -40,11 +40,11 @@ class InterfaceModel:
 
 
 def interface_model(modes: DampedModes, K_J: np.ndarray) -> InterfaceModel:
-    """Return the matrices of the modes of a Galerkin reduction, K_J (3 n_pairs,) being the springs of the pairs [N/m].
+    """Return the matrices of a Galerkin reduction from its modes and the springs of the pairs K_J (3 n_pairs,) [N/m].
 
     Local.  docs/theory.md, eq. (8.8).
     """
-    flexible = modes.R_phi / modes.omega_n  # over coordinates y = Omega eta, in which K_L is the identity
+    flexible = modes.R_phi / modes.omega_n  # in coordinates y = Omega eta, in which K_L is the identity
     independent, E, psi = constraint_shapes(flexible)
     chi, squares = held_modes(psi, modes.omega_n)
     Y = np.hstack([psi, chi])
@@ -70,10 +70,10 @@ def interface_model(modes: DampedModes, K_J: np.ndarray) -> InterfaceModel:
 
 
 def constraint_shapes(B: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (independent, E, psi): rows of B (3 n_pairs, m), and what the others and unit motions of these are.  Local.
+    """Return (independent, E, psi) of B (3 n_pairs, m): independent rows, all rows in terms of them, static shapes.  Local.
 
-    docs/theory.md, eq. (8.8): the rows do not follow from those before, B = E B[independent]; ``psi`` (m, n_b) are the smallest y
-    that give each of them alone, B[independent] psi = 1.
+    docs/theory.md, eq. (8.8): B = E B[independent], each row independent of the earlier ones; ``psi`` (m, n_b): smallest y
+    with B[independent] psi = 1.
     """
     independent = independent_rows(B)
     Q, L_T = np.linalg.qr(B[independent].T)
@@ -85,12 +85,12 @@ def constraint_shapes(B: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def independent_rows(B: np.ndarray) -> np.ndarray:
-    """Return the rows of B, in their order, that are no combination of those before, to ``INDEPENDENT``.  Local."""
+    """Return the rows of B, in order, that are not combinations of earlier rows, to ``INDEPENDENT``.  Local."""
     size, independent = np.linalg.norm(B, axis=1), list[int]()
     Q = np.zeros((min(B.shape), B.shape[1]))
     for i in np.flatnonzero(size > 0.0):
         known, row = Q[: len(independent)], B[i] / size[i]
-        for _ in range(2):  # twice is enough
+        for _ in range(2):  # two passes of Gram-Schmidt suffice
             row = row - known.T @ (known @ row)
         rest = float(np.linalg.norm(row))
         if rest > INDEPENDENT and len(independent) < len(Q):
@@ -102,8 +102,8 @@ def independent_rows(B: np.ndarray) -> np.ndarray:
 def held_modes(psi: np.ndarray, omega_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (chi, squares): the modes without relative displacement, M-normalised (m, n_i), and their frequencies squared.
 
-    Local.  docs/theory.md, eq. (8.8).  In coordinates y in which K_L is the identity, what
-    no static shape moves is orthogonal to all of them.
+    Local.  docs/theory.md, eq. (8.8).  In coordinates y, in which K_L is the identity, motions without relative displacement are
+    orthogonal to all static shapes.
     """
     m, n_b = psi.shape
     Z = scipy.linalg.qr(psi)[0][:, n_b:] if n_b else np.eye(m)
@@ -113,7 +113,7 @@ def held_modes(psi: np.ndarray, omega_n: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def signs(model: InterfaceModel) -> np.ndarray:
-    """Return +1 or -1 for each coordinate, (n,), such that a mode's sign does not depend on how it was computed.  Local."""
+    """Return +1 or -1 for each coordinate, (n,), that makes the signs of modes independent of their computation.  Local."""
     projection = np.vstack([model.M[: model.n_b], model.F.T, model.outputs])
     largest = np.abs(projection).max(axis=1, initial=0.0)
     weight = np.divide(
@@ -125,7 +125,7 @@ def signs(model: InterfaceModel) -> np.ndarray:
 
 
 def turned(model: InterfaceModel, sign: np.ndarray) -> InterfaceModel:
-    """Return the model with coordinates of other signs.  Local."""
+    """Return the model with the signs of its coordinates changed by ``sign``.  Local."""
     both = np.outer(sign, sign)
     return InterfaceModel(
         M=model.M * both,

@@ -27,7 +27,7 @@ LARGEST_MAT = 2**31 - 1  # bytes of an array in a .mat file of version 5
 def write_export(
     arrays: Mapping[str, Entry], fields: Mapping[str, Entry] | None, method: str, note: str, scene: Scene, folder: str
 ) -> str:
-    """Write everything into ``folder`` and return what is said of it.  Local.
+    """Write all files into ``folder`` and return the text for the screen.  Local.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def _size(arrays: Mapping[str, Entry], method: str) -> str:
 
 
 def what_differs(arrays: Mapping[str, Entry], scene: Scene) -> list[str]:
-    """Return where the scripts, or the laws of the other programs, are not what this program solves; empty: nowhere.  Local."""
+    """Return the differences of the scripts and of the other programs' laws from this program; empty: none.  Local."""
     value = {name: entry.values for name, entry in arrays.items()}
     lines = []
     if scene.solver.between_samples == "path":
@@ -85,7 +85,7 @@ def _not_displacements(value: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _of_laws(value: Mapping[str, np.ndarray]) -> list[str]:
-    """Return which of the programs has the law of these pairs, and which another."""
+    """Return which programs have the law of these pairs and which have another one."""
     moves = np.abs(value["R"]).reshape(-1, 3, value["R"].shape[1]).max(axis=2, initial=0.0) > 0.0
     has_normal, in_plane = bool(moves[:, 2].any()), moves[:, :2].all(axis=1)
     on_circle = bool((in_plane & (value["separate"] == 0.0)).any())
@@ -119,7 +119,7 @@ def _largest(arrays: Mapping[str, Entry]) -> int:
 def _write_arrays(path: str, arrays: Mapping[str, Entry], has_mat: bool = True) -> None:
     """Write the arrays as .npz and, unless they are too large, as .mat of version 5; text is text in both, never an object."""
     with atomic_write(f"{path}.npz") as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, entry in arrays.items():  # as np.savez_compressed, which leaves the archive open where the disk is full
+        for name, entry in arrays.items():  # np.savez_compressed leaves the archive open on a full disk
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(entry.values), allow_pickle=False)
     if has_mat:
@@ -128,7 +128,7 @@ def _write_arrays(path: str, arrays: Mapping[str, Entry], has_mat: bool = True) 
 
 
 def _as_mat(values: np.ndarray) -> np.ndarray:
-    """Return an array as MATLAB likes it: doubles, and a cell array of names."""
+    """Return an array for MATLAB: doubles, or a cell array of names."""
     if values.dtype.kind == "U":
         return np.array([*map(str, values)], dtype=object)
     return values.astype(float)
@@ -155,7 +155,7 @@ def readme(arrays: Mapping[str, Entry], fields: Mapping[str, Entry] | None, note
 
 
 def _law(name: str, exported: str) -> str:
-    """Return the lines of a law beside its name."""
+    """Return the lines of a law, with its name in front."""
     lines = exported.splitlines()
     return "\n".join(f"    {head:<10}{line}" for head, line in zip([f'"{name}"', *[""] * len(lines)], lines))
 

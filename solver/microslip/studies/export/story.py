@@ -1,4 +1,4 @@
-"""The story of an export: build, reduce, turn into matrices, write them with a text and a script for each other program."""
+"""The command `export`: build, reduce, form matrices, write them with a README and a script for each other program."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ if TYPE_CHECKING:
 
     from ...scene.schema import Scene
 
-FINITE = tuple(name for name in METHODS if name not in SELECTIONS)  # others: modes and an exact static response, no matrices
-INSTEAD = "joint-interface-modes"  # with all of them: the same modes, and the static shape of every relative displacement
+FINITE = tuple(name for name in METHODS if name not in SELECTIONS)  # others: exact static response, no finite matrices
+INSTEAD = "joint-interface-modes"  # default: same modes, and all static shapes of relative displacements
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line asks for beside the scene."""
+    """Options of the command line."""
 
-    method: str | None = None  # None: the scene's, where its matrices are finite
+    method: str | None = None  # None: the scene's method, if it has finite matrices
     recovery: bool = False
 
 
 def export(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
-    """Write the reduced model of a scene for other programs: model.npz, model.mat, README.txt and scripts that run as they are.
+    """Write the reduced model of a scene for other programs: model.npz, model.mat, README.txt and executable scripts.
 
-    Collective on ``comm``.  Nothing is solved beyond what the reduction takes.
+    Collective on ``comm``.  Only the reduction is computed.
 
     Raises
     ------
-    CaseError : a method without finite matrices was asked for, a structure without supports, or no script could be right; on
+    CaseError : a requested method without finite matrices, a structure without supports, or one that no script can solve; on
         every rank
     """
     known_method(request.method)
@@ -76,7 +76,7 @@ def export(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Reques
 
 
 def known_method(name: str | None) -> None:
-    """Raise CaseError unless a method asked for has finite matrices.  Local."""
+    """Raise CaseError unless a requested method has finite matrices.  Local."""
     if name is None or name in FINITE:
         return
     if name in SELECTIONS:
@@ -87,7 +87,7 @@ def known_method(name: str | None) -> None:
 
 
 def settings_of(scene: Scene, structure: Structure, method: str | None) -> tuple[ReductionSettings, str]:
-    """Return the settings of a reduction with finite matrices, and a note on what it is.  Local."""
+    """Return the settings of a reduction with finite matrices, and a note that describes it.  Local."""
     settings = reduction_settings(scene)
     if method is not None or settings.method not in SELECTIONS:
         name = method or settings.method

@@ -1,4 +1,4 @@
-"""What the Python scripts of this folder share: Newton's method from frequency to frequency, outputs, the table."""
+"""Shared functions of the Python scripts of this folder: Newton's method along the frequencies, outputs, the table."""
 
 import csv
 import sys
@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-TOLERANCE = 1e-11  # of the residual over the load
+TOLERANCE = 1e-11  # bound of the residual over the load
 MOST_ITERATIONS, LEAST_STEP = 60, 1 / 64
 
 
 def read_model(folder: Path, program: str):
-    """Return the arrays of model.npz; end where it has what neither program knows."""
+    """Return the arrays of model.npz; exit for properties that no program supports."""
     model = dict(np.load(folder / "model.npz"))
     if any(law != "elastic-coulomb" for law in model["law"]):
         sys.exit(f"pairs of a law that {program} does not have")
@@ -22,9 +22,9 @@ def read_model(folder: Path, program: str):
 
 
 def follow(model, level, evaluate, x, size, coordinates):
-    """Return a row of the table for each frequency of the model, each solved from the one before it, beginning at ``x``.
+    """Return a row of the table for each frequency of the model, each solved from the preceding one, starting at ``x``.
 
-    ``evaluate(x, omega)`` returns residual and Jacobian, ``size`` is that of the load, ``coordinates(x)`` q of the model.
+    ``evaluate(x, omega)`` returns residual and Jacobian, ``size`` is the norm of the load, ``coordinates(x)`` returns q.
     """
     rows, before = [], 2 * np.pi * model["frequency"][0]
     for frequency in model["frequency"]:
@@ -39,7 +39,7 @@ def follow(model, level, evaluate, x, size, coordinates):
 
 
 def reach(evaluate, x, before, omega, size):
-    """Return the solution at ``omega``, from ``x`` at ``before``, in one step or in as many as it takes; None: not found."""
+    """Return the solution at ``omega``, from ``x`` at ``before``, with steps halved as needed; None: not found."""
     for n_steps in (1, 4, 16, 64):
         y = x
         for w in np.linspace(before, omega, n_steps + 1)[1:]:
@@ -52,7 +52,7 @@ def reach(evaluate, x, before, omega, size):
 
 
 def newton(evaluate, x, size):
-    """Return where the residual is ``TOLERANCE`` of ``size`` or less, by Newton's method with steps halved; None: nowhere."""
+    """Return the root, to a residual of ``TOLERANCE`` times ``size``, by Newton's method with halved steps; None: not found."""
     residual, jacobian = evaluate(x)
     for _ in range(MOST_ITERATIONS):
         if np.linalg.norm(residual) <= TOLERANCE * size:
@@ -67,7 +67,7 @@ def newton(evaluate, x, size):
 
 
 def outputs(model, q, omega):
-    """Return the coefficients of the outputs that are displacements, velocities or accelerations, (n_outputs, 2 H + 1)."""
+    """Return the coefficients of displacements, velocities and accelerations among the outputs, (n_outputs, 2 H + 1)."""
     y = model["outputs"] @ q
     for row, order in zip(y, model["output_order"]):
         for n in range(1, (len(row) + 1) // 2):

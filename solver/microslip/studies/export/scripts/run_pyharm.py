@@ -13,7 +13,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-jax.config.update("jax_enable_x64", True)  # its elements would compute in single precision
+jax.config.update("jax_enable_x64", True)  # otherwise jax computes in single precision
 from exported_model import follow, read_model, write
 from pyHarm.Maestro import Maestro
 
@@ -40,7 +40,7 @@ def main(folder: Path) -> None:
 
 
 def refuse(model) -> None:
-    """End where pyHarm has nothing like it."""
+    """Exit for properties that pyHarm lacks."""
     if model["T0"].any():
         sys.exit("friction forces at rest (T0): the elements start without any")
     if np.any(model["k_t"] != model["k_ty"]) or np.any(model["mu"] != model["mu_y"]):
@@ -53,12 +53,12 @@ def refuse(model) -> None:
 
 
 def moves(model):
-    """Return which relative displacements move at all, (n_pairs, 3)."""
+    """Return which relative displacements are not identically 0, (n_pairs, 3)."""
     return model["R"].any(axis=1).reshape(-1, 3)
 
 
 def at_nodes(model):
-    """Return where each coordinate stands among 3 DOFs a pair and the modes, and the matrices there; what never moves is held."""
+    """Return the position of each coordinate among 3 DOFs per pair and the modes, and the matrices; others are fixed."""
     n_rows, n_b = len(model["R"]), len(model["independent"])
     place = np.concatenate([model["independent"], n_rows + np.arange(len(model["M"]) - n_b)]).astype(int)
     size, matrices = n_rows + len(model["M"]) - n_b, {}
@@ -71,7 +71,7 @@ def at_nodes(model):
 
 
 def described(model, place, matrices, level):
-    """Return the input of pyHarm: one substructure with all coordinates, an element or two a pair, the loads."""
+    """Return the input of pyHarm: one substructure with all coordinates, one or two elements per pair, the loads."""
     n_pairs, size = len(model["mu"]), len(matrices["M"])
     body = {"matrix": matrices, "nnodes": n_pairs, "ndofs": 3, "nmodes": size - 3 * n_pairs}
     connectors: dict = {}
@@ -101,7 +101,7 @@ def contact(model, i):
 
 
 def forces(coordinate, coefficients, n_pairs):
-    """Return the loads of one coordinate: an element for each harmonic that acts on it."""
+    """Return the loads of one coordinate: one element per harmonic."""
     is_node = coordinate < 3 * n_pairs
     node, dirs = (coordinate // 3, [coordinate % 3]) if is_node else (n_pairs + coordinate - 3 * n_pairs, [-1])
     connectors = {}
@@ -120,7 +120,7 @@ def forces(coordinate, coefficients, n_pairs):
 
 
 def positions(dofs, n_pairs, size, H):
-    """Return where mean, cos 1, sin 1, ... of each DOF stand in pyHarm's vector, (size, 2 H + 1)."""
+    """Return the positions of mean, cos 1, sin 1, ... of each DOF in pyHarm's vector, (size, 2 H + 1)."""
     node, direction = dofs["node_num"].to_numpy(), dofs["dof_num"].to_numpy()
     row = np.where(node < n_pairs, 3 * node + direction, 2 * n_pairs + node)
     column = np.where(dofs["harm"] == 0, 0, 2 * dofs["harm"] - (dofs["cs"] == "c"))

@@ -2,7 +2,7 @@
 
     python run_tmdsimpy.py FOLDER [MODEL_FOLDER]
 
-FOLDER is where github.com/tmd-lab/tmdsimpy was cloned.  Pairs whose normal force is constant become a VectorJenkins element
+FOLDER is a clone of github.com/tmd-lab/tmdsimpy.  Pairs with a constant normal force become a VectorJenkins element
 for each tangential direction, all others an ElasticDryFriction3D, which needs jax.  Writes response_tmdsimpy.csv.
 """
 
@@ -20,9 +20,9 @@ from tmdsimpy.vibration_system import VibrationSystem
 def main(folder: Path) -> None:
     model = read_model(folder, "TMDSimPy")
     refuse(model)
-    D = 1.0 / np.sqrt(np.diag(model["K"] + model["R"].T @ (model["K_J"][:, None] * model["R"])))  # q = D x: x of one size
+    D = 1.0 / np.sqrt(np.diag(model["K"] + model["R"].T @ (model["K_J"][:, None] * model["R"])))  # q = D x scales x
     system = VibrationSystem(*(D[:, None] * model[name] * D for name in ("M", "K")), C=D[:, None] * model["C"] * D)
-    rest = np.zeros(len(D))  # what the elements carry at rest
+    rest = np.zeros(len(D))  # forces of the elements at rest
     for element, force in elements(model, D):
         system.add_nl_force(element)
         rest += force
@@ -44,13 +44,13 @@ def main(folder: Path) -> None:
 
 
 def refuse(model) -> None:
-    """End where TMDSimPy has nothing like it."""
+    """Exit for properties that TMDSimPy lacks."""
     if np.any(model["k_t"] != model["k_ty"]) or np.any(model["mu"] != model["mu_y"]):
         sys.exit("stiffness or friction of x and y differ: ElasticDryFriction3D has one for both")
 
 
 def elements(model, D):
-    """Yield the elements of all pairs, each with its force at rest over the coordinates."""
+    """Yield the elements of all pairs, each with its force at rest on the coordinates."""
     for i in range(len(model["mu"])):
         Q = model["R"][3 * i : 3 * i + 3] * D
         moves = np.abs(Q).max(axis=1) > 0.0
