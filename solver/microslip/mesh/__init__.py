@@ -1,1 +1,1 @@
-"""The mesh: reading, contact pairs with their frames and areas, parts, partition over the ranks."""
+"""The mesh: reading, contact pairs with frames and areas, connected parts, partition over the ranks."""

@@ -1,4 +1,4 @@
-"""Point masses, springs and dampers: the nodes that they follow, by places as in ``ties``."""
+"""Point masses, springs and dampers on nodes; DOFs are numbered by places as in ``ties``."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from .data import Mesh
 
 @dataclass(frozen=True, eq=False)
 class Attached:
-    """Point masses, springs and dampers of a structure, eq. (2.10); ``n_dof`` counts three for each place."""
+    """Point masses, springs and dampers of a structure, eq. (2.10); ``n_dof`` is three times the number of places."""
 
     points: np.ndarray  # (n_masses, 3) m
     mass: np.ndarray  # (n_masses,) kg
     motion: sp.csr_matrix  # (3 n_masses, n_dof): displacements of the masses
-    stretch: sp.csr_matrix  # (n_springs, n_dof): how far each spring is stretched
+    stretch: sp.csr_matrix  # (n_springs, n_dof): elongation of each spring
     stiffness: np.ndarray  # (n_springs,) N/m
     damping: np.ndarray  # (n_springs,) N s/m
 
     @property
     def M(self) -> sp.csr_matrix:
-        """What the masses add to M, (n_dof, n_dof) [kg]."""
+        """Contribution of the masses to M, (n_dof, n_dof) [kg]."""
         return (self.motion.T @ sp.diags(np.repeat(self.mass, 3)) @ self.motion).tocsr()
 
     @property
     def K(self) -> sp.csr_matrix:
-        """What the springs add to K, (n_dof, n_dof) [N/m]."""
+        """Contribution of the springs to K, (n_dof, n_dof) [N/m]."""
         return (self.stretch.T @ sp.diags(self.stiffness) @ self.stretch).tocsr()
 
     @property
     def C(self) -> sp.csr_matrix | None:
-        """What the dampers make C, (n_dof, n_dof) [N s/m]; None where there are none."""
+        """Damping matrix C of the dampers, (n_dof, n_dof) [N s/m]; None without dampers."""
         return (self.stretch.T @ sp.diags(self.damping) @ self.stretch).tocsr() if self.damping.any() else None
 
     def forces(self, acceleration: np.ndarray) -> np.ndarray:
@@ -51,13 +51,13 @@ class Attached:
         return -(self.motion.T @ sp.kron(sp.diags(self.mass), spin) @ self.motion).tocsr()
 
     def holding(self, translations: np.ndarray) -> np.ndarray:
-        """Return the degrees of freedom of springs that a motion (n_dof, 3) of the whole stretches, (n,): they hold."""
+        """Return the degrees of freedom of springs that a motion (n_dof, 3) of the whole structure stretches, (n,)."""
         is_stretched = (abs(self.stretch @ translations).max(axis=1, initial=0.0) > 1e-6) & (self.stiffness > 0.0)
         return np.unique(self.stretch[np.flatnonzero(is_stretched)].indices)
 
     @property
     def joined(self) -> np.ndarray:
-        """The degrees of freedom that each spring makes hang together, (2, n)."""
+        """The degrees of freedom that each spring connects, (2, n)."""
         stretch = self.stretch[np.flatnonzero(self.stiffness > 0.0)]
         counts = np.diff(stretch.indptr)
         first = stretch.indices[stretch.indptr[:-1][counts > 0]]
@@ -67,13 +67,13 @@ class Attached:
 def attach(mesh: Mesh, tables: StructureTables, n_places: int, outside: sp.csr_matrix, loose: np.ndarray) -> Attached:
     """Return the masses, springs and dampers of a scene, docs/theory.md, eq. (2.10).  Local, rank 0.
 
-    ``outside`` (3 n_outside, 3 n_places) is how nodes outside the elements follow; those ``loose`` (3 n_outside,) bool follow
-    nothing and are not held.
+    ``outside`` (3 n_outside, 3 n_places) are the dependences of nodes outside the elements; ``loose`` (3 n_outside,) bool marks
+    their degrees of freedom that follow nothing and are not supported.
 
     Raises
     ------
-    MeshError : a spring between groups of several nodes, or between two that lie on each other, without a direction; a mass or
-        a spring on what is loose
+    MeshError : a spring between groups of several nodes, or between coincident nodes without a direction; a mass or a spring on
+        a loose degree of freedom
     """
     motion = sp.vstack([sp.identity(3 * n_places, format="csr"), outside]).tocsr()
     is_loose = np.concatenate([np.zeros(3 * n_places, dtype=bool), loose])
@@ -103,12 +103,12 @@ def attach(mesh: Mesh, tables: StructureTables, n_places: int, outside: sp.csr_m
 
 
 def _of_each(springs: list[tuple[np.ndarray, np.ndarray]], values: list[float]) -> np.ndarray:
-    """Return a value of each table for each of its springs, (n_springs,)."""
+    """Return the values of the tables, repeated for each of their springs, (n_springs,)."""
     return np.concatenate([np.zeros(0), *(np.full(len(ends), value) for (ends, _), value in zip(springs, values, strict=True))])
 
 
 def _check_led(mesh: Mesh, what: str, nodes: np.ndarray, used: np.ndarray, is_loose: np.ndarray, n_places: int) -> None:
-    """Raise MeshError for nodes outside the elements that a mass or a spring moves in a direction in which nothing leads them."""
+    """Raise MeshError for nodes outside the elements that a mass or spring moves in a free direction."""
     at = 3 * nodes[:, None] + np.arange(3)
     wrong = (nodes[:, None] >= 0) & (used != 0.0) & is_loose[at]
     if wrong.any():
@@ -120,14 +120,14 @@ def _check_led(mesh: Mesh, what: str, nodes: np.ndarray, used: np.ndarray, is_lo
 
 
 def _nodes(mesh: Mesh, group: str | None, n_places: int) -> np.ndarray:
-    """Return the places of a group's nodes, those outside the elements after all others."""
+    """Return the places of a group's nodes; nodes outside the elements come last."""
     assert group is not None, "a group in place of a point"
     outside = mesh.outside.groups.get(group, np.zeros(0, dtype=np.int64))
     return np.concatenate([mesh.node_groups.get(group, np.zeros(0, dtype=np.int64)), n_places + outside])
 
 
 def _positions(mesh: Mesh, tables: StructureTables) -> np.ndarray:
-    """Return where the places are, and behind them the nodes outside the elements, (n, 3) [m]; a point's two places are one."""
+    """Return the positions of the places, then of the nodes outside the elements, (n, 3) [m]; a point has two places."""
     points = np.array([point.position for point in tables.points], dtype=float).reshape(-1, 3)
     return np.concatenate([mesh.points, np.repeat(points, 2, axis=0), mesh.outside.points])
 
@@ -154,7 +154,7 @@ def _ends(
 
 
 def _along(nodes: np.ndarray, directions: np.ndarray, motion: sp.csr_matrix) -> sp.csr_matrix:
-    """Return the displacements of nodes along directions, (n, n_dof); none on ground, -1."""
+    """Return the displacements of nodes along directions, (n, n_dof); 0 on ground, node -1."""
     at_node = np.flatnonzero(nodes >= 0)
     rows, columns = np.repeat(at_node, 3), rows_of(nodes[at_node])
     pick = sp.csr_matrix((directions[at_node].ravel(), (rows, columns)), (len(nodes), motion.shape[0]))

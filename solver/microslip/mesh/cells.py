@@ -1,4 +1,4 @@
-"""The cells of a surface, each in its plane: contact points of meshes that do not match, or on rigid ground."""
+"""The cells of a surface, each in its plane: contact points of non-matching meshes, or on rigid ground."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Cells:
     """The n cells of faces of one kind, each in its plane."""
 
     kind: str
-    faces: np.ndarray  # (n, n_face_nodes) nodes of the face that each belongs to
+    faces: np.ndarray  # (n, n_face_nodes) nodes of the face of each cell
     corners: np.ndarray  # (n, 4, 3) m
     outline: np.ndarray  # (n, k, 3) m, curved edges in pieces
     centre: np.ndarray  # (n, 3) m
@@ -26,7 +26,7 @@ class Cells:
 
     @property
     def radius(self) -> np.ndarray:
-        """The farthest corner of each cell from its centre, (n,) [m]."""
+        """The largest distance of a corner of each cell from its centre, (n,) [m]."""
         return np.linalg.norm(self.corners - self.centre[:, None], axis=2).max(axis=1)
 
     def in_plane(self, i: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -53,7 +53,7 @@ def cells_of(mesh: Mesh, kind: str, faces: np.ndarray) -> Cells:
 def outlines(kind: str, points: np.ndarray, corners: np.ndarray, n_pieces: int) -> np.ndarray:
     """Return the outline of a polygon in the coordinates of faces, (n_faces, k, 3) [m], curved edges in pieces.  Local.
 
-    ``points`` (n_faces, n_face_nodes, 3) m; ``corners`` (n_corners, 2) in turn.
+    ``points`` (n_faces, n_face_nodes, 3) m; ``corners`` (n_corners, 2) in order.
     """
     shape = elements.FACE_KINDS[kind]
     pieces = n_pieces if len(shape.nodes) > shape.n_corners else 1

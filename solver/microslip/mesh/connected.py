@@ -1,4 +1,4 @@
-"""Connected parts of the mesh: bodies connected by shared nodes, and whether they are supported."""
+"""Connected parts of the mesh (bodies with shared nodes), and whether they are supported."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return the part of every node, (n_nodes,), and the name of each part.  Local, rank 0.
 
-    Nodes of one element belong to one part; joints connect nothing here.  ``body_of`` names the body of each group.
+    Nodes of one element belong to one part; joints do not connect parts.  ``body_of`` names the body of each group.
     """
     n_parts, part = parts_of([block.nodes for block in mesh.elements], len(mesh.points))
     bodies: list[list[str]] = [[] for _ in range(n_parts)]
@@ -37,7 +37,7 @@ def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray,
 
 
 def parts_of(cells: Sequence[np.ndarray], n: int) -> tuple[int, np.ndarray]:
-    """Return how many connected parts n nodes make and the part of each, (n,); a node of no cell is a part of its own.  Local.
+    """Return the number of connected parts of n nodes and the part of each, (n,); a node without cells is a part.  Local.
 
     ``cells`` are arrays (n_cells, n_nodes); the nodes of a cell belong to one part.
     """
@@ -47,14 +47,14 @@ def parts_of(cells: Sequence[np.ndarray], n: int) -> tuple[int, np.ndarray]:
 
 
 def tied_bodies(part: np.ndarray, n_parts: int, links: Links | None) -> np.ndarray:
-    """Return which parts ties and points make one, (n_parts,) the number of the cluster.  Local, rank 0."""
+    """Return the tied bodies: the number of the group of parts connected by ties and points, (n_parts,).  Local, rank 0."""
     joined = (*links.joined, *links.more_joined) if links is not None else ()
     first, second = np.concatenate([np.zeros((2, 0), dtype=np.int64), *joined], axis=1)
     return _components(part[first], part[second], n_parts)[1]
 
 
 def held_parts(part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links | None = None) -> np.ndarray:
-    """Return which parts a support or a spring to ground holds somewhere, (n_parts,) bool.  Local, rank 0."""
+    """Return which parts have a support or a spring to ground, (n_parts,) bool.  Local, rank 0."""
     held = np.zeros(n_parts, dtype=bool)
     for support in supports:
         if support.group is not None:
@@ -69,7 +69,7 @@ def held_parts(part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Su
 def loose_bodies(
     part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links
 ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-    """Return the tied bodies of each part, and the parts held by no support and no spring to ground.  Local, rank 0."""
+    """Return the tied bodies of each part, and the parts without support and spring to ground.  Local, rank 0."""
     tied, held = tied_bodies(part, n_parts, links), held_parts(part, n_parts, mesh, supports, links)
     return tied, tuple(np.flatnonzero(tied == i) for i in np.unique(tied) if not held[tied == i].any())
 
@@ -82,11 +82,11 @@ def check_held(
     pairs: ContactPairs,
     links: Links | None = None,
 ) -> bool:
-    """Return whether supports hold the structure; a whole that is joined or tied into one may be free.  Local, rank 0.
+    """Return whether supports hold the structure; a structure connected by joints and ties may be free.  Local, rank 0.
 
     Raises
     ------
-    MeshError : a part has no support and is not joined or tied to one that has, or, in a free structure, to the others
+    MeshError : a part has no support and no connection to a supported part or, in a free structure, to the others
     """
     n_parts = len(names)
     held = held_parts(part, n_parts, mesh, supports, links)
@@ -111,7 +111,7 @@ def check_held(
 
 
 def on_parts(weights: sp.csr_matrix, part: np.ndarray, n_parts: int) -> sp.csr_matrix:
-    """Return how many nodes of each part move each contact point, (n_pairs, n_parts), from their weights.  Local."""
+    """Return the number of nodes of each part that move each contact point, (n_pairs, n_parts), from their weights.  Local."""
     ones = np.ones(len(weights.indices))
     return sp.csr_matrix((ones, part[weights.indices], weights.indptr), (weights.shape[0], n_parts))
 

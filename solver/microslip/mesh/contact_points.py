@@ -1,4 +1,4 @@
-"""The points at which two surfaces touch, with the weights of the nodes of each side."""
+"""The contact points of two surfaces, with the weights of the nodes of each side."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ MOST_TILT = 20.0  # degrees between the normals of the two sides
 class ContactPoints:
     """The n contact points of a joint, before stiffness, friction and preload.
 
-    Row i of ``side1`` and ``side2`` holds the weights with which the nodes of ``Mesh.points`` give the displacement of each body
-    at point i; they add up to 1, or are none where the body is rigid ground.
+    Row i of ``side1`` and ``side2`` has the weights of the nodes of ``Mesh.points`` in the displacement of each body at point i;
+    their sum is 1, and rigid ground has no weights.
     """
 
     side1: sp.csr_matrix  # (n, n_nodes)
@@ -28,9 +28,9 @@ class ContactPoints:
     z: np.ndarray  # (n, 3) unit normals, out of body 2 into body 1
     area: np.ndarray  # (n,) m2, positive
     position: np.ndarray  # (n, 3) m
-    distance: np.ndarray  # (n,) m, of body 1 from body 2 along z as the mesh has it; below 0 they penetrate
+    distance: np.ndarray  # (n,) m, of body 1 from body 2 along z in the mesh; negative: penetration
     faces: tuple[np.ndarray, ...] = ()  # contact faces for pictures: (n_faces, n_face_nodes) indices of points
-    cells: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 3)))  # (n, 4, 3) m, for pictures where no face names points
+    cells: np.ndarray = field(default_factory=lambda: np.zeros((0, 4, 3)))  # (n, 4, 3) m, for pictures without faces
     note: str = ""  # for the log
 
     def __post_init__(self):
@@ -44,7 +44,7 @@ class ContactPoints:
 
 
 def heaviest(weights: sp.csr_matrix) -> np.ndarray:
-    """Return the node of the largest weight of each point, (n,), the lowest of equals; -1 is ground.  Local."""
+    """Return the node of the largest weight of each point, (n,), the lowest for equal weights; -1: ground.  Local."""
     node = np.full(weights.shape[0], -1, dtype=np.int64)
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     order = np.lexsort((weights.indices, -np.round(weights.data, 9), row))
@@ -54,7 +54,7 @@ def heaviest(weights: sp.csr_matrix) -> np.ndarray:
 
 
 def check_opposite(mesh: Mesh, joint: Joint, normals1: np.ndarray, normals2: np.ndarray, places: np.ndarray) -> None:
-    """Raise MeshError where the outward normals (n, 3) of the two sides are not opposite."""
+    """Raise MeshError if the outward normals (n, 3) of the two sides are not opposite."""
     cosine = -np.einsum("pi,pi->p", normals1, normals2)
     tilt = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     if len(tilt) and tilt.max() > MOST_TILT:

@@ -1,4 +1,4 @@
-"""Cuts through the shanks of bolts: their faces, normal, and the elements on the side that the normal points to."""
+"""Cuts through the shanks of bolts: faces, normal, and the elements on the side of the normal."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from ..tables.constant_loads import Bolt
 from .data import Mesh
 from .plane_cut import is_below
 
-MOST_TURN = 45.0  # degrees of a face of the cut from its mean normal
+MOST_TURN = 45.0  # degrees between a face of the cut and the mean normal
 
 
 @dataclass(frozen=True, eq=False)
 class Cut:
-    """A cut through a shank.  Its elements are those that touch it on the side of the normal."""
+    """A cut through a shank, with the elements that touch it on the side of the normal."""
 
     nodes: np.ndarray  # (n_nodes,) index into Mesh.points
     normal: np.ndarray  # (3,) unit, the mean of the faces
@@ -31,16 +31,16 @@ class Cut:
 
 @dataclass(frozen=True, eq=False)
 class _Near:
-    """The elements that touch some nodes, counted over all blocks, and their faces; a face between two of them comes twice."""
+    """The elements that touch some nodes, counted over all blocks, and their faces; inner faces appear twice."""
 
     block: np.ndarray  # (n_elements,) index into Mesh.elements
     row: np.ndarray  # (n_elements,) in the block
     centre: np.ndarray  # (n_elements, 3) m
     owner: np.ndarray  # (n_faces,) element of each face
-    label: np.ndarray  # (n_faces,) the same for the same corners
-    corners: np.ndarray  # (n_faces, 4) sorted corners, the first twice where there are three
-    vector: np.ndarray  # (n_faces, 3) m2, outward, as long as the face is large
-    nodes: list[np.ndarray]  # of each face
+    label: np.ndarray  # (n_faces,) equal for equal corners
+    corners: np.ndarray  # (n_faces, 4) sorted corners; the first twice for a triangle
+    vector: np.ndarray  # (n_faces, 3) m2, outward area vector
+    nodes: list[np.ndarray]  # nodes of each face
 
 
 def cuts_through(mesh: Mesh, bolts: Sequence[Bolt]) -> list[Cut]:
@@ -48,7 +48,7 @@ def cuts_through(mesh: Mesh, bolts: Sequence[Bolt]) -> list[Cut]:
 
     Raises
     ------
-    MeshError : a group that is no cut, or cuts that touch each other
+    MeshError : a group that is not a cut, or cuts that touch each other
     """
     cuts, users = [], dict[int, str]()
     for bolt in bolts:
@@ -65,13 +65,13 @@ def cuts_through(mesh: Mesh, bolts: Sequence[Bolt]) -> list[Cut]:
 
 
 def cut_through(mesh: Mesh, bolt: Bolt) -> Cut:
-    """Return the cut that a bolt's group stands for.  Local, rank 0.
+    """Return the cut of a bolt's group.  Local, rank 0.
 
-    The group's own faces where it has any, otherwise the inner faces of elements all of whose nodes are in it.
+    The faces of the group if it has any, otherwise the inner faces of elements with all nodes in the group.
 
     Raises
     ------
-    MeshError : faces that are no inner ones, that lie in several pieces or far from one plane, or that end inside the body
+    MeshError : faces that are not inner faces, are in several pieces, far from one plane, or end inside the body
     """
     where = f"{mesh.path}: bolt {bolt.label!r}: group {bolt.group!r}"
     near = _elements_near(mesh, mesh.node_groups[bolt.group])
@@ -132,7 +132,7 @@ def _elements_near(mesh: Mesh, nodes: np.ndarray) -> _Near:
 
 
 def _faces_of_cut(mesh: Mesh, group: str, near: _Near, where: str) -> np.ndarray:
-    """Return which faces are those of the cut, (n_faces,); each twice, seen from both sides."""
+    """Return which faces belong to the cut, (n_faces,); each twice, from both sides."""
     is_inner = np.bincount(near.label)[near.label] == 2
     named = [block.nodes[:, : 3 if block.kind.startswith("tri") else 4] for block in mesh.faces if block.group == group]
     if named:
@@ -160,7 +160,7 @@ def _padded(faces: np.ndarray) -> np.ndarray:
 
 
 def _check_one_piece(near: _Near, in_cut: np.ndarray, where: str) -> None:
-    """Raise MeshError where the faces of the cut do not hang together."""
+    """Raise MeshError if the faces of the cut are not connected."""
     corners = near.corners[in_cut]
     used, index = np.unique(corners, return_inverse=True)
     index = index.reshape(corners.shape)
@@ -171,9 +171,9 @@ def _check_one_piece(near: _Near, in_cut: np.ndarray, where: str) -> None:
 
 
 def _mean_normal(vectors: np.ndarray, where: str) -> tuple[np.ndarray, float]:
-    """Return the mean normal of faces that come twice, outward of either side, and their area across it [m2].
+    """Return the mean normal of faces that appear twice, outward from each side, and their projected area [m2].
 
-    Its largest component is positive: which side it points to changes nothing.
+    The largest component of the normal is positive; the choice of the side has no effect.
     """
     sizes = np.linalg.norm(vectors, axis=1)
     rough = np.linalg.eigh(np.einsum("fi,fj,f->ij", vectors, vectors, 1.0 / sizes))[1][:, -1]
@@ -189,7 +189,7 @@ def _mean_normal(vectors: np.ndarray, where: str) -> tuple[np.ndarray, float]:
 
 
 def _of_plane(mesh: Mesh, near: _Near, in_cut: np.ndarray, plane: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the normal of a plane (2, 3), and the area across it of faces that follow it, however far they turn [m2].
+    """Return the normal of a plane (2, 3), and the projected area of the faces along it, at any inclination [m2].
 
     The faces lie between elements whose centres are on different sides of the plane.
     """
@@ -198,18 +198,18 @@ def _of_plane(mesh: Mesh, near: _Near, in_cut: np.ndarray, plane: np.ndarray) ->
 
 
 def _upward(normal: np.ndarray) -> np.ndarray:
-    """Return a normal or its opposite: that with a positive largest component."""
+    """Return a normal or its opposite, with a positive largest component."""
     return normal * np.sign(normal[np.argmax(np.abs(normal) - 1e-9 * np.arange(3))])
 
 
 def _sides(mesh: Mesh, near: _Near, in_cut, normal, is_cut, where: str) -> np.ndarray:
-    """Return for each element +1 on the side the normal points to, -1 on the other; 0 where it does not touch the cut.
+    """Return for each element +1 on the side of the normal, -1 on the other side; 0 if it does not touch the cut.
 
-    Elements are on one side that hang together by faces which are not of the cut.
+    Elements connected by faces outside the cut are on the same side.
     """
     touches = np.array([is_cut[mesh.elements[b].nodes[row]].any() for b, row in zip(near.block, near.row)])
     piece = _pieces(near, touches, ~in_cut)
-    of_face = -np.sign(near.vector @ normal)  # the normal leaves the elements on the side below
+    of_face = -np.sign(near.vector @ normal)  # outward normals of elements below the cut point along the normal
     seeds = [np.unique(piece[near.owner[in_cut & (of_face == sign)]]) for sign in (-1.0, 1.0)]
     both = np.intersect1d(*seeds)
     if len(both):
@@ -220,13 +220,13 @@ def _sides(mesh: Mesh, near: _Near, in_cut, normal, is_cut, where: str) -> np.nd
             "share nodes with what it is in"
         )
     middle = mesh.points[is_cut].mean(axis=0)
-    side = np.where((near.centre - middle) @ normal > 0.0, 1, -1)  # of what touches the cut without such a chain of faces
+    side = np.where((near.centre - middle) @ normal > 0.0, 1, -1)  # elements that touch the cut without such a connection
     side[np.isin(piece, seeds[0])], side[np.isin(piece, seeds[1])] = -1, 1
     return np.where(touches, side, 0)
 
 
 def _pieces(near: _Near, members: np.ndarray, use: np.ndarray) -> np.ndarray:
-    """Return a label for each element, the same where ``members`` hang together by faces that may be used."""
+    """Return a label for each element, equal for ``members`` connected by the faces in ``use``."""
     use = use & members[near.owner]
     order = np.flatnonzero(use)[np.argsort(near.label[use], kind="stable")]
     pair = near.label[order[1:]] == near.label[order[:-1]]
@@ -236,7 +236,7 @@ def _pieces(near: _Near, members: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 
 def _node_at_end(mesh: Mesh, near: _Near, in_cut, of_face, is_cut) -> int:
-    """Return a node of the cut around which its two sides hang together; where none does by itself, any."""
+    """Return a node of the cut around which its two sides are connected; any node if there is no single one."""
     for node in np.flatnonzero(is_cut):
         members = np.array([node in mesh.elements[b].nodes[row] for b, row in zip(near.block, near.row)])
         piece = _pieces(near, members, ~in_cut)

@@ -1,4 +1,4 @@
-"""The faces at which the sectors of a disc meet: the high face is the low one, turned by one sector, and follows it.
+"""The faces between the sectors of a disc: the high face is the low face turned by one sector, and follows it.
 
 docs/theory.md, section 14.
 """
@@ -22,32 +22,32 @@ from .projection import Projection, project_on_surface
 from .surface import outward_faces, surface_of
 from .ties import TOUCHING, facet_size, on_facets
 
-TOLERANCE = 1e-5  # of the mesh's diagonal, where the scene states none
-OF_FACETS = 0.05  # of the size of the facets, where the faces are not meshed alike
-_WEIGHT = 1e-9  # of held directions in what a node follows: less is none
-_PARTLY = 0.1  # the same of a node on facets some of whose nodes are held
+TOLERANCE = 1e-5  # of the mesh's diagonal: default tolerance
+OF_FACETS = 0.05  # of the size of the facets: default tolerance of non-matching faces
+_WEIGHT = 1e-9  # weight of held directions in the motion of a node, below which it is 0
+_PARTLY = 0.1  # the same for a node on facets with some held nodes
 
 
 @dataclass(frozen=True, eq=False)
 class CyclicFaces:
-    """The nodes of the high face and what they follow: u_high = ``weights`` u for nodal diameter 0."""
+    """The nodes of the high face and their dependence: u_high = ``weights`` u for nodal diameter 0."""
 
     high: np.ndarray  # (n,) nodes of Mesh.points
-    weights: sp.csr_matrix  # (3 n, 3 n_nodes), of the low face alone, with the turn of one sector in them
-    joined: np.ndarray  # (2, m) nodes of the low face and of the high one that go together
-    turn: np.ndarray  # (3, 3) Q, by one sector in the positive sense about the axis
-    is_matched: bool  # node on node; else nodes on facets
+    weights: sp.csr_matrix  # (3 n, 3 n_nodes), only nodes of the low face, including the rotation by one sector
+    joined: np.ndarray  # (2, m) corresponding nodes of the low and the high face
+    turn: np.ndarray  # (3, 3) Q, rotation by one sector in the positive sense about the axis
+    is_matched: bool  # node to node; otherwise nodes on facets
     note: str  # for the log
 
 
 def cyclic_faces(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
-    """Return the nodes of the faces at which sectors meet: node on node, or the high face on the facets of the low one.
+    """Return the nodes of the faces between sectors: node to node, or the high face on the facets of the low face.
 
     Local, rank 0.
 
     Raises
     ------
-    MeshError : a node on the axis, faces that do not meet under the turn, faces swapped, or a wrong number of sectors
+    MeshError : a node on the axis, faces that do not meet after the rotation, swapped faces, or a wrong number of sectors
     """
     turn = rotation(cyclic.axis, cyclic.angle)
     if cyclic.faces is None:
@@ -80,16 +80,16 @@ def cyclic_faces(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
 
 
 def faces_fit(mesh: Mesh, cyclic: Cyclic) -> bool:
-    """Return whether the high face is the low one, turned by one sector; both are groups of faces.  Local, rank 0."""
+    """Return whether the high face is the low face turned by one sector; both are groups of faces.  Local, rank 0."""
     return _Meeting.of(mesh, cyclic, cyclic.angle).is_close(cyclic)
 
 
 def _tied(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
-    """Return the nodes of a high face that is not meshed as the low one: they follow its turned facets as in a tie (2.6).
+    """Return the nodes of a non-matching high face: they follow the turned facets of the low face as in a tie (2.6).
 
     Raises
     ------
-    MeshError : nodes of either face far from the facets of the other, under the turn
+    MeshError : nodes of either face far from the facets of the other after the rotation
     """
     assert cyclic.faces is not None, "with two faces"
     meeting = _Meeting.of(mesh, cyclic, cyclic.angle)
@@ -110,15 +110,15 @@ def _tied(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
 
 @dataclass(frozen=True)
 class _Meeting:
-    """How near the two faces come where the low one is turned by an angle."""
+    """The distances of the two faces with the low face turned by an angle."""
 
-    nodes: tuple[np.ndarray, np.ndarray]  # of the low and of the high face
+    nodes: tuple[np.ndarray, np.ndarray]  # nodes of the low and of the high face
     projections: tuple[Projection, Projection]  # of the nodes of each on the facets of the other
-    size: float  # of the larger facets [m]
+    size: float  # size of the larger facets [m]
 
     @classmethod
     def of(cls, mesh: Mesh, cyclic: Cyclic, angle: float) -> _Meeting:
-        """Return it for one angle.  Local, rank 0.
+        """Return the distances for one angle.  Local, rank 0.
 
         Raises
         ------
@@ -134,20 +134,20 @@ class _Meeting:
 
     @property
     def distances(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the nodes of the low and of the high face from the other one [m]."""
+        """Distances of the nodes of the low and of the high face from the other face [m]."""
         return self.projections[0].distance, self.projections[1].distance
 
     def tolerance(self, cyclic: Cyclic) -> float:
-        """How far a node may lie from the facets of the other face [m]."""
+        """The accepted distance of a node from the facets of the other face [m]."""
         return OF_FACETS * self.size if cyclic.tolerance is None else cyclic.tolerance
 
     def is_close(self, cyclic: Cyclic) -> bool:
-        """Return whether the faces lie on each other.  Local."""
+        """Return whether the faces coincide.  Local."""
         return max(float(each.max()) for each in self.distances) <= self.tolerance(cyclic)
 
 
 def _refuse_distant(mesh: Mesh, cyclic: Cyclic, meeting: _Meeting) -> None:
-    """Raise MeshError where the faces do not lie on each other under the turn, with the worst node and what it may be."""
+    """Raise MeshError if the faces do not coincide after the rotation, with the worst node and a possible cause."""
     if meeting.is_close(cyclic):
         return
     assert cyclic.faces is not None, "with two faces"
@@ -168,7 +168,7 @@ def _where(mesh: Mesh) -> str:
 
 
 def rotation(axis, angle: float) -> np.ndarray:
-    """Return the matrix (3, 3) of a turn about an axis through the origin in its positive sense, angle in rad.  Local."""
+    """Return the matrix (3, 3) of a rotation about an axis through the origin in its positive sense, angle in rad.  Local."""
     x, y, z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
@@ -180,11 +180,11 @@ def turned_about(points: np.ndarray, turn: np.ndarray, axis_point) -> np.ndarray
 
 
 def in_next_sector(mesh: Mesh, group: str, cyclic: Cyclic) -> Mesh:
-    """Return the mesh with the nodes of one surface where they are in the next sector.  Local, rank 0.
+    """Return the mesh with the nodes of one surface at their positions in the next sector.  Local, rank 0.
 
     Raises
     ------
-    MeshError : no such faces
+    MeshError : the group has no faces
     """
     faces = outward_faces(mesh, group)
     nodes = np.unique(np.concatenate([of_kind.ravel() for of_kind in faces.values()]))
@@ -194,7 +194,7 @@ def in_next_sector(mesh: Mesh, group: str, cyclic: Cyclic) -> Mesh:
 
 
 def _refuse_shared(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray) -> None:
-    """Raise MeshError for nodes that both faces have: on the axis they are one node of all sectors."""
+    """Raise MeshError for nodes in both faces: a node on the axis belongs to all sectors."""
     shared = np.intersect1d(low, high)
     if len(shared) == 0:
         return
@@ -214,7 +214,7 @@ def _refuse_shared(mesh: Mesh, cyclic: Cyclic, low: np.ndarray, high: np.ndarray
 
 
 def check_joints_beside(mesh: Mesh, cyclic: Cyclic, joints: Sequence[Joint]) -> None:
-    """Raise MeshError where faces at which sectors are one body belong to a joint.  Local, rank 0."""
+    """Raise MeshError if faces where sectors are one body belong to a joint.  Local, rank 0."""
     for group in cyclic.faces or ():
         is_member = np.zeros(len(mesh.points), dtype=bool)
         is_member[mesh.node_groups[group]] = True
@@ -230,7 +230,7 @@ def check_joints_beside(mesh: Mesh, cyclic: Cyclic, joints: Sequence[Joint]) -> 
 
 
 def _why(mesh: Mesh, cyclic: Cyclic) -> str:
-    """Return a text on what the faces may be: swapped, of another number of sectors, or no turned copies."""
+    """Return a text on the possible fault of the faces: swapped, another number of sectors, or not turned copies."""
     if _Meeting.of(mesh, cyclic, -cyclic.angle).is_close(cyclic):
         return (
             "; turned the other way they fit: swap the two faces (the high one lies in the positive sense about the axis, by "
@@ -244,7 +244,7 @@ def _why(mesh: Mesh, cyclic: Cyclic) -> str:
 
 
 def _angle_between(mesh: Mesh, cyclic: Cyclic) -> float:
-    """Return the angle from the centre of the low face to that of the high one about the axis, in -pi to pi."""
+    """Return the angle about the axis from the centre of the low face to the centre of the high face, in -pi to pi."""
     assert cyclic.faces is not None, "with two faces"
     axis = np.asarray(cyclic.axis, dtype=float) / np.linalg.norm(cyclic.axis)
     a, b = (_centre(mesh, group) - cyclic.axis_point for group in cyclic.faces)
@@ -253,7 +253,7 @@ def _angle_between(mesh: Mesh, cyclic: Cyclic) -> float:
 
 
 def _centre(mesh: Mesh, group: str) -> np.ndarray:
-    """Return the centre of a face, that of its area and not that of its nodes."""
+    """Return the centroid of the area of a face."""
     side = surface_of(mesh, group)
     return side.areas @ mesh.points[side.nodes] / side.areas.sum()
 
@@ -261,13 +261,13 @@ def _centre(mesh: Mesh, group: str) -> np.ndarray:
 def followers(
     mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray, dependent: np.ndarray, weights: sp.csr_matrix
 ) -> tuple[np.ndarray, sp.csr_matrix]:
-    """Return the degrees of freedom of the high face that follow, rising, and their weights, for nodal diameter 0.
+    """Return the dependent degrees of freedom of the high face, ascending, and their weights, for nodal diameter 0.
 
-    Local, rank 0.  ``is_fixed`` (n_places, 3); ``dependent`` with ``weights`` (m, n_dof) follow something else already.
+    Local, rank 0.  ``is_fixed`` (n_places, 3); ``dependent`` with ``weights`` (m, n_dof): the other dependent ones.
 
     Raises
     ------
-    MeshError : ties, points or equations at the high face, or supports of one face alone
+    MeshError : ties, points or equations at the high face, or supports of only one face
     """
     _refuse_followers(mesh, faces, dependent, weights)
     _refuse_other_supports(mesh, faces, is_fixed)
@@ -281,7 +281,7 @@ def followers(
 
 
 def _refuse_followers(mesh: Mesh, faces: CyclicFaces, dependent: np.ndarray, weights: sp.csr_matrix) -> None:
-    """Raise MeshError where nodes of the high face follow or lead something within the sector: at the low face they may."""
+    """Raise MeshError if nodes of the high face follow or lead others within the sector; nodes of the low face may."""
     of_high = np.zeros(weights.shape[1], dtype=bool)
     of_high[rows_of(faces.high)] = True
     touched = np.concatenate([dependent[of_high[dependent]], np.unique(weights.indices[of_high[weights.indices]])])
@@ -295,7 +295,7 @@ def _refuse_followers(mesh: Mesh, faces: CyclicFaces, dependent: np.ndarray, wei
 
 
 def _refuse_other_supports(mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray) -> None:
-    """Raise MeshError where supports hold a node of one face in other directions than its partner, turned."""
+    """Raise MeshError if supports hold a node of one face in other directions than its turned partner."""
     size, held, is_held = abs(faces.weights), is_fixed.ravel(), is_fixed[faces.high].ravel()
     by_held = np.asarray(size @ held[: size.shape[1]]).ravel() / np.asarray(size.sum(axis=1)).ravel()
     wrong = np.flatnonzero(abs(by_held - is_held) > (_WEIGHT if faces.is_matched else _PARTLY))

@@ -1,4 +1,4 @@
-"""What the mesh stage hands on: the whole mesh (rank 0), a rank's share of it, the contact pairs (every rank)."""
+"""Results of the mesh stage: the whole mesh (rank 0), each rank's part of it, the contact pairs (every rank)."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class FaceBlock:
 
 @dataclass(frozen=True, eq=False)
 class Outside:
-    """Nodes that belong to no element of a body, and that masses, springs or equations name."""
+    """Nodes of masses, springs or equations that belong to no element of a body."""
 
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # (n, 3) m
     numbers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (n,) of the user's file
-    groups: Mapping[str, np.ndarray] = field(default_factory=dict)  # the named groups that they are in: positions in points
+    groups: Mapping[str, np.ndarray] = field(default_factory=dict)  # their named groups: positions in points
 
 
 @dataclass(frozen=True)
@@ -56,15 +56,13 @@ class Mesh:
     elements: tuple[ElementBlock, ...]
     faces: tuple[FaceBlock, ...]
     node_groups: dict[str, np.ndarray]  # every named group, of any dimension: its node indices, sorted
-    notes: tuple[str, ...] = ()  # notes on what was left out or assumed
-    fields: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_nodes,) each: numbers at the nodes; NaN: none
+    notes: tuple[str, ...] = ()  # notes on omissions and assumptions
+    fields: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_nodes,) each: values at the nodes; NaN: no value
     outside: Outside = field(default_factory=Outside)
-    equations: Equations | None = None  # between nodes, and n_nodes + k for node k of ``outside``
-    touching_faces: frozenset[str] = (
-        frozenset()
-    )  # groups of faces that were found as touching: some may lie on the others in part alone
+    equations: Equations | None = None  # between nodes; n_nodes + k is node k of ``outside``
+    touching_faces: frozenset[str] = frozenset()  # groups of touching faces found by geometry: some may overlap only partly
 
-    planes: Mapping[str, np.ndarray] = field(default_factory=dict)  # of faces along a plane: a point, its normal, (2, 3)
+    planes: Mapping[str, np.ndarray] = field(default_factory=dict)  # of groups along a plane: a point, the normal, (2, 3)
 
     @property
     def diagonal(self) -> float:
@@ -81,18 +79,16 @@ class LocalBlock:
     nodes: np.ndarray  # (n_elements, n_nodes_of_kind) rank-ordered node numbers
     points: np.ndarray  # (n_elements, n_nodes_of_kind, 3) m
     numbers: np.ndarray  # (n_elements,) the user's element numbers
-    temperature_rise: float | np.ndarray = (
-        0.0  # K above the temperature without stress; of the nodes, (n_elements, n_nodes_of_kind)
-    )
+    temperature_rise: float | np.ndarray = 0.0  # K above the stress-free temperature; at the nodes: (n_elements, n_nodes_of_kind)
 
     def rise_of(self, rows: slice | np.ndarray) -> float | np.ndarray:
-        """Return the temperature of some elements, of all nodes or one [K].  Local."""
+        """Return the temperature rise of some elements, at their nodes or uniform [K].  Local."""
         return self.temperature_rise[rows] if isinstance(self.temperature_rise, np.ndarray) else self.temperature_rise
 
 
 @dataclass(frozen=True)
 class DistributedMesh:
-    """A rank's share of the mesh.  Nodes are renumbered so that each rank owns a contiguous range."""
+    """A rank's part of the mesh.  Nodes are renumbered so that each rank owns a contiguous range."""
 
     comm: MPI.Comm
     node_ranges: np.ndarray  # (size + 1,) rank r owns rank-ordered nodes node_ranges[r]:node_ranges[r + 1]
@@ -106,38 +102,38 @@ class ContactPairs:
     """The contact pairs, the same on every rank; pair i owns rows 3 i to 3 i + 2 of R (x, y tangential, z normal)."""
 
     joint: tuple[str, ...]  # (n_pairs,) name of the joint
-    node1: np.ndarray  # (n_pairs,) index of the (nearest) node of body 1 in Mesh.points; -1 where there is no mesh
-    node2: np.ndarray  # (n_pairs,) of body 2; -1 is ground
+    node1: np.ndarray  # (n_pairs,) index of the (nearest) node of body 1 in Mesh.points; -1 without a mesh
+    node2: np.ndarray  # (n_pairs,) the same of body 2; -1: ground
     position: np.ndarray  # (n_pairs, 3) m
     frame: np.ndarray  # (n_pairs, 3, 3) rows x, y, z in model axes; z from body 2 into body 1
     area: np.ndarray  # (n_pairs,) m2, positive
     mu: np.ndarray  # (n_pairs,) -
-    N0: np.ndarray  # (n_pairs,) N; negative states an initial gap -N0 / k_n
+    N0: np.ndarray  # (n_pairs,) N; negative: initial gap -N0 / k_n
     k_t: np.ndarray  # (n_pairs,) N/m
     k_n: np.ndarray  # (n_pairs,) N/m
     separate: np.ndarray  # (n_pairs,) bool: each tangential direction has its own friction limit
     faces: tuple[np.ndarray, ...]  # contact faces for pictures: (n_faces, n_corners or with mid-sides) pair indices
-    T0: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))  # (n_pairs, 2) N, friction force at rest; none given: 0
+    T0: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))  # (n_pairs, 2) N, friction force at rest; default 0
     open_at_rest: np.ndarray = field(
         default_factory=lambda: np.zeros(0, dtype=bool)
     )  # (n_pairs,) bool: open at rest, without springs
-    weights1: sp.csr_matrix | None = None  # (n_pairs, n_nodes) with which nodes of body 1 give its motion; None: node1 alone
-    weights2: sp.csr_matrix | None = None  # (n_pairs, n_nodes) of body 2
+    weights1: sp.csr_matrix | None = None  # (n_pairs, n_nodes) weights of the nodes of body 1; None: only node1
+    weights2: sp.csr_matrix | None = None  # (n_pairs, n_nodes) the same of body 2
     cells: np.ndarray = field(default_factory=lambda: np.full((0, 4, 3), np.nan))  # (n_pairs, 4, 3) m, for pictures; NaN: none
-    notes: tuple[str, ...] = ()  # how they were found, for the log
-    laws: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))  # (n_pairs,) names of laws; none: elastic-Coulomb
+    notes: tuple[str, ...] = ()  # notes on the pairing, for the log
+    laws: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))  # (n_pairs,) names of laws; default elastic-Coulomb
     w0: np.ndarray = field(
         default_factory=lambda: np.zeros((0, 0, 2))
-    )  # (n_pairs, n_elements, 2) m, of laws of many elements at rest
-    next_sector: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_pairs,) bool: side 2 is the next one's
+    )  # (n_pairs, n_elements, 2) m, initial slider positions of laws with several elements
+    next_sector: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_pairs,) bool: side 2 in the next sector
     law_columns: Mapping[str, np.ndarray] = field(
         default_factory=dict
-    )  # (n_pairs,) each: further columns of laws; NaN: not this law
+    )  # (n_pairs,) each: further columns of laws; NaN for pairs of other laws
 
     def __post_init__(self):
         if len(self.laws) != self.n_pairs:
             object.__setattr__(self, "laws", np.full(self.n_pairs, ELASTIC_COULOMB))
-        for name in ("T0", "open_at_rest", "w0", "next_sector"):  # of pairs that have no statics
+        for name in ("T0", "open_at_rest", "w0", "next_sector"):  # defaults of pairs without statics
             values = getattr(self, name)
             if len(values) != self.n_pairs:
                 object.__setattr__(self, name, np.zeros((self.n_pairs, *values.shape[1:]), dtype=values.dtype))
@@ -150,7 +146,7 @@ class ContactPairs:
         return len(self.k_t)
 
     def sides(self, n_nodes: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
-        """Return the weights of the nodes of Mesh.points on each side, (n_pairs, n_nodes); those of ground are none."""
+        """Return the weights of the nodes of Mesh.points on each side, (n_pairs, n_nodes); ground has no weights."""
         given = ((self.weights1, self.node1), (self.weights2, self.node2))
         first, second = (on_nodes(nodes, n_nodes) if weights is None else weights for weights, nodes in given)
         return first, second
@@ -162,13 +158,13 @@ class ContactPairs:
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """What laws are made of, (n_pairs, ...) each."""
+        """The parameters of laws, (n_pairs, ...) each."""
         names = ("mu", "N0", "k_t", "k_n", "separate", "T0", "open_at_rest", "w0")
         return {name: getattr(self, name) for name in names} | dict(self.law_columns)
 
 
 def on_nodes(nodes: np.ndarray, n_nodes: int) -> sp.csr_matrix:
-    """Return the weights of points that are nodes, (n, n_nodes); -1 is ground.  Local."""
+    """Return the weights of points at nodes, (n, n_nodes); -1: ground.  Local."""
     on_mesh = nodes >= 0
     places = (np.flatnonzero(on_mesh), nodes[on_mesh])
     return sp.csr_matrix((np.ones(np.count_nonzero(on_mesh)), places), (len(nodes), n_nodes))

@@ -1,4 +1,4 @@
-"""Contact surfaces in the deformed shape: how much larger they are, and how far they have turned (docs/theory.md, section 12)."""
+"""Contact surfaces in the deformed shape: area ratios and rotations (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .surface import surface_of
 
 
 def stretched(mesh: Mesh, joints: Sequence[Joint], pairs: ContactPairs, u: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
-    """Return the areas of the pairs over those of the unloaded mesh, (n_pairs,), and how far each joint turns at most [rad].
+    """Return the areas of the pairs over their unloaded areas, (n_pairs,), and the largest rotation of each joint [rad].
 
-    Local, rank 0.  Areas and normals are those of the first surface, by its nodes.  ``u`` (n_nodes, 3) [m] is the displacement
+    Local, rank 0.  Areas and normals are taken at the nodes of the first surface.  ``u`` (n_nodes, 3) [m] is the displacement
     of ``Mesh.points``.
     """
     weights = abs(pairs.sides(len(mesh.points))[0])

@@ -1,6 +1,6 @@
-"""Linear equations between displacements, as model files state them: one term of each follows the others.
+"""Linear equations between displacements from model files: each determines one dependent degree of freedom.
 
-Degrees of freedom are counted by places as in ``ties``; those of nodes outside the elements come after all places.
+Degrees of freedom are numbered by places as in ``ties``; nodes outside the elements come after all places.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from ..formats.model import Equations
 from ..messages.errors import MeshError
 from .data import Mesh
 
-_NOTHING = 1e-10  # of the largest coefficient of an equation: what elimination leaves of a term that is not there
-_UNBALANCED = 1e-6  # a translation by 1 that leaves more of an equation does not fulfil it
+_NOTHING = 1e-10  # of the largest coefficient of an equation: rounding left by the elimination
+_UNBALANCED = 1e-6  # residual of an equation under a unit translation above which it is not fulfilled
 
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Degrees of freedom that equations make follow others, those outside the elements among them."""
+    """Degrees of freedom made dependent by equations, including nodes outside the elements."""
 
-    dependent: np.ndarray  # (m,) rising
-    weights: sp.csr_matrix  # (m, n_dof) of independent ones alone
-    grounded: np.ndarray  # (n,) degrees of freedom of equations that a rigid motion does not fulfil: they hold
-    joined: np.ndarray  # (2, n) degrees of freedom that hang together
+    dependent: np.ndarray  # (m,) ascending
+    weights: sp.csr_matrix  # (m, n_dof) of independent degrees of freedom
+    grounded: np.ndarray  # (n,) degrees of freedom of equations that a rigid motion violates: they act as supports
+    joined: np.ndarray  # (2, n) connected degrees of freedom
 
 
 def solve_equations(
@@ -34,14 +34,14 @@ def solve_equations(
 ) -> Solved:
     """Return the dependences by the equations of a mesh, docs/theory.md, eq. (2.9).  Local, rank 0.
 
-    Degrees of freedom outside the elements follow wherever they can; otherwise the first term of an equation does, as in the
-    programs that write them.  ``is_fixed`` (3 (n_places + n_outside),) bool are held by supports; ``dependent`` with
-    ``weights`` (m, 3 (n_places + n_outside)) follow already.  An equation that others imply is passed over.  ``points`` are the
-    names of those that there are: places are the nodes of the mesh, and two of each point.
+    Degrees of freedom outside the elements become dependent if possible; otherwise the first term of an equation does, as in the
+    programs that write them.  ``is_fixed`` (3 (n_places + n_outside),) bool: held by supports; ``dependent`` with ``weights``
+    (m, 3 (n_places + n_outside)): already dependent.  Redundant equations are ignored.  ``points`` are the names of the points:
+    places are the nodes of the mesh, then two per point.
 
     Raises
     ------
-    MeshError : an equation of a point that there is not
+    MeshError : an equation of a point that does not exist
     """
     equations = mesh.equations
     assert equations is not None, "a mesh with equations"
@@ -58,12 +58,12 @@ def solve_equations(
         size = max((abs(value) for value in terms.values()), default=0.0)
         left = {dof: value for dof, value in left.items() if abs(value) > _NOTHING * size}
         if not left:
-            continue  # it follows from the others
+            continue  # a redundant equation
         pivot = next((dof for dof in left if is_outside[dof]), next(iter(left)))
         value = left.pop(pivot)
         rows[pivot] = {dof: -other / value for dof, other in left.items()}
         order.append(pivot)
-    for pivot in reversed(order):  # what became dependent later is put into the earlier rows
+    for pivot in reversed(order):  # insert later pivots into the earlier rows
         rows[pivot] = _substituted(rows[pivot], is_fixed, known, rows)
     return _solved(mesh, n_places, rows, n_dof)
 
@@ -91,7 +91,7 @@ def _terms(mesh: Mesh, equations: Equations, points: Sequence[str]):
 
 
 def _substituted(terms, is_fixed, known, rows) -> dict[int, float]:
-    """Return terms of independent degrees of freedom alone; those that are held are 0."""
+    """Return the terms of independent degrees of freedom; held ones are 0."""
     substituted: dict[int, float] = {}
     waiting = list(terms.items())[::-1]
     while waiting:
@@ -118,13 +118,13 @@ def _solved(mesh: Mesh, n_places: int, rows: dict[int, dict[int, float]], n_dof:
 
 
 def _holding(mesh: Mesh, n_places: int, dependent: np.ndarray, weights: sp.csr_matrix) -> np.ndarray:
-    """Return the degrees of freedom whose equation some translation of the whole does not fulfil."""
+    """Return the degrees of freedom of equations that a translation of the whole structure violates."""
     motion = translations(len(mesh.points), n_places, weights.shape[1])
     return dependent[abs(motion[dependent] - weights @ motion).max(axis=1, initial=0.0) > _UNBALANCED]
 
 
 def translations(n_nodes: int, n_places: int, n_dof: int) -> np.ndarray:
-    """Return the three translations of the whole, (n_dof, 3): points move, and do not turn.  Local."""
+    """Return the three translations of the whole structure, (n_dof, 3), without rotations of points.  Local."""
     motion = np.tile(np.eye(3), (n_dof // 3, 1))
     is_turn = np.zeros(n_dof // 3, dtype=bool)
     is_turn[n_nodes + 1 : n_places : 2] = True

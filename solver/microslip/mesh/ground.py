@@ -1,4 +1,4 @@
-"""Contact of one surface with rigid ground: a wall of its own shape, or a plane."""
+"""Contact of one surface with rigid ground: of the same shape, or a plane."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .data import Mesh, on_nodes
 from .overlap import FAR
 from .surface import Surface
 
-_MOST_TILT = 60.0  # degrees between a plane and the surface where they are nearest: an edge may be what touches
+_MOST_TILT = 60.0  # degrees between a plane and the surface at the nearest point, which may be an edge
 
 
 def grounded(mesh: Mesh, joint: Joint, first: Surface) -> ContactPoints:
@@ -42,7 +42,7 @@ def _nodes(mesh: Mesh, first: Surface) -> ContactPoints:
 
 
 def _cells(mesh: Mesh, first: Surface) -> ContactPoints:
-    """Return a point for each cell, at which the surface moves as it does on average there."""
+    """Return a point for each cell, with the mean motion of the surface in the cell."""
     parts, z, area, corners = [], [], [], []
     for kind, faces in first.faces.items():
         cells = cells_of(mesh, kind, faces)
@@ -61,7 +61,7 @@ def _cells(mesh: Mesh, first: Surface) -> ContactPoints:
 
 
 def _resting(mesh: Mesh, side1: sp.csr_matrix, z: np.ndarray, area: np.ndarray, **shown) -> ContactPoints:
-    """Return points that touch ground where they are."""
+    """Return points in contact with ground at their positions."""
     nothing = sp.csr_matrix(side1.shape)
     return ContactPoints(side1, nothing, z, area, side1 @ mesh.points, np.zeros(len(area)), **shown)
 

@@ -1,4 +1,4 @@
-"""Dependent degrees of freedom of the whole mesh: ties and points together, chains resolved."""
+"""Dependent degrees of freedom of the whole mesh by ties, points, equations and sectors, with chains resolved."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """Degrees of freedom that follow others: u[dependent] = weights u, the others independent.  docs/theory.md, eq. (2.5)."""
+    """Dependent degrees of freedom: u[dependent] = weights u, all others independent.  docs/theory.md, eq. (2.5)."""
 
-    dependent: np.ndarray  # (m,) rising
-    weights: sp.csr_matrix  # (m, n_dof) of independent ones alone
+    dependent: np.ndarray  # (m,) ascending
+    weights: sp.csr_matrix  # (m, n_dof) of independent degrees of freedom
     points: tuple[Point, ...]
     n_nodes: int
-    joined: tuple[np.ndarray, ...]  # (2, n) nodes that hang together, for each tie and point
+    joined: tuple[np.ndarray, ...]  # (2, n) connected nodes of each tie and point
     notes: tuple[str, ...]  # notes on ties, for the log
     attached: Attached | None = None  # masses, springs and dampers
-    more_joined: tuple[np.ndarray, ...] = ()  # (2, n) nodes that hang together by equations and springs
-    more_grounded: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # nodes that these hold
-    cyclic: CyclicFaces | None = None  # where sectors meet; nodes of the high face are among those that follow
+    more_joined: tuple[np.ndarray, ...] = ()  # (2, n) nodes connected by equations and springs
+    more_grounded: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # nodes held by equations and springs
+    cyclic: CyclicFaces | None = None  # faces between sectors; nodes of the high face are dependent
 
     @property
     def n_places(self) -> int:
-        """The number of nodes, and of two places a point: its displacement and its rotation."""
+        """The number of places: nodes, then two per point (displacement and rotation)."""
         return self.n_nodes + 2 * len(self.points)
 
     def place_of(self, name: str, turns: bool = False) -> int:
@@ -49,19 +49,19 @@ class Links:
         return self.n_nodes + 2 * [point.name for point in self.points].index(name) + turns
 
     def node_of(self, name: str) -> int:
-        """Return a node of the group that a point is connected to."""
+        """Return a node of the group of a point."""
         i = [point.name for point in self.points].index(name)
         return int(self.joined[len(self.joined) - len(self.points) + i][0, 0])
 
     @property
     def grounded(self) -> np.ndarray:
-        """Nodes that springs or equations hold, and one of the group of each point that springs hold, (n,)."""
+        """Nodes held by springs or equations, and one node per point held by springs, (n,)."""
         of_points = [self.node_of(point.name) for point in self.points if any(point.springs)]
         return np.concatenate([np.array(of_points, dtype=np.int64), self.more_grounded])
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing follows anything and nothing is attached."""
+        """Whether there are no dependent degrees of freedom and no attachments."""
         return not self.joined and self.attached is None and self.cyclic is None
 
 
@@ -72,15 +72,15 @@ def find_links(mesh: Mesh, tables: StructureTables) -> Links:
 
     Raises
     ------
-    MeshError : nodes too far from the facets, what follows two things or itself, groups that cannot turn, joints on tied faces,
-        nodes outside the elements that nothing leads, cyclic faces that do not match
+    MeshError : nodes too far from the facets, nodes that follow twice or themselves, groups that cannot turn, joints on tied
+        faces, free nodes outside the elements, cyclic faces that do not match
     """
     links = _within(mesh, tables)
     return links if tables.cyclic is None else _with_sectors(mesh, tables, links)
 
 
 def _with_sectors(mesh: Mesh, tables: StructureTables, links: Links) -> Links:
-    """Return the same links with the nodes of the high face following those of the low one."""
+    """Return the links with the nodes of the high face dependent on the low face."""
     assert tables.cyclic is not None, "a disc"
     faces, is_fixed = cyclic_faces(mesh, tables.cyclic), fixed_places(mesh, tables, links)
     check_joints_beside(mesh, tables.cyclic, tables.joints)
@@ -131,7 +131,7 @@ def _within(mesh: Mesh, tables: StructureTables) -> Links:
 
 
 def fixed_places(mesh: Mesh, tables: StructureTables, links: Links) -> np.ndarray:
-    """Return which directions of the places supports hold, (n_places, 3) bool.  Local, rank 0."""
+    """Return the directions of the places held by supports, (n_places, 3) bool.  Local, rank 0."""
     is_fixed = np.zeros((links.n_places, 3), dtype=bool)
     for i, support in enumerate(tables.supports, 1):
         if support.group is not None and support.group in mesh.outside.groups and not len(mesh.node_groups[support.group]):
@@ -144,7 +144,7 @@ def fixed_places(mesh: Mesh, tables: StructureTables, links: Links) -> np.ndarra
 
 
 def _fixed_outside(mesh: Mesh, tables: StructureTables) -> np.ndarray:
-    """Return which directions of the nodes outside the elements supports hold, (n_outside, 3) bool."""
+    """Return the directions of the nodes outside the elements held by supports, (n_outside, 3) bool."""
     is_fixed = np.zeros((len(mesh.outside.points), 3), dtype=bool)
     for support in tables.supports:
         nodes = mesh.outside.groups.get(support.group or "", np.zeros(0, dtype=np.int64))
@@ -154,7 +154,7 @@ def _fixed_outside(mesh: Mesh, tables: StructureTables) -> np.ndarray:
 
 
 def _outside(mesh: Mesh, dependent: np.ndarray, weights: sp.csr_matrix, is_fixed: np.ndarray, n_dof: int) -> sp.csr_matrix:
-    """Return how the degrees of freedom outside the elements follow, (3 n_outside, n_dof); held ones do not move."""
+    """Return the dependences of degrees of freedom outside the elements, (3 n_outside, n_dof); 0 for held ones."""
     turning = np.flatnonzero(dependent >= n_dof)
     rows = sp.csr_matrix((np.ones(len(turning)), (dependent[turning] - n_dof, turning)), (len(is_fixed) - n_dof, len(dependent)))
     return (rows @ weights)[:, :n_dof].tocsr()
@@ -165,14 +165,14 @@ def _widened(weights: sp.csr_matrix, n_dof: int) -> sp.csr_matrix:
 
 
 def _on_nodes(links: Links, places: np.ndarray) -> np.ndarray:
-    """Return pairs of nodes for pairs of places, a node of its group for a point; those outside the elements are left out."""
+    """Return pairs of nodes for pairs of places; a point is replaced by a node of its group, nodes outside are omitted."""
     nodes = np.concatenate([np.arange(links.n_nodes), np.repeat([links.node_of(point.name) for point in links.points], 2)])
     inside = (places < links.n_places).all(axis=0)
     return nodes.astype(np.int64)[places[:, inside]]
 
 
 def _onward(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) -> sp.csr_matrix:
-    """Return rows of weights in which dependent places are replaced by the places that they follow."""
+    """Return rows of weights with dependent places replaced by the places that they follow."""
     n_dof, m = rows.shape[1], len(dependent)
     stays = np.ones(n_dof)
     stays[dependent] = 0.0
@@ -180,7 +180,7 @@ def _onward(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) 
 
 
 def _ties_and_points(mesh: Mesh, tables: StructureTables) -> Links:
-    """Return the dependences by ties and points alone."""
+    """Return the dependences by ties and points only."""
     n_places = len(mesh.points) + 2 * len(tables.points)
     if not tables.ties and not tables.points:
         return Links(np.zeros(0, dtype=np.int64), sp.csr_matrix((0, 3 * n_places)), (), len(mesh.points), (), ())
@@ -209,11 +209,11 @@ def _ties_and_points(mesh: Mesh, tables: StructureTables) -> Links:
 
 
 def places_of(mesh: Mesh, links: Links | None, entry, where: str) -> np.ndarray:
-    """Return the nodes, or the place of the point, that a support, a load or an output names, (n,).  Local, rank 0.
+    """Return the nodes, or the place of the point, of a support, a load or an output, (n,).  Local, rank 0.
 
     Raises
     ------
-    MeshError, CaseError : no such node
+    MeshError, CaseError : the node does not exist
     """
     if entry.point is not None:
         assert links is not None, "a scene with points"
@@ -224,7 +224,7 @@ def places_of(mesh: Mesh, links: Links | None, entry, where: str) -> np.ndarray:
 
 
 def _check_once(mesh: Mesh, followers: Sequence[Follower]) -> None:
-    """Raise MeshError where a node follows two things."""
+    """Raise MeshError if a node is dependent twice."""
     first = np.full(len(mesh.points), -1)
     for i, follower in enumerate(followers):
         places = np.unique(follower.dependent // 3)
@@ -240,11 +240,11 @@ def _check_once(mesh: Mesh, followers: Sequence[Follower]) -> None:
 
 
 def _independent(mesh: Mesh, followers: Sequence[Follower], dependent: np.ndarray, weights: sp.csr_matrix) -> sp.csr_matrix:
-    """Return the weights with dependent ones among them replaced by what those follow.
+    """Return the weights with dependent degrees of freedom replaced by independent ones.
 
     Raises
     ------
-    MeshError : a node follows itself in the end
+    MeshError : cyclic dependences
     """
     inner = weights[:, dependent]
     _, ring = connected_components(inner, directed=True, connection="strong")

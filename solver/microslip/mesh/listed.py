@@ -1,4 +1,4 @@
-"""Contact of nodes that a file lists in pairs, with normals and areas: nodes of a mesh or of matrices."""
+"""Contact of pairs of nodes listed in a file, with normals and areas: nodes of a mesh or of matrices."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def listed_nodes(mesh: Mesh, joint: Joint) -> ContactPoints:
 
     Raises
     ------
-    CaseError : names the line at fault
+    CaseError : with the number of the faulty line
     """
     path = joint.file_of("node_pairs")
     if path is None:
@@ -33,7 +33,7 @@ def listed_nodes(mesh: Mesh, joint: Joint) -> ContactPoints:
     table = np.column_stack([columns[name] for name in COLUMNS])
     _check(table, lines, path)
     node1, node2 = (_indices(mesh, table[:, i], lines, COLUMNS[i], path) for i in (0, 1))
-    normals = table[:, 2:5] / abs(table[:, 2:5]).max(axis=1, keepdims=True)  # squares of large ones are no numbers
+    normals = table[:, 2:5] / abs(table[:, 2:5]).max(axis=1, keepdims=True)  # scaled: squares of large components overflow
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     near = np.where(node2 == GROUND, node1, node2)
     offset = mesh.points[node1] - mesh.points[near]
@@ -61,7 +61,7 @@ def _check(table: np.ndarray, lines: list[int], path: Path) -> None:
 
 
 def _indices(mesh: Mesh, numbers: np.ndarray, lines: list[int], column: str, path: Path) -> np.ndarray:
-    """Return the nodes of these numbers, index into ``mesh.points``; -1 is ground, which body 2 alone may be."""
+    """Return the nodes of ``numbers``, index into ``mesh.points``; -1: ground, allowed only for body 2."""
     is_ground = (numbers == GROUND) & (column == "node2")
     index, unknown = index_of(mesh.numbers, numbers[~is_ground])
     if len(unknown):
@@ -76,7 +76,7 @@ def _indices(mesh: Mesh, numbers: np.ndarray, lines: list[int], column: str, pat
 
 
 def _farthest(joint: Joint, offset: np.ndarray, table: np.ndarray) -> str:
-    """Say how far apart the nodes of the pairs lie, where that is known."""
+    """Return a note with the largest distance of the nodes of a pair, if known."""
     distance = np.linalg.norm(offset, axis=1)
     if not np.isfinite(distance).all():
         return ""

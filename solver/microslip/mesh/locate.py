@@ -1,4 +1,4 @@
-"""Find the nodes that loads and outputs name: by position, by number or by group."""
+"""Find the nodes of loads and outputs by position, number or group."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ..messages.errors import CaseError, MeshError
 from ..messages.words import place
 from .data import Mesh
 
-FAR = 0.1  # of the mesh's diagonal: a position this far from every node is a mistake
+FAR = 0.1  # of the mesh's diagonal: largest accepted distance of a position from the nearest node
 
 
 def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str | None = None, where: str = "") -> np.ndarray:
@@ -21,11 +21,11 @@ def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str 
     position : three coordinates [m]: the nearest node of the mesh
     node : the user's node number
     group : name of a group: all its nodes
-    where : table of the scene for messages, as "[[loads]] 1"
+    where : table of the scene for messages, for example "[[loads]] 1"
 
     Raises
     ------
-    MeshError : no such node or group, or no node near the position
+    MeshError : the node or group does not exist, or no node is near the position
     """
     if position is not None:
         nearest, distance = nearest_node(mesh, position)
@@ -50,11 +50,11 @@ def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str 
 
 
 def nodes_numbered(numbers: np.ndarray, named: np.ndarray, lines: list[int], path: Path) -> np.ndarray:
-    """Return the nodes (n,), as indices into the user's ``numbers`` (n_nodes,), that the lines of a file name.  Local.
+    """Return the nodes (n,) named by the lines of a file, as indices into the user's ``numbers`` (n_nodes,).  Local.
 
     Raises
     ------
-    CaseError : names the line whose node no body has
+    CaseError : a node outside all bodies, with the number of its line
     """
     order = np.argsort(numbers, kind="stable")
     at = order[np.minimum(np.searchsorted(numbers, named, sorter=order), len(numbers) - 1)]

@@ -1,4 +1,4 @@
-"""Contact of two surfaces that are meshed alike: nodes that lie on each other, one to one."""
+"""Contact of two surfaces with matching meshes: coincident nodes, one to one."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from .contact_points import ContactPoints, check_opposite
 from .data import Mesh, on_nodes
 from .surface import Surface
 
-TOLERANCE = 1e-6  # of the mesh's diagonal, where the joint states none
+TOLERANCE = 1e-6  # of the mesh's diagonal: default tolerance
 
 
 class NotMatching(MeshError):
-    """The nodes of two surfaces do not lie on each other, one to one."""
+    """The nodes of two surfaces do not coincide one to one."""
 
 
 def matching_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> ContactPoints:
-    """Return a point for each node of the first surface and the node of the second that lies on it.  Local, rank 0.
+    """Return a point for each node of the first surface and the coincident node of the second.  Local, rank 0.
 
     Areas are the means of both sides' tributary areas.
 
@@ -50,7 +50,7 @@ def matching_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) ->
 
 
 def _match(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions in ``first.nodes`` and ``second.nodes`` of the nodes that lie on each other, one to one."""
+    """Return positions in ``first.nodes`` and ``second.nodes`` of the coincident nodes, one to one."""
     tolerance = TOLERANCE * mesh.diagonal if joint.tolerance is None else joint.tolerance
     points1, points2 = mesh.points[first.nodes], mesh.points[second.nodes]
     distance1, partner = cKDTree(points2).query(points1)

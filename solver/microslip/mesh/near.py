@@ -1,4 +1,4 @@
-"""What lies near given places: things of very different sizes, found by a tree for each class of size."""
+"""Proximity search for objects of very different sizes, with one tree per class of size."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from scipy.spatial import cKDTree
 
 
 def trees_by_size(centre: np.ndarray, radius: np.ndarray) -> list[tuple[np.ndarray, cKDTree, float]]:
-    """Return things in classes of size, a factor of two each, with a tree of their centres and their largest radius.
+    """Return objects in classes of size, a factor of two each, with a tree of their centres and their largest radius.
 
-    Local.  ``centre`` (n, 3) and ``radius`` (n,) m.  A large thing beside small ones then widens the search for itself alone.
+    Local.  ``centre`` (n, 3) and ``radius`` (n,) m.  A large object then widens only the search in its class.
     """
     exponent = np.frexp(np.maximum(radius, 1e-300))[1]
     classes = [np.flatnonzero(exponent == e) for e in np.unique(exponent)]
@@ -19,9 +19,9 @@ def trees_by_size(centre: np.ndarray, radius: np.ndarray) -> list[tuple[np.ndarr
 
 
 def pairs_within(trees, queries: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (query, thing), (m,) each, of all things that may come within a reach of queries, class by class.
+    """Return (query, object), (m,) each, of all objects possibly within the reach of queries, class by class.
 
-    Local.  ``queries`` (n, 3) and ``reach`` (n,) m; ``trees`` as of ``trees_by_size``.
+    Local.  ``queries`` (n, 3) and ``reach`` (n,) m; ``trees`` from ``trees_by_size``.
     """
     parts = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))]
     for mine, tree, radius in trees:

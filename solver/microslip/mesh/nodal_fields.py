@@ -1,4 +1,4 @@
-"""Fields of the mesh file: one number a node.  Local, rank 0."""
+"""Scalar nodal fields of the mesh file.  Local, rank 0."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from .data import Mesh
 
 
 def field_at_nodes(mesh: Mesh, field: str, nodes: np.ndarray, where: str, what: str) -> np.ndarray:
-    """Return a field of the mesh at all nodes, (n_nodes,), which has numbers at ``nodes`` (n,), those of ``what``.
+    """Return a field of the mesh, (n_nodes,), with values at all ``nodes`` (n,) of ``what``.
 
     Raises
     ------
-    MeshError : no such field, or no number at one of these nodes
+    MeshError : the field does not exist, or has no value at one of these nodes
     """
     if field not in mesh.fields:
         held = f"it has: {', '.join(mesh.fields)}" if mesh.fields else "it has no field of one number a node at all"

@@ -1,4 +1,4 @@
-"""Where the nodes of a model given as matrices are: a table of coordinates, or a whole mesh file without scene bodies."""
+"""Positions of the nodes of a model given as matrices: from a table of coordinates, or from a mesh file."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ..messages.errors import CaseError
 from .data import Mesh
 from .read import read_whole
 
-_LARGEST = 2.0**53  # number that a table of decimals tells from the next one
+_LARGEST = 2.0**53  # largest integer that a float represents exactly
 
 
 def read_nodes(path: Path) -> Mesh:
-    """Return the nodes of a file: of a table node,x,y,z in metres without elements, of a mesh with all its solids and groups.
+    """Return the nodes of a file: a table node,x,y,z in metres without elements, or a mesh with all solids and groups.
 
     Local.
 
     Raises
     ------
-    CaseError, MeshError : the file is at fault
+    CaseError, MeshError : the file is faulty
     """
     if path.suffix.lower() != ".csv":
         return read_whole(path)
@@ -37,5 +37,5 @@ def read_nodes(path: Path) -> Mesh:
 
 
 def nodes_alone(path: Path, numbers: np.ndarray) -> Mesh:
-    """Return nodes (n,) whose places nobody has told.  Local."""
+    """Return nodes (n,) with unknown positions.  Local."""
     return Mesh(str(path), np.full((len(numbers), 3), np.nan), np.asarray(numbers), (), (), {})

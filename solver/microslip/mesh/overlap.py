@@ -1,9 +1,9 @@
-"""Contact of two surfaces of any meshes: a point for each cell of the first, both sides averaged over what the second covers.
+"""Contact of two surfaces of any meshes: a point for each cell of the first, both sides averaged over the overlap.
 
-A face of the first surface has a few cells.  What the two meshes interpolate is averaged over the parts that a cell shares with
-facets of the second surface.  Both averages keep rigid and linear motions, and a uniform pressure loads each face as its shape
-functions ask: it crosses a flat joint of any two meshes unchanged.  As a mortar, a face that is covered wholly takes moments in
-place of means: what varies within a cell is felt, too.
+A face of the first surface has a few cells.  The interpolated motions of both meshes are averaged over the intersections of a
+cell with facets of the second surface.  Both averages reproduce rigid and linear motions, and a uniform pressure gives consistent
+nodal forces on each face: a flat joint of any two meshes transmits it unchanged.  With mortars a completely covered face has
+moments in place of means, which also resolve variations within a cell.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from .projection import project_on_surface
 from .shared_parts import Shared, joined, shared_parts
 from .surface import Surface, face_size, on_mesh
 
-NEAR = 0.1  # of the size of the larger faces: how far apart the surfaces of a joint may lie, where it states no tolerance
+NEAR = 0.1  # of the size of the larger faces: default tolerance of the distance of the surfaces of a joint
 MORTAR = "mortar"  # the pairing of moments over faces
-FAR = 0.1  # of the mesh's diagonal, the same where the gap is that of the mesh
-WHOLE = 0.9  # of each cell of a face that has moments
-COVERED = 0.98  # of the first surface must have a partner
-LAYERS = 1.05  # of a cell that the second surface may cover: more is a second layer
-_LEAST = 1e-6  # of a cell: a smaller share with a partner is none
+FAR = 0.1  # of the mesh's diagonal: the same for a gap from the mesh
+WHOLE = 0.9  # covered fraction of each cell of a face with moments
+COVERED = 0.98  # fraction of the first surface that must have a partner
+LAYERS = 1.05  # covered fraction of a cell above which the second surface has a second layer
+_LEAST = 1e-6  # covered fraction of a cell below which it has no partner
 
 
 def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> ContactPoints:
-    """Return a point for each cell of the first surface that the second one covers, at least in part.  Local, rank 0.
+    """Return a point for each cell of the first surface that the second surface covers at least partly.  Local, rank 0.
 
-    docs/theory.md, eq. (2.3); of a mortar eq. (2.11).
+    docs/theory.md, eq. (2.3); eq. (2.11) for mortars.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
 
 
 def _in_words(first: Surface, by_moments: bool, has_moments: np.ndarray) -> str:
-    """Return a text on the points of a joint, (n,) of which have moments."""
+    """Return a text on the points of a joint; ``has_moments`` (n,) marks points with moments."""
     if not by_moments:
         return f"in cells of {first.group!r}"
     n_means = np.count_nonzero(~has_moments)
@@ -87,7 +87,7 @@ def _in_words(first: Surface, by_moments: bool, has_moments: np.ndarray) -> str:
 
 
 def reach_of(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> float:
-    """Return how far apart the surfaces may lie [m].  Local."""
+    """Return the largest accepted distance of the surfaces [m].  Local."""
     if joint.tolerance is not None:
         return joint.tolerance
     if joint.has_gap_of_mesh:
@@ -96,7 +96,7 @@ def reach_of(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> float
 
 
 def _is_whole(face: np.ndarray, share: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Return which of n cells belong to faces that are covered wholly, so that the moments of what is covered are positive."""
+    """Return which of n cells belong to completely covered faces with positive moments of the covered area."""
     is_whole = np.ones(face.max(initial=-1) + 1, dtype=bool)
     np.logical_and.at(is_whole, face, (share >= WHOLE) & (moments > 0.0))
     return is_whole[face]
@@ -105,7 +105,7 @@ def _is_whole(face: np.ndarray, share: np.ndarray, moments: np.ndarray) -> np.nd
 def _with_moments(
     face: np.ndarray, has_moments: np.ndarray, means: Shared, moments: Shared, area: np.ndarray
 ) -> tuple[Shared, np.ndarray]:
-    """Return the moments of cells that have them, the means of the others, and the areas (n,) [m2].  Local."""
+    """Return the moments of cells with moments, the means of the others, and the areas (n,) [m2].  Local."""
     chosen, without_moments = sp.diags(has_moments.astype(float)), sp.diags((~has_moments).astype(float))
     both = Shared(
         (chosen @ moments.side1 + without_moments @ means.side1).tocsr(),
@@ -118,7 +118,7 @@ def _with_moments(
 
 
 def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, cells: Sequence[Cells], share: np.ndarray) -> None:
-    """Raise MeshError where too much of the first surface has no partner, or several; ``share`` (n,) of each cell has some."""
+    """Raise MeshError if too much of the first surface has no or several partners; ``share`` (n,): covered part of cells."""
     where = f"{mesh.path}: joint {joint.name!r}"
     centre, area = (np.concatenate([getattr(of_kind, name) for of_kind in cells]) for name in ("centre", "area"))
     if share.max(initial=0.0) > LAYERS:
@@ -134,7 +134,7 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, ce
     near = foot.distance <= reach
     if covered <= _LEAST and not near.any():
         check_sunk(mesh, joint, first, second, foot)
-    if covered <= _LEAST and near.any():  # they lie on each other: what is wrong is where they look
+    if covered <= _LEAST and near.any():  # the surfaces coincide, but their normals are wrong
         normals2 = np.einsum("pk,pki->pi", foot.weights, on_mesh(mesh, second)[foot.nodes])
         normals2 /= np.linalg.norm(normals2, axis=1, keepdims=True)
         check_opposite(mesh, joint, first.normals[near], normals2[near], mesh.points[first.nodes[near]])

@@ -1,4 +1,4 @@
-"""The contact pairs of all joints: positions, frames, and the values of the scene for each pair."""
+"""The contact pairs of all joints: positions, frames, and parameters of each pair."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ _ALONG = 0.99  # |cosine| above which a normal has no useful projection of an ax
 def pair_contacts(mesh: Mesh, joints: Sequence[Joint], cyclic: Cyclic | None = None) -> ContactPairs:
     """Return the contact pairs of all joints, by joint and then by node number, or face, of the first surface.  Local, rank 0.
 
-    The second surface of a joint to the next sector of a disc is taken where it lies there; its nodes are those of the mesh.
+    For a joint to the next sector of a disc the second surface is taken at its position there, with the nodes of the mesh.
 
     Raises
     ------
-    MeshError : surfaces that do not meet, face away, share nodes or penetrate, or belong to two joints; values for pairs that
-        are not there; of all joints together
-    CaseError : a file of values is at fault
+    MeshError : surfaces that do not meet, face away, share nodes or penetrate, or belong to two joints; values for pairs that do
+        not exist; one message for all joints
+    CaseError : a file of values is faulty
     """
     if not joints:
         return _no_pairs()
     if cyclic is not None and any(joint.next_sector for joint in joints):
-        cyclic_faces(mesh, cyclic)  # where they are wrong, the next sector is elsewhere
+        cyclic_faces(mesh, cyclic)  # wrong faces imply a wrong position of the next sector
     parts, faces, notes, n_pairs, faults = [], [], [], 0, Faults()
     with faults.collected():
         _check_faces(mesh, joints)
@@ -65,7 +65,7 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint], cyclic: Cyclic | None = N
 
 
 def join_pairs(first: ContactPairs, second: ContactPairs) -> ContactPairs:
-    """Return the pairs of both, those of joints by DOFs first; weights of nodes are left to the maps made of them.  Local."""
+    """Return the pairs of both, pairs by DOFs first, without weights of nodes, which the maps already include.  Local."""
     if first.n_pairs == 0:
         return second
     shared = {"joint", "faces", "notes", "law_columns", "weights1", "weights2"}
@@ -95,12 +95,12 @@ def _stacked(parts: list):
 
 
 def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
-    """Return where the surfaces of a joint touch.  Local, rank 0.
+    """Return the contact points of a joint.  Local, rank 0.
 
     Raises
     ------
     MeshError : surfaces that do not meet, face away or share nodes
-    CaseError : a file of node pairs is at fault
+    CaseError : a file of node pairs is faulty
     """
     if joint.node_pairs is not None:
         return listed_nodes(mesh, joint)
@@ -118,7 +118,7 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
 
 
 def _with_next_sector(placed: Mesh, joint: Joint) -> ContactPoints:
-    """Return the same of a joint to the next sector, whose surface is ``placed`` there.  Local, rank 0."""
+    """Return the contact points of a joint to the next sector, with its surface at its position in ``placed``.  Local, rank 0."""
     try:
         return contact_points(placed, joint)
     except MeshError as fault:
@@ -130,9 +130,9 @@ def _with_next_sector(placed: Mesh, joint: Joint) -> ContactPoints:
 
 
 def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
-    """Raise MeshError where the contact points of two joints of one law lie on the same faces: they would be in contact twice.
+    """Raise MeshError if contact points of two joints of one law lie on the same faces, which would be in contact twice.
 
-    The second surface may serve several joints, two feet on one base; joints of different laws may act side by side.
+    Several joints may share a second surface (two feet on one base); joints of different laws may act in parallel.
     """
     of_surfaces = [joint for joint in joints if joint.node_pairs is None]
     if len(of_surfaces) < 2:
@@ -141,7 +141,7 @@ def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
     for (first, of_first), (other, of_other) in combinations(sides, 2):
         both = of_first[0] & of_other[0]
         if not both and of_first[0] & of_other[-1]:
-            both = of_first[-1] & of_other[0]  # the same two surfaces the other way round
+            both = of_first[-1] & of_other[0]  # the same two surfaces in the other order
         if both and first.law == other.law:
             raise MeshError(
                 f"{mesh.path}: {len(both)} faces belong to joint {first.name!r} and to joint {other.name!r}, of "
@@ -178,7 +178,7 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
 
 
 def _preload(joint: Joint, points: ContactPoints, values: Values, k_n: np.ndarray) -> np.ndarray:
-    """Return N0 of each pair [N], below 0 of a gap."""
+    """Return N0 of each pair [N], negative for a gap."""
     if not joint.has_gap_of_mesh:
         return np.where(values.gap > 0.0, -values.gap * k_n, values.preload * points.area)
     return -np.maximum(points.distance, 0.0) * k_n
@@ -187,13 +187,13 @@ def _preload(joint: Joint, points: ContactPoints, values: Values, k_n: np.ndarra
 def contact_frames(z: np.ndarray, tangent=None, where: str = "") -> np.ndarray:
     """Return frames (n, 3, 3) with rows x, y, z for unit normals ``z`` (n, 3).  Local.
 
-    x is the projection of ``tangent``.  Where none is given, it is that of one model axis for all pairs, so that it varies
-    continuously over a smooth surface: the axis to which the normals come least close, of equals the first.  Where a normal
-    nearly points along it (a closed surface has such places), the next axis in turn serves.  y = z cross x.
+    x is the projection of ``tangent``, by default of one model axis for all pairs, so that x varies continuously over a smooth
+    surface: the (first) axis farthest from all normals.  Where a normal is nearly parallel to this axis, as on closed surfaces,
+    the next axis is used.  y = z cross x.
 
     Raises
     ------
-    MeshError : ``tangent`` stands on the surface somewhere
+    MeshError : ``tangent`` is normal to the surface at a point
     """
     if tangent is not None:
         return _frames(z, np.tile(_along(z, tangent, where), (len(z), 1)))
@@ -211,7 +211,7 @@ def _frames(z: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 
 def _along(z: np.ndarray, tangent, where: str) -> np.ndarray:
-    """Return the direction ``tangent`` as a unit vector; MeshError where a normal points along it."""
+    """Return the direction ``tangent`` as a unit vector; MeshError if it is parallel to a normal."""
     direction = np.array(tangent, dtype=float) / np.linalg.norm(tangent)
     if (np.abs(z @ direction) > _ALONG).any():
         raise MeshError(f"{where}: tangent = {place(tangent)} stands on the surface, and has no direction in it; state another")
@@ -219,7 +219,7 @@ def _along(z: np.ndarray, tangent, where: str) -> np.ndarray:
 
 
 def _check_shared(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> None:
-    """Raise MeshError where the two surfaces have nodes in common."""
+    """Raise MeshError if the two surfaces share nodes."""
     shared = np.intersect1d(first.nodes, second.nodes)
     if len(shared):
         raise MeshError(

@@ -1,4 +1,4 @@
-"""Split the mesh over the ranks: METIS parts of the elements, owners of the nodes, each rank's own elements."""
+"""Partition of the mesh over the ranks: METIS parts of the elements, owners of the nodes, elements of each rank."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def distribute(mesh: Mesh | None, tables: StructureTables, comm: MPI.Comm) -> Di
 
     Notes
     -----
-    A node at the border of several parts is owned by the lowest of them, so only the lower part assembles the
-    elements of both sides.  A rank may own nothing.
+    A node at the border of several parts is owned by the lowest of them, so that only this part assembles the
+    elements of both sides.  A rank may own no node.
     """
     shares: list[tuple[LocalBlock, ...]] = []
 
@@ -65,8 +65,8 @@ def _dual_graph(mesh: Mesh) -> sp.csr_matrix:
 def _order(mesh: Mesh, graph: sp.csr_matrix, part: np.ndarray, n_ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return element order, rank-ordered number of every node, and the node ranges of the ranks.
 
-    Elements run along the graph (Cuthill-McKee); a rank's nodes are numbered as these elements first touch them,
-    so that neighbours have near numbers.
+    Elements are ordered by Cuthill-McKee; a rank's nodes are numbered in the order in which these elements first
+    touch them, so that neighbours have similar numbers.
     """
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
     node, element = _incidence(mesh)
@@ -89,7 +89,7 @@ def _lowest(value: np.ndarray, node: np.ndarray, n_nodes: int) -> np.ndarray:
     """Return the lowest value at every node; each node occurs."""
     falling = np.argsort(value, kind="stable")[::-1]
     lowest = np.empty(n_nodes, dtype=value.dtype)
-    lowest[node[falling]] = value[falling]  # the last one written stays
+    lowest[node[falling]] = value[falling]  # the last assignment, of the lowest value, remains
     return lowest
 
 
@@ -104,7 +104,7 @@ def _parts(mesh: Mesh, graph: sp.csr_matrix, n_ranks: int) -> tuple[np.ndarray, 
 
 
 def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Return node and element (counted over all blocks) of every element corner and mid-side."""
+    """Return node and element (counted over all blocks) of every corner and mid-side node."""
     node = np.concatenate([block.nodes.ravel() for block in mesh.elements])
     n_nodes = np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.elements])
     return node, np.repeat(np.arange(len(n_nodes)), n_nodes)

@@ -1,4 +1,4 @@
-"""Sides of a joint that lie in each other in the mesh.  Local, rank 0."""
+"""Penetration of the sides of a joint in the mesh.  Local, rank 0."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from .data import Mesh
 from .projection import Projection
 from .surface import Surface, face_size, surface_of
 
-ROUNDING = 1e-6  # of the mesh's diagonal: what the mesh may penetrate at rest and count as touching
-_STRAIGHT = 0.9  # of the way to the other side: nodes that lie in the other body, and not beside it
-DRAWN = 0.05  # of the size of the larger faces: as deep as meshes of one curved surface lie in each other
+ROUNDING = 1e-6  # of the mesh's diagonal: penetration at rest that counts as contact
+_STRAIGHT = 0.9  # normal part of the distance above which a node lies in the other body, not next to it
+DRAWN = 0.05  # of the size of the larger faces: penetration of different meshes of one curved surface
 
 
 def check_penetration(mesh: Mesh, joint: Joint, points: ContactPoints) -> str:
-    """Say how far the sides of a joint penetrate; empty where they do not.
+    """Return a note on the penetration of the sides of a joint; empty without penetration.
 
-    Where the gap is that of the mesh nothing may penetrate.  Elsewhere what counts as touching may: within the tolerance that
-    the joint states, or as deep as meshes that draw one surface differently.
+    With a gap from the mesh no penetration is accepted.  Otherwise it is accepted within the tolerance of the joint, or up to the
+    difference of two meshes of one surface.
 
     Raises
     ------
-    MeshError : they penetrate more than that
+    MeshError : a larger penetration
     """
     deepest = int(np.argmin(points.distance)) if points.n_points else 0
     if not points.n_points or points.distance[deepest] >= -ROUNDING * mesh.diagonal:
@@ -47,9 +47,9 @@ def check_penetration(mesh: Mesh, joint: Joint, points: ContactPoints) -> str:
 
 
 def check_sunk(mesh: Mesh, joint: Joint, first: Surface, second: Surface, foot: Projection) -> None:
-    """Raise MeshError where most nodes of the first surface lie in the other body, farther than surfaces may be apart.
+    """Raise MeshError if most nodes of the first surface lie in the other body, deeper than the accepted distance.
 
-    ``foot`` is that of each node of the first surface on the second.
+    ``foot``: projection of the nodes of the first surface on the second.
     """
     points, depth = mesh.points[first.nodes], -foot.gap
     is_sunk = (depth > _STRAIGHT * foot.distance) & (np.einsum("pi,pi->p", first.normals, foot.normals) < 0.0)
@@ -72,6 +72,6 @@ def _too_deep(joint: Joint, allowed: float, depth: float) -> str:
 
 
 def _rounded_up(depth: float) -> float:
-    """Return the next number of two digits above a length."""
+    """Return a length rounded up to two digits."""
     unit = 10.0 ** (np.floor(np.log10(depth)) - 1.0)
     return float(np.ceil(1.01 * depth / unit) * unit)

@@ -1,4 +1,4 @@
-"""Faces inside a body that follow a plane: the cut of a bolt whose mesh has no group for it."""
+"""Faces inside a body along a plane: the cut of a bolt without a group in the mesh."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ..messages.words import place
 from ..tables.structure import Surface
 from .data import Mesh
 
-_ON = 1e-9  # of the mesh's diagonal: centres of elements as near to a plane lie on it
+_ON = 1e-9  # of the mesh's diagonal: distance below which the centre of an element lies on the plane
 
 
 def faces_through(mesh: Mesh, group: str, surface: Surface) -> dict[str, np.ndarray]:
-    """Return the faces between elements of a group whose centres lie on different sides of a surface's plane.
+    """Return the faces between elements of a group with centres on different sides of a surface's plane.
 
-    Local, rank 0.  Of several pieces, as of several shanks, the one nearest to the point of the plane counts.
-    (n_faces, n_face_nodes) index into Mesh.points, by kind, as the elements below list them.
+    Local, rank 0.  Of several pieces (several shanks) the one nearest to the point of the plane is taken.
+    (n_faces, n_face_nodes) index into Mesh.points, by kind, in the order of the elements below the plane.
 
     Raises
     ------
@@ -50,14 +50,14 @@ def plane_of(surface: Surface) -> np.ndarray:
 
 
 def is_below(mesh: Mesh, centre: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    """Return which elements, by their centres (n, 3) [m], lie below a plane (2, 3), (n,) bool; those on it do not.  Local."""
+    """Return which elements with centres (n, 3) [m] lie below a plane (2, 3), (n,) bool; False on the plane.  Local."""
     return (centre - plane[0]) @ plane[1] < -_ON * mesh.diagonal
 
 
 def _faces(mesh: Mesh, group: str, plane: np.ndarray):
-    """Return kind, nodes, three lowest corners, (n, 3), and whether its element lies below, (n,), of all faces of elements.
+    """Return kind, nodes, three lowest corners (n, 3), and whether the element lies below the plane (n,), for element faces.
 
-    Of those alone that reach to both sides of the plane or touch it, by an element's size.
+    Only elements within one element size of the plane are considered.
     """
     kinds: list[str] = []
     faces: list[np.ndarray] = []
@@ -80,7 +80,7 @@ def _faces(mesh: Mesh, group: str, plane: np.ndarray):
 
 
 def _nearest_piece(mesh: Mesh, corners: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return which of some faces, (n, 3) corners, belong to the connected piece nearest to a point, (n,) bool."""
+    """Return which faces, given by (n, 3) corners, belong to the connected piece nearest to a point, (n,) bool."""
     used, index = np.unique(corners, return_inverse=True)
     index = index.reshape(corners.shape)
     pattern = sp.coo_matrix((np.ones(2 * len(index)), (np.repeat(index[:, 0], 2), index[:, 1:].ravel())), (len(used),) * 2)

@@ -1,4 +1,4 @@
-"""Contact of two surfaces of any meshes at the nodes of the first, projected on the facets of the second."""
+"""Contact of two surfaces of any meshes at the nodes of the first, projected onto the facets of the second."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .surface import Surface, on_mesh
 def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> ContactPoints:
     """Return a point for each node of the first surface that lies on a facet of the second, with its tributary area.
 
-    Local, rank 0.  On meshes that match it is the pair of nodes.
+    Local, rank 0.  For matching meshes the points are pairs of nodes.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
 
 
 def _check_near(mesh: Mesh, joint: Joint, first: Surface, second: Surface, distance: np.ndarray, reach: float) -> None:
-    """Raise MeshError where too much of the first surface has no partner."""
+    """Raise MeshError if too much of the first surface has no partner."""
     near = distance <= reach
     covered = first.areas[near].sum() / first.areas.sum()
     if covered >= COVERED or (near.any() and first.group in mesh.touching_faces):

@@ -1,6 +1,6 @@
-"""Project points on the facets of a surface: the nearest facet, the foot on it, and the weights of its nodes there.
+"""Projection of points onto the facets of a surface: nearest facet, foot, and weights of its nodes there.
 
-Points and facets in, arrays out; any kind of face, straight or curved.
+All kinds of faces, straight or curved.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from ..elements import FACE_KINDS, nearest_on_faces
 from .near import pairs_within, trees_by_size
 
 SNAP = 1e-10  # weights this close to 0 or 1 are 0 or 1
-_CHUNK = 20_000  # points that are searched for at a time
-_ROUNDING = 1e-12  # of the surface's size: feet that differ by less are one
+_CHUNK = 20_000  # points per search
+_ROUNDING = 1e-12  # of the surface's size: distance below which feet are equal
 
 
 @dataclass(frozen=True)
 class Projection:
-    """The nearest point (foot) of a surface to each of n points, and how the nodes of its face interpolate there."""
+    """The nearest point (foot) of a surface to each of n points, and the interpolation of its face there."""
 
     kind: np.ndarray  # (n,) str, kind of the face
     face: np.ndarray  # (n,) row of the face among those of its kind
     xi: np.ndarray  # (n, 2) reference coordinates of the foot in its face
-    nodes: np.ndarray  # (n, k) of the face, k that of the largest kind; a smaller face repeats its first node
-    weights: np.ndarray  # (n, k) shape functions at the foot, their sum 1; 0 for what repeats
+    nodes: np.ndarray  # (n, k) nodes of the face, k for the largest kind; padded with the first node
+    weights: np.ndarray  # (n, k) shape functions at the foot, with sum 1; 0 for padding
     foot: np.ndarray  # (n, 3) m
-    normals: np.ndarray  # (n, 3) of the face at the foot, unit, outward if the faces are; 0 where it has no tangent plane
+    normals: np.ndarray  # (n, 3) of the face at the foot, unit, outward if the faces are; 0 without a tangent plane
     distance: np.ndarray  # (n,) m, from the point to its foot
-    gap: np.ndarray  # (n,) m, the part of it along the normal, above 0 on the side to which the normal points
-    beyond: np.ndarray  # (n,) m, the part of it across the normal: how far the point lies beyond an edge
+    gap: np.ndarray  # (n,) m, its component along the normal, positive on the side of the normal
+    beyond: np.ndarray  # (n,) m, its component across the normal: distance of the point beyond an edge
 
     def of(self, rows: np.ndarray) -> Projection:
         """Return the projection of some of the points.  Local."""
@@ -41,13 +41,13 @@ class Projection:
 
 @dataclass(frozen=True)
 class _Facets:
-    """All faces of a surface in one row of numbers, kind after kind, with boxes about them."""
+    """All faces of a surface with consecutive numbers, kind after kind, and their bounding boxes."""
 
     points: np.ndarray  # (n_points, 3) m
     kinds: tuple[str, ...]
     faces: tuple[np.ndarray, ...]  # by kind, (n_faces, n_face_nodes)
     first: np.ndarray  # (n_kinds + 1,) number of the first face of each kind
-    low: np.ndarray  # (n_facets, 3) m, corners of boxes that hold them
+    low: np.ndarray  # (n_facets, 3) m, corners of bounding boxes
     high: np.ndarray
     size: float  # m, of the whole surface
 
@@ -56,7 +56,7 @@ class _Facets:
         return int(self.first[-1])
 
     def feet(self, facet: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return xi (m, 2), the foot (m, 3) and the distance (m,) of each point on the facet that goes with it."""
+        """Return xi (m, 2), foot (m, 3) and distance (m,) of each point on its facet."""
         xi, foot = np.zeros((len(facet), 2)), np.zeros((len(facet), 3))
         for kind, faces, start, end in zip(self.kinds, self.faces, self.first[:-1], self.first[1:], strict=True):
             mine = np.flatnonzero((facet >= start) & (facet < end))
@@ -68,19 +68,19 @@ class _Facets:
 
 
 def project_on_surface(points: np.ndarray, faces: Mapping[str, np.ndarray], queries: np.ndarray) -> Projection:
-    """Return the nearest point of a surface to each of ``queries``, however far it is.
+    """Return the nearest point of a surface to each of ``queries``, at any distance.
 
     Local.
 
     Parameters
     ----------
     points : (n_points, 3) nodes of the mesh [m]
-    faces : by kind of face, (n_faces, n_face_nodes) index into ``points``, as ``surface.outward_faces`` returns; one at least
+    faces : by kind of face, (n_faces, n_face_nodes) index into ``points``, as from ``surface.outward_faces``; at least one
     queries : (n, 3) m
 
     Notes
     -----
-    docs/theory.md, eq. (2.4).  Of faces that are equally near, as at a common edge, the first of the first kind counts.
+    docs/theory.md, eq. (2.4).  Of equally near faces, as at a common edge, the first of the first kind is taken.
     """
     queries = np.asarray(queries, dtype=float).reshape(-1, 3)
     facets = _facets_of(points, faces)
@@ -97,8 +97,8 @@ def project_on_surface(points: np.ndarray, faces: Mapping[str, np.ndarray], quer
 def _facets_of(points: np.ndarray, faces: Mapping[str, np.ndarray]) -> _Facets:
     """Return the facets with their boxes.
 
-    A face lies in the box of its corners, widened for those with mid-sides: their surface is that of the corners plus the
-    offsets of the mid-sides from the middles of the edges, times shape functions that are positive and add up to 2 at most.
+    A face lies in the box of its corners, widened for mid-side nodes: its surface is the surface of the corners plus the offsets
+    of the mid-side nodes from the edge centres times shape functions that are positive with a sum of at most 2.
     """
     kinds = tuple(kind for kind in FACE_KINDS if len(faces.get(kind, ())))
     low, high = [], []
@@ -117,9 +117,9 @@ def _facets_of(points: np.ndarray, faces: Mapping[str, np.ndarray]) -> _Facets:
 
 
 def _candidates(trees, queries: np.ndarray, reach: np.ndarray, facets: _Facets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the pairs (point, facet) that may be nearest, and the least distance they can have, by point and that distance.
+    """Return candidate pairs (point, facet) and their least possible distance, sorted by point and this distance.
 
-    ``reach`` (n,) is the distance of some point of the surface, so that no nearest facet is missed.
+    ``reach`` (n,): an upper bound of the distance to the surface, so that no nearest facet is missed.
     """
     at, on = pairs_within(trees, queries, reach + _ROUNDING * facets.size)
     outside = np.maximum(np.maximum(facets.low[on] - queries[at], queries[at] - facets.high[on]), 0.0)
@@ -131,7 +131,7 @@ def _candidates(trees, queries: np.ndarray, reach: np.ndarray, facets: _Facets) 
 
 
 def _nearest(facets: _Facets, queries: np.ndarray, at: np.ndarray, on: np.ndarray, least: np.ndarray):
-    """Return the nearest facet of each point and the foot's xi: the likeliest candidate first, then those that can beat it."""
+    """Return the nearest facet of each point and xi of the foot, from the first candidate and all that may be nearer."""
     is_first = np.r_[True, at[1:] != at[:-1]]
     xi, foot, distance = np.zeros((len(at), 2)), np.zeros((len(at), 3)), np.full(len(at), np.inf)
     xi[is_first], foot[is_first], distance[is_first] = facets.feet(on[is_first], queries[at[is_first]])
@@ -146,7 +146,7 @@ def _nearest(facets: _Facets, queries: np.ndarray, at: np.ndarray, on: np.ndarra
 
 
 def _described(facets: _Facets, facet: np.ndarray, xi: np.ndarray, queries: np.ndarray) -> Projection:
-    """Return all about the feet ``xi`` on the facets."""
+    """Return the projection with the feet ``xi`` on the facets."""
     n, k = len(facet), max(corners.shape[1] for corners in facets.faces)
     facet_index = np.searchsorted(facets.first, facet, side="right") - 1
     face = facet - facets.first[facet_index]
@@ -169,7 +169,7 @@ def _described(facets: _Facets, facet: np.ndarray, xi: np.ndarray, queries: np.n
 
 
 def snapped(weights: np.ndarray) -> np.ndarray:
-    """Return weights (n, k) with those next to 0 or 1 rounded, and the sum of each row 1.  Local."""
+    """Return weights (n, k) rounded to 0 or 1 if close, with row sums of 1.  Local."""
     near = np.round(weights)
     weights = np.where(np.abs(weights - near) < SNAP, near, weights)
     largest = np.argmax(np.abs(weights), axis=1)

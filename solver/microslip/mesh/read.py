@@ -27,15 +27,15 @@ _ADVICE = {
 
 
 def read_mesh(tables: StructureTables, file: FileModel | None = None) -> Mesh:
-    """Read, check and scale a mesh.  Local; call it on rank 0 only, through ``on_root``.
+    """Read, check and scale a mesh.  Local; to be called on rank 0 only, through ``on_root``.
 
-    ``file`` is the model file by ``read_model``, if it has been read.
+    ``file`` is the model file from ``read_model``, if already read.
 
-    Volume elements that belong to a named group but to no body are left out, with a note in ``Mesh.notes``.
+    Volume elements in a named group but in no body are omitted, with a note in ``Mesh.notes``.
 
     Raises
     ------
-    MeshError, CaseError: one message that names the file and the cause.
+    MeshError, CaseError : one message with the file and the cause
     """
     path = os.path.normpath(tables.model.file_of("mesh") or "")
     file = read_model(path, tables.model.step) if file is None else file
@@ -47,11 +47,11 @@ def read_mesh(tables: StructureTables, file: FileModel | None = None) -> Mesh:
 
 
 def read_whole(path: Path) -> Mesh:
-    """Return a mesh file whole, in its own unit: every solid element belongs to one body that no scene names.  Local.
+    """Return the complete mesh of a file in its unit, with all solid elements in one unnamed body.  Local.
 
     Raises
     ------
-    MeshError, CaseError : the file is at fault, or has no solid elements
+    MeshError, CaseError : the file is faulty or has no solid elements
     """
     file = read_model(path)
     everything = Group()
@@ -69,7 +69,7 @@ def read_whole(path: Path) -> Mesh:
 
 
 def _check_groups(file: FileModel, tables: StructureTables) -> None:
-    """Raise MeshError unless every group that is named exists; one error for all that do not."""
+    """Raise MeshError unless all named groups exist; one error for all missing groups."""
     faults = Faults()
     of_file = [(f"[bodies.{name}] group", body.group) for name, body in tables.bodies.items()] + tables.attached
     known = [*file.groups, *(surface.name for surface in tables.surfaces)]
@@ -88,7 +88,7 @@ def _existing(word: str, names: list[str]) -> str:
 
 
 def _compose(path: str, file: FileModel, tables: StructureTables) -> Mesh:
-    """Keep the elements of the bodies and the nodes they use."""
+    """Return the mesh of the elements of bodies and their nodes."""
     notes = list(file.notes)
     elements = []
     for name, body in tables.bodies.items():
@@ -125,7 +125,7 @@ def _compose(path: str, file: FileModel, tables: StructureTables) -> Mesh:
 
 
 def _outside(file: FileModel, tables: StructureTables, used: np.ndarray) -> np.ndarray:
-    """Return the nodes that no element of a body uses and that masses, springs or equations name, rising."""
+    """Return the nodes of masses, springs or equations in no element of a body, ascending."""
     named = np.zeros(len(used), dtype=bool)
     if file.equations is not None and tables.has_equations:
         named[file.equations.nodes[file.equations.nodes >= 0]] = True
@@ -144,7 +144,7 @@ def _outside_nodes(file: FileModel, scale: float, outside: np.ndarray) -> Outsid
 
 
 def _equations(file: FileModel, tables: StructureTables, new: np.ndarray, outside: np.ndarray) -> Equations | None:
-    """Return the file's equations between the nodes that are kept, rotations of points in lengths of the scene."""
+    """Return the file's equations between nodes of the mesh, with rotations of points in the scene's unit of length."""
     if file.equations is None or not tables.has_equations:
         return None
     independent = new.copy()
@@ -156,7 +156,7 @@ def _equations(file: FileModel, tables: StructureTables, new: np.ndarray, outsid
 
 
 def _check_kinds(body: str, group: str, file: FileModel) -> None:
-    """Raise MeshError unless the group holds volume elements, all of kinds this program has."""
+    """Raise MeshError unless the group has volume elements, all of supported kinds."""
     counts: dict[str, int] = {}
     for block, rows in file.groups[group].cells.items():
         if len(rows):
@@ -174,7 +174,7 @@ def _check_kinds(body: str, group: str, file: FileModel) -> None:
 
 
 def _elements_of_kind(kind: str, file: FileModel, tables: StructureTables, notes: list[str]) -> list[ElementBlock]:
-    """Return the elements of one kind, a block per body; an element stored twice counts once."""
+    """Return the elements of one kind, one block per body, without duplicates."""
     blocks = [i for i, cells in enumerate(file.cells) if cells.kind == kind and len(cells.nodes)]
     if not blocks:
         return []
@@ -206,7 +206,7 @@ def _elements_of_kind(kind: str, file: FileModel, tables: StructureTables, notes
 
 
 def _same_elements(nodes: np.ndarray) -> np.ndarray:
-    """Return a label per element that is equal where the nodes are the same (one element in several groups)."""
+    """Return a label per element, equal for equal nodes (one element in several groups)."""
     key = np.ascontiguousarray(np.sort(nodes, axis=1))
     key = key.view(np.dtype((np.void, key.dtype.itemsize * key.shape[1]))).ravel()
     return np.unique(key, return_inverse=True)[1].ravel()
@@ -218,7 +218,7 @@ def _rows(group: Group, start: dict[int, int]) -> np.ndarray:
 
 
 def _left_out(kind: str, numbers: np.ndarray, same: np.ndarray, body: np.ndarray, file: FileModel, start: dict[int, int]) -> str:
-    """Return a note on elements of groups that are no body; raise MeshError for elements in no group at all."""
+    """Return a note on elements of groups that are not bodies; raise MeshError for elements without a group."""
     left_out = body < 0
     holders, is_named = [], np.zeros(len(body), dtype=bool)
     for name, group in file.groups.items():
@@ -236,7 +236,7 @@ def _left_out(kind: str, numbers: np.ndarray, same: np.ndarray, body: np.ndarray
 
 
 def _faces(name: str, group: Group, file: FileModel, used: np.ndarray, new: np.ndarray) -> list[FaceBlock]:
-    """Return the named faces of a group that lie on elements of bodies."""
+    """Return the named faces of a group on elements of bodies."""
     blocks = []
     for block, rows in group.cells.items():
         cells = file.cells[block]
@@ -264,7 +264,7 @@ def _all_nodes(group: Group, file: FileModel) -> np.ndarray:
 def _check_groups_on_bodies(mesh: Mesh, tables: StructureTables) -> None:
     """Raise MeshError for a support, surface or load group without a node on a body."""
     faults = Faults()
-    on_bodies = {surface.name for surface in tables.surfaces}  # of faces on bodies
+    on_bodies = {surface.name for surface in tables.surfaces}  # groups of faces on bodies
     for key, group in tables.groups_on_bodies:
         if group not in on_bodies and len(mesh.node_groups[group]) == 0 and group not in mesh.outside.groups:
             faults.add([MeshError(f"{key} = {group!r}: no node of this group belongs to an element of a body")])

@@ -1,6 +1,6 @@
-"""Points connected to a group of nodes: rigidly, or so that they follow its weighted mean.
+"""Points connected to a group of nodes, rigidly or by the weighted mean of its motion.
 
-Degrees of freedom are counted as in ``ties``.
+Degrees of freedom are numbered as in ``ties``.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from .data import Mesh
 from .surface import outward_faces
 from .ties import Follower
 
-_SLENDER = 1e-8  # a group's least over its largest second moment, below which its nodes lie on a line
+_SLENDER = 1e-8  # ratio of smallest to largest second moment below which the nodes of a group lie on a line
 
 
 def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
-    """Return how the nodes of a group follow a point as a rigid body: docs/theory.md, eq. (2.7)."""
+    """Return the dependence of the nodes of a group on a point as a rigid body: docs/theory.md, eq. (2.7)."""
     nodes = mesh.node_groups[point.group]
     _second_moments(mesh, point.group, nodes, np.ones(len(nodes)) / len(nodes), _what(mesh, point))
     arms = mesh.points[nodes] - np.array(point.position)
@@ -36,7 +36,7 @@ def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
 
 
 def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
-    """Return how a point follows the weighted mean of its nodes: docs/theory.md, eq. (2.8)."""
+    """Return the dependence of a point on the weighted mean of its nodes: docs/theory.md, eq. (2.8)."""
     nodes = mesh.node_groups[point.group]
     share = _shares(mesh, point.group, nodes) if point.weights == "area" else np.full(len(nodes), 1.0 / len(nodes))
     J, centre = _second_moments(mesh, point.group, nodes, share, _what(mesh, point))
@@ -52,9 +52,9 @@ def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Followe
 
 
 def forces_of_moment(mesh: Mesh, group: str, moment: Sequence[float], what: str) -> np.ndarray:
-    """Return forces on the nodes of a group with a moment and no resultant, as a distributing point passes it on, (n, 3) [N].
+    """Return nodal forces of a group with a given moment and no resultant, as from a distributing point, (n, 3) [N].
 
-    Local, rank 0.  docs/theory.md, eq. (2.8).  ``what`` names it in messages.
+    Local, rank 0.  docs/theory.md, eq. (2.8).  ``what``: name in messages.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def _what(mesh: Mesh, point: Point) -> str:
 
 
 def _shares(mesh: Mesh, group: str, nodes: np.ndarray) -> np.ndarray:
-    """Return the nodes' shares, (n,): tributary areas where the group is made of outer faces, otherwise all alike."""
+    """Return the weights of the nodes, (n,): tributary areas if the group has outer faces, otherwise equal weights."""
     total = np.zeros(len(mesh.points))
     try:
         faces = outward_faces(mesh, group)
@@ -84,7 +84,7 @@ def _shares(mesh: Mesh, group: str, nodes: np.ndarray) -> np.ndarray:
 
 
 def _second_moments(mesh: Mesh, group: str, nodes: np.ndarray, share: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the second moments J (3, 3) [m2] of the nodes about their centre, and that; MeshError where they lie on a line."""
+    """Return second moments J (3, 3) [m2] of the nodes about their centre, and the centre; MeshError for collinear nodes."""
     centre = share @ mesh.points[nodes]
     arms = mesh.points[nodes] - centre
     J = np.einsum("n,nij->ij", share, -_cross(arms) @ _cross(arms))

@@ -1,4 +1,4 @@
-"""How the sectors of a disc differ: factors of friction, preload, gap, stiffness, density and load, and the pairs of all sectors.
+"""Differences of the sectors of a disc: factors of friction, preload, gap, stiffness, density, load; pairs of all sectors.
 
 docs/theory.md, section 17.
 """
@@ -24,7 +24,7 @@ _OF_PAIRS = ("friction", "preload", "gap", "contact_stiffness")
 
 @dataclass(frozen=True, eq=False)
 class SectorFactors:
-    """The values of each sector over those of the model, (n_sectors,) each."""
+    """The values of each sector relative to the model, (n_sectors,) each."""
 
     friction: np.ndarray
     preload: np.ndarray
@@ -36,16 +36,16 @@ class SectorFactors:
 
     @property
     def changes_blades(self) -> bool:
-        """Whether stiffness or mass of the blades differ."""
+        """Whether stiffness or density of the blades differs."""
         return bool((self.stiffness != 1.0).any() or (self.density != 1.0).any())
 
 
 def factors_of(cyclic: Cyclic, path: Path) -> SectorFactors:
-    """Return the factors of all sectors: 1 where nothing is stated.  Local; a scatter is drawn from its seed.
+    """Return the factors of all sectors, 1 by default.  Local; random scatter is drawn with the stated seed.
 
     Raises
     ------
-    CaseError : a table with too few sectors or values that no factor has, a scatter that makes a value negative
+    CaseError : a table with too few sectors or invalid factors, a scatter that makes a value negative
     """
     values = {name: np.ones(cyclic.sectors) for name in QUANTITIES}
     for sector in cyclic.sector:
@@ -64,11 +64,11 @@ def factors_of(cyclic: Cyclic, path: Path) -> SectorFactors:
 
 
 def notes_on_sectors(cyclic: Cyclic | None, path: Path) -> list[str]:
-    """Return how the sectors of a disc differ, for log and check, nothing where they are alike.  Local.
+    """Return notes on the differences of the sectors of a disc; none for equal sectors.  Local.
 
     Raises
     ------
-    CaseError : as :func:`factors_of`
+    CaseError : as in :func:`factors_of`
     """
     if cyclic is None or not cyclic.differs:
         return []
@@ -99,7 +99,7 @@ def _from_file(n_sectors: int, file: Path) -> dict[str, np.ndarray]:
 
 
 def _check(name: str, factors: np.ndarray, where: str, advice: str) -> None:
-    """Raise CaseError for a factor below 0, or 0 where it may not be.  Local."""
+    """Raise CaseError for a factor below 0, or for 0 if it must be positive.  Local."""
     worst = int(np.argmin(factors))
     if factors[worst] < 0.0 or (name in _POSITIVE and factors[worst] == 0.0):
         least = "above 0" if name in _POSITIVE else "at least 0"
@@ -110,13 +110,13 @@ def _check(name: str, factors: np.ndarray, where: str, advice: str) -> None:
 
 
 def pairs_of_all_sectors(pairs: ContactPairs, n_nodes: int, cyclic: Cyclic, factors: SectorFactors, path: Path) -> ContactPairs:
-    """Return the pairs of all sectors, sector after sector, each in its turned place, with the values of its sector.  Local.
+    """Return the pairs of all sectors, sector after sector, at turned positions and with the values of the sector.  Local.
 
-    Nodes are those of :func:`~microslip.results.whole_disc.whole_mesh`, ``n_nodes`` a sector.
+    Nodes are numbered as in :func:`~microslip.results.whole_disc.whole_mesh`, ``n_nodes`` per sector.
 
     Raises
     ------
-    CaseError : a factor of what follows from the parameters of a law
+    CaseError : a factor of a quantity that follows from the parameters of a law
     """
     N, n = cyclic.sectors, pairs.n_pairs
     of_pair = {name: np.repeat(getattr(factors, name), n) for name in _OF_PAIRS}
@@ -146,7 +146,7 @@ def pairs_of_all_sectors(pairs: ContactPairs, n_nodes: int, cyclic: Cyclic, fact
     tiled |= {name: tiled[name] * stiffer for name in ("k_t", "k_n")}
     by_y = {"mu_y": of_pair["friction"], "k_ty": stiffer}
     columns = {name: np.tile(values, N) * by_y.get(name, 1.0) for name, values in pairs.law_columns.items()}
-    lead = cyclic.wave_number * cyclic.angle * sector  # of the wave: where sectors are alike, sliders start as in one sector
+    lead = cyclic.wave_number * cyclic.angle * sector  # phase of the wave: equal sectors start as in a computation of one
     columns["start"] = np.nan_to_num(columns.get("start", np.zeros(N * n))) - lead
     faces = tuple(face + s * n for s in range(N) for face in pairs.faces)
     return replace(pairs, joint=pairs.joint * N, faces=faces, weights1=None, weights2=None, law_columns=columns, **tiled)

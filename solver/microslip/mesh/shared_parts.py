@@ -1,6 +1,6 @@
-"""Intersections of the cells of one surface with the facets of another, of any meshes, and integrals of both interpolations.
+"""Intersections of the cells of one surface with the facets of another, for any meshes, and integrals over them.
 
-Each cell is laid in its plane and cut with the facets of the second surface that face it.
+Each cell is intersected in its plane with the facets of the second surface that face it.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from .data import Mesh
 from .near import pairs_within, trees_by_size
 from .surface import Surface
 
-_FACING = np.cos(np.radians(60.0))  # facets that turn further away from a cell are no candidates
-_NEWTON, _CONVERGED, _FAULTY = 30, 1e-14, 1e-6  # steps to local coordinates, and the residual over the size of a face
-_GRAIN = 1e-12  # of the largest cell's radius: corners of shared parts are rounded so that edges that nearly coincide do
+_FACING = np.cos(np.radians(60.0))  # cosine of the largest angle between a cell and candidate facets
+_NEWTON, _CONVERGED, _FAULTY = 30, 1e-14, 1e-6  # steps to local coordinates; residuals over the size of a face
+_GRAIN = 1e-12  # of the largest cell's radius: rounding of corners that makes nearly equal edges coincide
 _ARCS = 12  # pieces of a curved edge of a facet
-_BEND = 5e-4  # of a cell: corners of an outline that are no further from the line between others are left out
-_CHUNK = 4000  # triangles that are sampled at a time, and pairs of cell and facet that are cut
+_BEND = 5e-4  # of a cell: corners of an outline closer than this to the line between others are omitted
+_CHUNK = 4000  # triangles, and pairs of cell and facet, per block
 
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """Intersections of n cells with the second surface, or moments; weights are not yet divided by the covered area."""
+    """Integrals over intersections of n cells with the second surface, or moments; not divided by the covered area."""
 
     side1: sp.csr_matrix  # (n, n_nodes) m2
     side2: sp.csr_matrix  # (n, n_nodes) m2
-    covered: np.ndarray  # (n,) m2, in the cells' planes, or the moment of that
-    cell_areas: np.ndarray  # (n,) m2, of the cells in their planes
+    covered: np.ndarray  # (n,) m2, covered area in the cells' planes, or its moment
+    cell_areas: np.ndarray  # (n,) m2, areas of the cells in their planes
 
 
 def joined(parts: Sequence[Shared]) -> Shared:
@@ -48,7 +48,7 @@ def joined(parts: Sequence[Shared]) -> Shared:
 
 
 class _Integrals:
-    """Sums of integrals over parts of n cells, as they come: of both sides' shape functions, and of what is covered."""
+    """Accumulated integrals over parts of n cells: shape functions of both sides, and covered area."""
 
     def __init__(self, n: int, n_nodes: int):
         self.n, self.n_nodes = n, n_nodes
@@ -56,7 +56,7 @@ class _Integrals:
         self.covered = np.zeros(n)  # m2
 
     def add(self, rows: np.ndarray, faces: np.ndarray, facets: np.ndarray, w1: np.ndarray, w2: np.ndarray) -> None:
-        """Add integrals (m, q, n_face_nodes) and (m, q, n_facet_nodes) [m2] to rows (m, q), which lie near each other."""
+        """Add integrals (m, q, n_face_nodes) and (m, q, n_facet_nodes) [m2] to rows (m, q), which are close together."""
         np.add.at(self.covered, rows, w1.sum(axis=2))
         for side, nodes, values in zip(self.sides, (faces, facets), (w1, w2), strict=True):
             first, last = rows.min(initial=0), rows.max(initial=0)
@@ -77,19 +77,19 @@ class _Integrals:
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """t triangles, of which what cells share with facets of one kind is made, in the planes of the cells."""
+    """t triangles that form the intersections of cells with facets of one kind, in the planes of the cells."""
 
-    kind: str  # of the facets
+    kind: str  # kind of the facets
     cell: np.ndarray  # (t,) number of the cell
     facet: np.ndarray  # (t, n_facet_nodes) nodes of the facet
     corners: np.ndarray  # (t, 3, 2) m
 
 
 def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_moments: bool = False) -> tuple[Shared, Shared]:
-    """Return intersections of cells with facets of the second surface that face them within ``reach`` [m], and moments.  Local.
+    """Return integrals over intersections of cells with facing facets within ``reach`` [m], and moments.  Local.
 
-    A row of the moments is that of a face's polynomial that is 1 at the integration point in the cell; without ``by_moments``
-    they are those of nothing.
+    A row of the moments belongs to the polynomial of a face that is 1 at the integration point in the cell; without
+    ``by_moments`` the moments are empty.
     """
     n, n_nodes = len(cells.area), len(mesh.points)
     n_own = len(elements.CELLS[cells.kind])
@@ -108,12 +108,12 @@ def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_mom
 
 
 def _polygons(outlines: np.ndarray, bend: np.ndarray) -> np.ndarray:
-    """Return polygons (n,) of outlines (n, k, 2) without corners that lie within ``bend`` (n,) [m] of others' lines.  Local."""
+    """Return polygons (n,) of outlines (n, k, 2) without corners within ``bend`` (n,) [m] of the line between others.  Local."""
     return shapely.simplify(shapely.polygons(outlines), bend, preserve_topology=False)
 
 
 def _parts(mesh: Mesh, cells: Cells, polygons: np.ndarray, kind: str, facets: np.ndarray, reach: float) -> Iterator[Parts]:
-    """Yield, some at a time, the intersections of cells, the ``polygons`` (n,), with the facets of a kind."""
+    """Yield in blocks the intersections of cells, given as ``polygons`` (n,), with the facets of a kind."""
     i, j = _candidates(mesh, cells, kind, facets, reach)
     corners = elements.FACE_KINDS[kind].nodes[: elements.FACE_KINDS[kind].n_corners]
     ring = outlines(kind, mesh.points[facets], corners, _ARCS)
@@ -131,12 +131,12 @@ def _parts(mesh: Mesh, cells: Cells, polygons: np.ndarray, kind: str, facets: np
 
 
 def _boxes_meet(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return which of n pairs of boxes, rows of least and largest x and y, have points in common."""
+    """Return which of n pairs of boxes, rows of least and largest x and y, intersect."""
     return (a[:, :2] <= b[:, 2:]).all(axis=1) & (b[:, :2] <= a[:, 2:]).all(axis=1)
 
 
 def _candidates(mesh: Mesh, cells: Cells, kind: str, facets: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return cells and facets that may share a part, (m,) each, in turn: near each other, their normals roughly opposite."""
+    """Return candidate pairs of cells and facets, (m,) each, in order: close, with roughly opposite normals."""
     points = mesh.points[facets]
     centre = points.mean(axis=1)
     radius = np.linalg.norm(points - centre[:, None], axis=2).max(axis=1)
@@ -150,10 +150,10 @@ def _candidates(mesh: Mesh, cells: Cells, kind: str, facets: np.ndarray, reach: 
 
 
 def _triangles(parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return triangles (t, 3, 2) whose signed areas add up to those of polygons, and the polygon of each, (t,)."""
+    """Return triangles (t, 3, 2) with signed areas that sum up to the areas of polygons, and the polygon of each, (t,)."""
     polygons, of = shapely.get_parts(parts, return_index=True)
     is_area = (shapely.get_type_id(polygons) == shapely.GeometryType.POLYGON) & (shapely.area(polygons) > 0.0)
-    polygons, of = shapely.normalize(polygons[is_area]), of[is_area]  # outer rings turn right
+    polygons, of = shapely.normalize(polygons[is_area]), of[is_area]  # outer rings are clockwise
     ring, owner = shapely.get_coordinates(polygons, return_index=True)
     first = np.searchsorted(owner, owner)  # of the polygon's ring, for each of its points
     k = np.flatnonzero((np.arange(len(ring)) > first) & (np.append(owner[1:], -1) == owner))
@@ -161,10 +161,10 @@ def _triangles(parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _averages(mesh: Mesh, cells: Cells, parts: Parts, reach: float, by_moments: bool):
-    """Return which of t triangles lie within reach, and the integrals of both sides' shape functions over those.
+    """Return which of t triangles lie within reach, and the integrals of both sides' shape functions over these.
 
-    Shapes: (t,) bool, (m, q, n_face_nodes) and (m, q, n_facet_nodes) [m2], of a face of the cell's and the facets' kind; q = 1,
-    and with ``by_moments`` as many more as there are polynomials of the cell's face, multiplied with each of these.
+    Shapes: (t,) bool, (m, q, n_face_nodes) and (m, q, n_facet_nodes) [m2] for the kinds of the cell's face and the facets; q = 1,
+    with ``by_moments`` 1 plus the number of polynomials of the cell's face, by each of which the integrand is multiplied.
     """
     samples = elements.FINER_SAMPLES if by_moments else elements.SAMPLES
     i, triangles = parts.cell, parts.corners
@@ -185,12 +185,12 @@ def _averages(mesh: Mesh, cells: Cells, parts: Parts, reach: float, by_moments: 
 def _interpolated(mesh: Mesh, cells: Cells, i: np.ndarray, kind: str, faces: np.ndarray, where: np.ndarray):
     """Return shape functions (t, s, k), heights (t, s) [m] and local coordinates (t, s, 2) of faces (t, k) at places (t, s, 2).
 
-    The places are in the cells' planes, and the heights above these.  Newton's method for the local coordinates, from the middle
-    of the face.
+    The places are in the cells' planes, the heights above these.  The local coordinates are found by Newton's method, from the
+    middle of the face.
 
     Raises
     ------
-    MeshError : a face is so distorted that it has none
+    MeshError : a face is too distorted for local coordinates
     """
     shape, nodes = elements.FACE_KINDS[kind], cells.in_plane(i, mesh.points[faces])
     size = np.ptp(nodes[:, :, :2], axis=1).max(axis=1)[:, None]

@@ -1,4 +1,4 @@
-"""The skin of a mesh: outer faces of its elements, with the body and the connected part that each belongs to."""
+"""The skin of a mesh: outer faces of its elements, with body and connected part of each face."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MOST_CORNERS = 4
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Outer faces in one row of numbers, kind after kind; corners turn left seen from outside."""
+    """Outer faces with consecutive numbers, kind after kind; corners counter-clockwise seen from outside."""
 
     points: np.ndarray  # (n_points, 3) m
     faces: dict[str, np.ndarray]  # by kind: (n, n_face_nodes) index into ``points``
@@ -25,7 +25,7 @@ class Skin:
     part: np.ndarray  # (n_faces,) number of the connected part
     first: np.ndarray = field(init=False)  # (n_kinds + 1,) number of the first face of each kind
     centre: np.ndarray = field(init=False)  # (n_faces, 3) m
-    normal: np.ndarray = field(init=False)  # (n_faces, 3) at the centre, unit, outward; 0 where there is none
+    normal: np.ndarray = field(init=False)  # (n_faces, 3) at the centre, unit, outward; 0 if undefined
     area: np.ndarray = field(init=False)  # (n_faces,) m2
 
     def __post_init__(self):
@@ -66,7 +66,7 @@ class Skin:
 
     @property
     def corners(self) -> np.ndarray:
-        """Corners of each face, (n_faces, 4) index into ``points``; of a triangle the last one twice."""
+        """Corners of each face, (n_faces, 4) index into ``points``; a triangle repeats the last one."""
         parts = [np.zeros((0, _MOST_CORNERS), dtype=np.int64)]
         for kind, nodes in self.faces.items():
             n = elements.FACE_KINDS[kind].n_corners
@@ -75,11 +75,11 @@ class Skin:
 
     @property
     def keys(self) -> np.ndarray:
-        """Three corners that tell each face from all others, (n_faces, 3), rising."""
+        """Three corners that identify each face, (n_faces, 3), ascending."""
         return np.concatenate([np.zeros((0, 3), dtype=np.int64), *(_key(nodes, kind) for kind, nodes in self.faces.items())])
 
     def by_kind(self, some: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the nodes of some faces (a mask or numbers, rising) by kind; kinds without any are left out."""
+        """Return the nodes of some faces (a mask or ascending numbers) by kind; empty kinds are omitted."""
         chosen = np.zeros(self.n_faces, dtype=bool)
         chosen[some] = True
         by_kind = {
@@ -88,14 +88,14 @@ class Skin:
         return {kind: nodes for kind, nodes in by_kind.items() if len(nodes)}
 
     def nodes_of(self, some: np.ndarray) -> np.ndarray:
-        """Return the nodes of some faces, rising."""
+        """Return the nodes of some faces, ascending."""
         return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(nodes.ravel() for nodes in self.by_kind(some).values())]))
 
 
 def skin_of(points: np.ndarray, blocks: Sequence[tuple[str, np.ndarray, int]]) -> Skin:
     """Return the skin of elements given as (kind, nodes (n_elements, n_nodes), number of the body).
 
-    Local, rank 0.  A face that two elements share is none.
+    Local, rank 0.  Faces shared by two elements do not belong to the skin.
     """
     nodes: dict[str, list[np.ndarray]] = {}
     bodies: dict[str, list[np.ndarray]] = {}
@@ -121,7 +121,7 @@ def skin_of_mesh(mesh: Mesh) -> Skin:
 
 
 def groups_of_bodies(mesh: Mesh) -> list[str]:
-    """Return the groups of volume elements, a body each, in the order of their numbers in the skin.  Local."""
+    """Return the groups of volume elements, one per body, in the order of body numbers in the skin.  Local."""
     return list(dict.fromkeys(block.group for block in mesh.elements))
 
 
@@ -136,12 +136,12 @@ def faces_of_group(mesh: Mesh, skin: Skin, name: str) -> np.ndarray:
 
 
 def _key(nodes: np.ndarray, kind: str) -> np.ndarray:
-    """Return the three lowest corners of faces, (n_faces, 3): no two faces of a mesh share three."""
+    """Return the three lowest corners of faces, (n_faces, 3), which identify a face."""
     return np.sort(nodes[:, : elements.FACE_KINDS[kind].n_corners], axis=1)[:, :3]
 
 
 def _alone(keys: np.ndarray, n_points: int) -> np.ndarray:
-    """Return which faces have a key that no other one has, (n_faces,) bool; two numbers of it cannot overflow."""
+    """Return which faces have a unique key, (n_faces,) bool; a combination of two of its numbers cannot overflow."""
     high, low = keys[:, 0].astype(np.int64) * n_points + keys[:, 1], keys[:, 2]
     order = np.lexsort((low, high))
     same = (np.diff(high[order]) == 0) & (np.diff(low[order]) == 0)

@@ -12,30 +12,30 @@ from ..messages.errors import MeshError
 from ..messages.words import place
 from .data import Mesh
 
-MOST_TURN = 40.0  # degrees of a face from the mean normal of its node; beyond, the node lies on an edge
+MOST_TURN = 40.0  # degrees between a face and the mean normal of its node, beyond which the node lies on an edge
 
 
 @dataclass(frozen=True)
 class Surface:
-    """The faces of a group, turned outward, and the tributary areas and normals of their nodes."""
+    """The faces of a group, oriented outward, and the tributary areas and normals of their nodes."""
 
     group: str
     faces: dict[
         str, np.ndarray
-    ]  # by kind of face: (n_faces, n_face_nodes) index into Mesh.points; corners turn left from outside
+    ]  # by kind of face: (n_faces, n_face_nodes) index into Mesh.points; corners counter-clockwise from outside
     nodes: np.ndarray  # (n_nodes,) index into Mesh.points, sorted
     normals: np.ndarray  # (n_nodes, 3) outward, unit, averaged over the faces by their tributary areas
     areas: np.ndarray  # (n_nodes,) tributary areas [m2], positive; their sum is the area of the surface
 
 
 def surface_of(mesh: Mesh, group: str) -> Surface:
-    """Return the surface that a group stands for.  Local, rank 0.
+    """Return the surface of a group.  Local, rank 0.
 
-    The group's own faces where it has any; otherwise the outer faces of elements all of whose nodes are in it.
+    The faces of the group if it has any; otherwise the outer faces of elements with all nodes in the group.
 
     Raises
     ------
-    MeshError : no such faces, faces inside a body, or an edge too sharp for one normal a node
+    MeshError : no faces, faces inside a body, or an edge too sharp for one normal per node
     """
     faces = outward_faces(mesh, group)
     nodes = np.unique(np.concatenate([nodes_of_faces.ravel() for nodes_of_faces in faces.values()]))
@@ -55,19 +55,19 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
 
 
 def on_mesh(mesh: Mesh, side: Surface) -> np.ndarray:
-    """Return the normals of a surface by node of the mesh, (n_nodes, 3), 0 elsewhere.  Local, rank 0."""
+    """Return the normals of a surface at the nodes of the mesh, (n_nodes, 3), 0 elsewhere.  Local, rank 0."""
     normals = np.zeros(mesh.points.shape)
     normals[side.nodes] = side.normals
     return normals
 
 
 def face_size(side: Surface) -> float:
-    """Return the root of the mean area of a surface's faces [m].  Local."""
+    """Return the square root of the mean area of a surface's faces [m].  Local."""
     return float(np.sqrt(side.areas.sum() / sum(map(len, side.faces.values()))))
 
 
 def outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
-    """Return the faces of the group by kind, as the elements list them: corners counter-clockwise seen from outside."""
+    """Return the faces of the group by kind, in the order of the elements: corners counter-clockwise seen from outside."""
     outer: dict[str, np.ndarray] = {}
     named: dict[int, list[np.ndarray]] = {}
     n_inside = 0
@@ -93,7 +93,7 @@ def outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
 
 
 def _faces_within(mesh: Mesh, members: np.ndarray) -> dict[str, np.ndarray]:
-    """Return all element faces, by kind, whose nodes are all members of a set; an inner face comes twice."""
+    """Return all element faces, by kind, with all nodes in a set; inner faces appear twice."""
     is_member = np.zeros(len(mesh.points), dtype=bool)
     is_member[members] = True
     within: dict[str, list[np.ndarray]] = {}
@@ -106,7 +106,7 @@ def _faces_within(mesh: Mesh, members: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the outer faces that the group names; MeshError where it names others."""
+    """Return the outer faces named by the group; MeshError if it names other faces."""
     groups, n_found = {}, 0
     for kind, faces in outer.items():
         wanted = named.get(_n_corners(kind), np.empty((0, _n_corners(kind)), dtype=np.int64))
@@ -137,7 +137,7 @@ def isin_rows(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
 
 def _check_edges(mesh: Mesh, group: str, nodes: np.ndarray, at: np.ndarray, cosine: np.ndarray) -> None:
-    """Raise MeshError where a face turns away from the normal of its node by more than MOST_TURN."""
+    """Raise MeshError if a face deviates from the normal of its node by more than MOST_TURN."""
     if (cosine < np.cos(np.radians(MOST_TURN))).any():
         node = nodes[at.ravel()[np.argmin(cosine)]]
         raise MeshError(

@@ -14,12 +14,12 @@ from .nodal_fields import field_at_nodes
 
 
 def temperature_rises(mesh: Mesh, tables: StructureTables) -> dict[str, float | np.ndarray]:
-    """Return the temperature of each body [K above that without stress], one or those of all nodes, (n_nodes,).
+    """Return the temperature of each body [K above the stress-free temperature], uniform or at all nodes, (n_nodes,).
 
     Raises
     ------
-    CaseError : a file at fault
-    MeshError : no such field, or a node of the body without a value
+    CaseError : a faulty file
+    MeshError : the field does not exist, or a node of the body has no value
     """
     if tables.statics is None:
         return {}
@@ -27,7 +27,7 @@ def temperature_rises(mesh: Mesh, tables: StructureTables) -> dict[str, float | 
 
 
 def _of_body(mesh: Mesh, stated: Temperature) -> float | np.ndarray:
-    """Return the temperature of a body, or those of all nodes where they are at the nodes of a field or a file."""
+    """Return the temperature rise of a body: uniform, or at all nodes if given by a field or a file."""
     if stated.temperature is not None:
         return stated.temperature
     group, path = stated.group, stated.file_of("file")

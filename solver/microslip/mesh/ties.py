@@ -1,7 +1,7 @@
-"""Tied surfaces: the nodes of the first follow the facets of the second, whatever their meshes.
+"""Tied surfaces: the nodes of the first follow the facets of the second, for any meshes.
 
-Degrees of freedom are counted by places: the nodes of the mesh, and then two for each point, its displacement and its rotation;
-place i has 3 i to 3 i + 2.
+Degrees of freedom are numbered by places: the nodes of the mesh, then two per point (displacement and rotation); place i has the
+degrees of freedom 3 i to 3 i + 2.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ from .projection import Projection, project_on_surface
 from .surface import face_keys, outward_faces
 
 Faces = Mapping[str, np.ndarray]  # by kind, (n_faces, n_face_nodes) index into Mesh.points
-TOLERANCE = 0.05  # of the size of the facets, where a tie states none
-COARSER = 1.2  # times as large as the facets of the other side
-LEAST = 0.01  # of the nodes of the first surface must lie near the second
-MANY = 0.5  # of them beyond: a warning
-TOUCHING = 1e-9  # of the size of the facets: closer nodes lie on them
+TOLERANCE = 0.05  # of the size of the facets: default tolerance
+COARSER = 1.2  # ratio of facet sizes above which a side is coarser
+LEAST = 0.01  # fraction of the nodes of the first surface that must lie near the second
+MANY = 0.5  # fraction of nodes beyond the tolerance that causes a warning
+TOUCHING = 1e-9  # of the size of the facets: distance below which nodes lie on them
 
 
 @dataclass(frozen=True, eq=False)
 class Follower:
-    """What one tie or point makes follow."""
+    """Dependent degrees of freedom of one tie or point."""
 
-    what: str  # for messages
+    what: str  # name for messages
     dependent: np.ndarray  # (m,) degrees of freedom
     weights: sp.csr_matrix  # (m, n_dof)
     joined: np.ndarray  # (2, n) nodes
     note: str
-    faces: tuple[Faces, ...] = ()  # by kind, of each side of a tie: those that are glued
+    faces: tuple[Faces, ...] = ()  # glued faces of each side of a tie, by kind
 
 
 def of_tie(mesh: Mesh, tie: Tie, n_places: int, taken: np.ndarray) -> Follower:
-    """Return how the nodes of the first surface follow the facets of the second, those that lie near them.
+    """Return the dependence of the nodes of the first surface on the facets of the second within the tolerance.
 
-    Nodes beyond the tolerance stay free, as in Abaqus; so do nodes of both surfaces, which are one there already, and nodes that
-    follow another tie, ``taken`` (n_nodes,) bool.  The note counts them.
+    Nodes beyond the tolerance remain free, as in Abaqus; so do nodes of both surfaces, which are merged there, and nodes of
+    another tie, ``taken`` (n_nodes,) bool.  The note counts them.
 
     Raises
     ------
@@ -88,17 +88,17 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int, taken: np.ndarray) -> Follower:
 
 
 def _whole(faces: Faces, nodes: np.ndarray) -> Faces:
-    """Return the faces all of whose nodes are among some."""
+    """Return the faces with all nodes in ``nodes``."""
     return {kind: corners[np.isin(corners, nodes).all(axis=1)] for kind, corners in faces.items()}
 
 
 def _under(faces: Faces, projection: Projection) -> Faces:
-    """Return the faces on which points have their feet."""
+    """Return the faces with feet of points."""
     return {kind: corners[np.unique(projection.face[projection.kind == kind])] for kind, corners in faces.items()}
 
 
 def facet_size(mesh: Mesh, faces: Faces) -> float:
-    """Return the mean of the roots of the facets' areas [m]."""
+    """Return the mean of the square roots of the facets' areas [m]."""
     areas = [elements.face_nodal_areas(kind, mesh.points[nodes]).sum(axis=1) for kind, nodes in faces.items()]
     return float(np.sqrt(np.concatenate(areas)).mean())
 
@@ -106,7 +106,7 @@ def facet_size(mesh: Mesh, faces: Faces) -> float:
 def on_facets(mesh: Mesh, projection: Projection, points: np.ndarray, touching: float, n_places: int) -> sp.csr_matrix:
     """Return the weights of the nodes of the facets, (3 n, 3 n_places): docs/theory.md, eq. (2.6).
 
-    A point off its foot moves with it as if a rigid arm led there, so that turning both surfaces strains nothing.
+    A point off its foot is connected to it by a rigid arm, so that a rotation of both surfaces causes no strain.
     """
     n, k = projection.weights.shape
     blocks = projection.weights[:, :, None, None] * np.eye(3)
@@ -129,7 +129,7 @@ def on_facets(mesh: Mesh, projection: Projection, points: np.ndarray, touching: 
 
 
 def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, projection: Projection, is_near: np.ndarray, tolerance: float) -> None:
-    """Raise MeshError where so few nodes lie within the tolerance that the tie is a mistake."""
+    """Raise MeshError if too few nodes lie within the tolerance."""
     if np.count_nonzero(is_near) >= max(1.0, LEAST * len(nodes)):
         return
     nearest_node = int(np.argmin(projection.distance))
@@ -142,7 +142,7 @@ def _check_near(mesh: Mesh, tie: Tie, nodes: np.ndarray, projection: Projection,
 
 
 def check_joints(mesh: Mesh, tables: StructureTables, ties: Sequence[Follower]) -> None:
-    """Raise MeshError where a face is glued by a tie and belongs to a joint.  ``ties`` follow as those of ``tables``."""
+    """Raise MeshError if a face is tied and belongs to a joint.  ``ties`` are in the order of ``tables``."""
     if not ties:
         return
     faults = Faults()

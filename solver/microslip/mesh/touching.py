@@ -1,7 +1,7 @@
-"""Faces of bodies that lie on each other, detected by geometry, with or without names, for any meshes.
+"""Detection of touching faces of bodies by geometry, with or without named groups, for any meshes.
 
-A face lies on another where points of either, a few a face, have their feet on the other, within a tolerance, and the two look
-at each other.
+Two faces touch if sample points of either face have their feet on the other within a tolerance, and the normals are roughly
+opposite.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from .data import FaceBlock, Mesh
 from .plane_cut import faces_through, plane_of
 from .skin import Skin, groups_of_bodies, skin_of_mesh
 
-NEAR = 0.1  # of the size of the larger of two faces: how far apart they may lie, where nothing else is stated
-TURNED = 45.0  # degrees: how far the normal of a face may turn from the one that is asked for
-_FACING = np.cos(np.radians(60.0))  # faces that turn further away from each other are none that touch
-_BESIDE = 0.05  # of the size of a face: how far beyond its edge the foot of a point may lie, where surfaces are curved
-_CHUNK = 50_000  # points that are projected at a time
-# points of a face, inside it, so that faces which meet at an edge alone do not touch
+NEAR = 0.1  # of the size of the larger of two faces: default tolerance of their distance
+TURNED = 45.0  # degrees: largest angle between the normal of a face and the stated normal
+_FACING = np.cos(np.radians(60.0))  # cosine of the largest deviation from opposite normals of touching faces
+_BESIDE = 0.05  # of the size of a face: accepted distance of a foot beyond its edge, for curved surfaces
+_CHUNK = 50_000  # points per projection
+# sample points inside a face, so that faces that only meet at an edge do not touch
 _PLACES = {
     3: np.array([(1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3)]),
     4: np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]),
@@ -37,22 +37,22 @@ _PLACES = {
 
 @dataclass(frozen=True, eq=False)
 class Touching:
-    """Pairs of faces that lie on each other, of m pairs of a skin; each pair stands in both orders."""
+    """m pairs of touching faces of a skin; each pair appears in both orders."""
 
     face: np.ndarray  # (m,) number of a face
-    other: np.ndarray  # (m,) number of the face that it lies on
-    gap: np.ndarray  # (m,) m, the mean distance along the normal, above 0 where there is room between them
-    share: np.ndarray  # (n_faces,) how much of each face lies on others, 0 to 1, by its points
+    other: np.ndarray  # (m,) number of the touching face
+    gap: np.ndarray  # (m,) m, mean distance along the normal, positive for a gap
+    share: np.ndarray  # (n_faces,) fraction of the sample points of each face that lie on others
 
 
 def find_touching(skin: Skin, tolerance: float | None = None, near: float = NEAR) -> Touching:
-    """Return which faces of a skin lie on faces of other bodies, or of other connected parts.
+    """Return the faces of a skin that touch faces of other bodies or other connected parts.
 
     Local, rank 0.
 
     Parameters
     ----------
-    tolerance : how far apart they may lie [m]; None: ``near`` times the size of the larger of the two
+    tolerance : largest distance [m]; None: ``near`` times the size of the larger face
     """
     face, other = _candidates(skin, tolerance, near)
     at, on, gap = _hits(skin, np.concatenate([face, other]), np.concatenate([other, face]), tolerance, near)
@@ -61,7 +61,7 @@ def find_touching(skin: Skin, tolerance: float | None = None, near: float = NEAR
 
 
 def _paired(skin: Skin, at: np.ndarray, on: np.ndarray, gap: np.ndarray, share: np.ndarray) -> Touching:
-    """Return the pairs, each in both orders and once, with mean gaps."""
+    """Return the unique pairs in both orders, with mean gaps."""
     key = np.concatenate([at * skin.n_faces + on, on * skin.n_faces + at])
     pairs, pair_index = np.unique(key, return_inverse=True)
     mean = np.bincount(pair_index, np.concatenate([gap, gap]), len(pairs)) / np.maximum(
@@ -72,21 +72,21 @@ def _paired(skin: Skin, at: np.ndarray, on: np.ndarray, gap: np.ndarray, share: 
 
 
 def _reach(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None, near: float) -> np.ndarray:
-    """Return how far apart pairs of faces may lie, (m,) [m]."""
+    """Return the largest accepted distance of pairs of faces, (m,) [m]."""
     if tolerance is not None:
         return np.full(len(face), tolerance)
     return near * np.maximum(skin.size[face], skin.size[other])
 
 
 def _candidates(skin: Skin, tolerance: float | None, near: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return pairs of faces, each once, that look at each other, are near, and neither of one piece nor joined by a node."""
+    """Return unique pairs of near faces with opposite normals, not of one part and without shared nodes."""
     pairs = [np.zeros((2, 0), dtype=np.int64)]
     several = len(np.unique(skin.part)) > 1 or len(np.unique(skin.body)) > 1
     radius, size = skin.radius, skin.size
     for mine in _by_size(radius) if several else ():
         largest = radius[mine].max()
         reach = tolerance if tolerance is not None else near * np.maximum(size, size[mine].max())
-        smaller = np.flatnonzero(radius <= largest)  # the others meet these in classes of their own
+        smaller = np.flatnonzero(radius <= largest)  # pairs with larger faces belong to other classes
         within = (radius + largest + reach)[smaller]
         lists = cKDTree(skin.centre[mine]).query_ball_point(skin.centre[smaller], within, return_sorted=False)
         count = np.fromiter(map(len, lists), dtype=np.int64, count=len(lists))
@@ -114,13 +114,13 @@ def _share_a_node(skin: Skin, face: np.ndarray, other: np.ndarray) -> np.ndarray
 
 
 def _n_places(skin: Skin) -> np.ndarray:
-    """Return how many points each face has, (n_faces,)."""
+    """Return the number of sample points of each face, (n_faces,)."""
     counts = [np.full(len(nodes), len(_PLACES[FACE_KINDS[kind].n_corners])) for kind, nodes in skin.faces.items()]
     return np.concatenate([np.zeros(0, dtype=np.int64), *counts])
 
 
 def _hits(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None, near: float):
-    """Return the points of faces that lie on the other face of some pair (m,), each once, with the nearest.
+    """Return the sample points that lie on the other face of a pair (m,), each once, with the nearest face.
 
     (k,) each: the face, the other face, the gap [m].
     """
@@ -136,7 +136,7 @@ def _hits(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | No
 
 
 def _points_of(skin: Skin, face: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a number for each point of some faces (k,), the same whenever its face comes, the points (k, 3), the row of each."""
+    """Return a unique number for each sample point of some faces (k,), the points (k, 3), and the row of each."""
     most = max(map(len, _PLACES.values()))
     numbers, points, rows = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
     for kind, mine, nodes in _each_kind(skin, face):
@@ -148,14 +148,14 @@ def _points_of(skin: Skin, face: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _each_kind(skin: Skin, face: np.ndarray):
-    """Yield each kind of face, the rows of ``face`` that are of it, and their nodes."""
+    """Yield each kind of face with its rows of ``face`` and their nodes."""
     for (kind, nodes), start in zip(skin.faces.items(), skin.first):
         mine = np.flatnonzero((face >= start) & (face < start + len(nodes)))
         yield kind, mine, nodes[face[mine] - start]
 
 
 def _feet(skin: Skin, point: np.ndarray, other: np.ndarray, reach: np.ndarray):
-    """Return of each point (k,) its distance from a face, the part along the normal [m], and whether its foot is in reach."""
+    """Return for each point (k,) its distance from a face, the normal component [m], and whether its foot is within reach."""
     distance, gap = np.full(len(point), np.inf), np.zeros(len(point))
     for kind, mine, nodes in _each_kind(skin, other):
         for start in range(0, len(mine), _CHUNK):
@@ -168,11 +168,11 @@ def _feet(skin: Skin, point: np.ndarray, other: np.ndarray, reach: np.ndarray):
 
 
 def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
-    """Return the mesh with the groups of faces that are told by the bodies which touch.  Local, rank 0.
+    """Return the mesh with the groups of faces defined by touching bodies or planes.  Local, rank 0.
 
     Raises
     ------
-    MeshError : faces that do not touch, a name that a group of the file has
+    MeshError : faces that do not touch, or the name of an existing group
     """
     if not tables.surfaces:
         return mesh
@@ -209,7 +209,7 @@ def _found(mesh: Mesh, skin: Skin, touching: Touching | None, surface: Surface, 
 
 
 def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, surface: Surface, tables: StructureTables) -> np.ndarray:
-    """Return the faces of the first body that lie on the second, rising."""
+    """Return the faces of the first body that touch the second, ascending."""
     number = {group: i for i, group in enumerate(groups_of_bodies(mesh))}
     body, other = (number[tables.bodies[name].group] for name in surface.bodies)
     face = np.unique(touching.face[(skin.body[touching.face] == body) & (skin.body[touching.other] == other)])
@@ -222,7 +222,7 @@ def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, surface: Surface, tabl
 
 
 def _nothing(mesh: Mesh, skin: Skin, surface: Surface, body: int, other: int) -> str:
-    """Say that no faces touch, and how near the two bodies come."""
+    """Return the message for bodies without touching faces, with their smallest distance."""
     within = f"within {surface.tolerance:g} m" if surface.tolerance is not None else f"within {NEAR:g} of the size of the faces"
     facing = "" if surface.normal is None else f" with normals within {TURNED:g} degrees of {place(surface.normal)}"
     text = f"[[surfaces]] {surface.name!r}: no face of {surface.bodies[0]!r}{facing} lies on {surface.bodies[1]!r} {within}"

@@ -1,4 +1,4 @@
-"""What a joint states of its contact points: one value for all, or values of their own from a CSV file."""
+"""Parameters of the contact points of a joint: uniform, from fields of the mesh, or from a CSV file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .contact_points import ContactPoints
 from .data import Mesh
 from .nodal_fields import field_at_nodes
 
-FAR = 0.1  # of the extent of a joint's points: a row this far from all of them is a mistake
+FAR = 0.1  # of the extent of a joint's points: largest accepted distance of a row from its nearest point
 PLACES = ("node", "x", "y", "z")
 
 
@@ -30,21 +30,21 @@ class Values:
     tangential_stiffness: np.ndarray  # N/m3
     normal_stiffness: np.ndarray  # N/m3
     preload: np.ndarray  # Pa
-    gap: np.ndarray  # m; 0 where the mesh gives it
+    gap: np.ndarray  # m; 0 if taken from the mesh
 
 
 COLUMNS = tuple(Values.__dataclass_fields__)
 
 
 def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
-    """Return the values of a joint's points: stated by the joint, fields of the mesh, and then its file.  Local, rank 0.
+    """Return the values of a joint's points, from the joint, then fields of the mesh, then its file.  Local, rank 0.
 
-    What nodes have, by a field or by rows of the file, is interpolated as the first surface does it.
+    Nodal values, from a field or rows of the file, are interpolated by the shape functions of the first surface.
 
     Raises
     ------
-    CaseError : the joint's file is at fault
-    MeshError : it names nodes or places where the joint has no point
+    CaseError : the joint's file is faulty
+    MeshError : the file names nodes or places without a contact point of the joint
     """
     stated, path = joint.stated_values, joint.file_of("parameters")
     table, lines = ({}, []) if path is None else _checked_table(joint, path)
@@ -68,7 +68,7 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
 def _of_rows(
     mesh: Mesh, table: Mapping[str, np.ndarray], rows: np.ndarray, defaults: Mapping[str, float | np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return the values of all nodes, (n_nodes,) each: of the nodes ``rows`` those of the table, of others what they have."""
+    """Return the values of all nodes, (n_nodes,) each: from the table for the nodes ``rows``, otherwise defaults."""
     nodal = {name: np.array(np.broadcast_to(defaults[name], len(mesh.points))) for name in COLUMNS if name in table}
     for name, values in nodal.items():
         values[rows] = table[name]
@@ -76,12 +76,12 @@ def _of_rows(
 
 
 def _nodes_of(points: ContactPoints) -> np.ndarray:
-    """Return the nodes of the first surface that points take something from, rising."""
+    """Return the nodes of the first surface with weights at contact points, ascending."""
     return np.unique(points.side1.indices)
 
 
 def _closed_or_open(values: Values) -> Values:
-    """Return values with a preload or a gap at each point: between a node of either kind, what is more of them in force."""
+    """Return values with a preload or a gap at each point; between nodes of both kinds the larger in force remains."""
     both = (values.gap > 0.0) & (values.preload > 0.0)
     net = values.preload - values.normal_stiffness * values.gap
     preload = np.where(both, np.maximum(net, 0.0), values.preload)
@@ -90,7 +90,7 @@ def _closed_or_open(values: Values) -> Values:
 
 
 def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: OfPoints) -> np.ndarray:
-    """Return a field of the mesh that a value is taken from, (n_nodes,)."""
+    """Return the field of the mesh for a value, (n_nodes,)."""
     field, where = joint.fields[name], f"{mesh.path}: joint {joint.name!r} fields: {name}"
     if name not in LAWS[joint.law].per_point:
         raise CaseError(f'{where} is no value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
@@ -109,14 +109,14 @@ def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: OfPoints) -
 
 
 def _interpolated(points: ContactPoints, of_nodes: np.ndarray) -> np.ndarray:
-    """Return values of nodes (n_nodes,) at the points, as the first surface interpolates, within those of the nodes it takes."""
+    """Return nodal values (n_nodes,) interpolated at the points by the first surface, within the range of its nodes."""
     corners, first = of_nodes[points.side1.indices], points.side1.indptr[:-1]
     mean = points.side1 @ np.nan_to_num(of_nodes)
     return np.clip(mean, np.minimum.reduceat(corners, first), np.maximum.reduceat(corners, first))
 
 
 def _checked_table(joint: Joint, path: Path) -> tuple[dict[str, np.ndarray], list[int]]:
-    """Return the columns of the joint's file, and the line of each row."""
+    """Return the columns of the joint's file, and the line number of each row."""
     table, lines = read_table(path, (), (*PLACES, *COLUMNS), "contact point")
     given = [name for name in COLUMNS if name in table]
     if not given:
@@ -133,7 +133,7 @@ def _checked_table(joint: Joint, path: Path) -> tuple[dict[str, np.ndarray], lis
 
 
 def _check_open(where, places: np.ndarray, gap: np.ndarray, preload: np.ndarray, used: np.ndarray) -> None:
-    """Raise CaseError for a node or a point with a gap and a preload, of the ``used`` (n,) ones of all places (m, 3) [m]."""
+    """Raise CaseError for a node or point with both gap and preload; ``used`` (n,) indexes ``places`` (m, 3) [m]."""
     gap, preload = gap[used], preload[used]
     both = np.flatnonzero((gap > 0.0) & (preload > 0.0))
     if len(both):
@@ -144,7 +144,7 @@ def _check_open(where, places: np.ndarray, gap: np.ndarray, preload: np.ndarray,
 
 
 def _check_law(joint: Joint, path: Path, table: dict, given: list[str], lines: list[int]) -> None:
-    """Raise CaseError for a column that the joint's law has no use for, and for points without the pressure that it needs."""
+    """Raise CaseError for a column that the joint's law does not use, and for points without its required pressure."""
     takes = LAWS[joint.law].per_point
     for name in given:
         if name not in takes:
@@ -159,7 +159,7 @@ def _check_law(joint: Joint, path: Path, table: dict, given: list[str], lines: l
 def _rows_of_nodes(
     mesh: Mesh, joint: Joint, path: Path | None, points: ContactPoints, table: dict, lines: list[int]
 ) -> np.ndarray:
-    """Return the nodes that the rows of the table name, (n_rows,), nodes of the first surface."""
+    """Return the nodes of the rows of the table, (n_rows,), nodes of the first surface."""
     if {"x", "y", "z"} & table.keys():
         raise CaseError(f"{path}: the header names node and x, y, z; a point is found by one of them")
     nodes = _nodes_of(points)
@@ -177,7 +177,7 @@ def _rows_of_nodes(
 
 
 def _nearest_rows(joint: Joint, path: Path | None, points: ContactPoints, table: dict, lines: list[int]) -> np.ndarray:
-    """Return the row of the table that is nearest to each point, (n_points,)."""
+    """Return the nearest row of the table to each point, (n_points,)."""
     missing = [name for name in "xyz" if name not in table]
     if missing:
         raise CaseError(f"{path}: the header must name node, or x, y and z in m; {', '.join(missing)} is missing")
