@@ -138,7 +138,7 @@ class _Meeting:
         return self.projections[0].distance, self.projections[1].distance
 
     def tolerance(self, cyclic: Cyclic) -> float:
-        """The accepted distance of a node from the facets of the other face [m]."""
+        """Return the accepted distance of a node from the facets of the other face [m]."""
         return OF_FACETS * self.size if cyclic.tolerance is None else cyclic.tolerance
 
     def is_close(self, cyclic: Cyclic) -> bool:
