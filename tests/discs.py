@@ -94,11 +94,12 @@ def cyclic(N: int, **keys) -> str:
 
 
 def body_text(
-    mesh: str, bodies, held: str = "bore", ring: tuple[int, int] | None = None, shrouds: bool = False, **contact
+    mesh: str, bodies, held: str = "bore", ring: tuple[int, int] | None = None, shrouds: bool = False, of_shrouds=None, **contact
 ) -> str:
     """Return the scene of a mesh but for loads, outputs and what is solved for; ``contact`` are values of its joints.
 
     ``ring`` has its number of sectors N and the wave h: each sector has its own joints, which start at its phase -h s alpha.
+    ``of_shrouds`` are other values of the joints of shrouds.
     """
     keys = {"friction": 0.3, "preload": 2.0e6, "k_t": 5.0e11} | contact
     text = table("model", mesh=mesh) + steel(*bodies) + (support(held) if held else "")
@@ -108,7 +109,7 @@ def body_text(
         of, of_next = (str(s), str((s + 1) % N)) if ring else ("", "")
         text += joint(f"root{of}", f"slot{of}", name=f"root{of}", **keys) + start
         if shrouds:
-            text += joint(f"shroud_high{of}", f"shroud_low{of_next}", name=f"shrouds{of}", **keys) + start
+            text += joint(f"shroud_high{of}", f"shroud_low{of_next}", name=f"shrouds{of}", **keys | (of_shrouds or {})) + start
             text += "" if ring else "next_sector = true\n"
     return text
 

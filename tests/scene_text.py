@@ -18,10 +18,11 @@ def support(group, *axes):
     return table("[supports]", group=group, fix=axes or ("x", "y", "z"))
 
 
-def joint(*surfaces, name="joint", friction=0.3, k_t=1.0e12, k_n=None, preload="static"):
-    """Return a joint, with normal springs twice as stiff as the tangential ones unless they are given."""
+def joint(*surfaces, name="joint", friction=0.3, k_t=1.0e12, k_n=None, preload="static", gap=None):
+    """Return a joint, with normal springs twice as stiff as the tangential ones unless they are given; a gap [m] of open ones."""
     springs = {"tangential_stiffness": k_t, "normal_stiffness": k_n or 2.0 * k_t}
-    return table("[joints]", name=name, surfaces=surfaces, friction=friction, **springs, preload=preload)
+    at_rest = {"preload": preload} if gap is None else {"gap": gap}
+    return table("[joints]", name=name, surfaces=surfaces, friction=friction, **springs, **at_rest)
 
 
 def with_harmonics(solver):

@@ -77,6 +77,12 @@ HELD = [
 ]
 
 JOINTS = [
+    Case(
+        "disc that turns about another axis",
+        RUN,
+        ("[model] axis: a disc turns about the axis of [cyclic]",),
+        edited("disc.toml", "[model]\n", "[statics]\nrotation_speed = 100.0\n[model]\naxis = [1.0, 0.0, 0.0]\n"),
+    ),
     disc("next sector without a disc", TABLE, "", '[[joints]] 2 ("shrouds") next_sector: there is no table [cyclic]'),
     disc(
         "next sector without a neighbour", SHROUDS, '"shroud_high", "left0"]', "joint 'shrouds'", "is taken from the next sector"
@@ -150,6 +156,11 @@ DIFFER = [
         RUN,
         ("[damping] ratios: with [cyclic] whole = true", "state ratio, or rayleigh"),
         edited("disc.toml", WAVE, WHOLE, "ratio = 0.01", "ratios = [0.01]"),
+    ),
+    differing(
+        "friction of a sector with statics",
+        SECTOR + "friction = 0.5\n[statics]\nrotation_speed = 100.0",
+        "the state of rest is that of alike sectors, and friction of a sector takes part in it",
     ),
     table_of("sector,friction", "0,1.0", "1,0.9", "table with too few sectors", "sectors.csv: sector 2 has no row (3 in all)"),
     table_of("sector,friction", "7,1.0", "table of a sector beyond", "line 2: sector 7; 5 sectors have the numbers 0 to 4"),

@@ -122,7 +122,7 @@ def test_the_stress_of_the_bolt_is_its_force_over_its_area(comm, kind):
     def seen(block, i, rows):
         return bolts.overlap.motions_of(block, i, rows, rest.bolts.shortening)
 
-    stiffened = stiffness_at_rest(shares, given, system, rest.u_owned, seen)
+    stiffened = stiffness_at_rest(shares, given, system, rest.u_owned, seen).K
     stiffened.axpy(-1.0, system.K)
     w, K_w = stiffened.createVecs()
 

@@ -130,7 +130,7 @@ def test_what_did_not_change_is_not_made_again(comm, folder, made):
 
 @pytest.fixture
 def stiffnesses(monkeypatch):
-    """Return the list of all stiffness matrices at rest that are assembled from now on."""
+    """Return the list of all structures with stiffness at rest that are assembled from now on."""
     assembled = []
     assemble = reference_state.stiffness_at_rest
     monkeypatch.setattr(reference_state, "stiffness_at_rest", lambda *of: assembled.append(assemble(*of)) or assembled[-1])
@@ -141,10 +141,10 @@ def test_the_matrices_of_a_rest_are_freed_with_it(comm, folder, stiffnesses):
     structure = microslip.build(scene_of(comm, folder, STATICS, *COMMON, RANGE, name="freed"), comm)
     for friction in (0.24, 0.26, 0.22):
         microslip.respond(structure, error_bars=False, friction=friction)
-    assert [bool(K) for K in stiffnesses] == [True, False, False, True]  # of the structure and of its last rest
+    assert [bool(about.K) for about in stiffnesses] == [True, False, False, True]  # of the structure and of its last rest
     system, reference = structure.linearised.system, structure.reference.system
     structure.close()
-    assert not any(stiffnesses) and not any([system.K, system.M, reference.K])
+    assert not any(about.K for about in stiffnesses) and not any([system.K, system.M, reference.K])
     with pytest.raises(CaseError, match="the structure is closed"):
         microslip.respond(structure, friction=0.24)
 

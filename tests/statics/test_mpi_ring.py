@@ -63,7 +63,7 @@ def at_speed(comm, mesh, speed):
     linearised.destroy()
     u_all = np.concatenate(comm.allgather(rest.u_owned))
     u = np.where(system.dof >= 0, u_all[system.dof], 0.0)
-    K = stiffness_at_rest(shares, given, system, rest.u_owned)
+    K = stiffness_at_rest(shares, given, system, rest.u_owned).K
     return shares, pairs, replace(system, K=K), u
 
 

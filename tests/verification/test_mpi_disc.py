@@ -184,7 +184,6 @@ def test_what_fits_no_disc_is_refused_in_one_message(shared_path):
     assert "wave belongs to nodal_diameter" in refused(shared_path, wave={"engine_order": 1, "wave": "forward"})
     assert 'take "receptance"' in refused(shared_path, solver={"method": '"rubin"'})
     assert "harmonics = 0 is a static equilibrium" in refused(shared_path, solver={"harmonics": 0})
-    assert "state preload in Pa" in refused(shared_path, extra='[[statics.forces]]\ngroup = "tip"\nforce = [1.0, 0.0, 0.0]\n')
 
 
 def test_a_wave_and_the_one_in_the_other_direction_share_all_of_it():

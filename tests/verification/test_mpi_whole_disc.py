@@ -13,6 +13,7 @@ from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
 from microslip.library.response import Response
 from microslip.parallel.agree import on_root
+from microslip.points.error_parts import total
 from microslip.receptance.motions import output_motion
 from microslip.results.fields import read_fields
 from microslip.results.plots import draw_one
@@ -189,3 +190,47 @@ def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
     close = cKDTree(fields.mesh.points[disc]).query_pairs(1e-9, output_type="ndarray")
     assert len(close) == 4 * N  # where sectors meet
     np.testing.assert_allclose(u[disc[close[:, 0]]], u[disc[close[:, 1]]], atol=1e-6 * np.abs(u).max())
+
+
+def test_gaps_that_differ_are_those_of_the_ring(shared_path):
+    """Shrouds that are open at rest, by other gaps in each sector, and close under the load in some sectors alone."""
+    N, h, frequency, level = 4, 1, 930.0, 60.0
+    gap, how = np.array([0.4, 1.0, 1.8, 0.7]), {"how": {"shroud": True}, "of_shrouds": {"gap": 2.0e-6}}
+    solved = end(N_SHROUDED, level, frequency) + sector_factors(gap=gap)
+    whole = built(write_sector, shared_path, N, solved, wave={"engine_order": h, "whole": True}, **how)
+    ring = built(write_ring, shared_path, N, end(N * N_SHROUDED, level, frequency), h=h, n_outputs=N, **how)
+    at, sector = of_sectors(ring, whole)
+    N0 = np.where(ring.pairs.N0 < 0.0, gap[sector], 1.0) * ring.pairs.N0
+    np.testing.assert_allclose(whole.pairs.N0[at], N0, rtol=1e-12)
+    ring = replace(ring, pairs=replace(ring.pairs, N0=N0))
+    of_ring, _, p_of_ring = at_frequency(ring, level, frequency)
+    of_whole, _, p = at_frequency(whole, level, frequency)
+    closes = np.abs(p_of_ring[N0 < 0.0]).max(axis=(1, 2)) > 1e-6 * np.abs(p).max()
+    assert closes.any()
+    np.testing.assert_allclose(of_whole, of_ring, atol=1e-6 * np.abs(of_ring).max())
+    in_axes, in_axes_of_ring = (  # axes of the pairs are others where "tangent" is not stated
+        np.einsum("pji,pjh->pih", pairs.frame, forces) for pairs, forces in ((whole.pairs, p), (ring.pairs, p_of_ring))
+    )
+    np.testing.assert_allclose(in_axes[at], in_axes_of_ring, atol=1e-6 * np.abs(p).max())
+    ring.close()
+    whole.close()
+
+
+def test_error_bars_of_sectors_that_differ_hold_what_is_left_out(shared_path):
+    """Modes, harmonics and samples of few beside those of many, in every sector."""
+    N, level, frequency = 3, 20.0, 1436.0
+    factors = sector_factors(friction=[0.8, 1.3, 1.0], load=[1.0, 0.9, 1.2])
+
+    def points(modes, **solver):
+        solved = end(modes, level, frequency, **solver) + factors
+        whole = built(write_sector, shared_path, N, solved, wave={"engine_order": 1, "whole": True}, friction=0.05)
+        (branch,) = follow(prepare(whole).response)
+        assert not branch.failure
+        point = branch.points[int(np.argmin(np.abs([point.omega / (2.0 * np.pi) - frequency for point in branch.points])))]
+        whole.close()
+        return point.response[:, 1] - 1j * point.response[:, 2], point.error
+
+    coarse, error = points(6, samples=64, error_bars=True)
+    fine, _ = points(N_DOF, harmonics=9, samples=512)
+    bars, missed = np.array([total(of_output) for of_output in error]), np.abs(coarse - fine)
+    assert bars.shape == (N,) and (missed <= bars).all() and (bars < 30.0 * missed).all() and (missed > 0.0).all()

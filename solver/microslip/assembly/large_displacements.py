@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from petsc4py import PETSc
 
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock
@@ -18,8 +17,8 @@ from .system import System
 
 def tangent_about(
     dmesh: DistributedMesh, tables: StructureTables, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
-) -> tuple[PETSc.Mat, np.ndarray]:
-    """Return the stiffness K_T about a displacement, and the forces K_T u - f_int(u) beside the constant ones.
+) -> tuple[System, np.ndarray]:
+    """Return the system with the stiffness K_T about a displacement, and the forces K_T u - f_int(u) beside the constant ones.
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  docs/theory.md, eq. (12.14).
 
@@ -32,7 +31,7 @@ def tangent_about(
 
     Returns
     -------
-    K_T : (n_dof, n_dof) N/m, spin softening in it
+    system : with K_T (n_dof, n_dof) [N/m], spin softening in it
     forces_owned : (n_dof_owned,) N, this rank's rows
     """
     spin, moved = spin_of(tables, share), moved_at_nodes(dmesh, system)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from petsc4py import PETSc
@@ -18,6 +19,7 @@ from ..tables.structure_tables import StructureTables
 from .assemble import petsc_matrix
 from .constraints import Constraints, reduced
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
+from .sectors import Sectors
 from .spin import outward, spin_of, stated_statics
 from .system import System
 
@@ -152,8 +154,8 @@ def _of_moved(dmesh: DistributedMesh, tables: StructureTables, moved: np.ndarray
 
 def stiffness_at_rest(
     dmesh: DistributedMesh, tables: StructureTables, system: System, u_owned: np.ndarray, above_cuts: Seen | None = None
-) -> PETSc.Mat:
-    """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m].
+) -> System:
+    """Return the system with K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m].
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  K_F takes the place of K where the deformed shape counts.
     ``above_cuts`` gives what some elements see beyond that of their nodes (above the cuts of
@@ -182,10 +184,10 @@ def moved_at_nodes(dmesh: DistributedMesh, system: System) -> np.ndarray | None:
     return None if system.moved is None else system.moved[np.argsort(dmesh.rank_order)]
 
 
-def with_change(dmesh: DistributedMesh, system: System, spin: np.ndarray, pattern: NodePattern, total: BlockSum) -> PETSc.Mat:
-    """Return K plus the sum of changes of element matrices, and the softening by ``spin`` (3, 3) of what is attached to nodes.
+def with_change(dmesh: DistributedMesh, system: System, spin: np.ndarray, pattern: NodePattern, total: BlockSum) -> System:
+    """Return the system with K plus a sum of changes of element matrices; of a disc with those of all nodal diameters changed.
 
-    Collective.
+    Collective.  ``spin`` (3, 3) softens what is attached to nodes.
     """
     constraints = system.constraints
     dof = by_rank(dmesh, system) if constraints is None else constraints.dof[np.argsort(dmesh.rank_order)]
@@ -193,15 +195,20 @@ def with_change(dmesh: DistributedMesh, system: System, spin: np.ndarray, patter
     n_owned = last - first if constraints is None else int(np.diff(constraints.nodal_ranges)[dmesh.comm.rank])
     change = petsc_matrix(dmesh.comm, n_owned, expand(pattern, total, dof, PETSc.IntType))
     structure = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+    sectors = system.sectors
     if constraints is not None:
+        of_rows = sectors.with_both_faces if isinstance(sectors, Sectors) else constraints
         attached = constraints.attached
         more = None if attached is None else attached.softening(spin)
-        change = reduced(change, constraints, _softening(constraints, spin), more)
+        change = reduced(change, of_rows, _softening(constraints, spin), more)
         structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-    K = system.K.duplicate(copy=True)
-    K.axpy(1.0, change, structure=structure)
+    if isinstance(sectors, Sectors):
+        about = sectors.about(system, change)
+    else:
+        about = replace(system, K=system.K.duplicate(copy=True))
+        about.K.axpy(1.0, change, structure=structure)
     change.destroy()
-    return K
+    return about
 
 
 def _softening(constraints: Constraints, spin: np.ndarray) -> np.ndarray:

@@ -56,6 +56,33 @@ class Sectors:
         K, M = reduced_matrices(sector, replace(constraints, T=T, row_ranges=unfolding.v_ranges))
         return cls(n_sectors, wave_number, replace(sector, K=K, M=M), R_next, constraints, part, high, unfolding, T)
 
+    @property
+    def with_both_faces(self) -> Constraints:
+        """The constraints of the sector with both faces free: the rows of its K and M."""
+        return replace(self.constraints, T=self.T, row_ranges=self.unfolding.v_ranges)
+
+    def about(self, system: System, change: PETSc.Mat) -> System:
+        """Return the system of nodal diameter 0 with a ``change`` (n_v, n_v) of the sector's K, in the K of all diameters.
+
+        Collective: a product of sparse matrices.  docs/theory.md, eq. (14.10).  ``system`` is that without, whose
+        M and maps are shared.
+        """
+        K = self.sector.K.duplicate(copy=True)
+        K.axpy(1.0, change, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        sectors = replace(self, sector=replace(self.sector, K=K), shared={})
+        return replace(system, K=projected(K, self.unfolding, 1.0), sectors=sectors)
+
+    def at_rest(self, u_owned: np.ndarray, moved: np.ndarray | None) -> Sectors:
+        """Return the sectors with the displacement at rest, this rank's rows of nodal diameter 0, (n_w_owned,) [m].  Local.
+
+        ``moved`` (n_nodes, 3) [m] is how far supports are moved.
+        """
+        return replace(self, sector=replace(self.sector, rest_owned=u_owned, moved=moved))
+
+    def rest_at_nodes(self, w: np.ndarray) -> np.ndarray:
+        """Return the displacement of the sector's nodes at rest, (n_nodes, 3), from the rows of nodal diameter 0.  Local."""
+        return self.constraints.at_nodes(w)
+
     def phase(self, d: int) -> complex:
         """Return exp(i d alpha): what leads in sector 1 before sector 0.  Local."""
         if d % self.n_sectors == 0:
@@ -99,11 +126,23 @@ class Sectors:
         u[self.high] = to_real(of_high, u.shape[-1]).reshape(-1, 3, u.shape[-1])
         return u
 
-    def destroy(self) -> None:
-        """Free the matrices of the sector, and what its nodal diameters share; once more does nothing.  Collective."""
+    def free_shared(self) -> None:
+        """Free what the nodal diameters share, the factor of the sector; it is computed again when needed.  Collective."""
         for item in self.shared.values():
             item.destroy()
         self.shared.clear()
+
+    def destroy(self, other: Disc | None = None) -> None:
+        """Free the matrices of the sector, and what its nodal diameters share; once more does nothing.  Collective.
+
+        Those that an ``other`` state of rest of the same sectors shares stay.
+        """
+        if isinstance(other, Sectors) and other.shared is self.shared:
+            return
+        self.free_shared()
+        if isinstance(other, Sectors):
+            self.sector.destroy(other.sector)
+            return
         self.sector.destroy()
         self.unfolding.destroy()
         for matrix in self.blades or ():
@@ -139,9 +178,13 @@ class AllSectors:
         u[self.disc.high] = np.roll(u[self.disc.high], -1, axis=2)  # nodes of the low face of the next sector
         return np.einsum("sij,njsh->snih", self.turns, u).reshape(-1, 3, N_H)
 
-    def destroy(self) -> None:
+    def rest_at_nodes(self, w: np.ndarray) -> np.ndarray:
+        """Return the displacement of the nodes of sector 0 at rest, that of alike sectors, (n_nodes, 3).  Local."""
+        return self.disc.rest_at_nodes(w)
+
+    def destroy(self, other: Disc | None = None) -> None:
         """Free the matrices of the sector.  Collective."""
-        self.disc.destroy()
+        self.disc.destroy(other.disc if isinstance(other, AllSectors) else other)
 
 
 def _unfolded(constraints: Constraints, high: np.ndarray) -> tuple[Unfolding, sp.csr_matrix]:

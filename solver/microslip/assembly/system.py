@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -34,8 +34,11 @@ class Disc(Protocol):
     def at_nodes(self, w: np.ndarray) -> np.ndarray:
         """Return the motion of the sector's nodes, (n_nodes, 3, N_H), from coefficients of all rows, (n_dof, N_H).  Local."""
 
-    def destroy(self) -> None:
-        """Free the matrices of the sector.  Collective."""
+    def rest_at_nodes(self, w: np.ndarray) -> np.ndarray:
+        """Return the displacement of the sector's nodes at rest, (n_nodes, 3), from the rows of nodal diameter 0.  Local."""
+
+    def destroy(self, other: Any = None) -> None:
+        """Free the matrices of the sector, but for those that an ``other`` disc shares.  Collective."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,9 @@ class System:
     output_pairs: np.ndarray | None = None  # (n_outputs, 3 n_pairs) what p adds to contact forces; None: nothing
     output_base: np.ndarray | None = None  # (n_outputs, n_loads) acceleration of the base along absolute outputs; None: none
     constraints: Constraints | None = None  # what ties and points make follow; None where there are none
-    rest_owned: np.ndarray | None = None  # (n_dof_owned,) m, this rank's rows of the displacement at rest; None without statics
+    rest_owned: np.ndarray | None = (
+        None  # (n_dof_owned,) m, displacement at rest, of a disc at nodal diameter 0; None: no statics
+    )
     notes: tuple[str, ...] = ()  # on pairs that supports fix on both sides, for the log
     rigid_owned: np.ndarray | None = None  # (n_dof_owned, 6) rigid-body motions; (n_dof_owned, 0) with supports; None: not known
     moved: np.ndarray | None = None  # (n_nodes, 3) m, how far supports are moved at rest, in the order of dof; None: they rest
@@ -103,11 +108,16 @@ class System:
         return replace(self, R=self.R.conj(), loads=self.loads.conj(), outputs=self.outputs.conj(), constraints=constraints)
 
     def destroy(self, other: System | None = None) -> None:
-        """Free K, M and C, but for those that an ``other`` system shares; once more does nothing.  Collective."""
+        """Free K, M and C, but for those that an ``other`` system shares; once more does nothing.  Collective.
+
+        With an ``other`` one of a disc the matrices of the sector, too, unless both are about one state of rest.
+        """
         shared = () if other is None else (other.K, other.M, other.C)
         for matrix in (self.K, self.M, self.C):
             if matrix is not None and not any(matrix is other_matrix for other_matrix in shared):
                 free(matrix)
+        if other is not None and self.sectors is not None:
+            self.sectors.destroy(other.sectors)
 
     def at_nodes(self, u: np.ndarray) -> np.ndarray:
         """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local.

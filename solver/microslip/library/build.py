@@ -22,6 +22,7 @@ from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
 from ..mesh.sector_factors import factors_of, notes_on_sectors, pairs_of_all_sectors
+from ..messages.errors import CaseError
 from ..modes.eigen import Modes
 from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
@@ -74,7 +75,7 @@ class Structure(StuckStructure):
             return
         free_other_rest(self)
         if self.reference is not None:
-            self.reference.close()
+            self.reference.close(self.linearised.system)
             self.reference.system.destroy(self.linearised.system)
         for linearised in groups:
             linearised.destroy()
@@ -250,6 +251,12 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
     scene, cyclic = parts.scene, parts.scene.cyclic
     assert cyclic is not None, "a disc"
     factors = on_root(parts.rest.system.comm, factors_of, cyclic, scene.path)
+    if scene.statics is not None and factors.contact_that_differs:
+        raise CaseError(
+            f"{scene.path}: [cyclic] with [statics]: the state of rest is that of alike sectors, and "
+            f"{factors.contact_that_differs} of a sector takes part in it; leave [statics] out and state preload in Pa, or let "
+            "stiffness, density and load differ"
+        )
 
     def alike(d: int) -> Structure:
         wave = cyclic.with_keys(engine_order=d, nodal_diameter=None, wave=None, whole=False)
@@ -355,6 +362,11 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
     CaseError, ConvergenceError, ResourceError : on every rank
     """
     assert structure.reference is not None, "a structure that keeps it"
+    if scene.cyclic is not None:
+        raise CaseError(
+            f"{scene.path}: [cyclic] with [statics]: another friction or preload is another state of rest, and of a disc the one "
+            "built is known; build the structure of a scene that states it"
+        )
     structure.refuse_closed()
     key, of_scene = ((each.mu.tobytes(), each.N0.tobytes()) for each in (pairs, structure.reference.pairs))
     if key == of_scene:
@@ -411,7 +423,7 @@ def from_mesh(
     with log.stage("statics"):
         reference = ReferenceState.of(system, shares, mesh, pairs, scene, str(scene.path))
         rest = find_rest(reference, reference.pairs)
-        reference.close()
+        reference.close(rest.system)
     for line in rest.messages:
         log.note(line)
     return mesh, rest, reference

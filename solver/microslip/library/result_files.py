@@ -13,7 +13,7 @@ from ..mesh.locate import find_node
 from ..observe.not_computed import Extent
 from ..points.branch import Branch
 from ..points.quantities import hertz
-from ..reduction.expand import node_fields, peak_displacements
+from ..reduction.expand import node_fields, peak_displacements, rest_at_nodes
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin
 from ..results.record import STATIC_TABLES, LinearCurve, ResultFile, StaticTable, joint_of
@@ -96,7 +96,7 @@ class Shapes:
     """Fields on the mesh, in the order of its nodes."""
 
     modes: np.ndarray  # (n_nodes, 3, n_modes) [1/sqrt(kg)]; of a disc those of sector 0, maybe complex
-    rest: np.ndarray | None  # (n_nodes, 3, 1) m; None without statics
+    rest: np.ndarray | None  # (n_nodes, 3) m; None without statics
     peaks: Mapping[int, Motion]  # by the number of the level
 
 
@@ -111,9 +111,7 @@ def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
     structure.refuse_closed()
     shown = structure.excited
     modes = node_fields(shown.system, shown.modes.phi_owned)
-    rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
-    if rest is not None and system.moved is not None:
-        rest = rest + system.moved[:, :, None]
+    rest = rest_at_nodes(system)
     numbers = [number for number, branch in enumerate(branches) if branch.points]
     motions = peak_displacements(system, prepared.reduction, prepared.model, [branches[number] for number in numbers])
     return None if modes is None else Shapes(modes, rest, {number: Motion(*motion) for number, motion in zip(numbers, motions)})
@@ -138,7 +136,9 @@ def write_shapes(
             branch = branches[number]
             motions.update(peak_fields(branch.level, hertz(branch.points[motion.point].omega), motion.u))
         write_fields(str(folder / "peak_response.vtkhdf"), mesh, motions)
-        rest = None if shapes.rest is None else shapes.rest[:, :, 0]
+        rest = shapes.rest
+        if rest is not None and prepared.scene.cyclic is not None:
+            rest = np.concatenate([rest @ turn.T for turn in turns(prepared.scene.cyclic)])
         fields = Fields(mesh, modes, rest, peaks, *_places(prepared))
     keep_fields(str(folder / "results.h5"), fields, run)
 

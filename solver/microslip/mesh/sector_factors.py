@@ -35,6 +35,11 @@ class SectorFactors:
     load: np.ndarray
 
     @property
+    def contact_that_differs(self) -> str:
+        """The first of what differs in contact, in words; "" where nothing does."""
+        return next((name.replace("_", " ") for name in _OF_PAIRS if (getattr(self, name) != 1.0).any()), "")
+
+    @property
     def changes_blades(self) -> bool:
         """Whether stiffness or density of the blades differs."""
         return bool((self.stiffness != 1.0).any() or (self.density != 1.0).any())

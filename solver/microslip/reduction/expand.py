@@ -52,6 +52,21 @@ def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
     return system.at_nodes(np.concatenate(gathered))
 
 
+def rest_at_nodes(system: System) -> np.ndarray | None:
+    """Return the displacement at rest per node, (n_nodes, 3) [m], on rank 0, of a disc that of sector 0; None without statics.
+
+    Collective: one gather.
+    """
+    if system.rest_owned is None:
+        return None
+    gathered = system.comm.gather(system.rest_owned)
+    if gathered is None:
+        return None
+    at_nodes = system.at_nodes if system.sectors is None else system.sectors.rest_at_nodes
+    u = at_nodes(np.concatenate(gathered))
+    return u if system.moved is None else u + system.moved
+
+
 def motions_at_nodes(system: System, owned: np.ndarray) -> np.ndarray | None:
     """Return the harmonics of a motion per node, (n_nodes, 3, N_H), on rank 0 (None elsewhere); for a disc, of sector 0.
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 from ..messages.words import hint, listed
 from ..system.files import NO_FILE
+from ..tables.cyclic import Cyclic
 from ..tables.joint import OfPoints
 from ..tables.table import any_of
 from .inputs import may_know_nodes, named_files
@@ -190,7 +193,7 @@ def _statics(scene: Scene) -> list[str]:
             )
     if statics is None:
         return mistakes
-    if statics.rotation_speed > 0.0 and scene.model.axis is None:
+    if statics.rotation_speed > 0.0 and scene.axis_of_rotation is None:
         mistakes.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
     acting = (any(load.pressure for load in statics.pressures), any(load.temperature != 0.0 for load in statics.temperatures))
     if not (statics.rotation_speed or statics.forces or statics.bolts or statics.displacements or any(acting)):
@@ -437,10 +440,8 @@ def _disc(scene: Scene) -> list[str]:
         ]
     if scene.is_static:
         mistakes.append("[cyclic]: [solver] harmonics = 0 is a static equilibrium without waves; state at least 1")
-    if scene.statics is not None:
-        mistakes.append(
-            "[cyclic] with [statics]: the state of rest of a disc is not computed; leave [statics] out, and state preload in Pa"
-        )
+    if scene.statics is not None and scene.statics.rotation_speed > 0.0 and scene.model.axis is not None:
+        mistakes += _other_axis(cyclic, scene.model.axis, scene.model.axis_point)
     if scene.solver.method not in OF_DISCS:
         mistakes.append(
             f'[solver] method = "{scene.solver.method}": with [cyclic] each nodal diameter has its own complex matrices, '
@@ -463,6 +464,19 @@ def _disc(scene: Scene) -> list[str]:
             "but accuracy chooses the modes of only one; state a number"
         )
     return mistakes
+
+
+def _other_axis(cyclic: Cyclic, axis: Sequence[float], point: Sequence[float]) -> list[str]:
+    """Return a mistake where an axis of rotation is another line than the axis of a disc."""
+    x, y, z = (component / math.hypot(*cyclic.axis) for component in cyclic.axis)
+
+    def across(v: Sequence[float]) -> float:
+        return math.hypot(y * v[2] - z * v[1], z * v[0] - x * v[2], x * v[1] - y * v[0])
+
+    offset = [a - b for a, b in zip(point, cyclic.axis_point)]
+    if across(axis) <= 1e-6 * math.hypot(*axis) and across(offset) <= 1e-6 * max(1.0, math.hypot(*cyclic.axis_point)):
+        return []
+    return ["[model] axis: a disc turns about the axis of [cyclic], and this is another line; leave axis and axis_point out"]
 
 
 def _whole_disc(scene: Scene) -> list[str]:

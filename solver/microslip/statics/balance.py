@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from ..assembly.reactions import Acting
 from ..linear.factor import RESIDUAL_LIMIT, ROUNDING_LIMIT
 from ..mesh.connected import connected_parts
+from ..mesh.cyclic import rotation, turned_about
 from ..mesh.data import ContactPairs
 from ..messages.errors import ConvergenceError
 from ..messages.words import listed, place
 from ..parallel.agree import on_root
+from ..tables.cyclic import Cyclic
 from .equilibrium import TOLERANCE, Rest
 from .loaded import Loaded
 
@@ -70,23 +71,28 @@ def balance_of(loaded: Loaded, rest: Rest, acting: Acting | None) -> Balance:
 
     def checked() -> Balance:
         assert acting is not None and loaded.mesh is not None, "rank 0 of a structure with a mesh"
-        balance = Balance(_of_joints(loaded.pairs, rest, acting), _of_bodies(loaded, rest, acting))
+        balance = Balance(_of_joints(loaded.pairs, rest, acting, loaded.cyclic), _of_bodies(loaded, rest, acting))
         check_balance(loaded, rest, balance)
         return balance
 
     return on_root(loaded.system.comm, checked)
 
 
-def _of_joints(pairs: ContactPairs, rest: Rest, acting: Acting) -> JointsAtRest:
-    """Return the resultant forces of joints, including stated preloads."""
+def _of_joints(pairs: ContactPairs, rest: Rest, acting: Acting, cyclic: Cyclic | None) -> JointsAtRest:
+    """Return the resultant forces of joints, including stated preloads; second sides in the next sector act where it lies."""
     sides, names = pairs.sides(len(acting.places)), np.array(pairs.joint)
     on_first = -_in_model_axes(pairs, rest.force)
+    there = acting.places
+    if cyclic is not None:
+        there = turned_about(there, rotation(cyclic.axis, cyclic.angle), cyclic.axis_point)
     rows: list[tuple] = []
     for name in dict.fromkeys(pairs.joint):
         of_joint = np.flatnonzero(names == name)
         about = np.average(pairs.position[of_joint], axis=0, weights=pairs.area[of_joint])
+        places = acting.places, there if pairs.next_sector[of_joint].any() else acting.places
         first, second = (
-            _of_side(side[of_joint], sign * on_first[of_joint], acting, about) for side, sign in zip(sides, (1.0, -1.0))
+            _resultant(at, side[of_joint].T @ (sign * on_first[of_joint]), about)
+            for side, sign, at in zip(sides, (1.0, -1.0), places)
         )
         second = second if sides[1][of_joint].nnz else -first  # ground
         size = np.linalg.norm(rest.force[of_joint], axis=1).sum()
@@ -101,7 +107,7 @@ def _of_bodies(loaded: Loaded, rest: Rest, acting: Acting) -> BodiesAtRest:
     part, part_names = connected_parts(mesh, loaded.body_of)
     tied = np.arange(len(part_names)) if constraints is None else constraints.clusters
     of_points = tied[part[list(() if constraints is None else constraints.group_nodes)]]
-    contact = _contact_on_nodes(loaded.pairs, rest, n_nodes)
+    contact = _contact_on_nodes(loaded.pairs, rest, n_nodes, loaded.cyclic)
     held = np.where(acting.is_held, acting.resisted - acting.loads - contact, 0.0)
     rows: list[tuple] = []
     for i in np.unique(tied):
@@ -122,17 +128,20 @@ def _in_model_axes(pairs: ContactPairs, force: np.ndarray) -> np.ndarray:
     return np.einsum("pji,pj->pi", pairs.frame, force)
 
 
-def _contact_on_nodes(pairs: ContactPairs, rest: Rest, n_nodes: int) -> np.ndarray:
-    """Return the contact forces on nodes, -R^T f_nl, (n_nodes, 3) [N]; stated preloads are self-equilibrated."""
+def _contact_on_nodes(pairs: ContactPairs, rest: Rest, n_nodes: int, cyclic: Cyclic | None) -> np.ndarray:
+    """Return the contact forces on nodes, -R^T f_nl, (n_nodes, 3) [N]; stated preloads are self-equilibrated.
+
+    A second side in the next sector is that of this one, turned: so are the forces of the sector before on it.
+    """
     carried = rest.force.copy()
     carried[:, 2] += np.maximum(np.nan_to_num(pairs.N0), 0.0)
     first, second = pairs.sides(n_nodes)
-    return (second - first).T @ _in_model_axes(pairs, carried)
-
-
-def _of_side(side: sp.csr_matrix, forces: np.ndarray, acting: Acting, about: np.ndarray) -> np.ndarray:
-    """Return the resultant force and moment, (6,), of contact forces on the nodes of one side."""
-    return _resultant(acting.places, side.T @ forces, about)
+    on_second = _in_model_axes(pairs, carried)
+    on_first = on_second.copy()
+    if cyclic is not None:
+        on_second[pairs.next_sector] = on_second[pairs.next_sector] @ rotation(cyclic.axis, cyclic.angle)
+    forces: np.ndarray = second.T @ on_second - first.T @ on_first
+    return forces
 
 
 def _resultant(points: np.ndarray, forces: np.ndarray, about: np.ndarray) -> np.ndarray:

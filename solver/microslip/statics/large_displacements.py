@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from ..assembly.system import System
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError, ConvergenceError
-from ..parallel.petsc import free
 from .equilibrium import Flexibility, Rest, equilibrium
 
 CLOSE = 1e-8  # change of the last step over the largest displacement: the next change would be its square
@@ -25,7 +23,7 @@ SHORTEST = 1.0 / 16.0  # shortest step, as a fraction of the load
 class About:
     """The structure linearised about a displacement, under a fraction of the load."""
 
-    K: PETSc.Mat  # K_T, N/m
+    system: System  # with K_T [N/m]
     forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows of the forces besides that fraction of the constant loads
     pairs: ContactPairs  # with the areas of the deformed surfaces
 
@@ -88,11 +86,11 @@ def _step(sought: Sought, u: np.ndarray, fraction: float, is_stressed: bool) -> 
     """Return the rest of the structure linearised about a displacement.  Collective; frees its factor."""
     about = sought.about(u, fraction, is_stressed)
     try:
-        linearised = linearise(replace(sought.system, K=about.K), about.pairs)
+        linearised = linearise(about.system, about.pairs)
         try:
             loads = fraction * sought.forces_owned + about.forces_owned
             return equilibrium(Flexibility(linearised), about.pairs, loads, sought.n_steps, free_bodies=sought.free_bodies)
         finally:
             linearised.destroy()
     finally:
-        free(about.K)
+        about.system.destroy(sought.system)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..assembly.system import System
 from ..mesh.data import ContactPairs, Mesh
+from ..tables.cyclic import Cyclic
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,3 +22,4 @@ class Loaded:
     forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows
     body_of: Mapping[str, str]  # the body of each group of elements
     where: str = ""  # the scene file, for messages
+    cyclic: Cyclic | None = None  # of one sector of a disc

@@ -8,13 +8,13 @@ from functools import cached_property, partial
 
 import numpy as np
 from mpi4py.MPI import MAX
-from petsc4py import PETSc
 
 from ..assembly.large_displacements import tangent_about
 from ..assembly.moved import moved_supports
 from ..assembly.prestress import Seen, constant_forces, stiffness_at_rest
 from ..assembly.pretension import Bolts, pretension
 from ..assembly.reactions import acting_at_rest
+from ..assembly.sectors import Sectors
 from ..assembly.spin import stated_statics
 from ..assembly.system import System
 from ..linear.joint_springs import linearise
@@ -94,12 +94,18 @@ class ReferenceState:
         """
         return None if self.bolts is None else cuts_of(self.flexibility.linearised, self.bolts, self.where)
 
-    def close(self) -> None:
-        """Free the factor, if there is one, and results that need it; they are computed again when needed.  Collective."""
+    def close(self, other: System | None = None) -> None:
+        """Free the factor, if there is one, and results that need it; they are computed again when needed.  Collective.
+
+        That of the sector of a disc stays if the ``other`` system has the same K.
+        """
         vars(self).pop("cuts", None)
         flexibility = vars(self).pop("flexibility", None)
         if flexibility is not None:
             flexibility.linearised.destroy()
+        sectors, others = self.system.sectors, None if other is None else other.sectors
+        if isinstance(sectors, Sectors) and not (isinstance(others, Sectors) and others.shared is sectors.shared):
+            sectors.free_shared()
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,25 +132,28 @@ def find_rest(reference: ReferenceState, pairs: ContactPairs, known: System | No
     system, settings, forces, where = reference.system, reference.settings, reference.forces_owned, reference.where
     statics = stated_statics(settings)
     assert statics is not None, "a scene with [statics]"
-    loaded = Loaded(system, reference.mesh, pairs, forces, settings.body_of, where)
+    loaded = Loaded(system, reference.mesh, pairs, forces, settings.body_of, where, settings.cyclic)
     free = partial(freely_moved_bodies, loaded)
     messages: list[str] = []
     if statics.large_displacements:
         sought = Sought(system, partial(_about, reference, pairs), forces, statics.steps, free, where)
         rest, about, n_steps = large_equilibrium(sought)
-        K, pairs = about.K, about.pairs
+        about_rest, pairs = about.system, about.pairs
         loaded = replace(loaded, pairs=pairs)
         messages = _messages_of_large(reference, pairs, rest, n_steps)
     else:
         rest = _rest(reference, pairs, free)
-        K = _stiffness(reference, rest, known)
+        about_rest = _stiffness(reference, rest, known)
     check_contact(loaded, rest)
     acting = acting_at_rest(
         reference.shares, reference.mesh, settings, system, rest.u_owned, _motions_above_cuts(reference, rest)
     )
     balance = balance_of(loaded, rest, acting)
     messages += in_words(pairs, rest, balance)
-    return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, balance, tuple(messages))
+    if isinstance(about_rest.sectors, Sectors):
+        about_rest = replace(about_rest, sectors=about_rest.sectors.at_rest(rest.u_owned, system.moved))
+    about_rest = replace(about_rest, rest_owned=rest.u_owned)
+    return AtRest(about_rest, at_rest(pairs, rest), rest.bolts, balance, tuple(messages))
 
 
 def _rest(reference: ReferenceState, pairs: ContactPairs, free: Callable[[], str]) -> Rest:
@@ -158,11 +167,11 @@ def _rest(reference: ReferenceState, pairs: ContactPairs, free: Callable[[], str
 
 def _about(reference: ReferenceState, pairs: ContactPairs, u_owned: np.ndarray, fraction: float, is_stressed: bool) -> About:
     """Return the structure about a displacement, this rank's rows, under a fraction of the load.  Collective."""
-    K, forces = tangent_about(reference.shares, reference.settings, reference.system, u_owned, fraction, is_stressed)
+    about, forces = tangent_about(reference.shares, reference.settings, reference.system, u_owned, fraction, is_stressed)
     if not pairs.n_pairs:
-        return About(K, forces, pairs)
+        return About(about, forces, pairs)
     ratio, _ = _stretched(reference, pairs, u_owned, fraction)
-    return About(K, forces, of_larger_area(pairs, ratio))
+    return About(about, forces, of_larger_area(pairs, ratio))
 
 
 def _stretched(
@@ -185,13 +194,13 @@ def _messages_of_large(reference: ReferenceState, pairs: ContactPairs, rest: Res
     ]
 
 
-def _stiffness(reference: ReferenceState, rest: Rest, known: System | None) -> PETSc.Mat:
-    """Return K about a rest with small displacements; K of the known rest if the rests are equal.  Collective."""
+def _stiffness(reference: ReferenceState, rest: Rest, known: System | None) -> System:
+    """Return the structure with K about a rest with small displacements; that of a known rest if they are equal.  Collective."""
     system, settings = reference.system, reference.settings
     if known is not None and _is_same(known, rest.u_owned):
-        return known.K
+        return replace(system, K=known.K)
     if not stated_statics(settings).stress_stiffening:
-        return system.K
+        return system
     return stiffness_at_rest(reference.shares, settings, system, rest.u_owned, _motions_above_cuts(reference, rest))
 
 

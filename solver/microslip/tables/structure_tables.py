@@ -70,6 +70,13 @@ class StructureTables(Table):
         }
 
     @property
+    def axis_of_rotation(self) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
+        """Direction and a point [m] of the axis of rotation; a disc turns about its own.  None where none is stated."""
+        if self.cyclic is not None:
+            return self.cyclic.axis, self.cyclic.axis_point
+        return None if self.model.axis is None else (self.model.axis, self.model.axis_point)
+
+    @property
     def attached(self) -> list[tuple[str, str]]:
         """The groups of masses and springs, each after the key that names it; their nodes may belong to no element."""
         named = [(f"[[masses]] {i} group", mass.group) for i, mass in enumerate(self.masses, 1) if mass.group is not None]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from ...linear.dense import gram, multiply
+from ...modes.eigen import first_of
 from ...observe.screen_table import screen_table
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled
 from ...system.files import make_folder
@@ -55,6 +56,32 @@ def follow_families(linearised: Linearised, before: Modes, after: Modes) -> tupl
     return partner, np.abs(product[np.arange(len(partner)), partner])
 
 
+class Families:
+    """The families of modes over speed, by their shapes."""
+
+    def __init__(self) -> None:
+        self._last: Modes | None = None
+        self._frequency: list[np.ndarray] = []
+        self._likeness: list[np.ndarray] = []
+
+    def add(self, linearised: Linearised, computed: Modes) -> None:
+        """Add the modes at the next speed, in the order of the families.  Collective."""
+        if self._last is not None:
+            n = min(len(self._last.omega_n), len(computed.omega_n))
+            order, likeness = follow_families(linearised, first_of(self._last, n), first_of(computed, n))
+            computed = replace(computed, omega_n=computed.omega_n[order], phi_owned=computed.phi_owned[:, order])
+            self._likeness.append(likeness)
+        self._last = computed
+        self._frequency.append(computed.frequency)
+
+    def campbell(self, speeds: Sequence[float]) -> Campbell:
+        """Return the families that are there at all speeds.  Local."""
+        n = min(map(len, self._frequency))
+        frequency = np.array([each[:n] for each in self._frequency]).T
+        likeness = np.array([each[:n] for each in self._likeness]).reshape(-1, n).T
+        return Campbell(np.array(speeds), frequency, likeness)
+
+
 def crossings(campbell: Campbell, orders: Sequence[int]) -> list[Crossing]:
     """Return where f = E Omega / 2 pi meets a family, by family and speed.  Local.
 
@@ -74,6 +101,13 @@ def crossings(campbell: Campbell, orders: Sequence[int]) -> list[Crossing]:
                     speed = float(np.sqrt(at))
                     resonances.append(Crossing(family, order, speed, order * speed / (2.0 * np.pi)))
     return sorted(resonances, key=lambda crossing: (crossing.family, crossing.speed))
+
+
+def smooth(campbell: Campbell) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield speeds [rad/s] and frequencies [Hz] of each family between the speeds, as :func:`crossings` takes it.  Local."""
+    speeds = np.linspace(campbell.speed[0], campbell.speed[-1], 200)
+    for frequency in campbell.frequency:
+        yield speeds, np.sqrt(np.maximum(np.interp(speeds**2, campbell.speed**2, frequency**2), 0.0))
 
 
 def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, folder: Path) -> str:
@@ -109,7 +143,7 @@ def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequenc
     page = Page(scene, says, WIDTH, 4.4)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     rpm, highest = campbell.speed * 30.0 / np.pi, 1.08 * float(campbell.frequency.max())
-    for i, (speeds, frequency) in enumerate(_smooth(campbell)):
+    for i, (speeds, frequency) in enumerate(smooth(campbell)):
         axes.plot(speeds * 30.0 / np.pi, frequency, color=_COLOURS[i % len(_COLOURS)])
         axes.plot(rpm, campbell.frequency[i], ".", color=_COLOURS[i % len(_COLOURS)], markersize=4.0)
         axes.annotate(f" {i + 1}", (rpm[-1], campbell.frequency[i, -1]), fontsize=7, va="center", annotation_clip=False)
@@ -130,10 +164,3 @@ def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequenc
     )
     axes.set(xlabel="speed [rpm]", ylabel="frequency [Hz]", ylim=(0.0, highest), xlim=(0.0, rpm[-1]))
     page.save(path)
-
-
-def _smooth(campbell: Campbell) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield each family's curve between the speeds, as :func:`crossings` takes it."""
-    speeds = np.linspace(campbell.speed[0], campbell.speed[-1], 200)
-    for frequency in campbell.frequency:
-        yield speeds, np.sqrt(np.maximum(np.interp(speeds**2, campbell.speed**2, frequency**2), 0.0))

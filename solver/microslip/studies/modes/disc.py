@@ -67,6 +67,12 @@ class Excited:
     n_sectors: int
     speeds: tuple[float, ...]  # rad/s; empty: not stated
     orders: tuple[int, ...] = ()  # empty: 1 to the number of sectors
+    frequencies: str = "at rest"  # which those of the modes are, in words
+
+    @property
+    def all_orders(self) -> Sequence[int]:
+        """The engine orders that are looked for."""
+        return self.orders or range(1, self.n_sectors + 1)
 
     def crossings(self, by_diameter: Sequence[DiameterModes]) -> list[tuple[int, Crossing]]:
         """Return nodal diameter and crossing of each engine order that meets a mode, by diameter and mode.  Local.
@@ -79,7 +85,7 @@ class Excited:
             (each.diameter, Crossing(i, order, 2.0 * np.pi * float(f) / order, float(f)))
             for each in by_diameter
             for i, f in enumerate(each.frequency, 1)
-            for order in self.orders or range(1, self.n_sectors + 1)
+            for order in self.all_orders
             if alias(order, self.n_sectors) == each.diameter
         ]
         return [(d, crossing) for d, crossing in all_crossings if min(self.speeds) <= crossing.speed <= max(self.speeds)]
@@ -120,17 +126,19 @@ def show_disc(parts: Assembled, count: int, diameters: Sequence[int], excited: E
     """
     scene, comm, by_diameter = parts.scene, log.comm, []
     assert scene.cyclic is not None, "a disc"
-    for d, linearised, computed in _by_diameter(parts, count, diameters, log):
-        by_diameter.append(_table(d, parts, linearised, computed))
+    for d, linearised, computed in modes_by_diameter(parts, count, diameters, log):
+        by_diameter.append(table_of(d, parts, linearised, computed))
         shapes = node_fields(linearised.maps, computed.phi_owned)
-        on_root(comm, _write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
+        on_root(comm, write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
     if not by_diameter:
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
     with log.stage("table and pictures"):
         log.note(on_root(comm, write_disc, by_diameter, scene, excited, folder))
 
 
-def _by_diameter(parts: Assembled, count: int, diameters: Sequence[int], log: RunLog) -> Iterator[tuple[int, Linearised, Modes]]:
+def modes_by_diameter(
+    parts: Assembled, count: int, diameters: Sequence[int], log: RunLog
+) -> Iterator[tuple[int, Linearised, Modes]]:
     """Yield each nodal diameter with its factor and its modes, and free them.  Collective."""
     scene, system = parts.scene, parts.rest.system
     sectors = system.sectors
@@ -156,7 +164,7 @@ def _by_diameter(parts: Assembled, count: int, diameters: Sequence[int], log: Ru
     sectors.destroy()
 
 
-def _table(d: int, parts: Assembled, linearised: Linearised, computed: Modes) -> DiameterModes:
+def table_of(d: int, parts: Assembled, linearised: Linearised, computed: Modes) -> DiameterModes:
     """Return the results of a nodal diameter.  Collective: a sum or two."""
     pairs = parts.rest.pairs
     projected = project_modes(linearised.maps, computed.omega_n, computed.phi_owned)
@@ -165,7 +173,7 @@ def _table(d: int, parts: Assembled, linearised: Linearised, computed: Modes) ->
     return DiameterModes(d, computed.frequency, damping, joints)
 
 
-def _write_shapes(folder: Path, parts: Assembled, d: int, omega_n: np.ndarray, shapes: np.ndarray) -> None:
+def write_shapes(folder: Path, parts: Assembled, d: int, omega_n: np.ndarray, shapes: np.ndarray) -> None:
     """Write the shapes of a nodal diameter on all sectors for ParaView.  Rank 0."""
     cyclic = parts.scene.cyclic
     assert cyclic is not None and parts.mesh is not None, "a disc, on rank 0"
@@ -193,17 +201,17 @@ def write_disc(by_diameter: Sequence[DiameterModes], scene: Titled, excited: Exc
     ]
     says = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {excited.n_sectors} sectors"
     table = screen_table(says, ["nodal diameter", *(f"mode {i + 1}" for i in range(n))], rows)
-    return f"{table}\n{_resonances(by_diameter, excited, folder)}" if excited.speeds else table
+    return f"{table}\n{write_resonances(excited.crossings(by_diameter), excited, folder)}" if excited.speeds else table
 
 
-def _resonances(by_diameter: Sequence[DiameterModes], excited: Excited, folder: Path) -> str:
-    """Write crossings.csv, and return it as a table for the screen."""
-    rows = [(d, c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for d, c in excited.crossings(by_diameter)]
+def write_resonances(resonances: Sequence[tuple[int, Crossing]], excited: Excited, folder: Path) -> str:
+    """Write crossings.csv, nodal diameter and crossing in each row; return it as a table for the screen.  Local, rank 0."""
+    rows = [(d, c.family, c.order, c.speed, c.speed * 30.0 / np.pi, c.frequency) for d, c in resonances]
     columns = ("nodal_diameter", "mode", "engine_order", "speed_rad_s", "speed_rpm", "frequency_Hz")
     write_csv(str(folder / "crossings.csv"), columns, [dict(zip(columns, row)) for row in rows])
     low, high = min(excited.speeds), max(excited.speeds)
     return screen_table(
-        f"resonances between {low:g} and {high:g} rad/s, with frequencies at rest" + ("" if rows else ": none"),
+        f"resonances between {low:g} and {high:g} rad/s, with frequencies {excited.frequencies}" + ("" if rows else ": none"),
         ["nodal diameter", "mode", "engine order", "speed rad/s", "rpm", "frequency Hz"],
         [(row[0], [*map(str, row[:3]), *(cell(value, 6) for value in row[3:])]) for row in rows],
     )
@@ -214,7 +222,7 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
     says = "natural frequencies by nodal diameter, all pairs stuck"
     if excited.speeds:
         rpm = " and ".join(f"{speed * 30.0 / np.pi:.5g}" for speed in (min(excited.speeds), max(excited.speeds)))
-        says += f"; engine orders E at {rpm} rpm (dashed, crosses at whole orders); frequencies at rest"
+        says += f"; engine orders E at {rpm} rpm (dashed, crosses at whole orders); frequencies {excited.frequencies}"
     page = Page(scene, says, WIDTH, 4.4)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     n, diameters = min(len(each.frequency) for each in by_diameter), [each.diameter for each in by_diameter]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ from ...library.build import Assembled, assembled, factor_of, without_reference
 from ...library.settings import reduction_settings
 from ...linear.dense import gram, multiply
 from ...messages.errors import CaseError
-from ...modes.eigen import first_of, lowest_modes
+from ...modes.eigen import lowest_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
@@ -22,8 +22,9 @@ from ...reduction.modal_structure import damped_modes
 from ...reduction.stuck import project_modes
 from ...scene.read import changed
 from ...system.versions import versions
-from .campbell import ORDERS, Campbell, follow_families, write_campbell
+from .campbell import ORDERS, Families, write_campbell
 from .disc import Excited, diameters_of, show_disc
+from .disc_at_speed import show_at_speeds
 from .report import ModeTable, joint_shares, write_modes_of
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
     """Compute the lowest modes of a scene with all pairs stuck, about its state of rest; write table, picture and shapes.
 
     Collective on ``comm``.  At several speeds of rotation it is the Campbell diagram, and the shapes are those at the highest;
-    of a disc of sectors the interference diagram, whose frequencies are those at rest.
+    of a disc of sectors the interference diagram, with [statics] and speeds the Campbell diagram of all nodal diameters.
 
     Raises
     ------
@@ -67,8 +68,16 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
                 diameters_of(scene, request.diameters),
                 Excited(scene.cyclic.sectors, request.speeds, request.orders),
             )
-            parts = assembled(scene, comm, log)
-            show_disc(parts, scene.solver.modes or COUNT, diameters, excited, folder, log)
+            count = scene.solver.modes or COUNT
+            if request.speeds and scene.statics is not None:
+                at_speeds = (
+                    (speed, without_reference(assembled(at_speed(scene, speed), comm, log), False))
+                    for speed in sorted(request.speeds)
+                )
+                show_at_speeds(at_speeds, count, diameters, excited, folder, log)
+            else:
+                parts = without_reference(assembled(scene, comm, log), False)
+                show_disc(parts, count, diameters, excited, folder, log)
             log.note(f"results in {folder}")
             return
         if request.diameters:
@@ -115,32 +124,6 @@ def stuck_modes(scene: Scene, comm: MPI.Comm, log: RunLog) -> Iterator[tuple[Ass
     yield parts, linearised, computed
     linearised.destroy()
     linearised.system.destroy()
-
-
-class Families:
-    """The families of modes over speed, by their shapes."""
-
-    def __init__(self) -> None:
-        self._last: Modes | None = None
-        self._frequency: list[np.ndarray] = []
-        self._likeness: list[np.ndarray] = []
-
-    def add(self, linearised: Linearised, computed: Modes) -> None:
-        """Add the modes at the next speed, in the order of the families.  Collective."""
-        if self._last is not None:
-            n = min(len(self._last.omega_n), len(computed.omega_n))
-            order, likeness = follow_families(linearised, first_of(self._last, n), first_of(computed, n))
-            computed = replace(computed, omega_n=computed.omega_n[order], phi_owned=computed.phi_owned[:, order])
-            self._likeness.append(likeness)
-        self._last = computed
-        self._frequency.append(computed.frequency)
-
-    def campbell(self, speeds: Sequence[float]) -> Campbell:
-        """Return the families that are there at all speeds.  Local."""
-        n = min(map(len, self._frequency))
-        frequency = np.array([each[:n] for each in self._frequency]).T
-        likeness = np.array([each[:n] for each in self._likeness]).reshape(-1, n).T
-        return Campbell(np.array(speeds), frequency, likeness)
 
 
 def _show(parts: Assembled, linearised: Linearised, computed: Modes, scene: Scene, folder: Path, log: RunLog) -> None:

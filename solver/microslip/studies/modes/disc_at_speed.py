@@ -1,0 +1,127 @@
+"""The Campbell diagram of a disc: the modes of every nodal diameter about the state of rest at several speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+from ...library.build import Assembled
+from ...messages.errors import CaseError
+from ...observe.log import RunLog
+from ...parallel.agree import on_root
+from ...reduction.expand import node_fields
+from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, some
+from ...system.files import make_folder
+from ..records import write_csv
+from .campbell import Campbell, Crossing, Families, crossings, smooth
+from .disc import DiameterModes, Excited, alias, draw_interference, modes_by_diameter, table_of, write_resonances, write_shapes
+
+_NAMED = 16  # engine orders in the picture
+
+
+def show_at_speeds(
+    at_speeds: Iterable[tuple[float, Assembled]],
+    count: int,
+    diameters: Sequence[int],
+    excited: Excited,
+    folder: Path,
+    log: RunLog,
+) -> None:
+    """Compute ``count`` modes of nodal diameters at rising speeds [rad/s]; write tables, diagrams, and shapes at the highest.
+
+    Collective.
+
+    Raises
+    ------
+    CaseError, ResourceError, ConvergenceError : on every rank
+    """
+    families = {d: Families() for d in diameters}
+    at_highest: list[DiameterModes] = []
+    speeds, highest = [], max(excited.speeds)
+    for speed, parts in at_speeds:
+        speeds.append(speed)
+        log.note(f"speed of rotation {speed:g} rad/s")
+        scene, at_highest = parts.scene, []
+        for d, linearised, computed in modes_by_diameter(parts, count, diameters, log):
+            families[d].add(linearised, computed)
+            at_highest.append(table_of(d, parts, linearised, computed))
+            if speed == highest:
+                shapes = node_fields(linearised.maps, computed.phi_owned)
+                on_root(log.comm, write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
+    if not at_highest:
+        raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
+    by_diameter = {each.diameter: families[each.diameter].campbell(speeds) for each in at_highest}
+    with log.stage("Campbell diagram"):
+        excited = replace(excited, frequencies=f"at {highest:g} rad/s")
+        log.note(on_root(log.comm, write_at_speeds, by_diameter, at_highest, scene, excited, folder))
+
+
+def resonances(by_diameter: Mapping[int, Campbell], excited: Excited) -> list[tuple[int, Crossing]]:
+    """Return nodal diameter and crossing of each engine order that meets a family at the diameter which it excites.  Local."""
+    N = excited.n_sectors
+    return [
+        (d, crossing)
+        for d, campbell in by_diameter.items()
+        for crossing in crossings(campbell, [order for order in excited.all_orders if alias(order, N) == d])
+    ]
+
+
+def write_at_speeds(
+    by_diameter: Mapping[int, Campbell], at_highest: Sequence[DiameterModes], scene: Titled, excited: Excited, folder: Path
+) -> str:
+    """Write modes.csv, campbell.csv, crossings.csv and both pictures; return the table for the screen.  Local, rank 0.
+
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    make_folder(str(folder))
+    records = [record for each in at_highest for record in each.records()]
+    write_csv(str(folder / "modes.csv"), records[0], records)
+    rows = [
+        {"nodal_diameter": d, "speed_rad_s": float(speed), "speed_rpm": float(speed) * 30.0 / np.pi}
+        | {f"family_{i}_Hz": float(f) for i, f in enumerate(campbell.frequency[:, k], 1)}
+        for d, campbell in by_diameter.items()
+        for k, speed in enumerate(campbell.speed)
+    ]
+    columns: dict[str, Any] = {name: None for row in rows for name in row}
+    write_csv(str(folder / "campbell.csv"), columns, rows)
+    met = resonances(by_diameter, excited)
+    with matplotlib.rc_context(RC):
+        draw_interference(at_highest, excited, scene, str(folder / "interference.png"))
+        draw_at_speeds(by_diameter, met, excited, scene, str(folder / "campbell.png"))
+    return write_resonances(met, replace(excited, frequencies="at speed"), folder)
+
+
+def draw_at_speeds(
+    by_diameter: Mapping[int, Campbell], met: Sequence[tuple[int, Crossing]], excited: Excited, scene: Titled, path: str
+) -> None:
+    """Draw the families of all nodal diameters against speed, lines of engine orders, and where these excite them.  Local."""
+    says = "natural frequencies by nodal diameter against speed, all pairs stuck; engine orders E and what they excite (circles)"
+    page = Page(scene, says, WIDTH, 4.6)
+    axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
+    top = 1.05 * max(float(campbell.frequency.max()) for campbell in by_diameter.values())
+    colours = dict(zip(by_diameter, level_colours(len(by_diameter))))
+    end = max(excited.speeds)
+    for d, campbell in by_diameter.items():
+        for i, (speed, frequency) in enumerate(smooth(campbell)):
+            axes.plot(speed * 30.0 / np.pi, frequency, color=colours[d], lw=0.9, label=f"diameter {d}" if i == 0 else None)
+    at_once = [order for order in excited.all_orders if any(crossing.order == order for _, crossing in met)]
+    for order in some(at_once, _NAMED):
+        reached = min(end, 2.0 * np.pi * top / order)
+        axes.plot([0.0, reached * 30.0 / np.pi], [0.0, order * reached / (2.0 * np.pi)], color=FAINT, lw=0.6, ls="--", zorder=1)
+        at = 0.98 * reached
+        boxed = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
+        place = at * 30.0 / np.pi, order * at / (2.0 * np.pi)
+        axes.annotate(f"E{order}", place, fontsize=6, color=INK, ha="center", va="center", bbox=boxed)
+    for d, crossing in met:
+        axes.plot(crossing.speed * 30.0 / np.pi, crossing.frequency, "o", mfc=colours[d], mec=INK, ms=4.0, mew=0.6)
+    low, high = (float(speed) * 30.0 / np.pi for speed in (min(excited.speeds), end))
+    axes.set(xlabel="speed [rpm]", ylabel="frequency [Hz]", ylim=(0.0, top), xlim=(low, high))
+    axes.legend(fontsize=6, ncols=2, loc="lower right")
+    page.save(path)
