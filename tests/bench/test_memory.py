@@ -6,8 +6,8 @@ import pytest
 CHECKED = """memory     peak by the end of each stage, MiB: all ranks, largest, with 24 modes
            partition                           162      162 measured
            factor of the stuck structure       253      130
-           of it 30.3 MB for the factor, or with 20.1 MB of it on disk, less; 0.152 MB for static columns
-           this machine has 21.7 GB left
+           including 30.3 MB for the factor, less with 20.1 MB of it on disk; 0.152 MB for static columns
+           this machine has 21.7 GB available
 """
 LOGGED = """stage                                      seconds  share  peak memory, MiB: all ranks  largest
 partition                                    0.005   0.1%                          160      160

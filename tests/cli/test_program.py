@@ -55,7 +55,7 @@ def test_check_leaves_modes_to_an_accuracy(tmp_path, program):
     write_mesh(tmp_path / "lap.msh")
     (tmp_path / "lap.toml").write_text(SCENE.replace("modes = 5", "accuracy = 1e-2"))
     status, out, _ = program("check", tmp_path / "lap.toml")
-    assert status == 0 and "modes      picked at run time for [solver] accuracy = 0.01\n" in out
+    assert status == 0 and "modes      number chosen at run time for [solver] accuracy = 0.01\n" in out
 
 
 def test_the_doctor_finds_this_machine_well():

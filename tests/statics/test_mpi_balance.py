@@ -90,7 +90,7 @@ def test_sides_that_are_apart_bear_moments_that_differ_by_friction_times_the_dis
     expected = np.cross([0.0, 0.0, APART], -LOAD)  # what the bar bears acts as far above
     assert differ[3:] == pytest.approx(expected, abs=1e-6 * 1000.0 * APART)
     assert closes(balance)  # each body for itself
-    (line,) = (line for line in in_words(balance) if line.startswith("  joint: bears"))
+    (line,) = (line for line in in_words(balance) if line.startswith("  joint: transmits"))
     assert "about (0.025, 0.005, " in line and "0.0e+00 of the forces" not in line.split("differ by")[0]
 
 
@@ -139,7 +139,7 @@ def test_results_and_log_have_it(comm, folder, program):
     scene = scene_of(comm, folder, force(*LOAD), ("modes = 8", "modes = 4\nerror_bars = false"), name="run")
     status, said, error = program("run", scene.path, "--out", folder / "out")
     assert status == 0, error
-    assert "  body 'ground': joints (150, 50, -1000) N, supports (-150, -50, 1000) N; what is left over is " in said
+    assert "  body 'ground': joints (150, 50, -1000) N, supports (-150, -50, 1000) N; imbalance " in said
 
     def check():
         found = read_results(str(folder / "out" / "results.h5")).at_rest
@@ -157,14 +157,14 @@ def test_what_does_not_balance_is_an_error(comm, folder):
     rest = Rest(np.zeros((pairs.n_pairs, 3)), np.zeros((pairs.n_pairs, 3)), np.zeros(0), 0, 0)
     check_balance(loaded, rest, balance)
     short = replace(balance, bodies=replace(balance.bodies, joints=0.99 * balance.bodies.joints))
-    with pytest.raises(ConvergenceError, match=r"bar.toml: \[statics\]: the forces on body 'bar' do not balance: of "):
+    with pytest.raises(ConvergenceError, match=r"bar.toml: \[statics\]: the forces on body 'bar' are not in balance: of "):
         check_balance(loaded, rest, short)
     idle = [np.concatenate([getattr(balance.bodies, name), [[1e-12] * 6]]) for name in ("loads", "joints", "supports")]
     more = {name: np.append(getattr(balance.bodies, name), 1e-12) for name in ("size", "reach")}
     names, about = (*balance.bodies.names, "body 'idle'"), np.concatenate([balance.bodies.about, np.zeros((1, 3))])
     with_idle = replace(balance, bodies=BodiesAtRest(names, about, *idle, **more))
     check_balance(loaded, rest, with_idle)  # of rounding alone
-    assert any("body 'idle': no forces; what is left over is " in line for line in in_words(with_idle))
+    assert any("body 'idle': no forces; imbalance " in line for line in in_words(with_idle))
     nearly = replace(balance, bodies=replace(balance.bodies, joints=(1.0 - 1e-5) * balance.bodies.joints))
     check_balance(loaded, rest, nearly)
     assert sum("more than the 1e-06 that a solve should leave" in line for line in in_words(nearly)) == 2

@@ -44,27 +44,27 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
     if _most(solved, "pairs")[0] > 0.0:
         lines.append(f"slip and opening of the pairs that method {of.method} holds stuck: {changes(solved, 'pairs')}")
     if _most(solved, "sliders")[0] > 0.0:
-        lines.append(f"more elements of rough and Iwan pairs than `sliders`: {changes(solved, 'sliders')}")
+        lines.append(f"elements of rough and Iwan pairs beyond `sliders`: {changes(solved, 'sliders')}")
     if known is not None and len(known) == 0:
         lines.append("contact forces and static columns: the scene has no pair, the response is linear")
     elif known is not None and not known.all():
-        lines.append(f"static columns of {np.count_nonzero(~known)} of {len(known)} pairs: none of these was let slip or open")
+        lines.append(f"static columns of {np.count_nonzero(~known)} of {len(known)} pairs: these pairs were always stuck")
     linear, odd = ([branch.level for branch in branches if getattr(branch, name)] for name in ("is_linear", "odd"))
     if linear:
         lines.append(f"Newton iterations at {_newtons(linear)}: no pair leaves sticking, the linear response is scaled")
     if odd:
         lines.append(f"even harmonics at {_newtons(odd)}: by the symmetry of the scene they vanish")
     if of.n_damped is not None:
-        lines.append("damping matrix: [damping] gives that of each mode")
+        lines.append("damping matrix: [damping] states the damping of each mode")
         if of.n_damped > len(of.omega_n):
             lines.append(
-                f"damping of modes {len(of.omega_n) + 1} to {of.n_damped}: {len(of.omega_n)} modes are kept, "
-                "of the others their statics"
+                f"damping of modes {len(of.omega_n) + 1} to {of.n_damped}: {len(of.omega_n)} modes are used, "
+                "the others contribute statically"
             )
     if not of.has_bars:
-        lines.append("error bars: [solver] asks for none")
+        lines.append("error bars: off in [solver]")
     elif not of.moves:
-        lines.append("error bars: they are those of harmonic 1, and harmonics = 0")
+        lines.append("error bars: they estimate harmonic 1, and harmonics = 0")
     if not of.has_mesh:
         lines.append("fields for ParaView: the scene has no mesh")
     return lines
@@ -98,11 +98,11 @@ def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
 def changes(branches: list[Branch], part: str) -> str:
     """Return the largest effect of a part of the error bars on any output, relative to the peak of its level, as text.  Local."""
     if not any(point.error is not None for branch in branches for point in branch.points):
-        return "without error bars it is not known what they would change"
+        return "the effect is unknown without error bars"
     share, where = _most(branches, part)
     if share < TOO_LITTLE:
-        return f"by the error bars less than {TOO_LITTLE:.0e} of the peak"
-    return f"by the error bars up to {100.0 * share:.3g} % of the peak, at {where:g} N"
+        return f"effect by the error bars below {TOO_LITTLE:.0e} of the peak"
+    return f"effect by the error bars up to {100.0 * share:.3g} % of the peak, at {where:g} N"
 
 
 def _most(branches: list[Branch], part: str) -> tuple[float, float]:

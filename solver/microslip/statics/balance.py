@@ -171,8 +171,8 @@ def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
             if not left <= max(ROUNDING_LIMIT * sizes[i], _of_newton(loaded.pairs, rest)):
                 shown = repr(name) if what else name
                 raise ConvergenceError(
-                    f"{loaded.where}{': ' if loaded.where else ''}[statics]: the forces on {what}{shown} do not balance: of "
-                    f"{table.size[i]:.4g} N a force of {left:.3g} N is left over at rest, and rounding leaves up to "
+                    f"{loaded.where}{': ' if loaded.where else ''}[statics]: the forces on {what}{shown} are not in balance: of "
+                    f"{table.size[i]:.4g} N a force of {left:.3g} N remains at rest, and rounding leaves up to "
                     f"{ROUNDING_LIMIT:g} of them; compare the joint's stiffnesses with the structure's"
                 )
 
@@ -205,7 +205,7 @@ def _joints_in_words(joints: JointsAtRest) -> list[str]:
         off, turned = np.linalg.norm(_between(joints)[i].reshape(2, 3), axis=1) / (size, size * reach)
         carried = f"{_shown(joints.on_first[i, :3], size)} N and {_shown(joints.on_first[i, 3:], size * reach)} N m"
         lines.append(
-            f"  {name}: bears {carried} about {place(joints.about[i])} m on its first side; what its two sides differ by is "
+            f"  {name}: transmits {carried} about {place(joints.about[i])} m to its first side; its two sides differ by "
             f"{off:.1e} of the forces, {turned:.1e} of their moments{_open(off)}"
         )
     return lines
@@ -221,8 +221,7 @@ def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
         acting = ", ".join(f"{what} {_shown(force, size)} N" for what, force in forces.items())
         left, turned = np.linalg.norm(bodies.left[i].reshape(2, 3), axis=1) / (size, size * reach)
         lines.append(
-            f"  {name}: {acting or 'no forces'}; what is left over is {left:.1e} of the forces, {turned:.1e} of their "
-            f"moments{_open(left)}"
+            f"  {name}: {acting or 'no forces'}; imbalance {left:.1e} of the forces, {turned:.1e} of their moments{_open(left)}"
         )
     return lines
 

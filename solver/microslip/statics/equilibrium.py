@@ -380,8 +380,8 @@ class Contact:
         Collective.
         """
         free = loading.free_bodies() or (
-            "no body flies off as a whole; what bends, rocks or slides on the way lets go: more friction or preload holds it, a "
-            f"support, or more [statics] steps than {n_steps}, which follow the path of the loads more closely"
+            "no body moves away as a whole; contact is lost by bending, rocking or sliding: state more friction or preload, a "
+            f"support, or more [statics] steps than {n_steps}, which resolve the path of the loads more finely"
         )
         du, pairs = now.du + SHORTEST * loading.rising, self.pairs
         is_open = pairs.N0 - pairs.k_n * du[:, 2] <= 0.0

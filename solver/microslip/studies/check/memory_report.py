@@ -63,18 +63,20 @@ def in_words(estimate: MemoryEstimate, columns: float, left: float, lacks: Short
     for stage in estimate.stages:
         how = " measured" if stage.is_measured else ""
         lines.append(f"           {stage.name:<30}{stage.peak.sum() / _MIB:>9.0f}{stage.peak.max() / _MIB:>9.0f}{how}")
-    lines.append(f"           of it {_factor(estimate)}; {gigabytes(columns)} for static columns if every pair slips")
+    lines.append(f"           including {_factor(estimate)}; {gigabytes(columns)} for static columns if every pair slips")
     if lacks is not None:
         return [*lines, f"           WARNING: too much for this machine: {lacks}"]
     return [
         *lines,
-        f"           this machine has {gigabytes(left)} left" if np.isfinite(left) else "           what is left is not known",
+        f"           this machine has {gigabytes(left)} available"
+        if np.isfinite(left)
+        else "           available memory unknown",
     ]
 
 
 def _factor(estimate: MemoryEstimate) -> str:
     """Return the memory of the factor as text."""
     if estimate.factor is None:
-        return "the factor, by the number of DOF alone: this PETSc does not analyse without factoring"
+        return "the factor, estimated from the number of DOF: this PETSc does not analyse without factoring"
     memory, on_disk = (sum(getattr(rank, name) for rank in estimate.factor) for name in ("in_core", "on_disk"))
-    return f"{gigabytes(memory)} for the factor, or with {gigabytes(on_disk)} of it on disk, less"
+    return f"{gigabytes(memory)} for the factor, less with {gigabytes(on_disk)} of it on disk"

@@ -162,9 +162,9 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     """Return lines on the method and its size."""
     solver = scene.solver
     refuse_too_many(solver.modes, n_dof, scene.path)
-    modes = f"picked at run time for [solver] accuracy = {scene.accuracy or ACCURACY_OF_MODES:g}"
+    modes = f"number chosen at run time for [solver] accuracy = {scene.accuracy or ACCURACY_OF_MODES:g}"
     if solver.modes or n_dof <= FEW:
-        modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
+        modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
     settings = reduction_settings(scene)
     n_loads = len(settings.excitation.shapes)
@@ -174,11 +174,11 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
     points = "one point, for all frequencies" if scene.is_static else f"about {scene.response.points} points"
     if not scene.is_static and scene.accuracy is not None and response_settings(scene).chooses_steps:
-        points = f"as many points as accuracy {scene.accuracy:g} takes"
+        points = f"as many points as accuracy {scene.accuracy:g} requires"
     has_more = n_modes == 0 and with_another_mode > coordinates
     return [
         f"method     {solver.method}: {resolution(scene)}; at most {unknowns} unknowns "
-        f"with all pairs slipping{', besides those of the modes' if has_more else ''}",
+        f"with all pairs slipping{', in addition to the modes' if has_more else ''}",
         f"modes      {modes}",
         f"response   {len(scene.response.levels)} levels of {points}",
     ]
