@@ -1,4 +1,4 @@
-"""Frequencies against speed of rotation: families of modes, and where engine orders meet them (docs/theory.md, section 12)."""
+"""Frequencies against speed of rotation: families of modes and their engine-order crossings (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from ...linear.joint_springs import Linearised
     from ...modes.eigen import Modes
 
-ORDERS = 6  # engine orders shown where none are stated
+ORDERS = 6  # default number of engine orders
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
 
 @dataclass(frozen=True, eq=False)
 class Campbell:
-    """Families of modes: in each row of ``frequency`` the same motion at all speeds."""
+    """Families of modes: each row of ``frequency`` is one family at all speeds."""
 
-    speed: np.ndarray  # (n_speeds,) rad/s, rising
+    speed: np.ndarray  # (n_speeds,) rad/s, ascending
     frequency: np.ndarray  # (n_families, n_speeds) Hz
     likeness: np.ndarray  # (n_families, n_speeds - 1) |phi_a^T M phi_b| from one speed to the next
 
@@ -46,7 +46,7 @@ class Crossing:
 
 
 def follow_families(linearised: Linearised, before: Modes, after: Modes) -> tuple[np.ndarray, np.ndarray]:
-    """Return for each mode before the most similar one after, (n,), and how similar they are, (n,).  Collective: one sum.
+    """Return for each earlier mode the most similar later mode, (n,), and their similarity, (n,).  Collective: one sum.
 
     The assignment is the one with the largest sum of (phi_a^T M phi_b)^2, so that families cross where their frequencies do.
     """
@@ -75,7 +75,7 @@ class Families:
         self._frequency.append(computed.frequency)
 
     def campbell(self, speeds: Sequence[float]) -> Campbell:
-        """Return the families that are there at all speeds.  Local."""
+        """Return the families that exist at all speeds.  Local."""
         n = min(map(len, self._frequency))
         frequency = np.array([each[:n] for each in self._frequency]).T
         likeness = np.array([each[:n] for each in self._likeness]).reshape(-1, n).T
@@ -83,9 +83,9 @@ class Families:
 
 
 def crossings(campbell: Campbell, orders: Sequence[int]) -> list[Crossing]:
-    """Return where f = E Omega / 2 pi meets a family, by family and speed.  Local.
+    """Return the crossings of f = E Omega / 2 pi with the families, sorted by family and speed.  Local.
 
-    Between two speeds omega_n^2 is linear in Omega^2, as it is for stiffening and softening in proportion to Omega^2.
+    Between two speeds omega_n^2 is interpolated linearly in Omega^2, exact for stiffness changes proportional to Omega^2.
     """
     resonances = []
     squares = campbell.speed**2
@@ -138,7 +138,7 @@ def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, fol
 
 
 def draw_campbell(campbell: Campbell, orders: Sequence[int], resonances: Sequence[Crossing], scene: Titled, path: str) -> None:
-    """Draw frequencies against speed, the lines of the engine orders, and where they meet.  Local."""
+    """Draw frequencies against speed, the lines of the engine orders, and their crossings.  Local."""
     says = "natural frequencies with all pairs stuck against speed; engine orders (E) and their resonances (circles)"
     page = Page(scene, says, WIDTH, 4.4)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from ...modes.eigen import Modes
     from ...scene.schema import Scene
 
-_ON_SCREEN = 6  # modes of each nodal diameter
-_NAMED = 24  # engine orders in the picture
+_ON_SCREEN = 6  # modes per nodal diameter on the screen
+_NAMED = 24  # largest number of named engine orders in the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +44,10 @@ class DiameterModes:
     diameter: int
     frequency: np.ndarray  # (n,) Hz
     damping: np.ndarray  # (n,) ratio [-]
-    joints: dict[str, np.ndarray]  # (n,) share of the strain energy that the springs of each joint have [-]
+    joints: dict[str, np.ndarray]  # (n,) fraction of the strain energy in the springs of each joint [-]
 
     def records(self) -> list[dict[str, Any]]:
-        """Return a record a mode, by the names of the columns of modes.csv."""
+        """Return one record per mode, by the names of the columns of modes.csv."""
         return [
             {
                 "nodal_diameter": self.diameter,
@@ -62,7 +62,7 @@ class DiameterModes:
 
 @dataclass(frozen=True)
 class Excited:
-    """What excites a disc: engine orders between the lowest and the highest speed."""
+    """The excitation of a disc: engine orders between the lowest and the highest speed."""
 
     n_sectors: int
     speeds: tuple[float, ...]  # rad/s; empty: not stated
@@ -75,9 +75,9 @@ class Excited:
         return self.orders or range(1, self.n_sectors + 1)
 
     def crossings(self, by_diameter: Sequence[DiameterModes]) -> list[tuple[int, Crossing]]:
-        """Return nodal diameter and crossing of each engine order that meets a mode, by diameter and mode.  Local.
+        """Return nodal diameter and crossing for each engine order that crosses a mode, by diameter and mode.  Local.
 
-        The frequencies are those of the disc at rest.
+        The frequencies are taken as constant over the speed.
         """
         if not self.speeds:
             return []
@@ -97,11 +97,11 @@ def alias(order: int, n_sectors: int) -> int:
 
 
 def diameters_of(scene: Scene, stated: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the nodal diameters to compute, rising: those stated, or all.  Local.
+    """Return the nodal diameters to compute, ascending: the stated ones, or all.  Local.
 
     Raises
     ------
-    CaseError : one that the disc has not
+    CaseError : a nodal diameter that the disc does not have
     """
     assert scene.cyclic is not None, "a disc"
     most = scene.cyclic.sectors // 2
@@ -165,7 +165,7 @@ def modes_by_diameter(
 
 
 def table_of(d: int, parts: Assembled, linearised: Linearised, computed: Modes) -> DiameterModes:
-    """Return the results of a nodal diameter.  Collective: a sum or two."""
+    """Return the results of a nodal diameter.  Collective: one or two sums."""
     pairs = parts.rest.pairs
     projected = project_modes(linearised.maps, computed.omega_n, computed.phi_owned)
     K_J, joints = pairs.law.stiffness.ravel(), joint_shares(pairs, projected)
@@ -218,7 +218,7 @@ def write_resonances(resonances: Sequence[tuple[int, Crossing]], excited: Excite
 
 
 def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, scene: Titled, path: str) -> None:
-    """Draw frequency against nodal diameter, and where engine orders act: f = E Omega / 2 pi at the alias of E.  Local."""
+    """Draw frequency against nodal diameter, with engine orders: f = E Omega / 2 pi at the alias of E.  Local."""
     says = "natural frequencies by nodal diameter, all pairs stuck"
     if excited.speeds:
         rpm = " and ".join(f"{speed * 30.0 / np.pi:.5g}" for speed in (min(excited.speeds), max(excited.speeds)))
@@ -238,7 +238,7 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
 
 
 def _engine_orders(axes, n_sectors: int, speed: float, highest: float, is_named: bool) -> None:
-    """Draw f = E speed / 2 pi over the nodal diameter that order E excites, up to E = N: folded at half of the sectors."""
+    """Draw f = E speed / 2 pi over the nodal diameter excited by order E, up to E = N, folded at half of the sectors."""
     most = min(int(2.0 * np.pi * highest / speed) + 1, n_sectors)
     corners = np.array(sorted({0.0, min(0.5 * n_sectors, float(most)), float(most)}))
     axes.plot(np.minimum(corners, n_sectors - corners), corners * speed / (2.0 * np.pi), color=FAINT, lw=0.7, ls="--", zorder=1)

@@ -20,9 +20,9 @@ from ...results.vtk import write_modes
 from ...system.files import make_folder
 from ..records import cell, write_csv
 
-_MOST_JOINTS = 4  # on the screen
-_MOST_NODES = 6_000  # of the surface in a picture
-_DEFORMED = 0.08  # the largest displacement drawn, over the diagonal of the structure
+_MOST_JOINTS = 4  # joints on the screen
+_MOST_NODES = 6_000  # surface nodes in a picture
+_DEFORMED = 0.08  # largest drawn displacement over the diagonal of the structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,18 +31,18 @@ class ModeTable:
 
     frequency: np.ndarray  # (n,) Hz
     damping: np.ndarray  # (n,) ratio [-]
-    joints: Mapping[str, np.ndarray]  # (n,) share of the strain energy that the springs of each joint have [-]
-    mass: np.ndarray | None  # (n, 3) effective mass along x, y, z [kg]; None of matrices without a mesh
-    total: np.ndarray | None  # (3,) the mass that moves along x, y, z [kg]
+    joints: Mapping[str, np.ndarray]  # (n,) fraction of the strain energy in the springs of each joint [-]
+    mass: np.ndarray | None  # (n, 3) effective mass along x, y, z [kg]; None without a mesh
+    total: np.ndarray | None  # (3,) movable mass along x, y, z [kg]
 
     @property
     def shares(self) -> np.ndarray:
-        """The effective masses over the mass that moves, (n, 3) [-]."""
+        """The effective masses over the movable mass, (n, 3) [-]."""
         assert self.mass is not None and self.total is not None, "a structure with a mesh"
         return self.mass / np.where(self.total > 0.0, self.total, 1.0)
 
     def records(self) -> list[dict[str, Any]]:
-        """Return a record a mode, by the names of the columns of modes.csv."""
+        """Return one record per mode, by the names of the columns of modes.csv."""
         columns: dict[str, np.ndarray] = {"frequency_Hz": self.frequency, "damping_ratio": self.damping}
         if self.mass is not None:
             columns |= {f"effective_mass_{axis}_kg": self.mass[:, k] for k, axis in enumerate("xyz")}
@@ -54,9 +54,9 @@ class ModeTable:
 
 
 def joint_shares(pairs: ContactPairs, modes: ProjectedModes) -> dict[str, np.ndarray]:
-    """Return the share of each joint's springs in the strain energy of modes, (n_modes,) [-], by its name.  Local.
+    """Return the fraction of the strain energy of modes in each joint's springs, (n_modes,) [-], by joint name.  Local.
 
-    It is the sum of k |R phi|^2 / omega_n^2 over its pairs: the relative change of omega_n^2 with the stiffness of the joint.
+    The sum of k |R phi|^2 / omega_n^2 over its pairs, which is the relative change of omega_n^2 with the joint's stiffness.
     """
     energy = pairs.law.stiffness.reshape(-1, 1) * np.abs(modes.R_phi) ** 2
     share = energy.reshape(pairs.n_pairs, 3, len(modes.omega_n)).sum(axis=1) / modes.omega_n**2
@@ -65,7 +65,7 @@ def joint_shares(pairs: ContactPairs, modes: ProjectedModes) -> dict[str, np.nda
 
 
 def write_modes_of(table: ModeTable, mesh: Mesh | None, shapes: np.ndarray | None, scene: Titled, folder: Path) -> str:
-    """Write modes.csv and, where there is a mesh, modes.png and modes.vtkhdf; return the table for the screen.  Local.
+    """Write modes.csv and, with a mesh, modes.png and modes.vtkhdf; return the table for the screen.  Local.
 
     ``shapes`` (n_nodes, 3, n_modes) are M-normalised [kg^-1/2].
 
@@ -84,7 +84,7 @@ def write_modes_of(table: ModeTable, mesh: Mesh | None, shapes: np.ndarray | Non
 
 
 def on_screen(table: ModeTable) -> str:
-    """Return the table for the screen: of the joints those with the largest shares.  Local."""
+    """Return the table for the screen, with the joints of the largest fractions.  Local."""
     joints = sorted(table.joints, key=lambda name: -float(table.joints[name].max()))[:_MOST_JOINTS]
     head = ["mode", "frequency Hz", "damping %"]
     columns: list[np.ndarray] = [table.frequency, 100.0 * table.damping]
@@ -133,7 +133,7 @@ def draw_shapes(table: ModeTable, mesh: Mesh, shapes: np.ndarray, scene: Titled,
 
 
 def _shape(axes, surface: Skin, points: np.ndarray, u: np.ndarray, view: np.ndarray, diagonal: float) -> None:
-    """Draw one deformed surface, the far triangles first."""
+    """Draw one deformed surface, from far to near triangles."""
     size = np.linalg.norm(u, axis=1)
     largest = float(size.max(initial=0.0)) or 1.0
     corners = (points + _DEFORMED * diagonal / largest * u)[surface.triangles]

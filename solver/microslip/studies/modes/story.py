@@ -1,4 +1,4 @@
-"""The story of a modal analysis: assemble, factor, lowest modes with proof, what moves in them, table and pictures."""
+"""The command `modes`: assemble, factor, lowest modes with proof, effective masses, table and pictures."""
 
 from __future__ import annotations
 
@@ -35,24 +35,24 @@ if TYPE_CHECKING:
     from ...modes.eigen import Modes
     from ...scene.schema import Scene
 
-COUNT = 12  # modes where none are stated
+COUNT = 12  # default number of modes
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line states beside the scene."""
+    """Options of the command line."""
 
-    count: int | None = None  # of modes, in place of [solver] modes; where neither is stated, there are 12
-    speeds: tuple[float, ...] = ()  # rad/s, in place of [statics] rotation_speed
-    diameters: tuple[int, ...] = ()  # nodal diameters of a disc; empty: all
-    orders: tuple[int, ...] = ()  # engine orders to meet; empty: 1 to 6, of a disc 1 to the number of sectors
+    count: int | None = None  # number of modes; None: [solver] modes, or 12
+    speeds: tuple[float, ...] = ()  # rad/s, override [statics] rotation_speed
+    diameters: tuple[int, ...] = ()  # nodal diameters of a disc; empty: all of them
+    orders: tuple[int, ...] = ()  # engine orders; empty: 1 to 6, for a disc 1 to the number of sectors
 
 
 def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
     """Compute the lowest modes of a scene with all pairs stuck, about its state of rest; write table, picture and shapes.
 
-    Collective on ``comm``.  At several speeds of rotation it is the Campbell diagram, and the shapes are those at the highest;
-    of a disc of sectors the interference diagram, with [statics] and speeds the Campbell diagram of all nodal diameters.
+    Collective on ``comm``.  For several speeds of rotation also the Campbell diagram, with shapes at the highest speed; for a
+    disc of sectors the interference diagram, with [statics] and speeds the Campbell diagram of all nodal diameters.
 
     Raises
     ------
@@ -99,18 +99,18 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
 
 
 def at_speed(scene: Scene, speed: float) -> Scene:
-    """Return a scene that turns with a speed [rad/s].  Local.
+    """Return the scene with a speed of rotation [rad/s].  Local.
 
     Raises
     ------
-    CaseError : it has no axis
+    CaseError : the scene has no axis
     """
     return changed(scene, {"statics": {"rotation_speed": speed}})
 
 
 @contextmanager
 def stuck_modes(scene: Scene, comm: MPI.Comm, log: RunLog) -> Iterator[tuple[Assembled, Linearised, Modes]]:
-    """Give mesh and matrices, the factor and the lowest modes of a scene, and free them.  Collective.
+    """Yield mesh and matrices, the factor and the lowest modes of a scene, and free them.  Collective.
 
     Raises
     ------
@@ -137,10 +137,10 @@ def _show(parts: Assembled, linearised: Linearised, computed: Modes, scene: Scen
 
 
 def mode_table(parts: Assembled, linearised: Linearised, computed: Modes) -> ModeTable:
-    """Return the table of the modes.  Collective: a sum or two.
+    """Return the table of the modes.  Collective: one or two sums.
 
-    The effective mass of a mode along an axis is (phi^T M r)^2, with r a unit translation of all that is not held; all modes
-    together have the mass r^T M r that moves.  The share of a joint is that of its springs in the strain energy, the sum of
+    The effective mass of a mode along an axis is (phi^T M r)^2, with r a unit translation of all free DOFs; the sum over all
+    modes is the movable mass r^T M r.  The fraction of a joint is the strain energy of its springs, the sum of
     k (R phi)^2 / omega_n^2 over its pairs: the relative change of omega_n^2 with the stiffness of the joint.
     """
     system, pairs = linearised.system, parts.rest.pairs
@@ -158,7 +158,7 @@ def mode_table(parts: Assembled, linearised: Linearised, computed: Modes) -> Mod
 
 
 def _translations(system: System) -> np.ndarray:
-    """Return a unit translation along x, y and z of all nodes and points that are not held, (n_dof, 3).  Local."""
+    """Return a unit translation along x, y and z of all free DOFs of nodes and points, (n_dof, 3).  Local."""
     places = system.dof
     if system.constraints is not None:
         free, n_points = system.constraints.free, len(system.constraints.points)
@@ -172,7 +172,7 @@ def _translations(system: System) -> np.ndarray:
 
 
 def _proof(computed: Modes) -> str:
-    """Say whether no mode is missing."""
+    """Return a text on whether the modes are proved complete."""
     if "proof" in computed.info:
         return f"proved complete by the inertia of K_L - sigma M: {computed.info['proof']}"
     if computed.info.get("complete", True):

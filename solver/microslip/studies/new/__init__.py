@@ -1,1 +1,1 @@
-"""A first scene for a model file, with candidates for joints."""
+"""The command `new`: a first scene for a model file, with candidates for joints."""

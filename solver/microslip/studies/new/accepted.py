@@ -1,4 +1,4 @@
-"""Which candidates a run takes as joints: its own checks, made before it."""
+"""Candidates that a run accepts as joints, by the checks of the run."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from ...messages.errors import MeshError
 from ...tables.joint import Joint
 from .candidate import APART, Candidate, bodies_of, plain
 
-MOST = 0.9  # of the area of one of two named surfaces must lie on the other, and of what touches there on named surfaces
+MOST = 0.9  # least fraction of the area of one surface on the other, and of the touching area on named surfaces
 
 
 def covering(mesh: Mesh, skin: Skin, touching: Touching, named: list[Candidate], stated: Sequence[tuple[str, ...]]):
-    """Return the named candidates that a run takes and that hold all that touches there, or are asked for.  Local, rank 0."""
+    """Return the named candidates that a run accepts and that cover the touching faces or are stated.  Local, rank 0."""
     usable = [candidate for candidate in named if not refusal(mesh, skin, candidate)]
     held = np.zeros(skin.n_faces, dtype=bool)
     for candidate in usable:
@@ -42,7 +42,7 @@ def covering(mesh: Mesh, skin: Skin, touching: Touching, named: list[Candidate],
 
 
 def _look_alike(skin: Skin, faces: np.ndarray, sides: Iterable[np.ndarray]) -> np.ndarray:
-    """Return which faces look the way in which either of two sides does, (n,) bool; all of them where a side is round."""
+    """Return which faces have the direction of either of two sides, (n,) bool; all faces if a side is round."""
     alike = np.zeros(len(faces), dtype=bool)
     for side in sides:
         mean = (skin.area[side, None] * skin.normal[side]).sum(axis=0) / skin.area[side].sum()
@@ -52,7 +52,7 @@ def _look_alike(skin: Skin, faces: np.ndarray, sides: Iterable[np.ndarray]) -> n
 
 
 def accepted(mesh: Mesh, skin: Skin, order: list[Candidate]) -> list[Candidate]:
-    """Return the candidates, those that a run would refuse as joints no longer likely, with its reason.  Local, rank 0."""
+    """Return the candidates; those that a run would refuse are marked unlikely, with the reason.  Local, rank 0."""
     taken = np.zeros(skin.n_faces, dtype=bool)
     checked = []
     for candidate in order:
@@ -67,7 +67,7 @@ def accepted(mesh: Mesh, skin: Skin, order: list[Candidate]) -> list[Candidate]:
 
 
 def refusal(mesh: Mesh, skin: Skin, candidate: Candidate) -> str:
-    """Return why a run would refuse the surfaces of a candidate as a joint; "" where it takes them.  Local, rank 0."""
+    """Return the reason why a run would refuse a candidate as a joint; "" if accepted.  Local, rank 0."""
     mesh = with_sides(mesh, skin, candidate)
     joint = Joint.of_file(name=candidate.name, surfaces=candidate.surfaces, friction=0.0)
     try:
@@ -78,7 +78,7 @@ def refusal(mesh: Mesh, skin: Skin, candidate: Candidate) -> str:
 
 
 def with_sides(mesh: Mesh, skin: Skin, candidate: Candidate) -> Mesh:
-    """Return the mesh with groups for both sides of a candidate that has no names in the file.  Local."""
+    """Return the mesh with groups for both sides of a candidate without names in the file.  Local."""
     if not candidate.made:
         return mesh
     sides = dict(zip(candidate.surfaces, candidate.faces, strict=True))
@@ -88,7 +88,7 @@ def with_sides(mesh: Mesh, skin: Skin, candidate: Candidate) -> Mesh:
 
 
 def with_gap(mesh: Mesh, skin: Skin, pair: tuple[str, ...], faces: Mapping[str, np.ndarray]) -> Candidate:
-    """Return surfaces that the file has in contact and that lie apart, with the reason where a run refuses their gap.
+    """Return the candidate of separated surfaces that the file has in contact, with the reason if a run refuses the gap.
 
     Local, rank 0.
     """

@@ -1,4 +1,4 @@
-"""Bolts of a mesh: connected parts with a round, solid shank and a head or nuts at its ends, and where a cut may tighten them."""
+"""Bolts of a mesh: connected parts with a round, solid shank and a head or nuts at its ends, and the place of a cut."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from ...messages.errors import MeshError
 from ...tables.constant_loads import Bolt
 from ...tables.table import Vector
 
-_LONGER = 1.3  # second moment along the axis over those across it, at least
-_ROUND = 0.25  # by which the second moments across may differ
-_SLICES = 40  # along the axis
-_SHANK = 0.3  # of the length, at least
-_SAME = 1.12  # radius of a slice of the shank over the smallest, at most
-_WIDER = 1.25  # radius of a head over that of the shank, at least
-_FULL = (0.75, 1.1)  # volume of the shank over that of its cylinder: meshes of few faces around are smaller
-_NUT = 4.0  # radius of a nut over that of the shank, at most
-_HOLE = 0.8  # radius of its hole over that of the shank, at least
-_ACROSS = 0.3  # |cosine| of the normals of a thread with the axis, at most
+_LONGER = 1.3  # least ratio of the second moment along the axis to those across it
+_ROUND = 0.25  # largest relative difference of the second moments across the axis
+_SLICES = 40  # slices along the axis
+_SHANK = 0.3  # least length of the shank over the length of the part
+_SAME = 1.12  # largest radius of a slice of the shank over the smallest
+_WIDER = 1.25  # least radius of a head over the radius of the shank
+_FULL = (0.75, 1.1)  # volume of the shank over its cylinder; smaller for coarse meshes
+_NUT = 4.0  # largest radius of a nut over the radius of the shank
+_HOLE = 0.8  # least radius of its hole over the radius of the shank
+_ACROSS = 0.3  # largest |cosine| between the normals of a thread and the axis
 
 
 @dataclass(frozen=True, eq=False)
 class Shank:
-    """A bolt: its shank, the parts that are its nuts, and a cut."""
+    """A bolt: shank, nuts, and a cut."""
 
     part: int  # number of the connected part in the skin
     body: str
     axis: np.ndarray  # (3,) unit, towards the largest head
     radius: float  # m
-    position: np.ndarray  # (3,) m, on the axis, where the shank is free
+    position: np.ndarray  # (3,) m, point on the axis in the free part of the shank
     nuts: tuple[int, ...] = ()  # numbers of parts
-    rings: tuple[int, ...] = ()  # of nuts and washers
-    group: str | None = None  # of the file, that cuts the shank already
+    rings: tuple[int, ...] = ()  # numbers of parts that are nuts or washers
+    group: str | None = None  # group of the file that cuts the shank
 
     @property
     def direction(self) -> Vector:
@@ -63,7 +63,7 @@ class _Part:
 def find_bolts(mesh: Mesh, skin: Skin, touching: Touching, body_of: Mapping[str, str], inner: Collection[str]) -> list[Shank]:
     """Return the bolts of a mesh.  Local, rank 0.
 
-    ``body_of`` has the body of each group of elements; the groups ``inner`` hold no outer face and may be cuts.
+    ``body_of``: the body of each group of elements; the groups ``inner`` have no outer face and may be cuts.
     """
     n_parts, part = parts_of([block.nodes for block in mesh.elements], len(mesh.points))
     parts = {i: _part(mesh, part, i, body_of) for i in np.unique(skin.part).tolist()} if n_parts > 1 else {}
@@ -74,7 +74,7 @@ def find_bolts(mesh: Mesh, skin: Skin, touching: Touching, body_of: Mapping[str,
 
 
 def uncut(mesh: Mesh, file: FileModel, bolts: Sequence[Shank]) -> list[Shank]:
-    """Return the bolts that the file itself does not cut, their places rounded.  Local, rank 0."""
+    """Return the bolts without a cut in the file, with rounded positions.  Local, rank 0."""
     _, part = parts_of([block.nodes for block in mesh.elements], len(mesh.points))
     cut = {int(part[node]) for bolt in file.bolts for node in mesh.node_groups.get(bolt.group, ())}
     digits = 6 - int(np.floor(np.log10(mesh.diagonal)))
@@ -98,7 +98,7 @@ def _part(mesh: Mesh, part: np.ndarray, number: int, body_of: Mapping[str, str])
 
 
 def _shank(number: int, part: _Part) -> Shank | None:
-    """Return the shank of a part, or None where it is none: longer than wide, round and solid where it is thinnest."""
+    """Return the shank of a part: longer than wide, round and solid at its thinnest section; None for other parts."""
     middle = part.volume @ part.centre / part.volume.sum()
     arms = part.centre - middle
     moments, directions = np.linalg.eigh(np.einsum("e,ei,ej->ij", part.volume, arms, arms))
@@ -137,7 +137,7 @@ def _longest_run(flags: np.ndarray) -> tuple[int, int]:
 
 
 def _free_place(along: np.ndarray, start: float, end: float) -> float:
-    """Return where a plane between ``start`` and ``end`` passes farthest from the centres of elements, in the middle third."""
+    """Return the plane position in the middle third of ``start`` to ``end`` farthest from the centres of elements."""
     low, high = start + (end - start) / 3.0, end - (end - start) / 3.0
     inside = np.sort(along[(along > low) & (along < high)])
     if len(inside) < 2 or np.diff(inside).max() < 1e-3 * (end - start):
@@ -147,7 +147,7 @@ def _free_place(along: np.ndarray, start: float, end: float) -> float:
 
 
 def _with_nuts(skin: Skin, touching: Touching, shank: Shank, parts: dict[int, _Part], bolts: set[int]) -> Shank:
-    """Return a shank with its nuts and washers, and its cut clear of the nuts."""
+    """Return a shank with its nuts and washers, and its cut outside the nuts."""
     rings = tuple(number for number, part in parts.items() if number not in bolts and _is_ring(part, shank, parts[shank.part]))
     mine = (skin.part[touching.face] == shank.part) & (np.abs(skin.normal[touching.face] @ shank.axis) < _ACROSS)
     on_thread = set(skin.part[touching.other[mine]].tolist())
@@ -165,7 +165,7 @@ def _with_nuts(skin: Skin, touching: Touching, shank: Shank, parts: dict[int, _P
 
 
 def _around(points: np.ndarray, shank: Shank) -> tuple[np.ndarray, np.ndarray]:
-    """Return where points (..., 3) lie along a shank, from its cut, and how far from its axis [m]."""
+    """Return the axial coordinates of points (..., 3) from the cut of a shank, and their distances from its axis [m]."""
     arms = points - shank.position
     along = arms @ shank.axis
     return along, np.linalg.norm(arms - along[..., None] * shank.axis, axis=-1)
@@ -179,7 +179,7 @@ def _is_ring(part: _Part, shank: Shank, bolt: _Part) -> bool:
 
 
 def _cuts_of_file(mesh: Mesh, inner: Collection[str]) -> list[tuple[str, np.ndarray]]:
-    """Return the groups of the file that cut something through, with their nodes."""
+    """Return the groups of the file that are complete cuts, with their nodes."""
     named = {block.group for block in mesh.faces if block.group in inner}
     cuts = []
     for name in named:

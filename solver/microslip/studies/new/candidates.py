@@ -1,4 +1,4 @@
-"""Candidates for joints: surfaces of different bodies that lie on each other, by the names of the file or by new ones."""
+"""Candidates for joints: touching surfaces of different bodies, with names of the file or new names."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from .accepted import MOST, accepted, covering, with_gap
 from .bolts import Shank, find_bolts
 from .candidate import APART, Candidate, bodies_of, plain
 
-_FAR = 0.5  # of the size of the faces: surfaces farther apart than that are not offered
+_FAR = 0.5  # of the size of the faces: largest distance of candidates
 
 
 def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Candidate]:
-    """Return the candidates, those with names of the file first, and those whose bodies are joined already or apart last.
+    """Return the candidates: first with names of the file, last those of connected bodies or with a gap.
 
-    Local, rank 0.  Surfaces that the file ties are none.  What is likely a joint is accepted by the checks of a run.
+    Local, rank 0.  Surfaces tied by the file are not candidates.  Likely joints pass the checks of a run.
     """
     return candidates_and_bolts(mesh, file, settings)[0]
 
@@ -75,7 +75,7 @@ def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables)
 
 
 def _beside(far: Touching, near: Touching, rough: Touching) -> Touching:
-    """Return pairs of faces that lie near each other and do not touch: ``rough``, and of ``far`` those that touch nothing."""
+    """Return pairs of near faces that do not touch: ``rough``, and pairs of ``far`` whose faces touch nothing."""
     alone = ~np.isin(far.face, near.face) & ~np.isin(far.other, near.face)
     face, other, gap = (
         np.concatenate([values[alone], more])
@@ -85,7 +85,7 @@ def _beside(far: Touching, near: Touching, rough: Touching) -> Touching:
 
 
 def _of_bolts(skin: Skin, candidate: Candidate, bolts: Sequence[Shank]) -> Candidate:
-    """Return a candidate that says whether one of its sides is a bolt's, a nut's or a washer's."""
+    """Return a candidate, marked if one side belongs to a bolt, nut or washer."""
     hardware = [number for bolt in bolts for number in (bolt.part, *bolt.rings)]
     return replace(candidate, is_of_bolt=any(bool(np.isin(skin.part[side], hardware).all()) for side in candidate.faces))
 
@@ -96,7 +96,7 @@ def _some(touching: Touching, kept: np.ndarray) -> Touching:
 
 
 def _without(touching: Touching, skin: Skin, pairs: Iterable) -> Touching:
-    """Return the pairs of faces but for those between two sets of them."""
+    """Return the pairs of faces except those between two given sets."""
     kept = np.ones(len(touching.face), dtype=bool)
     for first, second in pairs:
         if first is not None and second is not None:
@@ -115,9 +115,9 @@ def _between(touching: Touching, skin: Skin, first: np.ndarray, second: np.ndarr
 def _named(
     mesh: Mesh, skin: Skin, touching: Touching, faces: dict[str, np.ndarray], stated: Sequence[tuple[str, ...]]
 ) -> tuple[list[Candidate], Touching]:
-    """Return the candidates that have names in the file, and the pairs of faces that are in none of them.
+    """Return the candidates with names in the file, and the remaining pairs of faces.
 
-    Of several groups of the same faces those that the file itself has in contact count, then the first.
+    Of several groups of the same faces the ones in contact in the file are taken, then the first.
     """
     names = list(faces)
     at = np.repeat(np.arange(len(names)), [len(face) for face in faces.values()])
@@ -143,7 +143,7 @@ def _named(
             continue
         inside = _between(touching, skin, faces[names[i]], faces[names[j]])
         if not inside.any():
-            continue  # in a candidate before
+            continue  # in an earlier candidate
         first, second = _in_order(skin, (i, mutual[i, j][0]), (j, mutual[i, j][1]), [faces[name] for name in names])
         candidates.append(_candidate(skin, touching, (names[first], names[second]), faces[names[first]], faces[names[second]]))
         touching = _without(touching, skin, [(faces[names[i]], faces[names[j]])])
@@ -151,7 +151,7 @@ def _named(
 
 
 def _in_order(skin: Skin, first: tuple[int, float], other: tuple[int, float], faces: list[np.ndarray]) -> tuple[int, int]:
-    """Return first the surface that lies on the other with all of it; of two that do, the finer one."""
+    """Return the order of two surfaces: first the one entirely on the other; if both are, the finer one."""
     if min(first[1], other[1]) > 0.98:
         finer = skin.area[faces[first[0]]].mean() <= 1.001 * skin.area[faces[other[0]]].mean()
         return (first[0], other[0]) if finer else (other[0], first[0])
@@ -159,7 +159,7 @@ def _in_order(skin: Skin, first: tuple[int, float], other: tuple[int, float], fa
 
 
 def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, second: np.ndarray, made=()) -> Candidate:
-    """Return two surfaces of a skin with what there is to say of them."""
+    """Return the candidate of two surfaces of a skin."""
     inside = _between(touching, skin, first, second) & np.isin(touching.face, first)
     touched, on = np.unique(touching.face[inside]), np.unique(touching.other[inside])
     weight = skin.area[touching.face[inside]]
@@ -178,7 +178,7 @@ def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, seco
 
 
 def _match(skin: Skin, first: np.ndarray, second: np.ndarray) -> bool:
-    """Return whether the nodes of two sets of faces lie on each other, one to one."""
+    """Return whether the nodes of two sets of faces coincide one to one."""
     nodes, others = skin.nodes_of(first), skin.nodes_of(second)
     if len(nodes) != len(others):
         return False
@@ -190,9 +190,9 @@ def _match(skin: Skin, first: np.ndarray, second: np.ndarray) -> bool:
 def _unnamed(
     mesh: Mesh, skin: Skin, touching: Touching, names: list[str], names_in_use: set[str], splits: bool
 ) -> list[Candidate]:
-    """Return a candidate for each two bodies that touch where no group is, or several where they touch round an edge.
+    """Return a candidate for each two bodies that touch outside groups, several if they touch around an edge.
 
-    ``names`` are those of the bodies, ``names_in_use`` those that surfaces have already.
+    ``names``: names of the bodies; ``names_in_use``: names of existing surfaces.
     """
     candidates = []
     pairs = np.unique(np.sort(np.stack([skin.body[touching.face], skin.body[touching.other]], axis=1), axis=1), axis=0)
@@ -200,7 +200,7 @@ def _unnamed(
         first = np.unique(touching.face[(skin.body[touching.face] == a) & (skin.body[touching.other] == b)])
         second = np.unique(touching.face[(skin.body[touching.face] == b) & (skin.body[touching.other] == a)])
         if skin.area[second].mean() < 0.999 * skin.area[first].mean() and a != b:
-            (a, first), (b, second) = (b, second), (a, first)  # the finer side comes first
+            (a, first), (b, second) = (b, second), (a, first)  # finer side first
         for normal, side, other in _sides(mesh, skin, first, second, a == b, splits):
             stems = (f"{names[a]}_on_{names[b]}", f"{names[b]}_on_{names[a]}")
             surfaces = _new_names(stems if a != b else (f"{names[a]}_one_side", f"{names[a]}_other_side"), names_in_use)
@@ -215,7 +215,7 @@ def _unnamed(
 
 
 def _tolerance(skin: Skin, touching: Touching, first: np.ndarray, second: np.ndarray) -> float | None:
-    """Return how far apart the faces of two sides lie, rounded up [m]; None where they are found without that."""
+    """Return the distance of the faces of two sides, rounded up [m]; None if the default tolerance finds them."""
     inside = _between(touching, skin, first, second)
     gap, size = np.abs(touching.gap[inside]), np.maximum(skin.size[touching.face], skin.size[touching.other])[inside]
     if not (gap > 0.9 * NEAR * size).any():
@@ -224,7 +224,7 @@ def _tolerance(skin: Skin, touching: Touching, first: np.ndarray, second: np.nda
 
 
 def _sides(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray, is_one_body: bool, splits: bool):
-    """Yield (normal, faces, faces of the other side): once without a normal, or by normals where they turn sharply."""
+    """Yield (normal, faces, faces of the other side): once without a normal, or by normals of parts between sharp edges."""
     if not is_one_body and (not splits or (_is_smooth(mesh, skin, first) and _is_smooth(mesh, skin, second))):
         yield None, first, second
         return
@@ -254,7 +254,7 @@ def _is_smooth(mesh: Mesh, skin: Skin, faces: np.ndarray) -> bool:
 
 
 def _new_names(stems: tuple[str, str], names_in_use: set[str]) -> tuple[str, str]:
-    """Return two names that nothing has yet, and take them."""
+    """Return two unused names, and mark them as used."""
     number = 1
     first, second = names = (plain(stems[0]), plain(stems[1]))
     while first in names_in_use or second in names_in_use or first == second:
@@ -265,7 +265,7 @@ def _new_names(stems: tuple[str, str], names_in_use: set[str]) -> tuple[str, str
 
 
 def _distinct(names: list[str]) -> list[str]:
-    """Return names that are all different: those that come again with a number."""
+    """Return distinct names: repeated ones get a number."""
     distinct: list[str] = []
     for name in names:
         number = 1 + sum(other == name or other.startswith(f"{name} ") for other in distinct)

@@ -13,7 +13,7 @@ from .candidate import Candidate
 from .places import Place
 from .sectors import Sector
 
-MOST_APART = 10  # joints of surfaces with room between them, as comments
+MOST_APART = 10  # joints of surfaces with a gap, as comments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,14 +21,14 @@ class First:
     """What is known of a first scene."""
 
     model: str  # path of the model file, from the folder of the scene
-    units: str | None  # of the file; None: it has none that matter
-    scale: float | None  # m per unit of a file without units; None: metres
+    units: str | None  # units of the file; None: irrelevant
+    scale: float | None  # m per unit of length of a file without units; None: metres
     mesh: Mesh
     file: FileModel
     settings: StructureTables
     candidates: list[Candidate]
     shanks: list[Shank]  # bolts that the file does not cut
-    left_out: list[Support]  # supports of the file that fix both sides of a joint; ``file`` is without them
+    left_out: list[Support]  # supports of the file that fix both sides of a joint, removed from ``file``
     held: list[str]  # groups
     may_be_held: list[str]
     place: Place
@@ -36,17 +36,17 @@ class First:
 
     @property
     def joints(self) -> list[Candidate]:
-        """The candidates that the scene takes for joints."""
+        """The candidates used as joints."""
         return [one for one in self.candidates if one.is_asked or (one.is_likely and not one.is_apart and not one.is_of_bolt)]
 
     @property
     def glued(self) -> list[Candidate]:
-        """The candidates that the scene ties: bolts, nuts and washers on what they press."""
+        """The tied candidates: bolts, nuts and washers on the clamped parts."""
         return [one for one in self.candidates if one.is_likely and not one.is_apart and one.is_of_bolt]
 
     @property
     def apart(self) -> list[Candidate]:
-        """The candidates with room between them, of which the scene has joints as comments."""
+        """The candidates with a gap, which become joints in comments."""
         return [one for one in self.candidates if one.is_apart and one.is_likely and not (one.is_of_bolt or one.is_asked)][
             :MOST_APART
         ]
@@ -58,12 +58,12 @@ class First:
 
     @property
     def step(self) -> FileStep | None:
-        """The step whose conditions are taken; None: the file has no steps."""
+        """The step whose conditions are used; None: the file has no steps."""
         return next((step for step in self.file.steps if step.number == self.file.step), None)
 
     @property
     def open_findings(self) -> list[Finding]:
-        """What of the file changes the answer and is not answered by the scene."""
+        """The findings that change the answer and that the scene does not resolve."""
         joined = [frozenset(joint.surfaces) for joint in (*self.joints, *self.glued)]
         answered = set() if self.loads_at_rest is None else {self.loads_at_rest.word, self.loads_at_rest.large}
         return [
@@ -77,12 +77,12 @@ class First:
 
     @property
     def loads_at_rest(self) -> LoadsAtRest | None:
-        """What the scene takes over as [statics], without a word: more than bolts."""
+        """The loads that the scene takes over as [statics], if there are more than bolts."""
         statics = self.file.statics
         more = statics is not None and set(statics.kinds) - {f"{len(statics.table.bolts)} bolts"}
         return statics if more else None
 
     @property
     def states_bolts(self) -> bool:
-        """Whether the scene has [[statics.bolts]] of its own."""
+        """Whether the scene has [[statics.bolts]]."""
         return bool(self.file.bolts or self.shanks) and self.loads_at_rest is None

@@ -1,4 +1,4 @@
-"""Joints, ties and bolts of a first scene, as text; what nobody knows yet stands there as a comment to be filled in."""
+"""Joints, ties and bolts of a first scene as text, with unknown values as comments to be filled in."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .bolts import Shank
 from .candidate import Candidate
 from .first import First
 
-_STRESS = 5e8  # Pa, of a tightened shank: that of a bolt of class 8.8, roughly
+_STRESS = 5e8  # Pa, stress of a tightened shank, roughly of a bolt of class 8.8
 _QUESTIONS = {
     "friction": "#> friction = 0.3               # dry steel on steel: 0.1 to 0.6",
     "tangential_stiffness": "#> tangential_stiffness = 1e13  # N/m3: 1e12 to 1e14 of metals; a layer of steel as thick as 80e9 / "
@@ -25,18 +25,18 @@ _QUESTIONS = {
 
 
 def quoted(text: str) -> str:
-    """Return a text as TOML writes it.  Local."""
+    """Return a text in TOML syntax.  Local."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def key_line(key: str, value: str, comment: str = "") -> str:
-    """Return a line with a key, and a comment behind it.  Local."""
+    """Return a line with a key and a trailing comment.  Local."""
     stated = f"{key} = {value}"
     return f"{stated:31} # {comment}" if comment else stated
 
 
 def joint_text(candidate: Candidate, first: First) -> str:
-    """Return a joint with its numbers as comments, after the surfaces that it needs; a tie where the file glues them."""
+    """Return a joint with its values as comments, after its surfaces; a tie if the file ties them."""
     for finding in first.file.findings:
         if finding.is_glued and frozenset(finding.surfaces) == frozenset(candidate.surfaces):
             return _tie(candidate, finding)
@@ -62,7 +62,7 @@ def joint_text(candidate: Candidate, first: First) -> str:
 
 
 def _contact(candidate: Candidate, first: First) -> list[str]:
-    """Return friction and stiffnesses of a joint: those of the file, as comments what it does not state."""
+    """Return friction and stiffnesses of a joint from the file; missing ones as comments."""
     known = first.file.joints if first.scale is None else ()
     of_file = next(
         (joint for joint in known if frozenset(joint.surfaces or ()) == frozenset(candidate.surfaces)), Joint.of_file()
@@ -75,7 +75,7 @@ def _contact(candidate: Candidate, first: First) -> list[str]:
 
 
 def _tie(candidate: Candidate, finding: Finding) -> str:
-    """Return a tie, with the way to a joint in its place."""
+    """Return a tie, with a comment on the joint that would replace it."""
     lines = [
         f"# {candidate.text}; bonded in the file",
         "# where they may slip: [[joints]] with friction, two stiffnesses and a preload in place of [[ties]]",
@@ -87,7 +87,7 @@ def _tie(candidate: Candidate, finding: Finding) -> str:
 
 
 def glued_text(candidate: Candidate) -> str:
-    """Return a tie of a bolt, nut or washer with what it presses."""
+    """Return a tie of a bolt, nut or washer with the clamped part."""
     lines = [_surface(surface) for surface in candidate.made]
     lines += [
         f"# {candidate.text}",
@@ -100,7 +100,7 @@ def glued_text(candidate: Candidate) -> str:
 
 
 def apart_text(candidate: Candidate, first: First) -> str:
-    """Return a joint of surfaces with room between them, as comments."""
+    """Return a joint of surfaces with a gap, as comments."""
     lines = [_surface(surface) for surface in candidate.made]
     lines += [
         "[[joints]]",
@@ -127,7 +127,7 @@ def _surface(surface: Surface) -> str:
 
 
 def bolt_text(shank: Shank, number: int, first: First) -> list[str]:
-    """Return the cut of a bolt, if the file has none, and its tightening."""
+    """Return the cut of a bolt, if the file has none, and its tightening force."""
     group, lines = shank.group, [f"# a bolt: {shank.body}, shank of {2e3 * shank.radius:.3g} mm"]
     if group is None:
         group = f"cut {number}"

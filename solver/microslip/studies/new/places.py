@@ -1,4 +1,4 @@
-"""Where a first scene holds, loads and looks at a structure."""
+"""Supports, load and output of a first scene."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ...tables.structure import Support
 from ...tables.structure_tables import StructureTables
 from .candidate import Candidate
 
-# how names begin, or parts of them do, that say a group is held
+# beginnings of names, or of parts of names, of supported groups
 _HELD = ("clamp", "fix", "support", "held", "encastre", "encast", "ground", "wall", "spc", "base", "built", "mount", "root")
 
 
-_BOTH_SIDES = 0.5  # of the nodes of either side of a joint fixed: the supports are meant for another purpose than vibration
-_A_PART = 0.1  # of the nodes of a side that a support holds: it is one of those
+_BOTH_SIDES = 0.5  # fraction of fixed nodes on both sides of a joint from which supports are not meant for vibration
+_A_PART = 0.1  # fraction of the nodes of a side from which a support is one of them
 
 
 @dataclass(frozen=True)
 class Place:
-    """A node, or a point, with a direction in which to load it and look at it."""
+    """A node or point with the direction of load and output."""
 
     node: int | None  # number in the file
     point: str | None
@@ -33,7 +33,7 @@ class Place:
 
 
 def supports_of_joints(mesh: Mesh, file: FileModel, joints: Sequence[Candidate]) -> list[Support]:
-    """Return the supports of the file that fix both sides of a joint, whose pairs would never move.  Local, rank 0."""
+    """Return the supports of the file that fix both sides of a joint, so that its pairs cannot move.  Local, rank 0."""
     nodes_of = [_nodes_held(mesh, file, support) for support in file.supports]
     held = np.zeros((len(mesh.points), 3), dtype=bool)
     for support, nodes in zip(file.supports, nodes_of, strict=True):
@@ -50,7 +50,7 @@ def supports_of_joints(mesh: Mesh, file: FileModel, joints: Sequence[Candidate])
 
 
 def _nodes_held(mesh: Mesh, file: FileModel, support: Support) -> np.ndarray:
-    """Return the nodes that a support holds, those that follow its point among them."""
+    """Return the nodes held by a support, including nodes that follow its point."""
     if support.point is None:
         return mesh.node_groups.get(support.group or "", np.zeros(0, dtype=np.int64))
     groups = [point.group for point in file.connected if point.name == support.point and point.connection == "rigid"]
@@ -58,32 +58,32 @@ def _nodes_held(mesh: Mesh, file: FileModel, support: Support) -> np.ndarray:
 
 
 def held_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: Iterable[str]) -> tuple[list[str], list[str]]:
-    """Return the groups whose names say that they are held, and the others that may be.  Local.
+    """Return the groups whose names indicate supports, and other possible groups.  Local.
 
-    Both are empty where the file itself holds something.  ``used`` are groups that do something else.
+    Both are empty if the file has supports.  ``used``: groups with another purpose.
     """
     if file.supports or any(point.stiffness or point.rotational_stiffness for point in file.connected):
         return [], []
     others = {*settings.body_of, *used, *(name for tie in file.ties for name in tie.surfaces)}
     others |= {bolt.group for bolt in file.bolts} | {mass.group for mass in file.masses if mass.group is not None}
     free = [name for name, nodes in mesh.node_groups.items() if name not in others and len(nodes) >= 3]
-    free.sort(key=lambda name: name.startswith("_"))  # sets that programs make for themselves come last
+    free.sort(key=lambda name: name.startswith("_"))  # internal sets of programs come last
     sure = [name for name in free if any(word in name.lower() for word in _HELD)]
     return sure, [name for name in free if name not in sure]
 
 
 def farthest(mesh: Mesh, file: FileModel, held: Iterable[str]) -> Place:
-    """Return the node farthest from what is held, or the point that leads it, and a direction across the mesh's longest side.
+    """Return the node farthest from the supports, or the point that leads it, and a direction across the mesh's longest side.
 
-    Local.  Where nothing is held, the node farthest from the middle.  The direction has both axes in which it may bend: which of
-    them the first mode takes nobody knows before it is computed.
+    Local.  Without supports, the node farthest from the middle.  The direction includes both bending axes, because the direction
+    of the first mode is unknown.
     """
     groups = [mesh.node_groups[name] for name in held if name in mesh.node_groups]
     groups += [mesh.node_groups[support.group] for support in file.supports if support.group in mesh.node_groups]
     nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *groups]))
     from_there = mesh.points[nodes] if len(nodes) else mesh.points.mean(axis=0)[None]
     apart = cKDTree(from_there).query(mesh.points)[0]
-    node = int(np.argmax(np.round(apart / mesh.diagonal, 6)))  # of nodes equally far the first
+    node = int(np.argmax(np.round(apart / mesh.diagonal, 6)))  # the first of equally distant nodes
     across = np.ones(3)
     across[int(np.argmax(np.ptp(mesh.points, axis=0)))] = 0.0
     direction = (float(across[0]), float(across[1]), float(across[2]))

@@ -1,4 +1,4 @@
-"""The text of a first scene: what the file tells is stated, what nobody knows yet stands there as a comment to be filled in."""
+"""The text of a first scene: data of the file are stated, unknown values are comments to be filled in."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _model(first: First) -> str:
 
 
 def _step(first: First) -> list[str]:
-    """Return the keys that say which step is taken, and what is left out of it."""
+    """Return the keys on the step whose conditions are used, and its omitted conditions."""
     if first.step is None:
         return []
     lines = [f"# Supports, loads and temperatures are those of step {first.step.number} of the file, {first.step.procedure}."]
@@ -109,7 +109,7 @@ def _bodies(first: First) -> str:
 
 
 def _cyclic(first: First) -> str:
-    """Return the table [cyclic], as comments where only the shape of two faces suggests it."""
+    """Return the table [cyclic], as comments if only the shapes of two faces suggest it."""
     if first.sector is None:
         return ""
     cyclic, sector = first.sector.cyclic, first.sector
@@ -128,12 +128,12 @@ def _cyclic(first: First) -> str:
 
 
 def named(supports: Iterable[Support]) -> str:
-    """Return supports with what they fix, in a line.  Local."""
+    """Return supports with their fixed directions, on one line.  Local."""
     return ", ".join(f"{support.group or support.point} ({''.join(support.fix)})" for support in supports)
 
 
 def _supports_left_out(first: First) -> list[str]:
-    """Return why the scene takes supports from the file one by one, and those that stay."""
+    """Return comments on omitted supports of the file, and the remaining supports."""
     lines = [f"# Left out, because they fix both sides of a joint, whose pairs would never move: {named(first.left_out)}."]
     if first.file.equations is not None and first.file.equations.n_supports:
         lines.append(f"# With them, {first.file.equations.n_supports} supports in turned axes: state those that are needed.")
@@ -198,7 +198,7 @@ def _further(first: First) -> str:
 
 
 def _without_names(candidate: Candidate) -> str:
-    """Say what a candidate is by its bodies."""
+    """Return the description of a candidate with the names of its bodies."""
     return f"{' on '.join(candidate.made[0].bodies)}: {candidate.text.partition(': ')[2]}"
 
 

@@ -1,4 +1,4 @@
-"""Whether the mesh is the sector of a disc: what its file says, or two named faces of which one is the other, turned."""
+"""Detection of a sector of a disc: stated by the file, or two named faces of which one is a turned copy of the other."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ...tables.structure_tables import StructureTables
 from ...tables.table import Vector
 from ...tables.units import times
 
-MOST_SECTORS = 400  # beyond, two faces are parallel
+MOST_SECTORS = 400  # for more, two faces count as parallel
 _MOST_GROUPS = 200
 _ALIKE = 0.02  # relative difference of areas, and of the angle from 2 pi / N
 _WORDS = ("cyc", "low", "high", "sector", "period", "m01", "left", "right")  # in names of such faces
@@ -30,12 +30,12 @@ class Sector:
     """The table [cyclic] of a first scene."""
 
     cyclic: Cyclic
-    of_file: bool  # stated by the file; else as the faces fit
-    is_likely: bool  # by the file, or by the names of the faces
+    of_file: bool  # stated by the file; otherwise from the fit of the faces
+    is_likely: bool  # from the file or the names of the faces
 
     @property
     def text(self) -> str:
-        """What is known, in words."""
+        """Return a description."""
         low, high = self.cyclic.faces or ("", "")
         says = "as the file states" if self.of_file else f"a turn of {360.0 / self.cyclic.sectors:.6g} degrees fits them"
         return f"sector of {self.cyclic.sectors}: {low} to {high}, {says}"
@@ -53,7 +53,7 @@ class _Face:
 
     @classmethod
     def of(cls, mesh: Mesh, name: str) -> _Face | None:
-        """Return the face of a group; None where it has none outside.  Local, rank 0."""
+        """Return the face of a group; None without outer faces.  Local, rank 0."""
         try:
             faces = outward_faces(mesh, name)
         except MeshError:
@@ -70,7 +70,7 @@ class _Face:
 
 
 def sector_of(mesh: Mesh, file: FileModel, settings: StructureTables) -> Sector | None:
-    """Return the sector that a file states, or that two of its named faces make; None: neither.  Local, rank 0."""
+    """Return the sector stated by a file or formed by two of its named faces; None if there is none.  Local, rank 0."""
     stated = file.cyclic
     names = [name for name, nodes in mesh.node_groups.items() if name not in settings.body_of and len(nodes)]
     if stated is not None and stated.faces is not None:
@@ -87,20 +87,20 @@ def sector_of(mesh: Mesh, file: FileModel, settings: StructureTables) -> Sector 
 
 
 def _is_first(axis: Sequence[float]) -> bool:
-    """Return whether the largest component is positive: of two faces one order alone."""
+    """Return whether the largest component is positive, which selects one order of two faces."""
     return bool(axis[int(np.argmax(np.abs(axis)))] > 0.0)
 
 
 def _named(faces: Sequence[str]) -> int:
-    """Return how many faces have a name as those of a sector have."""
+    """Return the number of faces with names typical of a sector."""
     return sum(any(word in name.lower() for word in _WORDS) for name in faces)
 
 
 def fitted(mesh: Mesh, low: _Face, high: _Face) -> Cyclic | None:
-    """Return the disc of which two faces bound a sector; None where no turn by a whole part of a revolution fits them.
+    """Return the disc with a sector between two faces; None if no rotation by 2 pi / N fits them.
 
-    Local, rank 0.  With S the integral of the outward normal and c the centre: -S_low and c_low turn to S_high and c_high, so
-    that both differences stand on the axis; the angle is that between the first two, seen along it.
+    Local, rank 0.  With S the integral of the outward normal and c the centre, the rotation maps -S_low and c_low to S_high and
+    c_high, so that both differences are normal to the axis; the angle is between -S_low and S_high, seen along the axis.
     """
     a, b, across = -low.vector, high.vector, high.centre - low.centre
     sizes = float(np.linalg.norm(a)), float(np.linalg.norm(b))
@@ -122,6 +122,6 @@ def fitted(mesh: Mesh, low: _Face, high: _Face) -> Cyclic | None:
 
 
 def _rounded(values: np.ndarray, size: float) -> Vector:
-    """Return three numbers without what rounding has left of 0."""
+    """Return three numbers with rounding errors of 0 removed."""
     x, y, z = (0.0 if abs(value) < 1e-6 * size else float(f"{value:.9g}") for value in values)
     return x, y, z

@@ -1,4 +1,4 @@
-"""The story of `new`: a model file is read, candidates for joints are found, and a first scene is written."""
+"""The command `new`: read a model file, find candidates for joints, and write a first scene."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 
 def new(model: str, comm: MPI.Comm, out: Path | None = None, force: bool = False) -> None:
-    """Write a first scene for a model file, and print what was found.
+    """Write a first scene for a model file, and print a report.
 
-    Collective on ``comm``; rank 0 alone reads and writes.
+    Collective on ``comm``; only rank 0 reads and writes.
 
     Parameters
     ----------
-    out : the scene; None: the model's name with ``.toml``, in the folder where the program was started
-    force : write it where there is a file already
+    out : the scene; None: the model's name with ``.toml``, in the current folder
+    force : overwrite an existing file
 
     Raises
     ------
-    CaseError, MeshError : no model file, nothing in it, a file of the scene's name; on every rank
+    CaseError, MeshError : no model file, an empty model, or an existing scene; on every rank
     """
     lines = on_root(comm, _write, model, Path(f"{Path(model).stem}.toml") if out is None else out, force)
     if comm.rank == 0:
@@ -58,7 +58,7 @@ def _write(model: str, out: Path, force: bool) -> list[str]:
 
 
 def _refuse(model: str, out: Path, force: bool) -> None:
-    """Raise CaseError for what is no model file, and for a scene that would be overwritten."""
+    """Raise CaseError if there is no model file, or a scene would be overwritten."""
     path = Path(model)
     ending = path.suffix.lower()
     if ending == ".toml":
@@ -76,7 +76,7 @@ def _refuse(model: str, out: Path, force: bool) -> None:
 
 
 def _first(model: str, out: Path, file: FileModel) -> First:
-    """Return what is known of the first scene.  Local, rank 0."""
+    """Return the data of the first scene.  Local, rank 0."""
     units = likely_units(model, file)
     mesh, settings = whole_mesh(model, file, UNITS[units])
     states_scale = units != SI and not file.materials
@@ -103,7 +103,7 @@ def _first(model: str, out: Path, file: FileModel) -> First:
 
 
 def _on_steps(first: First) -> list[str]:
-    """Say which step's conditions the scene takes, and which supports it leaves out."""
+    """Return lines on the step whose conditions are used, and on omitted supports."""
     lines = [] if first.step is None else [f"conditions of step {first.step.number} of the file: {first.step.procedure}"]
     if first.left_out:
         lines.append(f"left out: {named(first.left_out)}, which fix both sides of a joint")
@@ -111,14 +111,14 @@ def _on_steps(first: First) -> list[str]:
 
 
 def _cut(shank: Shank) -> str:
-    """Say where a bolt is cut."""
+    """Return the position of a bolt's cut as text."""
     if shank.group is not None:
         return f"cut by {shank.group}"
     return f"to be cut at {place(shank.position)} m across {place(shank.direction)}"
 
 
 def _lines(model: str, out: Path, first: First) -> list[str]:
-    """Return what was found and what is to be done, in lines."""
+    """Return the report and the next steps as lines."""
     joints = [f"{joint.name}: {joint.text}" for joint in first.joints]
     others = [candidate.text for candidate in first.others]
     bolts = [f"{shank.body}: shank of {2e3 * shank.radius:.3g} mm, {_cut(shank)}" for shank in first.shanks]

@@ -1,1 +1,1 @@
-"""Speed against accuracy, each setting measured against a reference that is known."""
+"""The command `trade`: time and error of settings, measured against a reference of known error."""

@@ -1,4 +1,4 @@
-"""The bench of a trade: one structure, its modes, and timed runs of settings at given frequencies."""
+"""Timed runs of settings at given frequencies, on one structure with its modes."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
 
     from ...scene.schema import Scene
 
-SHORT = 1.0  # s of a response below which it is solved again, and the smaller time counts
+SHORT = 1.0  # s: a shorter response is solved again, and the smaller time is used
 
 
 class Clock:
-    """The time that is left, the same on all ranks."""
+    """The remaining time, the same on all ranks."""
 
     def __init__(self, comm: MPI.Comm, seconds: float):
         self.comm, self.seconds, self._start = comm, seconds, time.perf_counter()
@@ -48,12 +48,12 @@ class Clock:
         return self.comm.bcast(time.perf_counter() - self._start)
 
     def left(self, share: float = 1.0) -> float:
-        """Return the seconds until ``share`` of the time is spent.  Collective: one broadcast."""
+        """Return the seconds until the fraction ``share`` of the time is spent.  Collective: one broadcast."""
         return share * self.seconds - self.spent
 
 
 class Bench:
-    """What all runs share.  Every method is collective on the structure's communicator."""
+    """Data shared by all runs.  Every method is collective on the structure's communicator."""
 
     def __init__(self, scene: Scene, structure: Structure):
         self.scene, self.structure = scene, structure
@@ -65,15 +65,15 @@ class Bench:
         self.has_all_modes = len(structure.modes.omega_n) == structure.n_dof
         highest = max(self.sweep.start, self.sweep.stop)
         in_range = int(np.count_nonzero(structure.modes.omega_n <= highest))
-        self.least_modes = self.comm.bcast(max(settings.band.mode or 1, in_range))  # fewer leave a resonance out
-        self.modes_seconds: dict[int, float] = {}  # measured, by number
-        self._first: dict[int, Structure] = {}  # with so many modes
+        self.least_modes = self.comm.bcast(max(settings.band.mode or 1, in_range))  # fewer modes miss a resonance
+        self.modes_seconds: dict[int, float] = {}  # measured time by number of modes
+        self._first: dict[int, Structure] = {}  # structures by number of modes
         self._prepared: dict[tuple, Prepared] = {}
 
     # -- set-up ------------------------------------------------------------------------------------------------
 
     def more_modes(self, n_modes: int) -> None:
-        """Compute modes anew where ``n_modes`` are more than there are, and know how long that takes."""
+        """Compute modes again if ``n_modes`` exceeds the present number, and measure the time."""
         modes, seconds = self._timed_modes(n_modes)
         self.modes_seconds[len(modes.omega_n)] = seconds
         n_dof = self.structure.n_dof
@@ -88,12 +88,12 @@ class Bench:
         return modes, self.comm.bcast(time.perf_counter() - start)
 
     def setup_of_modes(self, n_modes: int) -> float:
-        """Return the seconds that so many modes take, on straight lines between what was measured.  Local."""
+        """Return the time of ``n_modes`` modes [s], interpolated linearly between measured values.  Local."""
         known = sorted(self.modes_seconds.items())
         return float(np.interp(n_modes, [n for n, _ in known], [seconds for _, seconds in known])) if known else 0.0
 
     def prepared(self, setting: Setting) -> Prepared:
-        """Return what is solved with a setting; reductions to the structure's own modes and statics are kept.
+        """Return the prepared problem of a setting; reductions to the structure's modes and statics are cached.
 
         Raises
         ------
@@ -135,14 +135,14 @@ class Bench:
     # -- response ----------------------------------------------------------------------------------------------
 
     def response(self, prepared: Prepared, setting: Setting) -> ResponseProblem:
-        """Return what all levels share with a setting.  Local."""
+        """Return the data shared by all levels for a setting.  Local."""
         model = prepared.model.with_harmonics(Harmonics.up_to(setting.harmonics))
         settings = replace(prepared.response.settings, samples=setting.samples, tolerance=setting.tolerance)
         selection = prepared.reduction.selection
         return replace(prepared.response, settings=settings, model=model, selection=selection, sweep=self.sweep)
 
     def accuracy_of(self, setting: Setting, problem: ForcedResponse) -> Accuracy | None:
-        """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""
+        """Return a new choice of harmonics and samples for a branch of a setting."""
         if setting.accuracy is None:
             return None
         settings = response_settings(self.scene)
@@ -150,7 +150,7 @@ class Bench:
         return accuracy_of(replace(free, is_corrected=setting.is_corrected), problem.equation)
 
     def run(self, knob: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True) -> Run:
-        """Return what a setting does at the frequencies of each level, timed; a failure is part of it."""
+        """Return the timed results of a setting at the frequencies of each level, including failures."""
         try:
             prepared = self.prepared(setting)
         except MicroslipError as problem:
@@ -188,7 +188,7 @@ class Bench:
         )
 
     def _timed_branches(self, prepared: Prepared, setting: Setting, omegas, bars: bool) -> Timed:
-        """Return the branches of all levels and their times; the error bars count apart unless the response needs them."""
+        """Return the branches of all levels and their times; error bars are timed separately unless the response needs them."""
         start, branches, spent = Stopwatch.read(), [], np.zeros(2)
         response = self.response(prepared, setting)
         for level, points in omegas.items():
@@ -206,7 +206,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Timed:
-    """Branches and what they took, of rank 0."""
+    """Branches and their times, on rank 0."""
 
     branches: list[Branch]
     wall: float  # s, without error bars
@@ -225,7 +225,7 @@ class Stopwatch:
 
 
 class TimedEstimator(ErrorEstimator):
-    """Error bars, and the time they took."""
+    """Error bars with their computing time."""
 
     def __init__(self, enriched: EnrichedModel):
         super().__init__(enriched)
@@ -251,7 +251,7 @@ def curve_of(branch: Branch, is_corrected: bool = False) -> Curve:
 
 
 def amplitude_of(point: Point, is_corrected: bool) -> tuple[complex, float]:
-    """Return that amplitude at a point and its bar, nan where there is none [m].  Local."""
+    """Return this amplitude at a point and its bar, nan without a bar [m].  Local."""
     if is_corrected and point.corrected is not None and point.error_corrected is not None:
         return complex(point.corrected[0, 0], -point.corrected[0, 1]), float(point.error_corrected[0])
     bar = np.nan if point.error is None else float(total(point.error[0]))

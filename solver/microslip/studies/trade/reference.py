@@ -1,7 +1,7 @@
-"""The reference of a trade: levels and frequencies from cheap curves, then harmonics, samples and modes raised rung by rung.
+"""The reference of a trade: levels and frequencies from coarse curves, then refinement of harmonics, samples and modes.
 
-Every rung is solved at all points, each from the solution of the rung below.  The rungs below the reference say how well it is
-known: the changes from one to the next form a series, and what is left of it is the uncertainty of the reference.
+Every refinement step (rung) is solved at all points, each from the solution of the previous rung.  The changes from rung to rung
+form a series, and its remainder is the uncertainty of the reference.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from ...points.branch import Branch
 from .bench import Bench, Clock, curve_of
 from .study import ROUNDING, TARGETS, Check, Curve, Reference, Setting, difference, uncertainty
 
-POINTS = 20  # a level
-STEPS = 60  # of the cheap curve
-FEWEST = 5  # points of a level worth comparing on
-RUNGS = (3, 7, 15, 31, 63, 127)  # harmonics, each about twice the one before
-SAMPLES, MOST_SAMPLES = 128, 16384  # of the first rung; each has twice those of the one before
-FINE = 512  # samples of the rungs of harmonics, unless they need more
-ENOUGH = 0.3 * min(TARGETS)  # of the peak
-EVEN = 0.4  # of what more harmonics would change: other knobs need not be better
+POINTS = 20  # points per level
+STEPS = 60  # steps of the coarse curve
+FEWEST = 5  # least points of a level for a comparison
+RUNGS = (3, 7, 15, 31, 63, 127)  # harmonics, about doubled
+SAMPLES, MOST_SAMPLES = 128, 16384  # samples of the first rung, doubled from rung to rung
+FINE = 512  # least samples of the rungs of harmonics
+ENOUGH = 0.3 * min(TARGETS)  # sufficient accuracy, relative to the peak
+EVEN = 0.4  # of the remaining effect of harmonics: sufficient accuracy of other settings
 TOLERANCE = 1e-10
-CHECKED_AT = 7  # harmonics of the rungs of samples and modes
+CHECKED_AT = 7  # harmonics for the rungs of samples and modes
 LINEAR = "those of the loads, nothing slips"
-GROWTH = 2.2  # of the time from one rung of harmonics to the next, at least
-AGAIN = 1.5  # rungs' times that the rest takes beside the last one
+GROWTH = 2.2  # least factor of time from one rung of harmonics to the next
+AGAIN = 1.5  # time of the remaining work over the time of the last rung
 
 
 def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) -> tuple[dict[float, list[float]], float, bool]:
-    """Return the frequencies [rad/s] of each level, the largest loss of a pair [J a cycle] and whether any slips or opens.
+    """Return the frequencies [rad/s] of each level, the largest loss of a pair [J per cycle], and whether any slips or opens.
 
-    Collective.  Of the scene's levels the first with slip and the strongest, unless ``levels`` are given.  The frequencies are
-    those of a curve of few harmonics, at equal steps of its length.
+    Collective.  By default the first level of the scene with slip and the highest level.  The frequencies are from a curve with
+    few harmonics, at equal arc lengths.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) 
 
 
 def check_moves(bench: Bench, branch: Branch) -> None:
-    """Refuse a curve whose first output does not move, over whose peak errors are measured.  Collective: one broadcast.
+    """Refuse a curve whose first output does not move, because errors are relative to its peak.  Collective: one broadcast.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def check_moves(bench: Bench, branch: Branch) -> None:
 
 
 def thinned(omegas: Sequence[float], curve: Curve) -> list[float]:
-    """Return about POINTS of ``omegas``, evenly, the one with the largest amplitude and its neighbours among them.  Local."""
+    """Return about POINTS evenly spread ``omegas``, including the largest amplitude and its neighbours.  Local."""
     top = int(np.argmin(np.abs(np.array(omegas) - curve.omega[int(np.argmax(np.abs(curve.u)))])))
     chosen = set(np.linspace(0, len(omegas) - 1, min(POINTS, len(omegas))).round().astype(int)) | {top - 1, top, top + 1}
     return [omegas[i] for i in sorted(chosen) if 0 <= i < len(omegas)]
@@ -92,7 +92,7 @@ def thinned(omegas: Sequence[float], curve: Curve) -> list[float]:
 
 @dataclass(frozen=True)
 class Rung:
-    """A setting solved at all points: curves, and motions from which another setting starts."""
+    """A setting solved at all points: curves, and motions as starting values of other settings."""
 
     setting: Setting
     curves: tuple[Curve, ...]
@@ -111,7 +111,7 @@ class Ladder:
 
         Raises
         ------
-        ConvergenceError : it does not converge at every frequency; on every rank
+        ConvergenceError : no convergence at some frequency; on every rank
         """
         start, prepared, curves, motions = self.clock.spent, self.bench.prepared(setting), [], {}
         for level, omegas in self.omegas.items():
@@ -124,7 +124,7 @@ class Ladder:
         return Rung(setting, self.bench.comm.bcast(tuple(curves)), motions, self.clock.spent - start)
 
     def _from(self, motions, prepared, setting: Setting, level: float, omegas) -> tuple[Branch | None, list[Iterate]]:
-        """Return the points found from solutions of another setting; None where one is not found so."""
+        """Return the points solved from another setting's solutions; None if one does not converge."""
         problem, selection = self.bench.response(prepared, setting).at_level(level), prepared.reduction.selection
         workspace, branch, iterates = Workspace(problem.equation), Branch(level), []
         solver = PointSolver(problem, selection, range_of(omegas), setting.tolerance, workspace)
@@ -141,7 +141,7 @@ class Ladder:
         return branch, iterates
 
     def _anew(self, prepared, setting: Setting, level: float, omegas) -> tuple[Branch, list[Iterate]]:
-        """Return the points, each found from those before it."""
+        """Return the points, each solved from the preceding ones."""
         problem = self.bench.response(prepared, setting).at_level(level)
         branch = at_frequencies(problem, prepared.reduction.selection, list(omegas), tolerance=setting.tolerance)
         if branch.failure:
@@ -153,13 +153,13 @@ class Ladder:
 
 
 def find_reference(ladder: Ladder, base: Setting, share: float, note: Callable[[str], None], slips: bool = True) -> Reference:
-    """Return the reference, as fine as needed or as ``share`` of the time allows.  Collective.
+    """Return the reference, as fine as needed or as the fraction ``share`` of the time allows.  Collective.
 
-    Where nothing ``slips`` the response is linear, and the harmonics and samples of ``base`` leave nothing out.
+    Without slip (``slips`` False) the response is linear, and the harmonics and samples of ``base`` are exact.
 
     Raises
     ------
-    ConvergenceError : it has no curve; on every rank
+    ConvergenceError : the reference has no curve; on every rank
     """
     bench, clock, began = ladder.bench, ladder.clock, ladder.clock.spent
     start = replace(base, samples=FINE, tolerance=TOLERANCE)
@@ -190,7 +190,7 @@ def find_reference(ladder: Ladder, base: Setting, share: float, note: Callable[[
 
 
 def _more_harmonics(ladder: Ladder, start: Setting, share: float) -> tuple[list[Rung], str]:
-    """Return the rungs of harmonics, up to where they are enough or to what the time allows, and which of the two."""
+    """Return the rungs of harmonics, up to sufficient accuracy or the time limit, and the reason of the end."""
     numbers = [H for H in RUNGS if H >= ladder.bench.least_harmonics] or [ladder.bench.least_harmonics]
     rungs: list[Rung] = []
     for H in numbers:
@@ -206,7 +206,7 @@ def _more_harmonics(ladder: Ladder, start: Setting, share: float) -> tuple[list[
 
 
 def _raised(ladder: Ladder, below: Rung, knob: str, values: Sequence[int], goal: float, share: float) -> tuple[list[Rung], str]:
-    """Return rungs of a knob, starting from the solution of another, up to where they are enough, and why there."""
+    """Return rungs of a setting, starting from another solution, up to sufficient accuracy, and the reason of the end."""
     rungs: list[Rung] = []
     for value in values:
         if len(rungs) > 2 and 2.0 * rungs[-1].seconds > ladder.clock.left(share):
@@ -218,17 +218,17 @@ def _raised(ladder: Ladder, below: Rung, knob: str, values: Sequence[int], goal:
 
 
 def _rest(bench: Bench, rungs: Sequence[Rung]) -> float:
-    """Return what further rungs would change, over the peak."""
+    """Return the estimated effect of further rungs relative to the peak."""
     return bench.comm.bcast(_check("", rungs).rest)
 
 
 def _check(knob: str, rungs: Sequence[Rung]) -> Check:
-    """Return how the response changes from rung to rung.  Local."""
+    """Return the changes of the response from rung to rung.  Local."""
     steps = tuple(difference(low.curves, high.curves) for low, high in zip(rungs, rungs[1:]))
     return Check(knob, tuple(getattr(rung.setting, knob) if knob else 0 for rung in rungs), steps)
 
 
 def mode_numbers(bench: Bench) -> list[int]:
-    """Return a quarter, half and all of the modes that were computed, as far as these hold the one of the range.  Local."""
+    """Return a quarter, half and all of the computed modes, as far as they include the mode of the range.  Local."""
     most, least = len(bench.modes.omega_n), bench.least_modes
     return sorted({max(most // 4, least), max(most // 2, least), most})

@@ -1,4 +1,4 @@
-"""What a trade says: the table, trade.csv, sentences about each knob, and choices.  Rank 0 only."""
+"""The report of a trade: table, trade.csv, sentences about each setting, and choices.  Rank 0 only."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .study import COMBINED, TARGETS, Curve, Run, Score, Study, score
 
 @dataclass(frozen=True)
 class Record:
-    """A row of trade.csv: a run at one level, or at all of them, and its errors."""
+    """A row of trade.csv: a run at one or all levels, and its errors."""
 
     run: Run
     level: str
@@ -34,7 +34,7 @@ def _or_nan(value: float | None) -> float:
     return np.nan if value is None else value
 
 
-COLUMNS: dict[str, tuple[str, Callable[[Record], Any]]] = {  # heading, and what it is of a record
+COLUMNS: dict[str, tuple[str, Callable[[Record], Any]]] = {  # heading, and the value from a record
     "knob": ("knob", lambda of: of.run.knob),
     "value": ("value", lambda of: of.run.value),
     "level_N": ("level N", lambda of: of.level),
@@ -87,7 +87,7 @@ SHOWN = (
 
 
 def write_trade(study: Study, scene: Titled, folder: str) -> str:
-    """Write trade.csv and trade.png; return what is told on the screen.  Local.
+    """Write trade.csv and trade.png; return the text for the screen.  Local.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def write_trade(study: Study, scene: Titled, folder: str) -> str:
 
 
 def summary(study: Study) -> list[str]:
-    """Return all that is told beside the table, a line each."""
+    """Return the lines of the report in addition to the table."""
     return [
         *linear_lines(study),
         *reference_lines(study),
@@ -125,7 +125,7 @@ def summary(study: Study) -> list[str]:
 
 
 def records(study: Study) -> list[dict]:
-    """Return a record a run over all levels, by the names of ``COLUMNS``, and one a run and level where there are several."""
+    """Return one record per run over all levels, by the names of ``COLUMNS``; for several levels also one per level."""
     front, table_rows, exact = {id(run) for run in study.front()}, list[Record](), study.reference.curves
     for run in study.ordered():
         knob_error, is_best = study.own(run, run.knob) if run.failure is None else np.nan, id(run) in front
@@ -145,7 +145,7 @@ def records(study: Study) -> list[dict]:
 
 
 def rows(study: Study) -> list[list[str]]:
-    """Return the cells of the table, a row a run that has points."""
+    """Return the cells of the table, one row per run with points."""
     return [
         [_cell(name, record, study.reference.floor) for name in SHOWN]
         for record in records(study)
@@ -154,7 +154,7 @@ def rows(study: Study) -> list[list[str]]:
 
 
 def failure_lines(study: Study) -> list[str]:
-    """Say which runs failed and why, those for the same reason together."""
+    """Return lines on failed runs, grouped by reason."""
     reasons: dict[str, dict[str, list[str]]] = {}
     for run in study.runs:
         if run.failure:
@@ -188,12 +188,12 @@ def table(study: Study) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent, two digits."""
+    """Return a fraction in per cent, with two digits."""
     return "unknown" if not np.isfinite(share) else f"{100.0 * share:.2g} %"
 
 
 def linear_lines(study: Study) -> list[str]:
-    """Say that nothing slips, and what that leaves to trade."""
+    """Return lines on a response without slip, and on the remaining settings."""
     if not study.is_linear:
         return []
     levels = ", ".join(f"{level:g} N" for level in study.reference.curves)
@@ -205,7 +205,7 @@ def linear_lines(study: Study) -> list[str]:
 
 
 def reference_lines(study: Study) -> list[str]:
-    """Say what the reference is and how well it is known."""
+    """Return lines on the reference and its uncertainty."""
     reference = study.reference
     lines = [
         f"reference: {reference.setting}, {sum(len(c.omega) for c in reference.curves.values())} points at "
@@ -227,7 +227,7 @@ def reference_lines(study: Study) -> list[str]:
 
 
 def validation_lines(study: Study) -> list[str]:
-    """Say how the error bars did."""
+    """Return lines on the quality of the error bars."""
     validation = study.validation()
     if not validation.n_above:
         return ["error bars: no error above what the reference is known to; nothing to judge them by"]
@@ -239,7 +239,7 @@ def validation_lines(study: Study) -> list[str]:
 
 
 def sentences(study: Study) -> list[str]:
-    """Say of each knob what a step of it costs and buys."""
+    """Return sentences on the cost and effect of each step of a setting."""
     lines = []
     for knob in ("harmonics", "samples", "modes", "tolerance", "eps"):
         for before, after in pairwise(study.sweep(knob)):
@@ -261,7 +261,7 @@ def sentences(study: Study) -> list[str]:
 
 
 def method_sentences(study: Study) -> list[str]:
-    """Say of every other method what it costs and buys beside the base, where there was time for that."""
+    """Return sentences on cost and error of every other method compared with the base, if it was run."""
     base = study.run_of_base
     if base is None:
         return []
@@ -273,7 +273,7 @@ def method_sentences(study: Study) -> list[str]:
 
 
 def corrected_sentences(study: Study) -> list[str]:
-    """Say of every number of harmonics what its corrected amplitude is off by, and which one is as good without."""
+    """Return sentences on the error of corrected amplitudes, and the number of harmonics that is as good without."""
     sweep, lines = study.sweep("harmonics"), []
     for run in sweep:
         error = study.error_of_corrected(run.corrected)
@@ -288,7 +288,7 @@ def corrected_sentences(study: Study) -> list[str]:
 
 
 def _beside_fixed(study: Study, run: Run) -> str:
-    """Say how the cost of a run of an accuracy, whose bars are in it, compares with the best fixed setting."""
+    """Return a text that compares the cost of a run with an accuracy, bars included, with the best fixed setting."""
     best = study.best_fixed(run.setting.accuracy or 0.0)
     if best is None:
         return ", bars included; no fixed setting that was run reaches it"
@@ -299,7 +299,7 @@ def _beside_fixed(study: Study, run: Run) -> str:
 
 
 def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
-    """Say what it costs and buys to go from one value of a knob to the next."""
+    """Return a sentence on cost and effect of a step from one value of a setting to the next."""
     name = {"tolerance": "tolerance", "eps": "eps"}.get(knob, knob)
     first, second = (_value(knob, run) for run in (before, after))
     text = f"{name} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
@@ -316,7 +316,7 @@ def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
 
 
 def _more_setup(before: Run, after: Run) -> str:
-    """Say how much longer the set-up is, where that can be told from chance."""
+    """Return a text on the longer set-up, if the difference is significant."""
     more = after.setup - before.setup
     return f", {more:+.2g} s of set-up" if abs(more) > 0.02 + 0.02 * before.setup else ""
 
@@ -330,7 +330,7 @@ def _known(error: float, study: Study) -> str:
 
 
 def front_lines(study: Study) -> list[str]:
-    """Return the runs of the front, a line each."""
+    """Return the runs of the Pareto front, one line each."""
     lines = []
     for run in study.front():
         name = str(run.setting)
@@ -339,7 +339,7 @@ def front_lines(study: Study) -> list[str]:
 
 
 def choice_lines(study: Study, target: float) -> list[str]:
-    """Say what to take for an accuracy: a table for the scene, or what is best instead."""
+    """Return lines with the settings for an accuracy: a table for the scene, or the best alternative."""
     run, request = study.choice(target), percent(target)
     if run is not None:
         error = _known(study.score(run).error, study)
@@ -358,7 +358,7 @@ def choice_lines(study: Study, target: float) -> list[str]:
 
 
 def mesh_lines(study: Study) -> list[str]:
-    """Say what other meshes change."""
+    """Return lines on the effect of other meshes."""
     if not study.meshes:
         return []
     finest = {curve.level: curve for curve in study.meshes[-1].curves}

@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from ...results.style import FAINT, INK, WIDTH, Page, Titled
 from .study import ACCURACY, BASE, COMBINED, Study
 
-# Okabe and Ito; a marker each, so that they are told apart without colour too
+# colours of Okabe and Ito, and markers that distinguish them without colour
 LOOKS = {
     "harmonics": ("#0072b2", "o"),
     "samples": ("#d55e00", "s"),
@@ -25,7 +25,7 @@ LOOKS = {
 NAMES = {"eps": "eps of adaptive-energy", "tolerance": "solver tolerance", ACCURACY: "accuracy = ..."}
 SIZES = {ACCURACY: 9.0, COMBINED: 4.0, BASE: 7.0}
 JOINED = ("harmonics", "samples", "modes", "tolerance", "eps")
-LEAST = 1e-12  # of an error on a logarithmic axis
+LEAST = 1e-12  # least error on a logarithmic axis
 TENFOLD = "#eeeeee"
 
 
@@ -58,7 +58,7 @@ def draw_trade(study: Study, scene: Titled, path: str) -> None:
 
 
 def _draw_errors(axes, study: Study) -> None:
-    """Draw error over response time, a line a knob, the front as a step line."""
+    """Draw error over response time, one line per setting, the Pareto front as a step line."""
     floor = max(study.reference.floor, LEAST)
     shown = {id(run): (run.cost, max(study.score(run).error, LEAST)) for run in study.complete}
     errors = [error for _, error in shown.values()] or [1.0]
@@ -100,7 +100,7 @@ def _draw_errors(axes, study: Study) -> None:
 
 
 def _name(axes, study: Study, shown: dict) -> None:
-    """Write beside runs of `accuracy` and of harmonics what they are, where there is room."""
+    """Label runs of `accuracy` and of harmonics, if there is space."""
     taken: list[np.ndarray] = []
     (left, right), (low, high) = np.log10(axes.get_xlim()), np.log10(axes.get_ylim())
     for kind, offset in ((ACCURACY, (4, -9)), ("harmonics", (4, 4))):
@@ -110,7 +110,7 @@ def _name(axes, study: Study, shown: dict) -> None:
             here = (np.log10(shown[id(run)]) - (left, low)) / (right - left, high - low)
             if all(np.any(np.abs(here - other) > (0.08, 0.04)) for other in taken):
                 text = run.value if kind == ACCURACY else f"H={run.value}"
-                place, side = ((-4, -9), "right") if run.setting.is_corrected else (offset, "left")  # quicker: to the left
+                place, side = ((-4, -9), "right") if run.setting.is_corrected else (offset, "left")  # corrected: left
                 look = {"textcoords": "offset points", "fontsize": 6, "color": LOOKS[kind][0], "zorder": 5}
                 axes.annotate(text, shown[id(run)], xytext=place, horizontalalignment=side, **look)
                 taken.append(here)

@@ -1,4 +1,4 @@
-"""The story of a trade: one structure, many settings at the same frequencies, each against a reference that is known."""
+"""The command `trade`: one structure, many settings at the same frequencies, compared with a reference of known error."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
     from ...scene.schema import Scene
 
-SECONDS = 105.0  # to be spent in all, unless the command line says otherwise
-UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8  # shares of that
+SECONDS = 105.0  # default time budget
+UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8  # fractions of the time budget
 VALUES: dict[str, tuple] = {
     "harmonics": (1, 2, 3, 5, 7, 9, 13, 19, 27, 41),
     "samples": (32, 64, 128, 256, 512, 1024),
@@ -42,32 +42,32 @@ VALUES: dict[str, tuple] = {
 }
 EPS = (-1, -2, -3, -5)  # decades below the largest loss of a pair
 BASE_HARMONICS, BASE_SAMPLES, BASE_TOLERANCE = 5, 256, 1e-8
-FEWEST_OF_REFERENCE = 40  # modes
+FEWEST_OF_REFERENCE = 40  # least modes of the reference
 COMBINATIONS = 8
-MANY = 20  # harmonics of runs that take long, and come late
-GROWTH = 3.0  # power of the number of harmonics by which time grows at worst
+MANY = 20  # harmonics from which runs are long and come late
+GROWTH = 3.0  # exponent of the time over the number of harmonics in the worst case
 COMBINED_KNOBS = ("harmonics", "samples", "modes", "tolerance")
-OF_LINEAR = ("modes", "method", "mesh")  # knobs of a response without slip
+OF_LINEAR = ("modes", "method", "mesh")  # settings with effect on a response without slip
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line asks of a trade."""
+    """Options of the command line."""
 
     knobs: tuple[str, ...] = KNOBS
-    levels: tuple[float, ...] = ()  # N; empty: the first of the scene with slip, and its strongest
-    meshes: tuple[str, ...] = ()  # files beside the scene's own mesh
+    levels: tuple[float, ...] = ()  # N; empty: the scene's first level with slip, and its highest
+    meshes: tuple[str, ...] = ()  # further mesh files
     seconds: float = SECONDS
 
 
 def trade(scene: Scene, comm: MPI.Comm, folder: Path, request: Request | None = None, options: tuple[str, ...] = ()) -> Study:
-    """Measure what each knob of a scene costs and buys; print and write a table, a picture and choices.
+    """Measure time and error of each setting of a scene; print and write a table, a picture and choices.
 
-    Collective on ``comm``.  A run that fails says so in its row.
+    Collective on ``comm``.  The row of a failed run has the reason.
 
     Raises
     ------
-    CaseError : an unknown knob, or a scene with nothing to trade; on every rank, some of them as soon as the curves tell
+    CaseError : an unknown setting, or a scene without effect of settings; on every rank, partly after the first curves
     ConvergenceError : no reference; on every rank
     """
     request = request or Request()
@@ -81,7 +81,7 @@ def trade(scene: Scene, comm: MPI.Comm, folder: Path, request: Request | None = 
 
 
 def check_request(scene: Scene, request: Request) -> None:
-    """Refuse what cannot be traded.  Local.
+    """Refuse unsuitable scenes and options.  Local.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def check_request(scene: Scene, request: Request) -> None:
 
 
 def check_loads(scene: Scene) -> None:
-    """Refuse loads under which nothing moves in harmonic 1, of which errors are measured.  Local.
+    """Refuse loads without motion in harmonic 1, in which errors are measured.  Local.
 
     Raises
     ------
@@ -176,17 +176,17 @@ def measured(scene: Scene, comm: MPI.Comm, request: Request, log: RunLog) -> Stu
 
 
 def base_of(bench: Bench) -> Setting:
-    """Return the setting about which knobs are turned one by one.  Local."""
+    """Return the base setting, of which single values are varied.  Local."""
     H = max(BASE_HARMONICS, bench.least_harmonics)
     return Setting(len(bench.structure.modes.omega_n), H, max(BASE_SAMPLES, 16 * H), BASE_TOLERANCE)
 
 
 def linear_trade(bench: Bench, knobs: Sequence[str], base: Setting, levels: list[float]) -> tuple[tuple[str, ...], Setting]:
-    """Return the knobs that change a response without slip, and its base: the harmonics of the loads alone.  Local.
+    """Return the settings that change a response without slip, and its base with only the harmonics of the loads.  Local.
 
     Raises
     ------
-    CaseError : the command line asks for none of them
+    CaseError : the command line requests none of them
     """
     effective = tuple(knob for knob in knobs if knob in OF_LINEAR)
     if not effective:
@@ -200,13 +200,13 @@ def linear_trade(bench: Bench, knobs: Sequence[str], base: Setting, levels: list
 
 
 def cheap(bench: Bench, base: Setting) -> Setting:
-    """Return the setting of the curves that show where the points are needed.  Local."""
+    """Return the setting of the coarse curves that determine the points.  Local."""
     H = max(3, bench.least_harmonics)
     return replace(base, harmonics=H, samples=max(128, 16 * H), tolerance=1e-6)
 
 
 def measure_modes(bench: Bench, n_base: int) -> None:
-    """Compute the modes of the reference, and learn what fewer cost.  Collective."""
+    """Compute the modes of the reference, and measure the time of fewer modes.  Collective."""
     n_dof = bench.structure.n_dof
     most = min(max(FEWEST_OF_REFERENCE, 3 * n_base), most_modes(n_dof))
     for n_modes in sorted({bench.least_modes, most}):
@@ -216,9 +216,9 @@ def measure_modes(bench: Bench, n_base: int) -> None:
 def settings(
     bench: Bench, base: Setting, study: Study, knobs: Sequence[str], most: float
 ) -> tuple[list[tuple[str, str, Setting]], list[tuple[str, str, Setting]]]:
-    """Return the runs, knob, name of its value and setting: those that combinations are made of, and the others.  Local.
+    """Return the runs as (knob, value, setting): first the runs used in combinations, then the others.  Local.
 
-    The same on all ranks.  ``most``, the largest loss of a pair [J a cycle], is what energies are judged against.
+    The same on all ranks.  ``most``: the largest loss of a pair [J per cycle], the scale of energies.
     """
     first: list[tuple[str, str, Setting]] = []
     later: list[tuple[str, str, Setting]] = []
@@ -249,12 +249,12 @@ def settings(
 
 
 def ends_first(entries: list) -> list:
-    """Return a list with its first and last entries first: where time runs out these say most.  Local."""
+    """Return a list with its first and last entries in front, the most informative ones if time runs out.  Local."""
     return [*entries[:1], *entries[1:][-1:], *entries[1:-1]]
 
 
 def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
-    """Return the values of a knob that make sense here.  Local."""
+    """Return the suitable values of a setting.  Local."""
     if knob == "harmonics":
         return [H for H in VALUES[knob] if bench.least_harmonics <= H < max(study.reference.setting.harmonics, base.harmonics)]
     if knob == "modes":
@@ -264,7 +264,7 @@ def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
 
 
 def run_in_time(ladder: Ladder, study: Study, what: tuple[str, str, Setting], share: float, log: RunLog) -> None:
-    """Add a run at the points of the reference to the study, unless ``share`` of the time is up.  Collective."""
+    """Add a run at the points of the reference to the study, unless the fraction ``share`` of the time is spent.  Collective."""
     (knob, value, setting), bench = what, ladder.bench
     if knob != BASE and ladder.clock.left(share) <= expected(study, knob, setting):
         run = not_run(knob, value, setting, "left out for lack of time, raise --seconds")
@@ -274,7 +274,7 @@ def run_in_time(ladder: Ladder, study: Study, what: tuple[str, str, Setting], sh
 
 
 def expected(study: Study, knob: str, setting: Setting) -> float:
-    """Return the seconds that a run of many harmonics, or of the least error, may take; 0 where that is not known.  Local."""
+    """Return the expected time of a run with many harmonics or the least error [s]; 0 if unknown.  Local."""
     known = [run for run in study.complete if run.knob == ("harmonics" if knob == "harmonics" else ACCURACY)]
     if not known or (knob == "harmonics" and setting.harmonics < MANY) or knob not in ("harmonics", ACCURACY):
         return 0.0
@@ -283,7 +283,7 @@ def expected(study: Study, knob: str, setting: Setting) -> float:
 
 
 def with_modes_for(bench: Bench, setting: Setting) -> Setting:
-    """Return an accuracy's setting with the number of modes that the program picks for it.  Collective."""
+    """Return the setting of an accuracy with the number of modes chosen by the program.  Collective."""
     if bench.scene.solver.modes is not None:
         return setting
     try:
@@ -295,14 +295,14 @@ def with_modes_for(bench: Bench, setting: Setting) -> Setting:
 
 
 def log_run(log: RunLog, study: Study, run: Run) -> None:
-    """Add a run to the study and say in a line what it did.  Local."""
+    """Add a run to the study and log a line with its results.  Local."""
     study.runs.append(run)
     score, name = study.score(run), f"  {run.knob} {run.value}"
     log.note(f"{name:<34} {run.seconds:8.3f} s  error {score.error:8.1e}  bar {score.bar:8.1e}  {run.failure or ''}".rstrip())
 
 
 def mesh_runs(scene: Scene, comm: MPI.Comm, request: Request, base: Setting, log: RunLog) -> list[Run]:
-    """Return a run of the base a mesh, coarse to fine, all at the frequencies that any of them needs.  Collective."""
+    """Return one run of the base per mesh, coarse to fine, all at the union of their frequencies.  Collective."""
     assert scene.model.mesh is not None, "other meshes belong to a scene with one"
     runs: list[tuple[int, Run]] = []
     benches = []

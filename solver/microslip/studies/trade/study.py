@@ -1,6 +1,6 @@
-"""Speed against accuracy: settings, what running them took, and the numbers made of it.  NumPy only; every function is local.
+"""Data of a trade: settings, times and errors, and results derived from them.  NumPy only; every function is local.
 
-Errors are of the complex amplitude of harmonic 1 of the first output, over the largest of the reference on the same level.
+Errors are of the complex amplitude of harmonic 1 of the first output, relative to the reference's peak at the same level.
 """
 
 from __future__ import annotations
@@ -12,30 +12,30 @@ from typing import Any
 import numpy as np
 
 KNOBS = ("harmonics", "samples", "modes", "tolerance", "eps", "method", "mesh")
-KEYS = {knob: knob for knob in KNOBS} | {"eps": "energy_tolerance"}  # of [solver] and of Setting
-BASE, COMBINED, ACCURACY = "base", "combination", "accuracy"  # kinds of runs beside those of the knobs
+KEYS = {knob: knob for knob in KNOBS} | {"eps": "energy_tolerance"}  # keys of [solver] and of Setting
+BASE, COMBINED, ACCURACY = "base", "combination", "accuracy"  # further kinds of runs
 TARGETS = (1e-2, 1e-3, 1e-4)
-MOST_GAIN = 4.0  # of one step of a sequence of refinements to the next, as far as that is trusted for what follows
+MOST_GAIN = 4.0  # largest trusted factor between successive changes of a sequence of refinements
 LEAST_GAIN = 1.25
-ROUNDING = 1e-9  # of the peak: no point is known better
+ROUNDING = 1e-9  # of the peak: least uncertainty of a point
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What a run is solved with; ``accuracy`` chooses harmonics, samples and tolerance by itself, whatever they say here."""
+    """The settings of a run; with ``accuracy`` harmonics, samples and tolerance are chosen and their values here ignored."""
 
     modes: int
     harmonics: int
     samples: int
     tolerance: float = 1e-8
     method: str = "receptance"
-    energy_tolerance: float | None = None  # J a cycle and pair; adaptive-energy
+    energy_tolerance: float | None = None  # J per cycle and pair; adaptive-energy
     accuracy: float | None = None
     accuracy_of: str = "amplitude"  # or "corrected"
-    mesh: str | None = None  # another file than the scene's
+    mesh: str | None = None  # mesh file, if not the scene's
 
     def table(self) -> str:
-        """Return it as the table [solver] of a scene."""
+        """Return the setting as the table [solver] of a scene."""
         lines = ["[solver]", f'method = "{self.method}"', f"modes = {self.modes}"]
         if self.accuracy is None:
             lines += [f"harmonics = {self.harmonics}", f"samples = {self.samples}"]
@@ -50,11 +50,11 @@ class Setting:
 
     @property
     def is_corrected(self) -> bool:
-        """Whether what counts is the corrected amplitude."""
+        """Whether the corrected amplitude is used."""
         return self.accuracy_of == "corrected"
 
     def turned(self, knob: str, value: Any) -> Setting:
-        """Return it with another value of a knob."""
+        """Return the setting with another value of a knob."""
         return replace(self, **{KEYS[knob]: value})
 
     def __str__(self) -> str:
@@ -82,24 +82,24 @@ class Curve:
 
 @dataclass(frozen=True)
 class Run:
-    """What one setting took, and what came out."""
+    """Time and results of one setting."""
 
-    knob: str  # of KNOBS, or BASE, COMBINED, ACCURACY
-    value: str  # of the knob
+    knob: str  # a key of KNOBS, or BASE, COMBINED, ACCURACY
+    value: str  # value of the knob
     setting: Setting
-    setup: float  # s: modes and reduction, beside what all runs share
-    seconds: float  # s of wall time, the response at all frequencies of all levels, without error bars
+    setup: float  # s: modes and reduction, without the shared set-up
+    seconds: float  # s of wall time of the response at all frequencies of all levels, without error bars
     cpu: float  # s of processor time of one rank
     seconds_with_bars: float  # s of wall time
     cpu_with_bars: float  # s of processor time
-    unknowns: int  # the most at any point
+    unknowns: int  # largest number at any point
     curves: tuple[Curve, ...]
     failure: str | None = None
-    corrected: tuple[Curve, ...] = ()  # the corrected amplitudes, of a run with error bars
+    corrected: tuple[Curve, ...] = ()  # corrected amplitudes, for a run with error bars
 
     @property
     def cost(self) -> float:
-        """The processor time of the response [s]: what runs are ranked by, as others at work on the machine disturb it least."""
+        """The processor time of the response [s], used to rank runs because other load on the machine affects it least."""
         return self.cpu
 
     @property
@@ -112,32 +112,32 @@ class Check:
     """Coarser runs on the way to the reference, in one knob."""
 
     knob: str
-    values: tuple[int, ...]  # of the knob, rising; the last is that of the reference
-    steps: tuple[float, ...]  # change of the response from each to the next over the peak, the largest of all points
+    values: tuple[int, ...]  # values of the knob, ascending up to the reference
+    steps: tuple[float, ...]  # largest change of the response between successive values, relative to the peak
 
     @property
     def rest(self) -> float:
-        """What further refinement would change: the sum of a geometric series with the gain that was seen, within bounds."""
+        """Estimated effect of further refinement: sum of a geometric series with the observed, bounded gain."""
         return remainder(self.steps)
 
 
 def remainder(steps: Sequence[float]) -> float:
-    """Return what is left after changes of a sequence of refinements: the last one over gain - 1."""
+    """Return the remainder of a sequence of refinements: the last change over gain - 1."""
     return steps[-1] / (gain_of(steps) - 1.0) if steps else 0.0
 
 
 def gain_of(steps: Sequence[float]) -> float:
-    """Return by which factor the changes fall, as far as it is trusted; 2 where only one is known."""
+    """Return the factor by which successive changes decrease, bounded; 2 for a single change."""
     if len(steps) < 2:
         return 2.0
     return float(min(max(steps[-2] / steps[-1], LEAST_GAIN), MOST_GAIN)) if steps[-1] > 0.0 else MOST_GAIN
 
 
 def uncertainty(rungs: Sequence[Sequence[Sequence[Curve]]], reference: Sequence[Curve]) -> tuple[Curve, ...]:
-    """Return the reference's curves with how well each of their points is known for a bar [m].
+    """Return the reference's curves with the uncertainty of each point as its bar [m].
 
-    ``rungs`` are the curves of each sequence of refinements.  The last change at a point or one beside it, whichever is largest,
-    goes on falling by the gain of the level; the sequences add up.
+    ``rungs`` are the curves of each sequence of refinements.  The largest last change at a point and its neighbours is
+    extrapolated with the gain of the level; the sequences are added.
     """
     curves = []
     for i, curve in enumerate(reference):
@@ -154,32 +154,32 @@ def uncertainty(rungs: Sequence[Sequence[Sequence[Curve]]], reference: Sequence[
 
 @dataclass(frozen=True)
 class Reference:
-    """The run that all errors are measured against, and how well it is known."""
+    """The reference run of all errors, and its uncertainty."""
 
     setting: Setting
-    curves: Mapping[float, Curve]  # by level; their bars say how well they are known
+    curves: Mapping[float, Curve]  # by level; the bars are their uncertainty
     checks: tuple[Check, ...]
-    seconds: float  # s, the checks too
-    why: str  # it is not finer
+    seconds: float  # s, including the checks
+    why: str  # reason why it is not finer
 
     @property
     def floor(self) -> float:
-        """How well the reference is known, over its peak, where it is known least."""
+        """The largest uncertainty of the reference relative to its peak."""
         return max(float((curve.bar / (curve.peak or 1.0)).max(initial=0.0)) for curve in self.curves.values())
 
 
 @dataclass(frozen=True)
 class Score:
-    """How good a run is."""
+    """The errors of a run."""
 
-    error: float = np.nan  # largest of all points
+    error: float = np.nan  # largest error of all points
     rms: float = np.nan
     peak: float = np.nan  # error of the peak amplitude
-    frequency: float = np.nan  # of the peak frequency, over it
-    bar: float = np.nan  # largest of all points
-    coverage: float = np.nan  # share under their bar, of the points whose error is larger than the reference's own
+    frequency: float = np.nan  # relative error of the peak frequency
+    bar: float = np.nan  # largest bar of all points
+    coverage: float = np.nan  # fraction below their bar of the points with an error above the reference's uncertainty
     ratio: float = np.nan  # median of bar over error at these points
-    n_above: int = 0  # of these points
+    n_above: int = 0  # number of these points
 
     @property
     def is_known(self) -> bool:
@@ -195,8 +195,8 @@ class Study:
     reference: Reference
     base: Setting
     runs: list[Run] = field(default_factory=list)
-    meshes: list[Run] = field(default_factory=list)  # against the finest of them, which is the last
-    shared: dict[str, float] = field(default_factory=dict)  # s of the set-up that all runs share, by stage
+    meshes: list[Run] = field(default_factory=list)  # errors relative to the finest mesh, the last one
+    shared: dict[str, float] = field(default_factory=dict)  # s of the shared set-up, by stage
     notes: list[str] = field(default_factory=list)
     is_linear: bool = False  # no pair slips or opens at any point
 
@@ -204,7 +204,7 @@ class Study:
         self._scores: dict[int, Score] = {}
 
     def score(self, run: Run) -> Score:
-        """Return how good a run is; kept."""
+        """Return the errors of a run, cached."""
         if id(run) not in self._scores:
             self._scores[id(run)] = score(run.curves, self.reference.curves)
         return self._scores[id(run)]
@@ -216,15 +216,15 @@ class Study:
 
     @property
     def run_of_base(self) -> Run | None:
-        """The run about which knobs are turned, if it is complete."""
+        """The run of the base setting, if complete."""
         return next((run for run in self.complete if run.knob == BASE), None)
 
     def error_of_corrected(self, curves: Sequence[Curve]) -> float:
-        """Return the largest error of corrected amplitudes; nan without any."""
+        """Return the largest error of corrected amplitudes; nan without corrected amplitudes."""
         return score(curves, self.reference.curves).error
 
     def sweep(self, knob: str) -> list[Run]:
-        """Return the complete runs of a knob and that of the base where it is one of them, in the order of their values."""
+        """Return the complete runs of a knob, with the base run if it belongs to them, in the order of their values."""
         runs = [run for run in self.complete if run.knob == knob]
         if knob in ("harmonics", "samples", "modes", "tolerance"):
             runs += [run for run in self.complete if run.knob == BASE]
@@ -234,7 +234,7 @@ class Study:
         return sorted(runs, key=lambda run: -(run.setting.energy_tolerance or 0.0)) if knob == "eps" else runs
 
     def own(self, run: Run, knob: str) -> float:
-        """Return the error that a knob alone makes: against the finest of its sweep; of harmonics against the reference."""
+        """Return the error of a single knob: relative to its finest value, for harmonics relative to the reference."""
         if knob not in KNOBS:
             return np.nan
         sweep = self.sweep(knob)
@@ -245,7 +245,7 @@ class Study:
         return difference(run.curves, sweep[-1].curves)
 
     def front(self) -> list[Run]:
-        """Return the runs that no other beats in both cost and error, to two digits of what is known, by rising cost."""
+        """Return the Pareto front in cost and error, with errors rounded to two significant digits, by ascending cost."""
         runs = self.complete
         if not runs:
             return []
@@ -254,17 +254,17 @@ class Study:
         return sorted((run for run, is_best in zip(runs, best) if is_best), key=lambda run: run.cost)
 
     def ordered(self) -> list[Run]:
-        """Return the runs kind by kind, by the values of their knobs."""
+        """Return the runs sorted by kind and by the values of their knobs."""
         kinds = [BASE, *KNOBS, ACCURACY, COMBINED]
         return sorted(self.runs, key=lambda run: (kinds.index(run.knob), _place(run)))
 
     def choice(self, target: float) -> Run | None:
-        """Return the run with the least time, set-up included, that is surely within ``target``; None where there is none."""
+        """Return the run with the least time, set-up included, whose sure error is within ``target``; None without one."""
         good = [run for run in self.complete if self.sure_error(run) + self.reference.floor <= target]
         return min(good, key=lambda run: run.cost + run.setup) if good else None
 
     def best_fixed(self, target: float) -> Run | None:
-        """Return the run of fixed settings with the least processor time that is within ``target``; None where there is none."""
+        """Return the run of fixed settings with the least processor time within ``target``; None without one."""
         good = [
             run
             for run in self.complete
@@ -273,7 +273,7 @@ class Study:
         return min(good, key=lambda run: run.cost) if good else None
 
     def sure_error(self, run: Run) -> float:
-        """Return the error of a run, or what its knob alone is wrong by: errors that cancel at these points do not at others."""
+        """Return the larger of the error of a run and the error of its knob, because errors may cancel at single points."""
         return max(self.score(run).error, float(np.nan_to_num(self.own(run, run.knob))))
 
     def validation(self) -> Score:
@@ -282,7 +282,7 @@ class Study:
 
 
 def _place(run: Run) -> float:
-    """Return where a run stands among those of its knob, coarse before fine."""
+    """Return the sort key of a run among runs of its knob, coarse before fine."""
     setting = run.setting
     if run.knob in ("harmonics", "samples", "modes"):
         return getattr(setting, run.knob)
@@ -291,7 +291,7 @@ def _place(run: Run) -> float:
 
 
 def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
-    """Return how good some curves are, point by point against those of the same level."""
+    """Return the errors of curves, point by point against the reference at the same level."""
     pairs = [(curve, exact[curve.level]) for curve in curves if len(curve.omega) and curve.level in exact]
     if not pairs:
         return Score()
@@ -321,7 +321,7 @@ def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
 
 
 def difference(curves: Sequence[Curve], others: Sequence[Curve]) -> float:
-    """Return the largest difference of curves at the points both have, over the peak of the others; nan without one."""
+    """Return the largest difference of curves at common points, relative to the peak of ``others``; nan without points."""
     by_level = {curve.level: curve for curve in others}
     worst = [np.nan]
     for curve in curves:
@@ -349,7 +349,7 @@ def peak_of(curve: Curve) -> tuple[float, float]:
 
 
 def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Return which of n settings no other beats, being no worse in both and better in one, (n,) bool."""
+    """Return which of n settings are not dominated in cost and error, (n,) bool."""
     order = np.lexsort((error, cost))
     best, is_best = np.inf, np.zeros(len(cost), dtype=bool)
     cost_of_best = -np.inf
@@ -360,9 +360,9 @@ def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, float]]:
-    """Return every combination of the values that were run one by one: setting, seconds and error as these let expect.
+    """Return all combinations of individually run values: setting, predicted seconds and predicted error.
 
-    Each knob is taken to cost a factor of time and to add an error of its own.
+    Each knob is assumed to multiply the time and to add its error.
     """
     base = study.run_of_base
     if base is None:
@@ -382,7 +382,7 @@ def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, 
 
 
 def promising(study: Study, knobs: Sequence[str], most: int) -> list[Setting]:
-    """Return at most ``most`` combinations not run yet: the cheapest expected to reach each of ``TARGETS``, then of the front."""
+    """Return at most ``most`` new combinations: the cheapest predicted for each of ``TARGETS``, then of the Pareto front."""
     combinations = predicted(study, knobs)
     if not combinations:
         return []

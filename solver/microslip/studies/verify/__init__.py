@@ -1,1 +1,1 @@
-"""Time integration beside harmonic balance: the same model marched to its steady state at some points."""
+"""The command `verify`: comparison of harmonic balance with time integration of the same model at some points."""

@@ -1,4 +1,4 @@
-"""Harmonic balance beside time integration: the table, verify.csv and verify.png.  Rank 0 only."""
+"""Comparison of harmonic balance and time integration: table, verify.csv and verify.png.  Rank 0 only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours,
 from ...system.files import make_folder
 from ..records import cell, write_csv
 
-COLUMNS = {  # of verify.csv: heading on the screen, and what it is of a check
+COLUMNS = {  # columns of verify.csv: heading on the screen, and attribute of a check
     "level_N": ("level N", "level"),
     "frequency_Hz": ("frequency Hz", "frequency"),
     "peak": ("", "mark"),
@@ -34,14 +34,14 @@ COLUMNS = {  # of verify.csv: heading on the screen, and what it is of a check
     "seconds": ("s", "seconds"),
     "failure": ("failure", "failure"),
 }
-EXPECTED = 1e-3  # difference over the peak beyond which harmonics, samples or steps are too few
+EXPECTED = 1e-3  # difference over the peak above which harmonics, samples or steps are insufficient
 MARCHED = {"color": "#d55e00", "ls": "--", "lw": 1.0}
 _MOST_LOOPS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """The hysteresis loop of one pair by both ways: along its direction of larger loss."""
+    """The hysteresis loop of one pair by both methods, along its direction of larger loss."""
 
     pair: int  # counted from 0
     direction: str  # x or y
@@ -51,21 +51,21 @@ class Loop:
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """One point of a curve, by both ways; amplitudes of harmonic 1 of the first output."""
+    """One point of a curve by both methods; amplitudes of harmonic 1 of the first output."""
 
     level: float  # N
     frequency: float  # Hz
     is_peak: bool
     balanced: float  # m
     marched: float  # m
-    difference: float  # of the amplitudes over the peak of the curve
-    with_phase: float  # of the complex amplitudes, over the peak
-    integration_error: float  # the same between half the steps and all of them
+    difference: float  # difference of the amplitudes over the peak of the curve
+    with_phase: float  # difference of the complex amplitudes over the peak
+    integration_error: float  # the same between half and all of the steps
     higher: float  # root of the sum of squares of harmonics 2 and up of the marched output over harmonic 1
-    closure: float  # (input - damping - friction) / input of the period marched
+    closure: float  # (input - damping - friction) / input of the last period
     periods: int
-    change: float  # of the motion or of a contact force in the last period, over the largest
-    distance: float  # from the steady state, over the motion
+    change: float  # change of motion or contact forces in the last period, relative to the largest
+    distance: float  # distance from the steady state, relative to the motion
     seconds: float
     failure: str = ""
     loop: Loop | None = None
@@ -82,7 +82,7 @@ class Check:
 def write_verification(
     checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, folder: str, settings: str, unit: str = "m"
 ) -> str:
-    """Write verify.csv and verify.png; return the table and what it says; ``unit`` is that of the first output.  Local.
+    """Write verify.csv and verify.png; return the table and the verdict; ``unit``: unit of the first output.  Local.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def table(records: Sequence[dict]) -> str:
 
 
 def verdict(checks: Sequence[Check]) -> str:
-    """Say in a line how far the two are apart, and which of them is to be doubted.  Local."""
+    """Return a line on the difference of the two methods, and on the less accurate one.  Local."""
     good = [check for check in checks if not check.failure]
     if not good:
         return "no point could be compared"
@@ -131,7 +131,7 @@ def _cell(name: str, value) -> str:
 def draw_verification(
     checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, path: str, settings: str, of_output: str = "m"
 ) -> None:
-    """Draw the curves with the marched points, and below, at each peak, the loop of the pair that dissipates most."""
+    """Draw the curves with the points of time integration, and below the loop of the most dissipative pair at each peak."""
     loops = some([check for check in checks if check.loop is not None], _MOST_LOOPS)
     branches = [branch for branch in branches if branch.points]
     colours = dict(zip([branch.level for branch in branches], level_colours(len(branches))))
@@ -165,7 +165,7 @@ def draw_verification(
 
 
 def _draw_loop(ax, check: Check, colour) -> None:
-    """Draw one loop by both ways."""
+    """Draw one loop by both methods."""
     loop = check.loop
     assert loop is not None
     sizes = np.concatenate([loop.balanced, loop.marched], axis=1)

@@ -1,4 +1,4 @@
-"""The story of a verification: the curve of harmonic balance, and time integration of the same model at some of its points."""
+"""The command `verify`: the curve by harmonic balance, and time integration of the same model at some of its points."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ if TYPE_CHECKING:
 
     from ...scene.schema import Scene
 
-SHARES = (0.85, 0.75)  # of the peak, at the points on either side of it that are verified; 0.71 bounds the half-power band
-TOLERANCE = 1e-5  # distance from the steady state over the motion
-ACCEPTED = 1e-3  # the same, beyond which nothing is compared
+SHARES = (0.85, 0.75)  # fractions of the peak at the verified points on both sides; 0.71 bounds the half-power band
+TOLERANCE = 1e-5  # distance from the steady state, relative to the motion
+ACCEPTED = 1e-3  # the same, above which a point is not compared
 MOST_PERIODS, MOST_FROM_REST = 60, 3000
-STEPS = 256  # a period; marched with half as many before
+STEPS = 256  # steps per period; half as many first
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the command line asks for beside the scene; None or 0: what the scene says."""
+    """Options of the command line; None or 0: as in the scene."""
 
     at: tuple[float, ...] = ()  # Hz
     levels: tuple[float, ...] = ()  # N
@@ -55,14 +55,14 @@ class Request:
 
 
 def verify(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
-    """Integrate the reduced model in time at points of its response curves; print, write and draw how the two agree.
+    """Integrate the reduced model in time at points of its response curves; print, write and draw the comparison.
 
-    Collective on ``comm``: the curves as in a run; then each rank marches its share of the points by itself.
+    Collective on ``comm``: the curves as in a run; then each rank integrates its part of the points.
 
     Raises
     ------
-    CaseError : what is asked for contradicts the scene; on every rank
-    ConvergenceError : a curve ended early, or a point came to no steady state, after everything was written; on every rank
+    CaseError : options that contradict the scene; on every rank
+    ConvergenceError : a curve ended early, or a point reached no steady state, after all files were written; on every rank
     """
     source, scene = scene.source, with_requested_range(scene, request)
     settings = f"{scene.solver.method}, {resolution(scene)}"
@@ -94,11 +94,11 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Reques
 
 
 def with_requested_range(scene: Scene, request: Request) -> Scene:
-    """Return the scene with the levels, harmonics, samples and frequencies asked for.  Local.
+    """Return the scene with the requested levels, harmonics, samples and frequencies.  Local.
 
     Raises
     ------
-    CaseError : values that no scene may hold
+    CaseError : values that a scene may not have
     """
     if scene.damping is not None and scene.damping.structural:
         raise CaseError(
@@ -116,13 +116,13 @@ def with_requested_range(scene: Scene, request: Request) -> Scene:
 
 
 def _as_ring(scene: Scene) -> Scene:
-    """Return the scene of a disc with the pairs of all sectors, which alone is one real structure in time; others as they are.
+    """Return a disc with the pairs of all sectors, the only form with one real structure in time; other scenes unchanged.
 
     Local.
 
     Raises
     ------
-    CaseError : what a whole disc cannot have
+    CaseError : keys that a whole disc cannot have
     """
     if scene.cyclic is None or scene.cyclic.whole:
         return scene
@@ -133,7 +133,7 @@ def _as_ring(scene: Scene) -> Scene:
 
 
 def ready(structure: Structure, at: tuple[float, ...]) -> ResponseProblem:
-    """Return what is solved for the curves, with error bars where an accuracy needs them.  Collective.
+    """Return the problem of the curves, with error bars if an accuracy needs them.  Collective.
 
     Raises
     ------
@@ -160,7 +160,7 @@ class Chosen:
 
 
 def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]:
-    """Return the points to verify: those ``at`` frequencies, else of every level those of ``around_peak``.  Local, on rank 0."""
+    """Return the points to verify: at the frequencies ``at``, or by ``around_peak`` at every level.  Local, on rank 0."""
     chosen, most = [], Harmonics.full(max((point.p.shape[-1] for branch in branches for point in branch.points), default=3))
     for branch in branches:
         sizes = np.array([amplitude(point.response[0]) for point in branch.points])
@@ -184,7 +184,7 @@ def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]
 
 
 def around_peak(sizes: np.ndarray) -> list[int]:
-    """Return the indices of the peak and of the points on its flanks next to ``SHARES`` of it, in order.  Local."""
+    """Return the indices of the peak and of the points on its flanks nearest to ``SHARES`` of it, in order.  Local."""
     top = int(np.argmax(sizes))
     indices = {top}
     for step, end in ((-1, -1), (1, len(sizes))):
@@ -200,13 +200,13 @@ def around_peak(sizes: np.ndarray) -> list[int]:
 def integrate(
     transient: TransientModel, model: ReducedModel, chosen: list[Chosen], request: Request, comm: MPI.Comm
 ) -> list[Check]:
-    """Return the checks of the chosen points, in their order, on every rank.  Collective: a rank marches every size-th."""
+    """Return the checks of the chosen points, in order, on every rank.  Collective: a rank integrates every size-th point."""
     shares = comm.allgather(on_each(comm, checks_of, transient, model, chosen[comm.rank :: comm.size], request))
     return [shares[i % comm.size][i // comm.size] for i in range(len(chosen))]
 
 
 def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], request: Request) -> list[Check]:
-    """March some points with half the steps, then, from where that came to, with all of them, and compare.  Local."""
+    """Integrate points with half the steps, then from the result with all steps, and compare.  Local."""
     if not chosen:
         return []
     clock = time.perf_counter()
@@ -224,7 +224,7 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
     except ConvergenceError as problem:
         if len(chosen) == 1:
             return [failed_check(chosen[0], str(problem))]
-        return [check for point in chosen for check in checks_of(transient, model, [point], request)]  # the others come through
+        return [check for point in chosen for check in checks_of(transient, model, [point], request)]  # the other points succeed
     seconds = (time.perf_counter() - clock) / len(chosen)
     work, damping, friction = energies(transient, omega, level, founds[-1].cycle)
     closure = (work - damping - friction) / np.where(work != 0.0, work, 1.0)
@@ -248,7 +248,7 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
 def responses_of(
     transient: TransientModel, model: ReducedModel, omega: np.ndarray, level: np.ndarray, cycle: Cycle
 ) -> np.ndarray:
-    """Return the coefficients of the outputs of some points, (B, n_outputs, N_H), of all harmonics that the steps resolve."""
+    """Return the coefficients of the outputs of some points, (B, n_outputs, N_H), for all harmonics resolved by the steps."""
     harmonics = Harmonics.up_to((len(cycle.eta) - 1) // 2)
     rows = coefficients(samples(transient, omega, level, cycle)[1], harmonics.highest)
     if model.observed is None:
@@ -258,7 +258,7 @@ def responses_of(
 
 
 def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], n_steps: int) -> Start:
-    """Return the motions of harmonic balance at t = 0: among steady states that differ by residual tractions, theirs."""
+    """Return the states of harmonic balance at t = 0, which select one of the steady states with different residual tractions."""
     N_H = chosen[0].p.shape[-1]
     model = model.with_harmonics(Harmonics.full(N_H))
     motions = [modal_motion(model, point.level, point.omega, point.p.reshape(-1, N_H)) for point in chosen]
@@ -269,7 +269,7 @@ def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen
 
 
 def compared(point: Chosen, fine: np.ndarray, coarse: np.ndarray) -> Check:
-    """Return what harmonic balance and the march with all steps and with half of them say, of coefficients (N_H,).  Local."""
+    """Return the comparison of harmonic balance with the coefficients (N_H,) for all and for half of the steps.  Local."""
     scale = point.peak or 1.0
     marched, balanced = float(amplitude(fine)), float(amplitude(point.response))
     return Check(
@@ -296,14 +296,14 @@ def failed_check(point: Chosen, why: str) -> Check:
 
 
 def unsteady(distance: float, periods: int) -> str:
-    """Say that a point came to no steady state, or nothing.  Local."""
+    """Return the message for a point without a steady state, or an empty text.  Local."""
     if distance <= ACCEPTED:
         return ""
     return f"no steady state after {periods} periods: {distance:.1e} of the motion away"
 
 
 def loop_of(transient: TransientModel, point: Chosen, du: np.ndarray, p: np.ndarray) -> Loop | None:
-    """Return the loop of the pair that loses most, of du and p (n_steps, 3 n_pairs); None where nothing is lost.  Local."""
+    """Return the loop of the pair with the largest loss, from du and p (n_steps, 3 n_pairs); None without losses.  Local."""
     if not np.any(point.energy > 0.0):
         return None
     pair = int(np.argmax(point.energy))
