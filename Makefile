@@ -1,13 +1,13 @@
-# make demo   everything a bare Debian 12 needs, then the demo scene to its pictures
-# make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py of the rooms in THREE below on three
-#             ranks, all others on two ranks, then everything on one rank, in WORKERS processes at once
+# make demo   installs the requirements on a bare Debian 12, then runs the demo scene with its pictures
+# make test   the same set-up, then style, types and all tests: tests/**/test_mpi_*.py of the rooms in THREE below on three
+#             ranks, the others on two ranks, then all tests on one rank in WORKERS parallel processes
 #             (make test WORKERS=8; default: the number of cores, at most four)
 # make ranks  all of tests/**/test_mpi_*.py on three ranks, or on another number (make ranks RANKS=5)
-# make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than a
-#             second) and those of the program, the oracles, the benchmarks and the verification studies
+# make quick  for daily use, about a minute: style, then on one rank all tests except those marked slow (more than a
+#             second) and the tests of the program, the oracles, the benchmarks and the verification studies
 # make sanitize   the compiled kernels under the address and undefined-behaviour sanitizers of gcc: their rooms' tests
-# make coverage   lines that the tests of one rank run, or those of some folders: make coverage TESTS=tests/contact
-# make setup  the set-up alone        make docs  the documentation        make clean  back to the sources
+# make coverage   line coverage of the tests on one rank, or of some folders: make coverage TESTS=tests/contact
+# make setup  the set-up only        make docs  the documentation        make clean  removes all generated files
 
 .PHONY: demo test ranks quick sanitize coverage setup docs clean
 .NOTPARALLEL:
@@ -18,7 +18,7 @@ PACKAGES = gcc libc6-dev python3 python3-dev python3-venv \
 	python3-petsc4py python3-petsc4py-real python3-slepc4py python3-slepc4py-real \
 	python3-mpi4py python3-h5py-mpi openmpi-bin libopenblas0-pthread libmumps-headers-dev
 
-# Debian's packages belong to this Python, which need not be the first on the PATH.
+# Debian's packages belong to this Python, which may not be the first on the PATH.
 PYTHON = /usr/bin/python3
 VENV = .venv
 IN_VENV = $(VENV)/bin/python
@@ -27,31 +27,31 @@ KERNEL = $(wildcard solver/microslip/*/*.pyx $(addprefix solver/microslip/contac
   $(addprefix solver/microslip/receptance/,row_products*.c row_products*.h))
 GENERATORS = $(wildcard meshes/*.py)
 
-# Open MPI refuses root and more ranks than cores unless asked; a waiting rank leaves its core to others; one BLAS
-# thread a rank.
+# Open MPI needs these settings to run as root and with more ranks than cores; a waiting rank yields its core; one BLAS
+# thread per rank.
 export OMPI_ALLOW_RUN_AS_ROOT = 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM = 1
 export OMPI_MCA_mpi_yield_when_idle = 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPIRUN = mpirun.openmpi
-# What this set-up brings fits together; what else the user has installed is left out of it.  Compiled modules are kept: tests
-# start many processes.
+# The packages of this set-up are compatible with each other; other packages of the user are excluded.  Compiled modules are
+# written, because tests start many processes.
 export PYTHONNOUSERSITE = 1
 unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE PETSC_DIR PETSC_ARCH SLEPC_DIR VIRTUAL_ENV PIP_USER PIP_TARGET
 
 demo: $(VENV)/installed meshes/fan_small.msh
 	$(IN_VENV) -m microslip run jobs/fan_small.toml --out results/fan_small
 	@$(IN_VENV) -m microslip report results/fan_small/results.h5 >/dev/null
-	@echo; echo "The pictures are here, and in report.html all of it on one page:"; ls -1 results/fan_small/*.png results/fan_small/*.html
+	@echo; echo "Pictures, and all results on one page in report.html:"; ls -1 results/fan_small/*.png results/fan_small/*.html
 
-# A test runs on all numbers of ranks unless its mark `ranks` names those on which it shows something (tests/conftest.py).
-# A process that has done its share takes over half of what another has left: files stay together, none waits.
+# A test runs on all numbers of ranks unless its mark `ranks` limits them (tests/conftest.py).
+# With worksteal an idle process takes half of the remaining tests of another one.
 WORKERS := $(shell n=$$(nproc); echo $$((n < 4 ? n : 4)))
 PYTEST = -m pytest -q --color=no
 RANKS = 3
-# rooms that distribute nodes, rows and pairs; on three ranks the other rooms show what they show on two
+# rooms that distribute nodes, rows and pairs; three ranks test nothing new in the other rooms
 THREE = assembly error_estimate harmonic linear mesh parallel
-# two ranks on two cores or more wait for messages without giving up their core: a third less time
+# two ranks on at least two cores wait for messages without yielding their core: a third less time
 SPIN = $(shell [ $$(nproc) -ge 2 ] && echo --mca mpi_yield_when_idle 0)
 ON_RANKS = $(PYTEST) -p no:cacheprovider -p no:xdist
 ON_ONE = $(IN_VENV) $(ON_RANKS)
@@ -60,7 +60,7 @@ ONE_RANK = $(IN_VENV) $(PYTEST) --numprocesses $(WORKERS) --dist worksteal
 test: $(VENV)/installed $(VENV)/test-tools $(VENV)/docs-tools meshes/fan_small.msh
 	$(IN_VENV) -m ruff check .
 	$(IN_VENV) -m ruff format --check .
-	@echo "types, and beside them the documentation"
+	@echo "types, and in parallel the documentation"
 	@$(SPHINX) -q & docs=$$!; $(IN_VENV) -m mypy; types=$$?; wait $$docs && exit $$types
 	@echo "tests on 3 ranks"
 	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) $$(find $(THREE:%=tests/%) -name 'test_mpi_*.py' | sort)
@@ -81,8 +81,8 @@ quick: $(VENV)/installed $(VENV)/test-tools
 
 SPHINX = $(IN_VENV) -m sphinx -W --keep-going -b html docs docs/_build/html
 
-# A copy of the package is built with the sanitizers; Python itself is not, so that their libraries are loaded before it.  Python
-# frees little at its end: leaks are not looked for.
+# A copy of the package is built with the sanitizers.  Python is not, so that their libraries are preloaded; leaks are not
+# checked, because Python does not free its memory at exit.
 SANITIZED = $(CURDIR)/build/sanitize
 SANITIZERS = -fsanitize=address,undefined -fno-sanitize-recover=undefined
 sanitize: $(VENV)/installed $(VENV)/test-tools
@@ -107,7 +107,7 @@ setup: $(VENV)/installed
 meshes/fan_small.msh: $(GENERATORS) | $(VENV)/python
 	$(IN_VENV) meshes/fan_sector.py --size small --out $@
 
-# -- the steps of the set-up, each with a file that says it is done ----------------------------------------------------
+# -- the steps of the set-up, each with a file that marks it as done ---------------------------------------------------
 
 $(VENV)/packages: .ci/packages Makefile
 	@mkdir -p $(VENV)
@@ -125,7 +125,7 @@ $(VENV)/installed: $(VENV)/python setup.py pyproject.toml $(KERNEL)
 
 $(VENV)/test-tools: $(VENV)/python
 	$(PIP) pytest pytest-xdist hypothesis ruff mypy pyuff
-	-$(PIP) vtk  # large: without it, what ParaView would read is not opened
+	-$(PIP) vtk  # large and optional: tests that open files for ParaView need it
 	@touch $@
 
 $(VENV)/docs-tools: $(VENV)/python
