@@ -1,5 +1,6 @@
 """Files made to fool a reader: counts beyond the file, pipes and devices, circles, bombs, links, code in the folder of a scene."""
 
+import contextlib
 import os
 import pickle
 import subprocess
@@ -13,6 +14,8 @@ import h5py
 import matplotlib
 import numpy as np
 import pytest
+import scipy.io
+import scipy.sparse as sp
 from kept_results import kept
 from plain_model import POISSON, YOUNG, bdf, exodus, inp, plain
 from reader_seeds import SEEDS
@@ -21,15 +24,18 @@ from scene_files import GOOD
 
 from microslip.formats import bounded, hdf5, via_meshio
 from microslip.formats.includes import included_files
+from microslip.formats.matrices import matlab
 from microslip.formats.matrices import read as matrices_read
-from microslip.formats.matrices.read import read_matrix
+from microslip.formats.matrices.file_matrix import Wanted
+from microslip.formats.matrices.read import read_any, read_matrix
 from microslip.formats.nastran.read import read_by_pynastran
 from microslip.formats.read import read_model
-from microslip.messages.errors import CaseError, Interrupted, MeshError, MicroslipError
+from microslip.messages.errors import CaseError, Interrupted, MeshError, MicroslipError, ResourceError
 from microslip.results.read import read_results, refuse_deadly
 from microslip.results.scene_back import GONE, fate
 from microslip.results.style import RC
 from microslip.scene.read import read_scene
+from microslip.system import memory, sandbox
 
 CASES = Path(__file__).parent / "fuzz_cases"
 OTHERS = [name for name, target in TARGETS.items() if not target.is_own]
@@ -69,7 +75,7 @@ VTK = "# vtk DataFile Version 4.2\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\n"
         ("unv", f"    -1\n  2412\n         1       115         1         1         7{HUGE}\n         1\n    -1\n", ""),
         ("vtk", VTK + f"POINTS {HUGE} double\n0 0 0\n", ""),
         ("vtk", VTK + f"POINTS 1 double\n0 0 0\nCELLS 1 2\n1 0\nCELL_TYPES {HUGE}\n1\n", ""),
-        ("vtk", (CASES / "vtk-cells_of_90_gigabytes").read_bytes(), "more memory than a file"),
+        ("vtk", (CASES / "vtk-cells_of_90_gigabytes").read_bytes(), "limit of a file of"),
         ("vtu", '<?xml version="1.0"?><VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece NumberOfPoints="9', ""),
         ("mtx", f"%%MatrixMarket matrix coordinate real general\n{HUGE} {HUGE} 1\n1 1 1\n", "header states"),
         ("mtx", "1e300,1, 1,1, 1.0\n", "whole numbers"),
@@ -370,7 +376,7 @@ def test_exodus_in_hdf5_claims_no_more_than_it_holds(tmp_path):
 def test_memory_is_bounded_while_a_file_is_read_and_not_afterwards(tmp_path, monkeypatch):
     monkeypatch.setattr(bounded, "_FREE", 2**27)
     (tmp_path / "f").write_bytes(b"x")
-    with pytest.raises(MeshError, match="more memory than a file of 1 bytes"):
+    with pytest.raises(MeshError, match="limit of a file of 1 bytes"):
         with bounded.bounded_memory(str(tmp_path / "f")):
             np.ones(2**26)
     assert len(np.ones(2**26)) == 2**26
@@ -445,7 +451,7 @@ def test_the_verdict_of_the_fuzzers_finds_what_is_wrong(tmp_path):
 
 
 def test_values_beyond_the_memory_that_is_left_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(hdf5, "memory_left_here", lambda: 1e8)
+    monkeypatch.setattr(memory, "memory_left_here", lambda: 1e8)
     with h5py.File(tmp_path / "file.h5", "w") as file:
         for name in ("first", "second", "third"):
             file.create_dataset(name, data=np.zeros(2_500_000), compression="gzip", chunks=(250_000,))
@@ -455,6 +461,37 @@ def test_values_beyond_the_memory_that_is_left_are_refused(tmp_path, monkeypatch
             storage.fault(file["third"], "third")
             == "third and what was read before it need 120 MB of memory, of which 100 MB are left"
         )
+
+
+def test_a_packed_matrix_beyond_the_memory_that_is_left_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr(memory, "memory_left_here", lambda: 5e7)
+    big, other = np.zeros((2000, 2000)), np.zeros((3, 3))
+    np.savez_compressed(tmp_path / "K.npz", K=big, other=other)
+    scipy.io.savemat(tmp_path / "K.mat", {"K": big, "other": other}, do_compression=True)
+    sp.save_npz(tmp_path / "S.npz", sp.csr_matrix(([0.0] * 2_500_000, [0] * 2_500_000, [0, 2_500_000, 2_500_000]), (2, 2)))
+    for name, needed in (("K.npz", "64 MB"), ("S.npz", "60 MB")):
+        with pytest.raises(ResourceError, match=f"{name}: key: its numbers need {needed} of memory, of which 50 MB are left"):
+            read_any(tmp_path / name, "key", "K")
+    with pytest.raises(ResourceError, match="its variable K needs 64 MB of memory, of which 50 MB are left"):
+        matlab._read(Wanted(tmp_path / "K.mat", "K", "K.mat"))
+    assert read_any(tmp_path / "K.npz", "key", "K", "other").matrix.shape == (3, 3)
+    np.savez_compressed(tmp_path / "rows.npz", format=b"csr", shape=np.array([10**9, 10**9]), data=np.zeros(1000))
+    with pytest.raises(CaseError, match="its header asks for 1000000000 rows"):
+        read_any(tmp_path / "rows.npz", "key", "K")
+
+
+def test_no_file_gets_more_memory_than_is_left(tmp_path, monkeypatch):
+    limits = []
+    monkeypatch.setattr(memory, "memory_left_here", lambda: 5e8)
+    monkeypatch.setattr(sandbox, "call", lambda *arguments, memory, **others: limits.append(memory))
+    (tmp_path / "f").write_bytes(bytes(10**6))
+    sandbox.read_file(tmp_path / "f", len, gain=2000)
+    monkeypatch.setattr(bounded, "_address_space", lambda more: limits.append(more) or contextlib.nullcontext())
+    with bounded.bounded_memory(str(tmp_path / "f")):
+        pass
+    monkeypatch.setattr(memory, "memory_left_here", lambda: 1.0)  # libraries map more than they use
+    sandbox.read_file(tmp_path / "f", len, gain=0)
+    assert limits == [5e8, 5e8, 2**28]
 
 
 def test_a_signal_while_a_library_reads_is_no_fault_of_the_file(tmp_path, monkeypatch):

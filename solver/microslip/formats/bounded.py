@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from ..messages.errors import MeshError
+from ..system.memory import bounded_by_machine, gigabytes
 
 _FREE = 2**30  # bytes for any file
 _GAIN = 200  # bytes for each byte of a file: each card of bulk data becomes a Python object
@@ -14,7 +15,7 @@ _GAIN = 200  # bytes for each byte of a file: each card of bulk data becomes a P
 
 @contextmanager
 def bounded_memory(path: str) -> Iterator[None]:
-    """Limit the memory that the block may allocate while it reads a file.  Local.
+    """Limit the memory that the block may allocate while it reads a file, by its size and by what is left.  Local.
 
     Libraries allocate by the counts in a file before they read the data.  No limit where the system does not offer one.
 
@@ -24,10 +25,11 @@ def bounded_memory(path: str) -> Iterator[None]:
     """
     n_bytes = os.path.getsize(path)
     try:
-        with _address_space(_FREE + _GAIN * n_bytes):
+        with _address_space(limit := bounded_by_machine(_FREE + _GAIN * n_bytes)):
             yield
     except MemoryError:
-        raise MeshError(f"it requests more memory than a file of {n_bytes} bytes can need; it is damaged") from None
+        text = f"it requests more than {gigabytes(limit)} of memory, the limit of a file of {n_bytes} bytes on this machine"
+        raise MeshError(text) from None
 
 
 @contextmanager

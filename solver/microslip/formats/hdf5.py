@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import prod
 from typing import Any
 
-from ..system.memory import gigabytes, memory_left_here
+from ..system.memory import lack_of_memory
 
 MOST_GAIN = 2000  # gzip compresses by at most about 1030 to 1
-_COPIES = 2  # copies of all values in memory while they are read and checked
+COPIES = 2  # copies of all values in memory while they are read and checked
 _OF_ANY_FILE = 2**24  # bytes allowed to a data set without stored values, all equal to its fill value
 _OWN_FILTERS = range(1, 7)  # deflate, shuffle, fletcher32, szip, nbit, scaleoffset
 
@@ -72,10 +72,9 @@ class Storage:
             return f"{name} and {self.names[address]} are one data set under two names"
         if self.taken > self.n_bytes:
             return f"{name} holds {stored} bytes, more than the file has left"
-        needed = _COPIES * self.claimed
-        if needed > _OF_ANY_FILE and needed > (left := memory_left_here()):
-            return f"{name} and what was read before it need {gigabytes(needed)} of memory, of which {gigabytes(left)} are left"
-        return None
+        needed = COPIES * self.claimed
+        lack = lack_of_memory(needed) if needed > _OF_ANY_FILE else None
+        return f"{name} and what was read before it need {lack}" if lack is not None else None
 
 
 def _foreign_filter(dataset: Any) -> str | None:

@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 
 UNLIMITED = 2.0**60  # bytes: control groups of the first version write 2^63 where there is no limit
 _MIB = 1024.0**2
+_LEAST = 2**28  # bytes that any call may map: libraries map more than they use
 _CACHED_FILES = {1: ("total_inactive_file", "total_active_file"), 2: ("inactive_file", "active_file")}  # given up for others
 _LIMITS = {1: ("memory.limit_in_bytes",), 2: ("memory.max", "memory.high")}
 _USED = {1: "memory.usage_in_bytes", 2: "memory.current"}
@@ -63,6 +64,18 @@ def peak_memory() -> float:
 def memory_left_here() -> float:
     """Return what this process may still take if no other one takes more [bytes]; infinite where nothing tells.  Local."""
     return min((limit.available for limit in limits_here("machine", "process", resident_memory())), default=float("inf"))
+
+
+def lack_of_memory(needed: float) -> str | None:
+    """Return how memory falls short of a number of bytes, to follow what needs them; None where it suffices.  Local."""
+    if needed <= (left := memory_left_here()):
+        return None
+    return f"{gigabytes(needed)} of memory, of which {gigabytes(left)} are left"
+
+
+def bounded_by_machine(limit: int) -> int:
+    """Return a limit for the memory of a call [bytes], at most what is left here.  Local."""
+    return int(min(limit, max(_LEAST, memory_left_here())))
 
 
 # -- limits, read ------------------------------------------------------------------------------------------------------

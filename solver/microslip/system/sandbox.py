@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 
 from ..messages import errors
 from . import plain_data
+from .memory import bounded_by_machine, gigabytes
 
 _LONGEST = 10  # s of the processor for any file: libraries go round in circles in some that are damaged
 _FREE = 2**30  # bytes that a file may take whatever its size
@@ -43,7 +44,7 @@ def read_file(
 ) -> Any:
     """Return ``function(*arguments)``, which reads a file, from a sandbox.  Local.
 
-    ``gain`` is the memory that each byte of the file may take; for all else see :func:`call`.
+    ``gain`` is the memory that each byte of the file may take, at most what is left; for all else see :func:`call`.
 
     Raises
     ------
@@ -52,7 +53,8 @@ def read_file(
     """
     n_bytes = os.path.getsize(path)
     n_MiB = n_bytes // 2**20
-    limits = {"seconds": 60 + n_MiB, "memory": _FREE + gain * n_bytes, "processor": _LONGEST + n_MiB}
+    memory = bounded_by_machine(_FREE + gain * n_bytes)
+    limits = {"seconds": 60 + n_MiB, "memory": memory, "processor": _LONGEST + n_MiB}
     return call(function, *arguments, **limits, returns=returns)
 
 
@@ -98,7 +100,7 @@ def call(
                 pickle.dump(request, pipe)
             is_well, answer = _answer(process.stdout, returns, memory)
         except plain_data.Unreadable as problem:
-            raise SandboxError(_end(process.wait(), seconds, processor, problem)) from None
+            raise SandboxError(_end(process.wait(), seconds, processor, memory, problem)) from None
         finally:
             process.kill()
     if is_well:
@@ -118,7 +120,7 @@ def _answer(pipe: Any, returns: Iterable[type], memory: int) -> tuple[bool, Any]
     return answer
 
 
-def _end(status: int, seconds: int, processor: int, problem: Exception) -> str:
+def _end(status: int, seconds: int, processor: int, memory: int, problem: Exception) -> str:
     """Return how a process without an answer ended."""
     if status == -signal.SIGALRM:
         return f"its reading does not end within {seconds} s"
@@ -127,7 +129,7 @@ def _end(status: int, seconds: int, processor: int, problem: Exception) -> str:
     if status < 0:
         return f"the library that reads it crashes on it ({signal.Signals(-status).name})"
     if status == _NO_MEMORY:
-        return "it asks for more memory than it can stand for"
+        return f"it asks for more than {gigabytes(memory)} of memory, its limit on this machine"
     return f"the process that reads it ends with status {status} and no answer ({problem})"
 
 

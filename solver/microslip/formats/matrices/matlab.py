@@ -5,12 +5,15 @@ SciPy 1.10 crashes on some damaged files and allocates any stated shape.
 
 from __future__ import annotations
 
+from math import prod
+
 import scipy.io
 import scipy.sparse as sp
 
-from ...messages.errors import MicroslipError
+from ...messages.errors import MicroslipError, ResourceError
+from ...system.memory import lack_of_memory
 from ...system.sandbox import SandboxError, read_file
-from ..hdf5 import MOST_GAIN
+from ..hdf5 import COPIES, MOST_GAIN
 from .file_matrix import FileMatrix, Wanted, checked
 from .matlab_hdf5 import is_hdf5, read_hdf5
 
@@ -44,9 +47,12 @@ def _read(wanted: Wanted) -> FileMatrix:
 
 def _by_scipy(wanted: Wanted) -> FileMatrix:
     """Return the matrix of a file of versions 4 to 7.  Local; may raise any exception for a damaged file."""
-    kinds = {name: kind for name, _, kind in scipy.io.whosmat(wanted.path, appendmat=False)}
-    name = wanted.choose(list(kinds))
-    if kinds[name] not in _NUMBERS:
-        raise wanted.error(f"its variable {name} is of the class {kinds[name]}; a matrix of numbers is needed")
+    variables = {name: (shape, kind) for name, shape, kind in scipy.io.whosmat(wanted.path, appendmat=False)}
+    shape, kind = variables[name := wanted.choose(list(variables))]
+    if kind not in _NUMBERS:
+        raise wanted.error(f"its variable {name} is of the class {kind}; a matrix of numbers is needed")
+    lack = lack_of_memory(COPIES * 8 * prod(shape)) if kind == "double" else None
+    if lack is not None:
+        raise ResourceError(f"{wanted.where}: its variable {name} needs {lack}")
     matrix = scipy.io.loadmat(wanted.path, appendmat=False, variable_names=[name])[name]
     return FileMatrix(checked(matrix, wanted) if sp.issparse(matrix) else matrix)

@@ -7,7 +7,9 @@ import zipfile
 import numpy as np
 import scipy.sparse as sp
 
-from ...messages.errors import CaseError
+from ...messages.errors import CaseError, ResourceError
+from ...system.memory import lack_of_memory
+from ..hdf5 import COPIES
 from .file_matrix import FileMatrix, Wanted, checked
 
 _MOST_DEFLATED = 1040  # largest factor of deflate compression
@@ -22,15 +24,26 @@ def read_npz(wanted: Wanted) -> FileMatrix:
     """
     if not zipfile.is_zipfile(wanted.path):
         raise CaseError(f"{wanted.where} is not a file of scipy.sparse.save_npz or numpy.savez")
-    _check_claims(wanted)
+    claimed = _claims(wanted)
+    is_sparse = "format" in claimed  # of scipy.sparse.save_npz
+    name = "" if is_sparse else wanted.choose(list(claimed))
+    lack = lack_of_memory(COPIES * (sum(claimed.values()) if is_sparse else claimed[name]))
+    if lack is not None:
+        raise ResourceError(f"{wanted.where}: its numbers need {lack}")
+    if is_sparse:
+        return FileMatrix(checked(sp.load_npz(wanted.path), wanted))
     with np.load(wanted.path, allow_pickle=False) as arrays:
-        if "format" not in arrays:  # of scipy.sparse.save_npz
-            return FileMatrix(arrays[wanted.choose(arrays.files)])
-    return FileMatrix(checked(sp.load_npz(wanted.path), wanted))
+        return FileMatrix(arrays[name])
 
 
-def _check_claims(wanted: Wanted) -> None:
-    """Raise CaseError unless the sizes of the arrays match their headers."""
+def _claims(wanted: Wanted) -> dict[str, int]:
+    """Return the bytes of each array of an archive by its name.
+
+    Raises
+    ------
+    CaseError : an array is larger than the file can hold, or than its header says, or a sparse matrix has too many rows
+    """
+    claimed = {}
     with zipfile.ZipFile(wanted.path) as archive:
         for member in archive.infolist():
             if member.file_size > _MOST_DEFLATED * wanted.size:
@@ -39,5 +52,9 @@ def _check_claims(wanted: Wanted) -> None:
                 version = np.lib.format.read_magic(file)
                 read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                 shape, _, kind = read(file)
+                if member.filename == "shape.npy" and kind.kind in "iu" and shape == (2,):
+                    wanted.check_rows(int(np.frombuffer(file.read(2 * kind.itemsize), kind).max()))
             if kind.itemsize < 0 or not kind.hasobject and int(np.prod(shape, dtype=object)) * kind.itemsize > member.file_size:
                 raise wanted.error(f"{member.filename} is truncated: its header states an array of shape {shape}")
+            claimed[member.filename.removesuffix(".npy")] = member.file_size
+    return claimed
