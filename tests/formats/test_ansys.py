@@ -1,6 +1,7 @@
 """Ansys archives: every shape of element, what the commands say, the files of mapdl-archive, and what is damaged."""
 
 import re
+import time
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from plain_model import bdf, cdb, cdb_with_contact, ds_dat, plain, tables
 
 from microslip import elements
 from microslip.formats.ansys.contacts import side_of
+from microslip.formats.ansys.pages import _PAGE as PAGES
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.mesh.read import read_mesh
@@ -47,6 +49,45 @@ def test_solids_keep_their_shape_nodes_and_numbers(tmp_path, kind):
     for name, nodes in model.sets.items():
         np.testing.assert_array_equal(found.groups[name].nodes, nodes)
     assert found.facts == ("title: bar on a plate",)
+
+
+PAGE = """1
+
+ ***** ANSYS - ENGINEERING ANALYSIS SYSTEM  RELEASE 14.0     *****
+ ANSYS Multiphysics
+ 00000000  VERSION=WINDOWS x64   10:52:24  SEP 13, 2011 CP=      1.766
+
+ bar on a plate--Modal (A5)
+
+"""
+
+
+@pytest.mark.parametrize("write, ending", [(cdb, ".cdb"), (ds_dat, ".dat")])
+def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_blocks(tmp_path, write, ending):
+    plain_file, listing = tmp_path / f"model{ending}", tmp_path / f"listing{ending}"
+    lines = write(plain()).splitlines(keepends=True)
+    plain_file.write_text("".join(lines))
+    listing.write_text("".join((PAGE if i % 25 == 0 else "") + line for i, line in enumerate(lines)))
+    expected, found = read_model(plain_file), read_model(listing)
+    n_pages = len(range(0, len(lines), 25))
+    assert found.facts == (*expected.facts, f"{n_pages} page headers of a listing are left out, lines are counted without them")
+    assert [finding.word for finding in found.findings] == [finding.word for finding in expected.findings]
+    np.testing.assert_array_equal(found.points, expected.points)
+    for cells, of_plain in zip(found.cells, expected.cells, strict=True):
+        np.testing.assert_array_equal(cells.nodes, of_plain.nodes)
+    assert {name: len(group.nodes) for name, group in found.groups.items()} == {
+        name: len(group.nodes) for name, group in expected.groups.items()
+    }
+    listing.write_text("".join([PAGE, *lines[:20]]))
+    with pytest.raises(MeshError, match=r"\(1 page headers of a listing are left out, lines are counted without them\)"):
+        read_model(listing)
+
+
+@pytest.mark.parametrize("line", [b"\n", b"1\n", b" ***** RELEASE ", b" ***** A RELEASE 1 *****\n", b" "])
+def test_the_search_for_page_headers_takes_time_in_proportion_to_the_file(line):
+    began = time.process_time()
+    assert not PAGES.search(line * (1_000_000 // len(line)) + b"VERSION=")
+    assert time.process_time() - began < 3.0
 
 
 def test_linear_and_quadratic_elements_of_one_type_are_kept_apart(tmp_path):

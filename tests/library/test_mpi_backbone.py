@@ -169,6 +169,6 @@ def test_the_command_writes_table_arrays_and_pictures(scene_file, program, share
         assert float(rows[0]["0_m"]) == pytest.approx(1.0) and float(rows[-1]["0_m"]) == pytest.approx(5.0)
         with h5py.File(shared_path / "out" / "backbone.h5") as file:
             assert file["frequency"][:] == pytest.approx([float(row["frequency_Hz"]) for row in rows])
-            assert file["energy"].shape == (len(rows), 1) and file["energy"].attrs["unit"] == "J"
+            assert file["energy"].shape == (len(rows), 1) and file["energy"].attrs["unit"] == "J" and file.attrs["failure"] == ""
         assert {"backbone.png", "synthesis.png", "synthesis.csv"} <= {each.name for each in (shared_path / "out").iterdir()}
         assert "level 0.4: peak" in out and "by statics and Masing's rules" in out

@@ -364,23 +364,24 @@ def test_results_that_are_incomplete_leave_complete_ones_in_place(shared_path, b
     run(complete, COMM, folder, RunOptions(screen=False))
     once = (folder / "results.h5").read_bytes()
 
-    def ends_early(points):
+    def ends_early(setting):
         said = []
         for _ in range(2):  # the second time it is not computed again
             with pytest.raises(
                 ConvergenceError, match=f"what converged is in {folder}/unfinished; the complete results"
             ) as problem:
-                run(scene_at(shared_path, f"response.points={points}"), COMM, folder, RunOptions(screen=False))
+                run(scene_at(shared_path, setting), COMM, folder, RunOptions(screen=False))
             said.append(str(problem.value))
         assert said[0] == said[1] and (folder / "results.h5").read_bytes() == once
-        (level, *_) = read_results(str(folder / "unfinished" / "results.h5")).levels
+        (*_, level) = read_results(str(folder / "unfinished" / "results.h5")).levels
         assert level.status == "failed"
 
     with monkeypatch.context() as patched:
         patched.setattr("microslip.continuation.levels.most_points", lambda points: 5)
-        ends_early(14)
+        ends_early("response.levels=[30.0, 50.0]")
+        ends_early("response.points=14")
         made = dict(built)
-        ends_early(13)
+        ends_early("response.points=13")
     run(scene_at(shared_path, "response.points=14"), COMM, folder, RunOptions(screen=False))
     assert (folder / "results.h5").read_bytes() != once and not (folder / "unfinished").exists()
     assert built["first"] == made["first"]

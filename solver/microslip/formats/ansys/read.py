@@ -20,6 +20,7 @@ from .counts import check_held
 from .cyclic import sectors_of
 from .elements import add_elements, cells_and_bodies
 from .input_file import as_archived
+from .pages import without_pages
 
 _LEAST_BYTES = 8  # least bytes of a node or an element in an archive
 _STARTS = ("/BATCH", "/COM", "/PREP7", "/TITLE", "/UNITS", "/WB", "NBLOCK,")  # lines near the beginning of an input file
@@ -40,6 +41,10 @@ def read_cdb(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, or shapes that are no solids here
     """
+    return without_pages(path, _read_cdb)
+
+
+def _read_cdb(path: str) -> FileModel:
     commands_read = tuple(commands(path))
     _check_counts(path, commands_read)
     _refuse_exponents(path)
@@ -55,6 +60,10 @@ def read_input(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, or shapes that are no solids here
     """
+    return without_pages(path, _read_input)
+
+
+def _read_input(path: str) -> FileModel:
     given = tuple(commands(path))
     _refuse_scripts(given)
     commands_read = tuple(as_archived(given))

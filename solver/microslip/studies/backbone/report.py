@@ -121,7 +121,7 @@ def write_arrays(result: Backbone, path: str) -> None:
     with atomic_write(path) as unfinished, written_hdf5(str(unfinished)) as file:
         for name, (values, unit) in arrays.items():
             file.create_dataset(name, data=values).attrs["unit"] = unit
-        file.attrs["mode"] = result.mode
+        file.attrs["mode"], file.attrs["failure"] = result.mode, result.failure or ""
         file.attrs["linear_frequency_Hz"], file.attrs["linear_damping"] = result.linear_frequency, result.linear_damping
         file.attrs["outputs"], file.attrs["joints"] = list(result.outputs), list(result.joints)
 

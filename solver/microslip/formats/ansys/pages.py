@@ -1,0 +1,56 @@
+"""Page headers of a listing: lines that Ansys prints at the top of each page, also within blocks.
+
+1
+
+ ***** ANSYS - ENGINEERING ANALYSIS SYSTEM  RELEASE 14.0     *****
+ ANSYS Multiphysics
+ 00000000  VERSION=WINDOWS x64   10:52:24  SEP 13, 2011 CP=      1.766
+
+ title of the model
+
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+
+from ...messages.errors import MeshError
+from ..model import FileModel
+
+# Every part is bounded: the time for a file is proportional to its size, whatever its bytes.
+_BLANK, _LINE = rb"[ \t\f]{0,150}\r?\n", rb"[^\n]{0,150}\n"
+_PAGE = re.compile(
+    rb"^(?:\f?1?%(blank)s(?:%(blank)s){0,3})?"
+    rb" {0,8}\*{3,9} [^\n]{0,60}\b(?:RELEASE|BUILD)\b[^\n*]{0,60}\*{3,9}%(blank)s"
+    rb"(?:%(line)s){1,2}?[^\n]{0,60}\bVERSION=[^\n]{0,90}\bCP=%(line)s"
+    rb"(?:(?:%(blank)s){1,3}%(line)s%(blank)s)?(?:%(blank)s){0,9}" % {b"blank": _BLANK, b"line": _LINE},
+    re.MULTILINE,
+)
+
+
+def without_pages(path: str, read: Callable[[str], FileModel]) -> FileModel:
+    """Return what a reader finds in a file, or in a copy without the page headers of a listing.  Local.
+
+    Raises
+    ------
+    MeshError : as the reader; where there were headers, it says that lines are counted without them
+    """
+    with open(path, "rb") as file:
+        content = file.read()
+    plain, n_pages = _PAGE.subn(b"", content) if b"VERSION=" in content else (content, 0)
+    if not n_pages:
+        return read(path)
+    counted = f"{n_pages} page headers of a listing are left out, lines are counted without them"
+    with tempfile.TemporaryDirectory() as folder:
+        copy = os.path.join(folder, "copy" + os.path.splitext(path)[1])
+        with open(copy, "wb") as file:
+            file.write(plain)
+        try:
+            model = read(copy)
+        except MeshError as problem:
+            raise MeshError(f"{problem} ({counted})") from None
+    return replace(model, facts=(*model.facts, counted))
