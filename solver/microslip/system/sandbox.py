@@ -129,7 +129,7 @@ def _end(status: int, seconds: int, processor: int, memory: int, problem: Except
     if status < 0:
         return f"the library that reads it crashes on it ({signal.Signals(-status).name})"
     if status == _NO_MEMORY:
-        return f"it asks for more than {gigabytes(memory)} of memory, its limit on this machine"
+        return f"it requests more than {gigabytes(memory)} of memory, its limit on this machine"
     return f"the process that reads it ends with status {status} and no answer ({problem})"
 
 
