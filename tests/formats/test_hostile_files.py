@@ -476,7 +476,7 @@ def test_a_packed_matrix_beyond_the_memory_that_is_left_is_refused_before_it_is_
         matlab._read(Wanted(tmp_path / "K.mat", "K", "K.mat"))
     assert read_any(tmp_path / "K.npz", "key", "K", "other").matrix.shape == (3, 3)
     np.savez_compressed(tmp_path / "rows.npz", format=b"csr", shape=np.array([10**9, 10**9]), data=np.zeros(1000))
-    with pytest.raises(CaseError, match="its header asks for 1000000000 rows"):
+    with pytest.raises(CaseError, match="its header states 1000000000 rows"):
         read_any(tmp_path / "rows.npz", "key", "K")
 
 
