@@ -14,9 +14,11 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from time import process_time
 from types import ModuleType
+from typing import Any
 
 from microslip.parallel.petsc import initialise
 
@@ -106,7 +108,7 @@ def refined(A: sp.csr_matrix, factor: Scaled, B: np.ndarray) -> tuple[np.ndarray
     return X, MOST
 
 
-def timed(work) -> tuple[float, object]:
+def timed(work: Callable[[], Any]) -> tuple[float, Any]:
     """Return processor time, and the result of the work."""
     began = process_time()
     result = work()
@@ -131,11 +133,11 @@ def main() -> None:
     K, M = csr(linearised.K_L), csr(linearised.M)
     order = elimination_order(comm, (K.indptr, K.indices), np.empty(0, dtype=int), True)
     with tempfile.TemporaryDirectory() as folder:
-        libraries = {
+        libraries: dict[str, tuple[Any, str, type]] = {
             "double": (_mumps, PETSc.__file__, np.float64),
             "single": (single_bridge(folder), ctypes.util.find_library("smumps-5.5") or "libsmumps.so", np.float32),
         }
-        factors = {name: Scaled(*at, K, order, DEFINITE, kind) for name, (*at, kind) in libraries.items()}
+        factors = {name: Scaled(bridge, library, K, order, DEFINITE, kind) for name, (bridge, library, kind) in libraries.items()}
         print(f"{K.shape[0]} unknowns")
         rounding = np.finfo(np.float32).eps * (K.diagonal() @ modes.phi_owned**2) / omega_n**2
         print(
@@ -152,8 +154,8 @@ def main() -> None:
         gaps = [k for k in range(1, len(omega_n)) if omega_n[k] > 1.02 * omega_n[k - 1]]
         for k in (gaps[0], gaps[-1]):
             sigma = (0.5 * (omega_n[k - 1] + omega_n[k])) ** 2
-            for name, (*at, kind) in libraries.items():
-                shifted = Scaled(*at, sp.csr_matrix(K - sigma * M), order, INDEFINITE, kind)
+            for name, (bridge, library, kind) in libraries.items():
+                shifted = Scaled(bridge, library, sp.csr_matrix(K - sigma * M), order, INDEFINITE, kind)
                 print(
                     f"modes below {np.sqrt(sigma) / 2 / np.pi:.0f} Hz, of {k}: {shifted.mumps.infog(12)} in {name}, {shifted.seconds:.2f} s"
                 )
