@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from time import process_time
 from types import ModuleType
@@ -147,8 +148,8 @@ def main() -> None:
             print(f"{name}: factor {factor.seconds:.2f} s, {factor.memory} MB, code {factor.code}")
         for m in arguments.columns:
             B = np.random.default_rng(m).standard_normal((K.shape[0], m))
-            in_double, X = timed(lambda b=B: factors["double"].solve(b))
-            in_single, (Y, n) = timed(lambda b=B: refined(K, factors["single"], b))
+            in_double, X = timed(partial(factors["double"].solve, B))
+            in_single, (Y, n) = timed(partial(refined, K, factors["single"], B))
             error = np.max(np.linalg.norm(Y - X, axis=0) / np.linalg.norm(X, axis=0))
             print(f"{m} columns: double {in_double:.2f} s, single {in_single:.2f} s in {n} iterations, {error:.0e} apart")
         gaps = [k for k in range(1, len(omega_n)) if omega_n[k] > 1.02 * omega_n[k - 1]]
