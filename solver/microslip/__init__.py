@@ -34,6 +34,7 @@ from .version import __version__ as __version__
 if TYPE_CHECKING:
     from .library.backbone import Backbone, backbone
     from .library.build import Structure, build
+    from .library.identify import Identified, identify
     from .library.peak_curves import peaks
     from .library.respond import respond
     from .library.response import Curves, Response
@@ -48,6 +49,7 @@ __all__ = [
     "CaseError",
     "ConvergenceError",
     "Curves",
+    "Identified",
     "MicroslipError",
     "ResourceError",
     "Response",
@@ -55,6 +57,7 @@ __all__ = [
     "Structure",
     "backbone",
     "build",
+    "identify",
     "peaks",
     "read",
     "read_results",
@@ -74,6 +77,8 @@ _FROM = {
     "Structure": ".library.build",
     "backbone": ".library.backbone",
     "build": ".library.build",
+    "Identified": ".library.identify",
+    "identify": ".library.identify",
     "peaks": ".library.peak_curves",
     "read": ".scene.read:read_scene",
     "read_results": ".results.read",

@@ -237,6 +237,7 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     from .studies.backbone import story as backbone
     from .studies.compare import story as compare
     from .studies.export import story as export
+    from .studies.identify import story as identify
     from .studies.modes import story as modes
     from .studies.trade import story as trade
     from .studies.verify import story as verify
@@ -246,6 +247,8 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
         modes.modes(scene, comm, out, of_modes, command.petsc)
     elif command.name == "backbone":
         backbone.study(scene, comm, out, backbone.Request(command.mode or 1, command.farthest, command.levels), command.petsc)
+    elif command.name == "identify":
+        identify.study(scene, comm, out, command.other, command.fit, command.petsc)
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":

@@ -53,7 +53,8 @@ def drawn(draw, results):
 def test_what_is_written_is_read_and_goes_to_matlab(path, results, tmp_path):
     for level, written in zip(LEVELS, results.levels):
         for wanted, one in zip([peak(level), peak(level, 1), peak(level, mode=1)], written.peaks):
-            for field in fields(Peak):
+            assert one.by_pairs is None and one.by_common is None
+            for field in (field for field in fields(Peak) if not field.name.startswith("by_")):
                 assert getattr(one, field.name) == pytest.approx(getattr(wanted, field.name), rel=1e-14, nan_ok=True), field
     write_mat(tmp_path / "x.mat", read_results(path), None)
     of_last = scipy.io.loadmat(tmp_path / "x.mat", simplify_cells=True)["levels"][-1]["peaks"]

@@ -92,9 +92,19 @@ class CombinedLaw:
             )
         return CombinedLaw(tuple(parts))
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters that any of the parts has."""
+        return tuple(dict.fromkeys(name for _, law in self.parts for name in law.parameters))
+
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
-        """Return d p / d parameter of each pair, whose law must have the parameter, (n, 3, N_H).  Local."""
-        return self._together(lambda law, pairs: law.parameter_rate(name, U[pairs], n_samples, harmonics))
+        """Return d p / d parameter of each pair, (n, 3, N_H); 0 where its law does not have it and another has.  Local."""
+
+        def rate(law: Law, pairs: np.ndarray) -> np.ndarray:
+            is_without = name not in law.parameters and name in self.parameters
+            return np.zeros_like(U[pairs]) if is_without else law.parameter_rate(name, U[pairs], n_samples, harmonics)
+
+        return self._together(rate)
 
     def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return p and internal variables after a time step, the derivative of p, and the states, as in :class:`Law`.  Local."""

@@ -43,6 +43,7 @@ class ElasticCoulomb:
     )  # (n,) bool: open at rest, without springs (3.8)
     k_ty: np.ndarray | None = None  # (n,) tangential stiffness along y, where limits are separate [N/m]; None: k_t
     mu_y: np.ndarray | None = None  # (n,) friction coefficient along y, where limits are separate [-]; None: mu
+    _last: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)  # cycle that rates were taken of
 
     def __post_init__(self) -> None:
         n = np.size(self.k_t)
@@ -215,6 +216,11 @@ class ElasticCoulomb:
 
     # -- its parameters ----------------------------------------------------------------------------------------
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters that vary."""
+        return "mu", "N0", "gap", "k_t", "k_n"
+
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> ElasticCoulomb:
         """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs; parameters along y change in proportion.
 
@@ -222,8 +228,8 @@ class ElasticCoulomb:
         """
         if name in ("N0", "gap"):
             return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
-        if name not in ("mu", "k_t", "k_n"):
-            raise not_among(name, "elastic-Coulomb friction", ("mu", "N0", "gap", "k_t", "k_n"))
+        if name not in self.parameters:
+            raise not_among(name, "elastic-Coulomb friction", self.parameters)
         before = getattr(self, name)
         changed: dict[str, Any] = {name: column_with(before, pairs, values)}
         of_y = {"mu": "mu_y", "k_t": "k_ty"}.get(name)
@@ -240,8 +246,8 @@ class ElasticCoulomb:
         """
         if name == "gap":
             return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
-        if name not in ("mu", "N0", "k_t", "k_n"):
-            raise not_among(name, "elastic-Coulomb friction", ("mu", "N0", "gap", "k_t", "k_n"))
+        if name not in self.parameters:
+            raise not_among(name, "elastic-Coulomb friction", self.parameters)
         U, harmonics, columns = with_mean(U, harmonics)
         rate = self._rate_with_springs(name, U, n_samples, harmonics)
         if self.open_at_rest.any():
@@ -260,7 +266,10 @@ class ElasticCoulomb:
         loose, still = self.k_n == 0.0, U.copy()  # where N = N0 is constant, a spring without motion gives d p / d N
         still[loose, 2] = 0.0
         bare = replace(self, k_n=np.where(loose, 1.0, self.k_n), open_at_rest=np.zeros(1, dtype=bool))
-        cycle = bare.cycle(still, n_samples, True, harmonics)
+        key = still.tobytes(), n_samples, harmonics
+        if self._last.get("key") != key:  # the rates by several parameters share one cycle
+            self._last.update(key=key, cycle=bare.cycle(still, n_samples, True, harmonics))
+        cycle = self._last["cycle"]
         active, N_H, rate = cycle.active, U.shape[2], np.zeros_like(U)
         assert cycle.P is not None, "asked for"
         P = cycle.P.reshape(-1, 3, N_H, 3, N_H)

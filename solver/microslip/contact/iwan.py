@@ -22,6 +22,7 @@ SLIDERS = 50  # default number of sliders of the power law
 EXPORTED = "in each direction by itself; f_nl,z = k_n du_z"
 WEAKEST = 1e-3  # strength relative to the largest one, below which a single slider represents the population
 FINER = 4  # factor of the number of sliders in the refined law: twice the density per decade of strength, twice the decades
+_COLUMNS = {"slip_force": "F_S", "k_t": "K_T", "k_n": "k_n"}  # columns of the parameters
 
 
 @dataclass(frozen=True)
@@ -128,6 +129,11 @@ class Iwan(OfElements):
 
     # -- its parameters ----------------------------------------------------------------------------------------
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters that vary."""
+        return tuple(_COLUMNS)
+
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Iwan:
         """Return the law with new values of slip_force, k_t or k_n for some pairs.  Local.  ValueError as in :class:`Law`."""
         column = self._column(name)
@@ -149,10 +155,9 @@ class Iwan(OfElements):
 
     @staticmethod
     def _column(name: str) -> str:
-        columns = {"slip_force": "F_S", "k_t": "K_T", "k_n": "k_n"}
-        if name not in columns:
-            raise not_among(name, "the Iwan joint", tuple(columns))
-        return columns[name]
+        if name not in _COLUMNS:
+            raise not_among(name, "the Iwan joint", tuple(_COLUMNS))
+        return _COLUMNS[name]
 
     # -- its limits --------------------------------------------------------------------------------------------
 

@@ -77,6 +77,10 @@ class Law(Protocol):
         if a value is out of range.
         """
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters of parameters.PARAMETERS that the law has."""
+
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
         """Return d p / d parameter of each pair at constant motion, (n, 3, N_H), for the p of :meth:`cycle`."""
 

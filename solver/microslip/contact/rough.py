@@ -213,6 +213,11 @@ class Rough(OfElements):
 
     # -- its parameters ----------------------------------------------------------------------------------------
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters that vary."""
+        return "mu", "N0", "gap", "k_t", "k_n"
+
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Rough:
         """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs.
 
@@ -220,8 +225,8 @@ class Rough(OfElements):
         """
         if name in ("N0", "gap"):
             return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
-        if name not in ("mu", "k_t", "k_n"):
-            raise not_among(name, "a rough surface", ("mu", "N0", "gap", "k_t", "k_n"))
+        if name not in self.parameters:
+            raise not_among(name, "a rough surface", self.parameters)
         changed: dict[str, Any] = {name: column_with(getattr(self, name), pairs, values)}
         return replace(self, **changed)
 
@@ -232,8 +237,8 @@ class Rough(OfElements):
         """
         if name == "gap":
             return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
-        if name not in ("mu", "N0", "k_t", "k_n"):
-            raise not_among(name, "a rough surface", ("mu", "N0", "gap", "k_t", "k_n"))
+        if name not in self.parameters:
+            raise not_among(name, "a rough surface", self.parameters)
         elements, size = self.bundle.elements, self.bundle.size
         per_pair = elements.k_n / np.repeat(self.k_n, size)
         if name == "N0":

@@ -86,6 +86,11 @@ class StartedLaw:
                 P = shifted(P.reshape(shape), back, harmonics).reshape(P.shape).transpose(0, 2, 1)
         return replace(cycle, p=shifted(cycle.p, -start, harmonics), P=P)
 
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The parameters of the law that vary."""
+        return self.law.parameters
+
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
         """Return d p / d parameter of each pair under the motion ``U``, (n, 3, N_H).  Local."""
         harmonics = harmonics or Harmonics.full(U.shape[2])

@@ -14,7 +14,7 @@ from .accuracy import Accuracy, Memory, Resolution
 from .constraint_rows import Plane
 from .corrector import Correction
 from .iterate import PointState
-from .point_record import Unbalanced, point_record, with_stability
+from .point_record import Unbalanced, point_record, with_sensitivities, with_stability
 from .point_solver import PointSolver, Solution
 from .state import BranchState
 from .task import BranchTask
@@ -73,6 +73,9 @@ def accept(
         solution, solver = better
     if task.has_stability and not on_the_way:
         point = with_stability(solver.problem, solution[0].iterate, point)
+    if task.has_sensitivities and not on_the_way:
+        known, adjoints = estimator and estimator.last, solver.workspace.adjoints(solver.equation)
+        point = with_sensitivities(solver.problem, solution, point, adjoints, known)
     missed = (MISSED,) if max(ratios.values(), default=0.0) > 1.0 else ()
     force, is_linear = force_at(solver, solution[0], point), solver.is_linear and solution[0].is_linear
     next_one = replace(solver.resolution, tolerance=max(solver.tolerance, task.tolerance))

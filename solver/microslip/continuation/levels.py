@@ -12,6 +12,7 @@ import numpy as np
 
 from ..contact.law import Law
 from ..error_estimate.estimate import ErrorEstimator
+from ..error_estimate.sensitivities import exact_adjoints
 from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance
 from ..messages.errors import CaseError
@@ -32,7 +33,7 @@ from .grid import going_on
 from .iterate import Iterate
 from .linear_levels import is_linear, sticks_up_to
 from .peaks import peaks_of
-from .point_record import point_record, with_stability
+from .point_record import point_record, with_sensitivities, with_stability
 from .problems import ForcedResponse
 from .resonances import unresolved_peaks
 from .settings import ResponseSettings
@@ -161,6 +162,8 @@ def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point:
         solution = Correction(there, 0, 0, 0.0, None), equation.every_pair
         point, _ = point_record(problem, AllPairs(), solution, omega in sweep.at, task.estimator)
         point = with_stability(problem, there, point) if task.has_stability else point
+        if task.has_sensitivities:  # without pairs there is nothing to solve
+            point = with_sensitivities(problem, solution, point, exact_adjoints(equation))
         now = time.perf_counter()
         point, clock = replace(point, seconds=now - clock), now
         on_point(point)
@@ -251,7 +254,7 @@ def follow_level(
     """
     branch = _whole_branch(of, level, on_point, checkpointers)
     if of.settings.peaks and not of.model.harmonics.is_constant:
-        branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance)
+        branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance, of.settings.sensitivities)
     if of.settings.stability:
         branch.bifurcations = bifurcations_of(of.at_level(level), branch, of.settings.tolerance)
     return branch
@@ -286,8 +289,10 @@ def _follow_one_way(
 ) -> Branch:
     """Follow a level in one direction, with the requested accuracy; without pairs nothing is solved.  Collective."""
     problem, settings, steps = of.at_level(level), of.settings, of.steps
-    estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
-    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, has_stability=settings.stability)
+    adjoints = exact_adjoints(of.model) if settings.sensitivities else None
+    estimator = None if of.enriched is None else ErrorEstimator(of.enriched, adjoints)
+    more = {"has_stability": settings.stability, "has_sensitivities": settings.sensitivities}
+    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, **more)
     if of.model.n_pairs == 0:
         n_points = settings.points
         if problem.is_constant:

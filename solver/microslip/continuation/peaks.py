@@ -9,6 +9,7 @@ import numpy as np
 
 from ..contact.law import STICK
 from ..error_estimate.estimate import ErrorEstimator, output_amplitude
+from ..error_estimate.sensitivities import sensitivities_of
 from ..fourier.harmonics import Harmonics
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.balance import HarmonicBalance
@@ -16,12 +17,13 @@ from ..harmonic.operating_point import LawParameter, OperatingPoint, Rates
 from ..points.branch import Branch, Point
 from ..points.peak import Peak
 from ..points.selection import AllPairs
+from ..points.sensitivities import COMMON, NUMBERS, of_size
 from ..points.sweep import Sweep
 from .accuracy import Accuracy
 from .constraint_rows import EnclosedRow
 from .corrector import BorderedSystem
 from .follow import Emit, follow_branch
-from .iterate import Iterate
+from .iterate import Iterate, interpolate
 from .maximum import EXACT, Maximum
 from .maximum_by_phase import MaximumByPhase
 from .point_record import HELD
@@ -32,6 +34,8 @@ from .task import BranchTask
 
 STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  # each point takes 10 to 20 iterations
 MOST_POINTS = 1000
+BESIDE, FARTHER = 1e-3, 0.05  # of its half-power width, at which derivatives are taken on both sides of a peak: of size; of place
+FARTHER_BY = 50.0 ** (1.0 / 3.0)  # from one to the other, so that each solution leads to the next
 
 
 def nobody(point: Point) -> None:
@@ -97,14 +101,15 @@ class FromSolution(LinearResponse):
         return self.solution.on(self.problem.equation.harmonics)
 
 
-def peaks_of(problem: ForcedResponse, branch: Branch, tolerance: float) -> list[Peak]:
+def peaks_of(problem: ForcedResponse, branch: Branch, tolerance: float, sensitivities: bool = False) -> list[Peak]:
     """Return every maximum of every output on a branch, to the solver's tolerance, by output and place.  Collective.
 
-    A maximum lies between neighbours that are lower; one at the end of the range is none.
+    A maximum lies between neighbours that are lower; one at the end of the range is none.  With ``sensitivities`` they have the
+    derivatives of amplitude, phase and frequency.
     """
     forward = AdjointSolver(problem.equation.comm, EXACT, np.float64)
     try:
-        return [peak_about(problem, branch, output, i, tolerance, forward) for output, i in maxima(branch)]
+        return [peak_about(problem, branch, output, i, tolerance, forward, sensitivities) for output, i in maxima(branch)]
     finally:
         forward.destroy()
 
@@ -158,7 +163,15 @@ def maxima(branch: Branch) -> Iterator[tuple[int, int]]:
         yield int(output), int(i) + 1
 
 
-def peak_about(problem: ForcedResponse, branch: Branch, output: int, i: int, tolerance: float, forward: AdjointSolver) -> Peak:
+def peak_about(
+    problem: ForcedResponse,
+    branch: Branch,
+    output: int,
+    i: int,
+    tolerance: float,
+    forward: AdjointSolver,
+    sensitivities: bool = False,
+) -> Peak:
     """Return the maximum of an output about the ``i``-th point of a branch; that point where none is reached.  Collective.
 
     With the harmonics and samples of that point, and its mean slip held if it is there.
@@ -176,15 +189,64 @@ def peak_about(problem: ForcedResponse, branch: Branch, output: int, i: int, tol
         system = BorderedSystem(solver.problem, (), scaling, every)
         corrector = workspace.corrector(equation, solver.resolution)
         solution = Maximum(output, 0, forward, (before, after)).correct(corrector, system, start)
+        there, newton, within = (start, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
+        width = half_power_width(branch, output, i, float(np.hypot(*point.response[output, 1:3])))
+        derivatives = about_a_peak(solver, there, output, width, within) if sensitivities else (None, None)
     finally:
         workspace.destroy()
-    there, newton, within = (start, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
     forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
     amplitudes = output_amplitude(equation.model_at(at), at, equation.full_force(forces))
     cos, sin = amplitudes[[output, equation.model.n_outputs + output]]
     slipping = int(np.count_nonzero(equation.gather(forces.state) != STICK))
     half_power = half_power_width(branch, output, i, float(np.hypot(cos, sin)))
-    return Peak(output, at.omega, complex(cos, -sin), half_power, within, slipping, newton, point.segment)
+    return Peak(output, at.omega, complex(cos, -sin), half_power, within, slipping, newton, point.segment, *derivatives)
+
+
+def about_a_peak(
+    solver: PointSolver, there: Iterate, output: int, width: float, within: float
+) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+    """Return the derivatives of amplitude, phase and frequency [Hz] of a peak, (3, n_numbers, n_pairs) and (3, n_common).
+
+    Collective.  docs/theory.md, eq. (11.7): from those of two solutions, one on each side, near beside the half-power ``width``
+    [rad/s].  None where none rises before the peak and falls behind it.
+    """
+    every, n_out = solver.equation.every_pair, solver.equation.model.n_outputs
+    rows, size, force = [output, n_out + output], solver.norm(there.U) or 1.0, solver.force(there, every)
+
+    def solved(near: Iterate, omega: float) -> Iterate | None:
+        """Return the solution at a frequency, from the peak and another one on that side."""
+        guess = Iterate(there.U, (omega,), there.harmonics) if near is there else interpolate(there, near, omega)
+        solution, _ = solver.solve_at(guess, size, every, force)
+        return None if solution.failure else solution.iterate
+
+    def rates(at: Iterate) -> np.ndarray | None:
+        """Return the derivatives of amplitude and phase, those of pairs first, (2, n_numbers n_pairs + n_common)."""
+        point, equation = solver.problem.at(at.parameters), solver.equation
+        found = sensitivities_of(equation, point, at.U, every, solver.workspace.adjoints(equation))
+        p = equation.full_force(equation.contact_forces(at.U, every, tangents=False))
+        cos, sin = output_amplitude(equation.model_at(point), point, p)[rows]
+        d = np.concatenate([found.of_pairs[rows].reshape(2, -1), found.common[rows]], axis=1)
+        return np.stack(of_size(cos, sin, *d)) if found.is_found else None
+
+    unit, brackets = width if np.isfinite(width) else 0.02 * there.parameter, list[list[np.ndarray]]()
+    sides, way, middle = (there, there), BESIDE * unit, rates(there)
+    while way <= FARTHER * unit * (1.0 + 1e-9):
+        low, high = (solved(side, there.parameter + sign * way) for side, sign in zip(sides, (-1.0, 1.0)))
+        if low is None or high is None:
+            break
+        both = [found for found in map(rates, (low, high)) if found is not None]
+        if len(both) == 2 and both[0][0, -1] > 0.0 > both[1][0, -1] and 2.0 * way > within:
+            brackets.append(both)
+        sides, way = (low, high), way * FARTHER_BY
+    if middle is None or not brackets:
+        return None, None
+    (low, high), far = brackets[0], brackets[-1]
+    share = low[0, -1] / (low[0, -1] - high[0, -1])
+    shift = (far[1][0] - far[0][0]) / (far[0][0, -1] - far[1][0, -1])
+    at_peak = middle if within == 0.0 else (1.0 - share) * low + share * high
+    d = np.stack([at_peak[0], at_peak[1] + at_peak[1, -1] * shift, shift / (2.0 * np.pi)])
+    d[:, -1] = 0.0
+    return d[:, : -len(COMMON)].reshape(3, len(NUMBERS), -1), d[:, -len(COMMON) :]
 
 
 def iterate_of(point: Point, problem: ProblemBase, harmonics: Harmonics) -> Iterate:

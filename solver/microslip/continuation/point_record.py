@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..contact.energy import contact_work, pair_energy
+from ..error_estimate.adjoint import Adjoint
 from ..error_estimate.estimate import ErrorEstimator
+from ..error_estimate.sensitivities import sensitivities_of
 from ..fourier.coefficients import cycle_work
+from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.operating_point import OperatingPoint
 from ..messages.errors import ConvergenceError
 from ..points.branch import Point
@@ -24,6 +27,7 @@ from .problems import Problem
 IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a tolerance of 1e-8
 HELD = "mean slip held by springs"  # the note of such a point
 FAR = "with more harmonics no solution is found near this one"  # of one that may solve the truncated equations alone
+NO_ADJOINT = "sensitivities not found: the linearisation is singular"
 CREEPS = "a slider creeps on without end"  # and of one where a march does not come to its cycle
 
 
@@ -94,6 +98,20 @@ def with_stability(problem: Problem, there: Iterate, point: Point) -> Point:
     found = multipliers_at(problem.equation.under(at), at, there.U)
     parts = np.stack([found.values.real, found.values.imag], axis=-1)
     return replace(point, multipliers=parts, neutral=np.array(found.n_neutral))
+
+
+def with_sensitivities(
+    problem: Problem, solution: Solution, point: Point, solver: AdjointSolver, known: Adjoint | None = None
+) -> Point:
+    """Return the record of a point with the derivatives of its outputs; without them where the adjoint is not found.  Collective.
+
+    ``solver`` is that of exact adjoints, ``known`` one that error bars have solved for last.
+    """
+    (correction, selected), at = solution, problem.at(solution[0].iterate.parameters)
+    found = sensitivities_of(problem.equation.under(at), at, correction.iterate.U, selected, solver, known)
+    by_pairs, by_common = (np.stack(np.split(values * found.is_found, 2), axis=1) for values in (found.of_pairs, found.common))
+    notes = point.notes if found.is_found else (*point.notes, NO_ADJOINT)
+    return replace(point, by_pairs=by_pairs, by_common=by_common, notes=notes)
 
 
 def quadratures(amplitudes: np.ndarray) -> np.ndarray:

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from mpi4py import MPI
 
+from ..error_estimate.sensitivities import exact_adjoints
 from ..fourier.harmonics import Harmonics
+from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.newton_solver import NewtonSolver
@@ -42,6 +44,7 @@ class Workspace:
         self._corrector = self._new_corrector(equation)  # at once: its PETSc options count as read where all points are linear
         self.solver = self._corrector.name  # of Newton's method
         self._is_loose: dict[Harmonics, bool] = {}
+        self._adjoints: AdjointSolver | None = None
 
     def corrector(self, equation: HarmonicBalance, resolution: Resolution) -> Corrector:
         """Return the corrector of a resolution, a new one in place of the last where that is another.  Collective."""
@@ -64,6 +67,11 @@ class Workspace:
             self._is_loose[equation.harmonics] = is_held_by_its_joint_alone(equation.model, equation.law)
         return self._is_loose[equation.harmonics]
 
+    def adjoints(self, equation: HarmonicBalance) -> AdjointSolver:
+        """Return the solver of exact adjoints.  Local."""
+        self._adjoints = self._adjoints or exact_adjoints(equation)
+        return self._adjoints
+
     def lap(self) -> float:
         """Return the seconds since the last call, or the beginning.  Local."""
         before, self._clock = self._clock, time.perf_counter()
@@ -72,6 +80,9 @@ class Workspace:
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective; once."""
         self._corrector.destroy()
+        if self._adjoints is not None:
+            self._adjoints.destroy()
+            self._adjoints = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,4 +28,5 @@ class ResponseSettings:
     chooses_steps: bool = True  # whether steps follow from the accuracy
     peaks: bool = False  # whether maxima of the outputs are solved for
     stability: bool = False  # whether the multipliers of every point are computed
+    sensitivities: bool = False  # whether the derivatives of the outputs are computed at every point, and every peak
     loaded: int = 1  # highest harmonic of the loads, at least 1

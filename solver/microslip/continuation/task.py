@@ -31,12 +31,13 @@ class BranchTask:
     accuracy: Accuracy | None = None
     is_linear: bool = False  # known to stay on the linear curve: scaled, not solved
     has_stability: bool = False  # whether the multipliers of every point are computed
+    has_sensitivities: bool = False  # whether the derivatives of the outputs are computed at every point
     may_hold: bool = True  # the mean slip, by springs
     is_homotopy: bool = False  # on the way to a first point
 
     def workspace(self) -> Workspace:
         """Return what makes solves of this branch quick; to be destroyed.  Collective."""
-        return Workspace(self.problem.equation, self.estimator is not None, 1 + len(self.problem.units))
+        return Workspace(self.problem.equation, self.estimator is not None or self.has_sensitivities, 1 + len(self.problem.units))
 
     def start(self, workspace: Workspace) -> BranchState:
         """Return the state before the first point.  Local."""

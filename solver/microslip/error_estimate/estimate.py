@@ -93,9 +93,11 @@ class JointChanges:
 class ErrorEstimator:
     """Error bars of the points of a branch.  Collective on the communicator of the model."""
 
-    def __init__(self, enriched: EnrichedModel):
+    def __init__(self, enriched: EnrichedModel, adjoint_solver: AdjointSolver | None = None):
+        comm = enriched.structure.comm
         self.enriched = enriched
-        self.adjoint_solver, self.forward_solver = AdjointSolver(enriched.structure.comm), AdjointSolver(enriched.structure.comm)
+        self.last: Adjoint | None = None  # adjoint of the last point; None where all pairs stick
+        self.adjoint_solver, self.forward_solver = adjoint_solver or AdjointSolver(comm), AdjointSolver(comm)
         self._models: dict[Harmonics, ReducedModel] = {}  # enriched models, by harmonics
         self._with_springs: tuple[object, EnrichedModel] = None, enriched  # springs and structure of the cached models
 
@@ -172,6 +174,7 @@ class ErrorEstimator:
         linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver, by_sliders])
         settled = through_joint.is_settled and through_joint.is_adjoint_found
         estimate = corrected(np.stack(parts), linear, through_joint.steps, settled, truncated, lost)
+        self.last = through_joint.adjoint
         return replace(estimate, adjoint=through_joint.adjoint)
 
     def through_the_joint(

@@ -26,8 +26,8 @@ RTOL = 1e-3  # of GMRES: error bars are much less accurate
 class AdjointSolver:
     """Solves for the adjoints, eq. (11.1), of points of a branch; reuses preconditioner and GMRES.  Collective on ``comm``."""
 
-    def __init__(self, comm: MPI.Comm, rtol: float = RTOL, precision: type = np.float32):
-        self.comm, self.rtol, self.precision = comm, rtol, precision
+    def __init__(self, comm: MPI.Comm, rtol: float = RTOL, precision: type = np.float32, many: int = MANY_KRYLOV):
+        self.comm, self.rtol, self.precision, self.many = comm, rtol, precision, many
         self.preconditioner: PairsPreconditioner | None = None
         self._gmres: Gmres | None = None
 
@@ -90,7 +90,7 @@ class AdjointSolver:
         gmres = self._set_up(b.size)
         for _ in range(2):
             x, outcome = gmres.solve(b.ravel(), self.preconditioner is not None)
-            if outcome.iterations > MANY_KRYLOV or outcome.reason < 0:
+            if outcome.iterations > self.many or outcome.reason < 0:
                 self.preconditioner = of_wide_slip(self._at)
             if outcome.reason >= 0:
                 break

@@ -6,7 +6,7 @@ docs/theory.md, section 5.  The rank that owns a pair stores its rows; ``p`` of 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -177,11 +177,34 @@ class HarmonicBalance:
         _, chosen, of_parameter = np.intersect1d(active_owned + self.model.owned.start, parameter.pairs, return_indices=True)
         if len(chosen):
             law, U = self.law.take(active_owned[chosen]), forces.U[active_owned[chosen]]
-            rate = law.parameter_rate(parameter.name, U, self.n_samples, self.harmonics)
-            if self.held is not None:
-                rate[:, :2, 0] *= 1.0 - HOLD
-            d_p[chosen] = rate * parameter.shape[of_parameter, None, None]
+            d_p[chosen] = self._rate_of(law, parameter.name, U) * parameter.shape[of_parameter, None, None]
         return self.gather(d_p.reshape(-1, self.model.N_H))
+
+    def _rate_of(self, law: Law, name: str, U: np.ndarray) -> np.ndarray:
+        """Return how p of some pairs changes with a parameter of each under a motion that stays, (n, 3, N_H).  Local."""
+        rate = law.parameter_rate(name, U, self.n_samples, self.harmonics)
+        if self.held is not None:
+            rate[:, :2, 0] *= 1.0 - HOLD
+        return rate
+
+    def contact_force_rates(self, forces: ContactForces, names: Sequence[str]) -> list[np.ndarray | None]:
+        """Return how p + K_J U of this rank's pairs changes with the parameter of each, (n_owned, 3, N_H) for each name.
+
+        Local.  The motion stays as it is.  None where no pair's law has the parameter.
+        """
+        active, law, rates = forces.active_owned, self.law.take(forces.active_owned), list[np.ndarray | None]()
+        for name in names:
+            rate = np.zeros(self.shape) if name in self.law.parameters else None
+            if rate is not None and len(active) and name in law.parameters:
+                rate[active] = self._rate_of(law, name, forces.U[active])
+            if rate is not None and name in ("k_t", "k_n"):
+                rate += self.unit_springs(name)[:, :, None] * forces.U
+            rates.append(rate)
+        return rates
+
+    def unit_springs(self, name: str) -> np.ndarray:
+        """Return the rate of the springs K_J of this rank's pairs by a stiffness of each, (n_owned, 3).  Local."""
+        return self._cached(f"springs of {name}", self.n_owned, lambda: _springs_of(self.law, name, np.ones(self.n_owned)))
 
     def spring_rate(self, parameter: LawParameter) -> np.ndarray:
         """Return the derivative of K_J of the pairs of a stiffness parameter by its value, (m, 3) in ascending pair order.
@@ -190,9 +213,7 @@ class HarmonicBalance:
         """
         mine = self._of_owned(parameter)
         pairs_owned = parameter.pairs[mine] - self.model.owned.start
-        law = self.law.take(pairs_owned).with_parameters(parameter.name, np.arange(len(pairs_owned)), parameter.shape[mine])
-        unit = law.stiffness.copy()
-        unit[:, [2] if parameter.name == "k_t" else [0, 1]] = 0.0
+        unit = _springs_of(self.law.take(pairs_owned), parameter.name, parameter.shape[mine])
         return self.gather(unit[np.argsort(pairs_owned)])
 
     def moved_by_springs(self, at: OperatingPoint, parameter: LawParameter, V: np.ndarray) -> np.ndarray:
@@ -274,3 +295,10 @@ class HarmonicBalance:
     def sum(self, partial: np.ndarray) -> np.ndarray:
         """Return the sum over the ranks.  Collective on ``comm``."""
         return partial if self.comm.size == 1 else summed(self.comm, partial)
+
+
+def _springs_of(law: Law, name: str, values: np.ndarray) -> np.ndarray:
+    """Return the springs K_J that k_t or k_n of each pair makes, (n, 3) [N/m], where these have the ``values`` (n,).  Local."""
+    springs = law.with_parameters(name, np.arange(law.n_pairs), values).stiffness.copy()
+    springs[:, [2] if name == "k_t" else [0, 1]] = 0.0
+    return springs

@@ -17,7 +17,9 @@ from ..results.fields import RunRecord, StageRecord
 from ..results.measures import shown_with
 from ..results.origin import Origin
 from ..results.over import keep_peaks_over
+from ..results.read import read_results
 from ..results.record import PeaksOver
+from ..results.sensitivities import write_sensitivities
 from ..system.walltime import TimeLimit
 from .build import WholeStructure
 from .follow_response import follow, in_turn, known_columns
@@ -25,6 +27,7 @@ from .peak_curves import followed, numbers_of, refuse_without_peaks
 from .prepare import Prepared
 from .result_files import extent_of, head_of, writer_of
 from .sectors import levels_by_sector, write_by_sector
+from .sensitivities import varied_numbers
 from .settings import units_of
 from .side_by_side import groups_that_pay
 
@@ -38,6 +41,12 @@ class RunOptions:
     screen: bool = True  # or files alone
     fresh: bool = False  # recompute; earlier results move to ``earlier-N/``
     limit: TimeLimit | None = None  # at which the run stops with the results so far
+
+
+def _write_sensitivities(prepared: Prepared, folder: Path) -> None:
+    """Write the table of sensitivities from the levels on the disk.  Local, on rank 0."""
+    results = read_results(str(folder / "results.h5"), motion=False)
+    write_sensitivities(str(folder), results, varied_numbers(prepared.scene, prepared.pairs))
 
 
 def record_of(log: RunLog) -> RunRecord:
@@ -77,6 +86,8 @@ def follow_logged(
     finally:
         writer.close()
     log.note(audit_text(branches, units.works))
+    if response.settings.sensitivities:
+        on_root(prepared.model.comm, _write_sensitivities, prepared, folder)
     if isinstance(prepared.structure, WholeStructure):
         by_sector = levels_by_sector(prepared, branches)
         on_root(prepared.model.comm, write_by_sector, by_sector, folder, share=False)

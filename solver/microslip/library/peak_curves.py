@@ -19,12 +19,8 @@ from ..scene.solution import Over
 from .build import Structure
 from .prepare import Prepared, prepare
 from .respond import Keys, scene_with, with_modes_for
+from .sensitivities import FACTOR, IN_FORCES, LAW_NAMES, UNITS
 from .settings import reduction_settings, units_of
-
-LAW_NAMES = {"friction": "mu", "preload": "N0", "gap": "gap", "tangential_stiffness": "k_t", "normal_stiffness": "k_n"}
-UNITS = {"friction": "1", "preload": "Pa", "gap": "m", "tangential_stiffness": "N/m3", "normal_stiffness": "N/m3"}
-IN_FORCES = {"preload": "N", "tangential_stiffness": "N/m", "normal_stiffness": "N/m"}  # of pairs without an area
-FACTOR = "times the scene's values"  # the unit of a number that differs from pair to pair, or that a law or a file gives
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +49,11 @@ def _number(scene: Scene, pairs: ContactPairs, over: Over) -> OverNumber:
     of_joint = over.of_joint
     if of_joint is None:
         return OverNumber(over.key, units_of(scene).level, PeakRequest("level", over.range, over.at, output, level))
-    parameter, unit = _parameter(scene, pairs, *of_joint)
+    parameter, unit = number_of_joint(scene, pairs, *of_joint)
     return OverNumber(over.key, unit, PeakRequest(parameter, over.range, over.at, output, level))
 
 
-def _parameter(scene: Scene, pairs: ContactPairs, name: str, key: str) -> tuple[LawParameter, str]:
+def number_of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> tuple[LawParameter, str]:
     """Return a number of a joint as a parameter of the law, and its unit: that of the scene where it states one for all pairs."""
     numbers = np.flatnonzero(np.array(pairs.joint) == name)
     gap = np.divide(-pairs.N0, pairs.k_n, out=np.zeros_like(pairs.k_n), where=pairs.k_n > 0.0)

@@ -58,6 +58,7 @@ class Keys(TypedDict, total=False):
     direction: Literal["up", "down"]
     peaks: bool
     stability: bool
+    sensitivities: bool
     fields: bool
     method: str
     accuracy: float | None

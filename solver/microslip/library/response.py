@@ -22,8 +22,10 @@ from ..receptance.motions import ActingForces
 from ..reduction.expand import motions_at_nodes
 from ..results.measures import AMPLITUDE, Shown
 from ..results.record import COMPLETE, STOPPED, LevelResult, ResultFile, level_result
+from ..results.sensitivities import SensitivityTable, write_sensitivities
 from .prepare import Prepared
 from .result_files import head_of, shapes_of, write_shapes, writer_of
+from .sensitivities import varied_numbers
 
 if TYPE_CHECKING:
     import xarray
@@ -128,6 +130,15 @@ class Response:
         Multipliers are ``response.level(1.0).multipliers``, and where stability changes is ``response.level(1.0).bifurcations``.
         """
         return {level.level: level.stable.astype(bool) for level in self.results.levels if level.stable is not None}
+
+    @property
+    def sensitivity(self) -> SensitivityTable:
+        """The derivatives of amplitudes and phases, with ``sensitivities=True``: by numbers of the scene, or of each pair.
+
+        ``response.sensitivity["joints.dovetail.friction"].amplitude`` (n_levels, n, n_outputs), ``response.sensitivity["mu"]`` by
+        that of each pair, ``.of_peaks(level)`` those of peaks, ``.scatter({key: per cent})`` scatter to first order.
+        """
+        return SensitivityTable(self.results, varied_numbers(self.prepared.scene, self.prepared.pairs))
 
     def level(self, level: float) -> LevelResult:
         """Return the points of one level [N], each quantity an attribute: ``frequency``, ``response``, ``state``, ``du``, ...
@@ -303,6 +314,7 @@ class Response:
             writer.close()
         shapes = shapes_of(self.prepared, self.branches)
         on_root(comm, write_shapes, self.prepared, self.branches, shapes, folder, share=False)
+        on_root(comm, write_sensitivities, str(folder), self.results, varied_numbers(self.prepared.scene, self.prepared.pairs))
         on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
 
 

@@ -64,6 +64,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
         chooses_steps="points" not in response.model_fields_set,
         peaks=response.peaks,
         stability=response.stability,
+        sensitivities=response.sensitivities,
         loaded=max((load.harmonic for load in scene.loads), default=1) or 1,
     )
 

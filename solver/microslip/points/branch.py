@@ -57,6 +57,8 @@ _MULTIPLIERS = (
 )
 _LARGEST = "Floquet multipliers by falling modulus, beside those of sliders that never slip"
 _NEUTRAL = "sliders that never slip, whose multipliers are 1 and no instability"
+_BY_PAIRS = "derivatives of cosine and sine of harmonic 1 by numbers of each pair, in the order of the attribute `numbers`"
+_BY_COMMON = "those by the level, a factor of the damping and the frequency [rad/s], in the order of the attribute `common`"
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +105,8 @@ class Point:
         Quantity("multipliers", "multipliers complex", "1", _LARGEST, columns=_MULTIPLIERS),
     ] = None
     neutral: Annotated[np.ndarray | None, number("neutral_sliders", "1", _NEUTRAL, "i8")] = None  # () of integers
+    by_pairs: Annotated[np.ndarray | None, Quantity("d_by_pairs", "outputs quadratures numbers pairs", "m", _BY_PAIRS)] = None
+    by_common: Annotated[np.ndarray | None, Quantity("d_by_common", "outputs quadratures common", "m", _BY_COMMON)] = None
 
 
 QUANTITIES = declared(Point)

@@ -12,6 +12,8 @@ from .quantities import Quantity, declared, hertz
 _WIDTH = "between the two places at 1 / √2 of the amplitude; NaN where the curve does not reach them"
 _WITHIN = "width of the interval that the maximum lies in; 0 where the slope of the curve is zero"
 _DAMPING = "damping ratio of one mode of this half-power width, width / (2 frequency); NaN where that is not known"
+_BY_PAIRS = "derivatives of amplitude, phase [rad] and frequency [Hz] of the peak by the numbers of each pair, as of a point"
+_BY_COMMON = "those by the level and a factor of the damping; the last column is 0"
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,8 @@ class Peak:
     slipping: Annotated[int, Quantity("slipping", "", "1", "pairs that slip or are open", "i8")]
     newton: Annotated[int, Quantity("newton", "", "1", "Newton iterations", "i8")]
     segment: Annotated[int, Quantity("segment", "", "1", "of the curve", "i8")] = 0
+    by_pairs: Annotated[np.ndarray | None, Quantity("d_by_pairs", "of_peak numbers pairs", "m", _BY_PAIRS)] = None
+    by_common: Annotated[np.ndarray | None, Quantity("d_by_common", "of_peak common", "m", _BY_COMMON)] = None
 
     @property
     def damping(self) -> float:

@@ -10,9 +10,17 @@ import numpy as np
 
 from .error_parts import PARTS
 from .multipliers import N_MULTIPLIERS
+from .sensitivities import COMMON, NUMBERS, OF_PEAK
 
 QUADRATURES = ("cos", "sin")
-LABELS = {"parts": PARTS, "quadratures": QUADRATURES, "complex": ("real", "imaginary")}  # of the axes whose entries have names
+LABELS = {
+    "parts": PARTS,
+    "quadratures": QUADRATURES,
+    "complex": ("real", "imaginary"),
+    "numbers": NUMBERS,
+    "of_peak": OF_PEAK,
+    "common": COMMON,
+}  # of the axes whose entries have names
 TEXT = "O"  # the type of texts
 
 
@@ -110,6 +118,9 @@ def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
         "parts": len(PARTS),
         "multipliers": N_MULTIPLIERS,
         "complex": 2,
+        "of_peak": len(OF_PEAK),
+        "numbers": len(NUMBERS),
+        "common": len(COMMON),
     }
 
 

@@ -13,7 +13,7 @@ from ..parallel.petsc import PREFIXES
 from ..system.walltime import seconds_of
 from ..version import __version__
 
-_SOLVE = ("run", "modes", "backbone", "compare", "verify", "trade", "export")  # commands that PETSc options are for
+_SOLVE = ("run", "modes", "backbone", "compare", "verify", "trade", "export", "identify")  # commands that PETSc options are for
 _SCENE = (*_SOLVE, "check")  # commands that read a scene
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -62,6 +62,7 @@ class Command:
     tolerance: float | None = None  # accepted difference of curves; None: the default of the command
     bars: bool = False  # ignore differences inside the error bars
     as_json: bool = False
+    fit: tuple[str, ...] = ()  # KEY=LOW:HIGH, numbers to identify
 
 
 class _Parser(argparse.ArgumentParser):
@@ -99,6 +100,7 @@ def parse(arguments: list[str]) -> Command:
     if petsc and given.command not in _SOLVE:
         raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
     values = vars(given) | {"petsc": petsc_options(petsc), "more": more, "settings": tuple(getattr(given, "settings", ()))}
+    values |= {"fit": tuple(getattr(given, "fit", ()))}
     return Command(values.pop("command"), **values)
 
 
@@ -262,6 +264,7 @@ _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, input f
     "verify": ("time integration at points of the curves, compared with harmonic balance", "SCENE.toml", "results/NAME_verify"),
     "trade": ("speed and accuracy of a scene: effect of each setting on time and error", "SCENE.toml", "results/NAME_trade"),
     "export": ("the reduced model as .npz and .mat, with scripts for other programs", "SCENE.toml", "results/NAME_export"),
+    "identify": ("parameters of a scene that explain a measurement, with intervals", "SCENE.toml", "results/NAME_identify"),
     "check": ("validate a scene, or list the content of a model file; nothing is solved", "SCENE.toml", None),
     "new": ("a first scene for a model file, with candidates for joints", "MODEL", None),
     "plot": ("draw all pictures again from the result file", "RESULTS.h5", _FOLDER),
@@ -383,6 +386,7 @@ _OPTIONS = (
         **_NUMBERS,
     ),
     _option("verify", "--levels", "A,B,...", "levels in N (default: the scene's)", **_NUMBERS),
+    "identify": ("parameters of a scene that explain a measurement, with intervals", "SCENE.toml", "results/NAME_identify"),
     _option("verify", "--harmonics", "H", "harmonics of harmonic balance (default: the scene's)", type=_count),
     _option("verify", "--samples", "N", "time samples of harmonic balance (default: the scene's)", type=_count),
     _option("verify", "--steps", "N", "time steps per period (default: 256)", type=_steps),

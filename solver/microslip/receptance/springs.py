@@ -181,12 +181,16 @@ def stated_damping_rate(modes: DampedModes, stated: StatedDamping, dK: np.ndarra
 
     Derivative of a matrix function: (g_i - g_j) / (l_i - l_j) phi_i^H R^H dK R phi_j, l = omega_n^2, g the stated damping.
     """
+    return damping_quotients(modes, stated) * (modes.R_phi.conj().T @ (dK[:, None] * modes.R_phi))
+
+
+def damping_quotients(modes: DampedModes, stated: StatedDamping) -> np.ndarray:
+    """Return (g_i - g_j) / (l_i - l_j) of :func:`stated_damping_rate`, (m, m) [s].  Local."""
     g, squares, h = stated.modal(modes.omega_n), modes.omega_n**2, 1e-3
     slope = (stated.modal((1.0 + h) * modes.omega_n) - stated.modal((1.0 - h) * modes.omega_n)) / (4.0 * h * squares)
     difference = squares[:, None] - squares
     is_multiple = np.abs(difference) <= MULTIPLE * squares
-    quotient = np.divide(g[:, None] - g, difference, out=0.5 * (slope[:, None] + slope), where=~is_multiple)
-    return quotient * (modes.R_phi.conj().T @ (dK[:, None] * modes.R_phi))
+    return np.divide(g[:, None] - g, difference, out=0.5 * (slope[:, None] + slope), where=~is_multiple)
 
 
 def _between(Q: np.ndarray, C: np.ndarray) -> np.ndarray:

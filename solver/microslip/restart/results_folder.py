@@ -14,11 +14,11 @@ from ..system.signals import unbroken
 UNFINISHED, EARLIER = "unfinished", "earlier"
 RESULTS, TABLE = "results.h5", "frf.csv"
 WRITTEN = (RESULTS, TABLE, "run.log")  # files of every run
-OPTIONAL = ("modes.vtkhdf", "peak_response.vtkhdf", "peaks_over.csv")  # if requested
+OPTIONAL = ("modes.vtkhdf", "peak_response.vtkhdf", "peaks_over.csv", "sensitivities.csv")  # if requested
 # files of run, plot, report and convert; other files in a folder belong to the user
 _RESULTS_FILES = re.compile(
-    r"results\.(h5|unv|mat)|frf\.csv|peaks_over\.csv|run\.log|report\.html"
-    r"|(response\d*|peaks\d*|peaks_over\d*|states|slip_map|rom_size|energy|energy_map|error|rest)\.png"
+    r"results\.(h5|unv|mat)|frf\.csv|peaks_over\.csv|sensitivities\.csv|run\.log|report\.html"
+    r"|(response\d*|peaks\d*|peaks_over\d*|states|slip_map|rom_size|energy|energy_map|sensitivity_map|error|rest)\.png"
     r"|(modes|peak_response|mode_shapes|rest|joint|(joint_)?motion_\d+)\.vtkhdf"
 )
 _PART = re.compile(r"(setup|level)-[0-9a-f]{24}")

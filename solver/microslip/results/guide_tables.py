@@ -10,16 +10,17 @@ from pathlib import Path
 from ..points.bifurcation import BIFURCATION_QUANTITIES
 from ..points.branch import QUANTITIES
 from ..points.peak import PEAK_QUANTITIES
-from ..points.quantities import Quantity, axis_lengths
+from ..points.quantities import Column, Quantity, axis_lengths
 from .record import JOINT_QUANTITIES
+from .sensitivities import COLUMNS as OF_SENSITIVITIES
 from .table import COLUMNS
 
 SIZES = {"outputs": "n_output", "pairs": "n_pair", "coefficients": "2H+1"}  # the others have the same length in every file
 
 
-def columns_table() -> str:
-    """Return the columns of frf.csv; columns with the same meaning share a row."""
-    rows = groupby(COLUMNS, key=lambda column: column.meaning)
+def columns_table(columns: Iterable[Column] = COLUMNS) -> str:
+    """Return the columns of a table, frf.csv unless told; columns with the same meaning share a row."""
+    rows = groupby(columns, key=lambda column: column.meaning)
     return _table(("column", "meaning"), ((", ".join(f"`{column.name}`" for column in same), says) for says, same in rows))
 
 
@@ -48,6 +49,7 @@ def _content(quantity: Quantity) -> str:
 
 TABLES = {
     "frf.csv": columns_table(),
+    "sensitivities.csv": columns_table(OF_SENSITIVITIES),
     "joint": datasets_table(JOINT_QUANTITIES),
     "levels": datasets_table(QUANTITIES, "n"),
     "peaks": datasets_table(PEAK_QUANTITIES, "n"),

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..fourier.coefficients import synthesise
 from .record import Joint, LevelResult
+from .sensitivities import relative_of_pairs
 
 SAMPLES = 128  # of a cycle, from which largest values are taken
 
@@ -69,7 +70,7 @@ def joint_values(joint: Joint, level: LevelResult, at: int) -> dict[str, np.ndar
         values["friction_loss_J_m2"] = values["friction_loss_J"] / joint.area
         values |= {"pressure_Pa": pressure.mean(axis=1), "pressure_min_Pa": pressure.min(axis=1)}
         values |= {"pressure_max_Pa": pressure.max(axis=1)}
-    return values
+    return values | {f"sensitivity_{name}": change for name, change in relative_of_pairs(joint, level, at).items()}
 
 
 def rest_values(joint: Joint) -> dict[str, np.ndarray]:

@@ -19,6 +19,7 @@ from ..contact.laws import friction_limit
 from .layout import PowersOfTen
 from .measures import counts
 from .record import LevelResult, ResultFile
+from .sensitivities import relative_of_pairs
 from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, Pages, level_name, plain, some, with_prefix
 from .unroll import Patch, patches
 
@@ -80,6 +81,26 @@ def draw_energy_map(results: ResultFile) -> Pages:
     shades = matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256)))
     bar = (shades, scale, f"friction loss per cycle [{unit}]") if len(losses) else None
     return _draw(results, "energy_map.png", what, blocks, [_swatch(_NO_LOSS, "no loss")], bar)
+
+
+def draw_sensitivity_map(results: ResultFile) -> Pages:
+    """Draw where friction matters: the change of the first output's peak with the friction of each pair.  Local."""
+    levels = [level for level in some(results.solved, MOST_PANELS) if level.d_by_pairs is not None]
+    area = results.joint.area
+    per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())
+    changes = [relative_of_pairs(results.joint, level, level.top)["mu"] for level in levels]
+    most = max((np.abs(change / area if per_area else change).max(initial=0.0) for change in changes), default=0.0)
+    if most == 0.0:
+        return {}
+    palette, scale = matplotlib.colormaps["RdBu_r"], matplotlib.colors.Normalize(-most, most)
+    blocks = [
+        (_at_peak(level, f"{change.sum():+.3g} % with 1 % of friction"), palette(scale(change / area if per_area else change)))
+        for level, change in zip(levels, changes)
+    ]
+    what = "where friction matters: change of the amplitude with the friction of each pair at the peak of each level"
+    unit = "per area [1/m\u00b2]" if per_area else "[-]"
+    label = f"relative change of the amplitude over that of friction {unit}"
+    return _draw(results, "sensitivity_map.png", what + _of_levels(results), blocks, [], (palette, scale, label))
 
 
 def draw_rest(results: ResultFile) -> Pages:

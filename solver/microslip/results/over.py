@@ -72,7 +72,7 @@ def _write(group: h5py.Group, curve: PeaksOver, unit: str, unit_of_output: str) 
     write_array(group, "damping", curve.damping, "1")
     write_level(group.create_group("points"), curve.points, unit)
     arrays = peak_arrays([curve.linear])
-    for quantity in PEAK_QUANTITIES:
+    for quantity in (quantity for quantity in PEAK_QUANTITIES if quantity.dataset in arrays):
         of = f"{unit_of_output} per unit of the level" if quantity.unit == "m" else quantity.unit
         write_array(group, f"linear/peaks/{quantity.dataset}", arrays[quantity.dataset], of)
 

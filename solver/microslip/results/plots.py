@@ -9,7 +9,7 @@ import matplotlib
 from ..messages.errors import CaseError
 from ..system.files import file_errors, make_folder
 from .curve_plots import draw_energy, draw_error, draw_response, draw_rom_size, draw_states
-from .joint_plots import draw_energy_map, draw_rest, draw_slip_map
+from .joint_plots import draw_energy_map, draw_rest, draw_sensitivity_map, draw_slip_map
 from .over_plots import draw_peaks_over
 from .peak_plots import draw_peaks
 from .read import read_results
@@ -30,6 +30,7 @@ PICTURES: tuple[Picture, ...] = (  # in an order whose every second, third or fo
     draw_states,
     draw_rest,
     draw_peaks,
+    draw_sensitivity_map,
     draw_multipliers,
     draw_sectors,
     draw_peaks_over,
@@ -40,9 +41,10 @@ STATIC_PICTURES: tuple[Picture, ...] = (draw_static_response, draw_static_states
 def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> list[str]:
     """Draw all pictures of a result file, or a share of them, into a folder and return the files.  Local; no MPI, no PETSc.
 
-    response.png, peaks.png, peaks_over.png, multipliers.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png,
-    error.png, sectors.png and rest.png.  What is not there (peaks, multipliers, sectors, a joint, a converged point, statics)
-    leaves out the pictures of it.  Of statics alone there are response.png and states.png over the load, slip_map.png, rest.png.
+    response.png, peaks.png, peaks_over.png, multipliers.png, states.png, slip_map.png, rom_size.png, energy.png,
+    energy_map.png, sensitivity_map.png, error.png, sectors.png and rest.png.  What is not there (peaks, multipliers, sectors, a
+    joint, a converged point, statics) leaves out the pictures of it.  Of statics alone there are response.png and states.png over
+    the load, slip_map.png, rest.png.
 
     Raises
     ------

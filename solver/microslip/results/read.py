@@ -103,7 +103,7 @@ def _over(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: bool
     """Return a peak over a number of the scene."""
     key, unit = (attribute(reader.group(group), name) for name in ("key", "unit"))
     linear, points = (
-        _peaks(reader, f"{group}/linear", n_outputs),
+        _peaks(reader, f"{group}/linear", n_outputs, n_pairs),
         _level(reader, f"{group}/points", n_outputs, n_pairs, motion, unit),
     )
     value, damping = (reader.array(f"{group}/{name}", "f8", (len(points.frequency),)) for name in ("value", "damping"))
@@ -203,7 +203,7 @@ def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: boo
         fault = "its attributes"
     if fault is not None:
         raise CaseError(f"{reader.path}: {fault} of '{group}' cannot be; the file is damaged or was edited")
-    changes, peaks = _bifurcations(reader, group, n_outputs), _peaks(reader, group, n_outputs)
+    changes, peaks = _bifurcations(reader, group, n_outputs), _peaks(reader, group, n_outputs, n_pairs)
     return LevelResult(level, status, failure, arrays, unit, closes_to, peaks, changes)
 
 
@@ -233,13 +233,16 @@ def _bifurcations(reader: Reader, group: str, n_outputs: int) -> tuple[Bifurcati
     )
 
 
-def _peaks(reader: Reader, group: str, n_outputs: int) -> tuple[Peak, ...] | None:
+def _peaks(reader: Reader, group: str, n_outputs: int, n_pairs: int) -> tuple[Peak, ...] | None:
     """Return the peaks of a level; None where they were not solved for."""
     if f"{group}/peaks" not in reader:
         return None
     n = len(reader.array(f"{group}/peaks/frequency_Hz", "f8", (None,)))
+    lengths = axis_lengths(n_outputs, n_pairs, 0)
     columns = {
-        quantity.dataset: reader.array(f"{group}/peaks/{quantity.dataset}", quantity.kind, (n,)) for quantity in PEAK_QUANTITIES
+        quantity.dataset: reader.array(f"{group}/peaks/{quantity.dataset}", quantity.kind, (n, *quantity.shape(lengths)))
+        for quantity in PEAK_QUANTITIES
+        if not quantity.axes or f"{group}/peaks/{quantity.dataset}" in reader
     }
     is_sound = np.isfinite(columns["amplitude"]) & (columns["frequency_Hz"] > 0.0)
     if not is_sound.all() or not np.isin(columns["output"], np.arange(n_outputs)).all():
@@ -252,6 +255,7 @@ def _peaks(reader: Reader, group: str, n_outputs: int) -> tuple[Peak, ...] | Non
             2.0 * np.pi * float(columns["half_power_width_Hz"][i]),
             2.0 * np.pi * float(columns["within_Hz"][i]),
             *(int(columns[name][i]) for name in ("slipping", "newton", "segment")),
+            *(columns[name][i] if name in columns else None for name in ("d_by_pairs", "d_by_common")),
         )
         for i in range(n)
     )

@@ -273,7 +273,13 @@ def bifurcation_arrays(bifurcations: Sequence[Bifurcation], n_outputs: int) -> d
 
 
 def peak_arrays(peaks: Sequence[Peak]) -> dict[str, np.ndarray]:
-    """Return the peaks of a level as arrays (n_peaks,) by the names of ``PEAK_QUANTITIES``.  Local."""
-    return {
-        quantity.dataset: np.array([quantity.of(peak) for peak in peaks], dtype=quantity.kind) for quantity in PEAK_QUANTITIES
-    }
+    """Return the peaks of a level as arrays (n_peaks, ...) by the names of ``PEAK_QUANTITIES``; what some lack is left out.
+
+    Local.
+    """
+    known = [quantity for quantity in PEAK_QUANTITIES if not quantity.axes or (peaks and _have(peaks, quantity))]
+    return {quantity.dataset: np.array([quantity.of(peak) for peak in peaks], dtype=quantity.kind) for quantity in known}
+
+
+def _have(peaks: Sequence[Peak], quantity: Quantity) -> bool:
+    return all(quantity.of(peak) is not None for peak in peaks)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import h5py
@@ -183,9 +184,8 @@ def write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
     if level.peaks is not None:
         arrays = peak_arrays(level.peaks)
         for quantity in PEAK_QUANTITIES:
-            write_array(
-                group, f"peaks/{quantity.dataset}", arrays[quantity.dataset], unit if quantity.unit == "m" else quantity.unit
-            )
+            of = unit if quantity.unit == "m" else quantity.unit
+            _write_quantity(group, replace(quantity, dataset=f"peaks/{quantity.dataset}"), arrays.get(quantity.dataset), of)
     if level.bifurcations is not None:
         arrays = bifurcation_arrays(level.bifurcations, level.response.shape[1])
         for quantity in BIFURCATION_QUANTITIES:

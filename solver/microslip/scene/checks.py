@@ -38,6 +38,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_bars(scene),
         *_peaks(scene),
         *_stability(scene),
+        *_sensitivities(scene),
         *_over(scene),
         *_mode(scene),
         *_disc(scene),
@@ -389,6 +390,13 @@ def _stability(scene: Scene) -> list[str]:
             "state ratio in its place, of about half the loss factor, or leave stability out"
         ]
     return []
+
+
+def _sensitivities(scene: Scene) -> list[str]:
+    """Return mistakes: derivatives of what does not vibrate."""
+    if not (scene.response.sensitivities and scene.is_static):
+        return []
+    return ["[response] sensitivities = true: with harmonics = 0 nothing vibrates; leave sensitivities out"]
 
 
 def _peaks(scene: Scene) -> list[str]:

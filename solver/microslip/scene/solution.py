@@ -83,6 +83,9 @@ class Response(Table):
     direction: Literal["up", "down"] = Field("up", description='the direction of the sweep, "up" or "down"')
     peaks: bool = Field(False, description="true or false: solve for every maximum of every output as a separate point")
     stability: bool = Field(False, description="true or false: compute the stability of every point by Floquet multipliers")
+    sensitivities: bool = Field(
+        False, description="true or false: compute derivatives of the outputs by contact parameters, level and damping"
+    )
     over: tuple[Over, ...] = Field((), description="tables headed [[response.over]], with key and range")
     fields: bool = Field(True, description="true or false: write modes and the motion at the peaks on the mesh")
 

@@ -1,0 +1,190 @@
+"""Measured responses: rows of frequency, amplitude and phase of outputs at levels, or of peaks, from CSV and MATLAB files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..messages.errors import CaseError
+from ..messages.words import hint, listed
+from .csv_table import numbered_rows
+
+LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
+UNITS = {"m": LENGTHS, "m/s": {f"{name}/s": size for name, size in LENGTHS.items()}, "N": {"N": 1.0, "kN": 1e3}}
+UNITS["m/s2"] = {f"{name}/s2": size for name, size in LENGTHS.items()} | {"g": 9.80665}
+FREQUENCIES, PEAKS = {"frequency_hz": 1.0, "frequency_khz": 1e3}, {"peak_frequency_hz": 1.0, "peak_frequency_khz": 1e3}
+PHASES = {"phase_rad": 1.0, "phase_deg": np.pi / 180.0}
+LEVELS = {"level_n": 1.0, "level_kn": 1e3, "level": 1.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """n measured rows, of points of curves or of peaks; NaN where a row does not have a number."""
+
+    frequency: np.ndarray  # (n,) Hz
+    level: np.ndarray  # (n,) N
+    output: np.ndarray  # (n,) numbers of the outputs
+    amplitude: np.ndarray  # (n,) in the unit of the output
+    phase: np.ndarray  # (n,) rad
+    deviation: np.ndarray  # (n,) standard deviation of the amplitude
+    deviation_of_phase: np.ndarray  # (n,) rad
+    deviation_of_frequency: np.ndarray  # (n,) Hz, of peaks
+    of_peaks: bool = False
+
+    @property
+    def n(self) -> int:
+        return len(self.frequency)
+
+    def rows(self, chosen: np.ndarray) -> Measured:
+        """Return some of the rows.  Local."""
+        arrays = {name: values[chosen] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
+        return replace(self, **arrays)
+
+
+def read_measured(path: Path, outputs: Sequence[str], units: Sequence[str], levels: Sequence[float]) -> Measured:
+    """Return what a CSV file with a header, or a MATLAB file with variables of the same names, holds.  Local.
+
+    Parameters
+    ----------
+    outputs, units : names and units of the outputs of the scene
+    levels : of the scene [N]; rows without a level belong to the only one
+
+    Raises
+    ------
+    CaseError : names what is wrong, with the line
+    """
+    if path.suffix.lower() == ".mat":
+        return measured_of(_variables(path), str(path), outputs, units, levels)
+    numbered = numbered_rows(path)
+    if len(numbered) < 2:
+        raise CaseError(f"{path}: a header and at least one row are expected; {_expected()}")
+    (line, header), *rest = numbered
+    if ";" in header[0]:
+        raise CaseError(f"{path}, line {line}: values are separated by semicolons, not by commas")
+    for at, row in rest:
+        if len(row) != len(header):
+            raise CaseError(f"{path}, line {at}: {len(row)} values; {len(header)} are needed: {','.join(header)}")
+    columns = {name: [row[i] for _, row in rest] for i, name in enumerate(header)}
+    return measured_of(columns, str(path), outputs, units, levels, [at for at, _ in rest])
+
+
+def measured_of(
+    columns: Mapping[str, Any],
+    where: str,
+    outputs: Sequence[str],
+    units: Sequence[str],
+    levels: Sequence[float],
+    lines: Sequence[int] = (),
+) -> Measured:
+    """Return columns by name, (n,) each, as measured rows.  Local.  CaseError as :func:`read_measured`."""
+    given = {name.strip().lower(): values for name, values in columns.items()}
+    if len(given) < len(columns):
+        raise CaseError(f"{where}: a column stands there twice; {_expected()}")
+    n = len(next(iter(given.values()), ()))
+
+    def numbers(name: str) -> np.ndarray:
+        return _numbers(given.pop(name), name, where, lines)
+
+    def one_of(kind: Mapping[str, float]) -> np.ndarray:
+        names = [name for name in kind if name in given]
+        if len(names) > 1:
+            raise CaseError(f"{where}: {listed(names, 'and')} state the same; keep one")
+        return kind[names[0]] * numbers(names[0]) if names else np.full(n, np.nan)
+
+    named = given.pop("output", None)
+    which = np.zeros(n, dtype=int) if named is None else _outputs(named, outputs, where)
+    of_units = {units[k] for k in which}
+    if len(of_units) > 1:
+        raise CaseError(f"{where}: outputs in {listed(sorted(of_units), 'and')}: put those of one unit in each file")
+    unit = of_units.pop() if of_units else "m"
+    of_unit = UNITS.get(unit, {unit: 1.0})
+    sizes = {f"amplitude_{name}".lower(): size for name, size in of_unit.items()}
+    spreads = {f"sigma_{name}".lower(): size for name, size in of_unit.items()}
+    peaks, frequency = one_of(PEAKS), one_of(FREQUENCIES)
+    of_peaks = bool(np.isfinite(peaks).any())
+    if of_peaks and np.isfinite(frequency).any():
+        raise CaseError(f"{where}: frequency and peak_frequency both; put points of curves and peaks in files of their own")
+    measured = Measured(
+        frequency=peaks if of_peaks else frequency,
+        level=one_of(LEVELS),
+        output=which,
+        amplitude=one_of(sizes),
+        phase=one_of(PHASES),
+        deviation=one_of(spreads),
+        deviation_of_phase=one_of({f"sigma_{name}": size for name, size in PHASES.items()}),
+        deviation_of_frequency=one_of({"sigma_frequency_hz": 1.0}),
+        of_peaks=of_peaks,
+    )
+    if given:
+        known = ["output", *FREQUENCIES, *PEAKS, *LEVELS, *sizes, *PHASES, *spreads, "sigma_phase_rad", "sigma_frequency_hz"]
+        name = next(iter(given))
+        bare = name.split("_")[0] in ("frequency", "amplitude", "phase", "peak", "sigma") and name not in known
+        more = f"; the outputs are in {unit}: state the unit in the name" if bare else ""
+        raise CaseError(f'{where}: the column "{name[:40]}" is unknown{hint(name, known)}{more}; {_expected(unit)}')
+    return _checked(measured, where, levels, unit)
+
+
+def _checked(measured: Measured, where: str, levels: Sequence[float], unit: str) -> Measured:
+    """Return the rows with their levels.  CaseError: a number is missing, or out of range."""
+    if not np.isfinite(measured.frequency).all() or not (measured.frequency > 0.0).all():
+        raise CaseError(f"{where}: every row needs a frequency above 0; {_expected(unit)}")
+    if not (measured.of_peaks or np.isfinite(measured.amplitude).any() or np.isfinite(measured.phase).any()):
+        raise CaseError(f"{where}: there is neither an amplitude nor a phase; {_expected(unit)}")
+    if np.isnan(measured.level).all():
+        if len(levels) != 1:
+            raise CaseError(f"{where}: the scene has {len(levels)} levels, and no column level_N says of which a row is")
+        measured = replace(measured, level=np.full(measured.n, levels[0]))
+    for name, values in (("level", measured.level), ("amplitude", measured.amplitude), ("sigma", measured.deviation)):
+        if (values <= 0.0).any():
+            raise CaseError(f"{where}: {name} = {values[values <= 0.0][0]:g}: a number above 0 is expected")
+    return measured
+
+
+def _expected(unit: str = "m") -> str:
+    return (
+        f"columns are frequency_Hz (or peak_frequency_Hz of peaks), amplitude_{unit}, phase_rad or phase_deg, level_N, output, "
+        f"and standard deviations sigma_{unit}, sigma_phase_rad, sigma_frequency_Hz"
+    )
+
+
+def _outputs(named: Sequence[Any], outputs: Sequence[str], where: str) -> np.ndarray:
+    names = [str(name).strip() for name in named]
+    for name in names:
+        if name not in outputs:
+            raise CaseError(f'{where}: there is no output "{name[:40]}"{hint(name, outputs)}; there are {listed(outputs)}')
+    return np.array([outputs.index(name) for name in names], dtype=int)
+
+
+def _numbers(values: Sequence[Any], name: str, where: str, lines: Sequence[int]) -> np.ndarray:
+    """Return a column as numbers; an empty cell is NaN."""
+    column = np.full(len(values), np.nan)
+    for i, value in enumerate(values):
+        if isinstance(value, str) and not value.strip():
+            continue
+        try:
+            column[i] = float(value)
+        except (TypeError, ValueError):
+            column[i] = np.inf
+        if np.isinf(column[i]):
+            line = f", line {lines[i]}" if len(lines) else ""
+            raise CaseError(f'{where}{line}: {name} = "{str(value)[:20]}" is not a finite number')
+    return column
+
+
+def _variables(path: Path) -> dict[str, np.ndarray]:
+    """Return the variables of a MATLAB file of version 5."""
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(str(path), squeeze_me=True, chars_as_strings=True)
+    except (OSError, ValueError, NotImplementedError, TypeError) as problem:
+        raise CaseError(f"{path}: cannot be read as a MATLAB file of version 5 to 7.2: {problem}") from None
+    variables = {name: np.atleast_1d(values) for name, values in content.items() if not name.startswith("__")}
+    lengths = {len(values) for values in variables.values() if values.ndim == 1}
+    if not variables or len(lengths) != 1 or any(values.ndim != 1 for values in variables.values()):
+        raise CaseError(f"{path}: variables of one length, named like columns, are expected; {_expected()}")
+    return variables

@@ -1,0 +1,356 @@
+"""Identification: numbers of a scene that explain a measurement, by least squares with the adjoint Jacobian."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from ..continuation.grid import solved_at, task_at
+from ..continuation.levels import ResponseProblem, follow_level, response_problem
+from ..formats.measured import Measured, measured_of, read_measured
+from ..harmonic.balance import HarmonicBalance
+from ..messages.errors import CaseError, ConvergenceError
+from ..messages.words import hint, listed
+from ..parallel.agree import on_root
+from ..points.branch import Branch
+from ..points.sensitivities import of_size
+from ..receptance.other_springs import with_springs
+from ..receptance.springs import SpringChange
+from ..results.sensitivities import Varied, peak_rates
+from .build import Structure
+from .prepare import Prepared, prepare
+from .respond import scene_with
+from .sensitivities import varied_numbers
+from .settings import output_names, refuse_discs, refuse_statics, units_of
+
+OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # deviations where none are stated: of the largest; rad; of the frequency
+ALIKE = 0.98  # correlation beyond which numbers cannot be told apart
+STRETCHED = 0.05  # of the distance of its bounds, within which a value lies at one
+MOST_EVALUATIONS = 60
+AT_REST = ("friction", "preload", "gap")
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A number that is fitted: within bounds, over its logarithm where these are above 0."""
+
+    varied: Varied
+    low: float
+    high: float
+
+    @property
+    def is_log(self) -> bool:
+        return self.low > 0.0
+
+    def x(self, value: float) -> float:
+        return float(np.log(value)) if self.is_log else value
+
+    def value(self, x: float) -> float:
+        return float(np.exp(x)) if self.is_log else float(x)
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """The numbers that explain a measurement best, how well they are known, and the response with them; k numbers, n rows."""
+
+    keys: tuple[str, ...]
+    units: tuple[str, ...]
+    start: np.ndarray  # (k,) values of the scene
+    values: np.ndarray  # (k,)
+    low: np.ndarray  # (k,) 95 % confidence interval; of a number that the data do not see its bounds
+    high: np.ndarray  # (k,)
+    correlation: np.ndarray  # (k, k)
+    unseen: tuple[str, ...]  # on which the data do not depend, within their noise, from bound to bound
+    alike: tuple[tuple[str, str, float], ...]  # pairs that cannot be told apart, and their correlation
+    at_bounds: tuple[str, ...]
+    measured: Measured
+    fit: Measured  # the same rows, computed
+    before: Measured  # with the values of the scene
+    rms: float  # of the residuals over their deviations
+    dof: int  # rows less numbers that are seen
+    evaluations: int
+    outcome: str  # of the least squares
+    scene: Any = field(repr=False)  # with the values put in, as far as it states them as single numbers
+    factors: Mapping[str, float] = field(default_factory=dict)  # numbers that it does not: times what files or laws state
+
+    def __getitem__(self, key: str) -> float:
+        """Return the value of a number."""
+        return float(self.values[self.keys.index(key)])
+
+
+def identify(
+    structure: Structure,
+    measured: str | Path | Mapping[str, Sequence[Any]] | Measured,
+    bounds: Mapping[str, tuple[float, float]],
+    **keys: Any,
+) -> Identified:
+    """Return the numbers within ``bounds`` that explain a measurement best.
+
+    Collective on ``structure.comm``; the same on every rank.  Least squares of amplitudes, phases and frequencies of peaks over
+    their standard deviations, docs/theory.md, eq. (11.8); without stated ones intervals follow from the residuals.
+
+    Parameters
+    ----------
+    measured : a CSV or MATLAB file, or its columns: ``frequency_Hz`` or ``peak_frequency_Hz``, ``amplitude_m``,
+        ``phase_rad``, ``level_N``, ``output`` and deviations ``sigma_m``, ``sigma_phase_rad``, ``sigma_frequency_Hz``
+    bounds : by key, ``"joints.NAME.friction"`` and the like or ``"damping.ratio"``; of numbers that differ from pair to pair
+        those of a factor.  The fit begins at the values of the scene
+    keys : of [response], [solver] and [damping], as :func:`respond` has them
+
+    Raises
+    ------
+    CaseError : wrong data, an unknown number or bounds that do not hold the scene's value; on every rank
+    ConvergenceError : no response with the values of the scene; on every rank
+    """
+    structure.refuse_closed()
+    scene = scene_with(structure.scene, {**keys, "sensitivities": True, "error_bars": False}, {})
+    refuse_statics(scene, "identify")
+    refuse_discs(scene, "identify", "is for structures that are modelled in full")
+    rows = on_root(structure.comm, _rows_of, scene, measured)
+    fitted = on_root(structure.comm, _fitted, scene, structure, bounds)
+    model = _Model(structure, scene, rows, fitted)
+    begin = np.array([each.x(each.varied.value) for each in fitted])
+    edges = np.array([[each.x(each.low), each.x(each.high)] for each in fitted]).T
+    if not np.isfinite(model.residuals(begin)).all():
+        raise ConvergenceError(f"identify: with the values of the scene {model.failure}")
+    before = model.fit
+    done = least_squares(
+        model.residuals,
+        begin,
+        model.jacobian,
+        bounds=tuple(edges),
+        x_scale="jac",
+        xtol=1e-9,
+        ftol=1e-10,
+        max_nfev=MOST_EVALUATIONS,
+    )
+    model.residuals(done.x)
+    return identified(model, done, begin, edges, before)
+
+
+def _rows_of(scene: Any, measured: Any) -> Measured:
+    if isinstance(measured, Measured):
+        return measured
+    of = output_names(scene), units_of(scene).outputs, scene.response.levels
+    if isinstance(measured, Mapping):
+        return measured_of(measured, "identify", *of)
+    return read_measured(Path(measured), *of)
+
+
+def _fitted(scene: Any, structure: Structure, bounds: Mapping[str, tuple[float, float]]) -> list[Fitted]:
+    """Return the numbers to fit.  CaseError as :func:`identify`."""
+    known = {each.key: each for each in varied_numbers(scene, structure.pairs) if each.key not in ("level", "damping")}
+    if not bounds:
+        raise CaseError(f"identify: numbers to fit are missing; there are {listed(list(known))}")
+    fitted = []
+    for key, ends in bounds.items():
+        if key not in known:
+            raise CaseError(f"identify: there is no number {key!r}{hint(key, list(known))}; there are {listed(list(known))}")
+        low, high = map(float, ends)
+        value = known[key].value
+        if not (0.0 <= low < high < np.inf and low <= value <= high):
+            raise CaseError(
+                f"identify: {key} = {low:g}:{high:g}: bounds of at least 0 about the scene's value, {value:g}, are expected"
+            )
+        if scene.statics is not None and key.rsplit(".", 1)[-1] in AT_REST:
+            raise CaseError(f"identify: {key} changes the state of rest with [statics]; fit stiffness and damping alone")
+        fitted.append(Fitted(known[key], low, high))
+    joints = [key.rsplit(".", 1) for key in bounds if key.startswith("joints.")]
+    for name, key in joints:
+        if key == "gap" and [name, "normal_stiffness"] in joints:
+            raise CaseError(f"identify: {name}.gap and {name}.normal_stiffness: fit one of them, which the other depends on")
+    return fitted
+
+
+class _Model:
+    """The measured rows as the structure has them at values of the numbers.  Collective."""
+
+    def __init__(self, structure: Structure, scene: Any, rows: Measured, fitted: Sequence[Fitted]):
+        self.structure, self.scene, self.rows, self.fitted = structure, scene, rows, list(fitted)
+        self.evaluations, self.failure = 0, ""
+        self.has_deviations = bool(np.isfinite(rows.deviation).all() or np.isfinite(rows.deviation_of_phase).all())
+        largest = np.array([np.nanmax(rows.amplitude[rows.output == k], initial=0.0) for k in rows.output])
+        self.deviations = np.stack([
+            np.where(np.isfinite(rows.deviation), rows.deviation, OF_AMPLITUDE * largest),
+            np.where(np.isfinite(rows.deviation_of_phase), rows.deviation_of_phase, OF_PHASE),
+            np.where(np.isfinite(rows.deviation_of_frequency), rows.deviation_of_frequency, OF_FREQUENCY * rows.frequency),
+        ])  # fmt: skip
+        target = np.stack([rows.amplitude, rows.phase, rows.frequency if rows.of_peaks else np.full(rows.n, np.nan)])
+        self.target, self.counts = target, np.isfinite(target)
+        self._known: tuple[bytes, np.ndarray, np.ndarray] | None = None
+        self.fit = rows
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Return the residuals over their deviations; inf where there is no response."""
+        return self._at(x)[0]
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Return their derivatives by x, (n_residuals, k)."""
+        return self._at(x)[1]
+
+    def _at(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self._known is None or self._known[0] != x.tobytes():
+            self.evaluations += 1
+            try:
+                found = self._computed([each.value(x_i) for each, x_i in zip(self.fitted, x)])
+            except (ConvergenceError, ValueError) as problem:
+                self.failure = f"there is no response: {problem}"
+                found = np.full_like(self.target, np.inf), np.zeros((*self.target.shape, len(x)))
+            self._known = (x.tobytes(), *self.structure.comm.bcast(self._as_residuals(x, *found)))
+        return self._known[1], self._known[2]
+
+    def _as_residuals(self, x: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        difference = values - self.target
+        with np.errstate(invalid="ignore"):
+            difference[1] = np.where(np.isfinite(difference[1]), np.angle(np.exp(1j * difference[1])), difference[1])
+        self.fit = replace(self.rows, amplitude=values[0], phase=values[1], frequency=values[2])
+        by_x = [each.value(x_i) if each.is_log else 1.0 for each, x_i in zip(self.fitted, x)]
+        scaled = rates * by_x / self.deviations[:, :, None]
+        return (difference / self.deviations)[self.counts], scaled[self.counts]
+
+    def _computed(self, values: list[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return amplitude, phase and frequency of the rows, (3, n), and their derivatives by the numbers, (3, n, k)."""
+        of, varied = self._problem(values), [
+            replace(each.varied, weights=np.array(1.0 / value)) if each.varied.number == "damping" else each.varied
+            for each, value in zip(self.fitted, values)
+        ]  # fmt: skip
+        found, rates = np.zeros((3, self.rows.n)), np.zeros((3, self.rows.n, len(values)))
+        for level in np.unique(self.rows.level):
+            chosen = np.flatnonzero(self.rows.level == level)
+            rows = self.rows.rows(chosen)
+            at = _peaks_near(of, level, rows, varied) if rows.of_peaks else _points_at(of, level, rows, varied)
+            found[:, chosen], rates[:, chosen] = at
+        return found, rates
+
+    def _problem(self, values: list[float]) -> ResponseProblem:
+        """Return the problem with these values; contact stiffness by (4.7)."""
+        ratio = [value for each, value in zip(self.fitted, values) if each.varied.number == "damping"]
+        scene = scene_with(self.scene, {"ratio": ratio[0]}, {}) if ratio else self.scene
+        prepared = self._prepared(scene)
+        law, model = prepared.response.law, prepared.model
+        for each, value in zip(self.fitted, values):
+            varied = each.varied
+            if varied.number != "damping":
+                law = law.with_parameters(varied.number, varied.pairs, value * varied.weights)
+        K_J = law.stiffness.ravel()
+        dK = K_J - prepared.response.law.stiffness.ravel()
+        if dK.any():
+            model = with_springs(model, SpringChange(dK, K_J, model.stated_damping))
+        settings = replace(prepared.response.settings, peaks=True, sensitivities=True, accuracy=None, at=())
+        if not self.rows.of_peaks:
+            return replace(prepared.response, settings=settings, model=model, law=law, enriched=None)
+        return response_problem(settings, model, law, prepared.response.selection, self.structure.excited.omega_n)
+
+    def _prepared(self, scene: Any) -> Prepared:
+        return prepare(self.structure, scene, has_bars=False)
+
+
+def _points_at(of: ResponseProblem, level: float, rows: Measured, varied: Sequence[Varied]) -> tuple[np.ndarray, np.ndarray]:
+    """Return amplitude, phase and frequency of rows of a level (3, n), and their derivatives (3, n, k).  Collective."""
+    omegas, place = np.unique(2.0 * np.pi * rows.frequency, return_inverse=True)
+    order = slice(None, None, -1) if of.settings.direction == "down" else slice(None)
+    problem = replace(of.at_level(level), equation=HarmonicBalance.of_all(of.model, of.law, of.settings.samples))
+    task = replace(task_at(problem, of.selection, list(omegas[order]), of.settings.tolerance), has_sensitivities=True)
+    branch: Branch = solved_at(task, list(omegas[order]))
+    if branch.failure or len(branch.points) < len(omegas):
+        raise ConvergenceError(branch.failure or "points are missing")
+    points = branch.points[order]
+    found, rates = np.zeros((3, rows.n)), np.zeros((3, rows.n, len(varied)))
+    for i, (j, k) in enumerate(zip(place, rows.output)):
+        cos, sin = points[j].response[k, 1:3]
+        found[:, i] = np.hypot(cos, sin), np.arctan2(-sin, cos), rows.frequency[i]
+        for m, each in enumerate(varied):
+            d_cos, d_sin = each.rate(points[j].by_pairs[k], points[j].by_common[k])
+            rates[:2, i, m] = of_size(cos, sin, d_cos, d_sin)
+    return found, rates
+
+
+def _peaks_near(of: ResponseProblem, level: float, rows: Measured, varied: Sequence[Varied]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same of the peaks nearest to the rows.  Collective."""
+    branch = follow_level(of, level)
+    peaks = [peak for peak in branch.peaks or [] if peak.by_pairs is not None]
+    found, rates = np.zeros((3, rows.n)), np.zeros((3, rows.n, len(varied)))
+    for i, (frequency, k) in enumerate(zip(2.0 * np.pi * rows.frequency, rows.output)):
+        of_output = [peak for peak in peaks if peak.output == k]
+        if not of_output:
+            raise ConvergenceError(f"at {level:g} N output {k + 1} has no peak within the range of frequencies")
+        peak = min(of_output, key=lambda peak: abs(peak.omega - frequency))
+        found[:, i] = abs(peak.amplitude), np.angle(peak.amplitude), peak.omega / (2.0 * np.pi)
+        of_peak = peak_rates(peak, varied)
+        rates[:, i] = np.array([[d.amplitude, d.phase, d.frequency] for d in (of_peak[each.key] for each in varied)]).T
+    return found, rates
+
+
+def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, before: Measured) -> Identified:
+    """Return what least squares found, with intervals: docs/theory.md, eq. (11.9)."""
+    J, fitted, keys = done.jac, model.fitted, tuple(each.varied.key for each in model.fitted)
+    rms = float(np.sqrt(np.mean(done.fun**2)))
+    noise = 1.0 if model.has_deviations else max(rms, 1e-12)
+    effect = np.linalg.norm(J, axis=0) * (edges[1] - edges[0])
+    is_seen = effect > noise
+    dof = max(len(done.fun) - int(is_seen.sum()), 1)
+    scale = 1.0 if model.has_deviations else float(np.sum(done.fun**2)) / dof
+    covariance = scale * np.linalg.pinv(J[:, is_seen].T @ J[:, is_seen], hermitian=True)
+    deviation = np.full(len(keys), np.inf)
+    deviation[is_seen] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    correlation = np.eye(len(keys))
+    of_seen = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    correlation[np.ix_(is_seen, is_seen)] = np.divide(covariance, of_seen, out=np.eye(len(of_seen)), where=of_seen > 0.0)
+    way = student.ppf(0.975, dof) * deviation
+    ends = np.array([np.clip(done.x - way, *edges), np.clip(done.x + way, *edges)])
+    low, high = (np.array([each.value(x) for each, x in zip(fitted, end)]) for end in ends)
+    near = np.minimum(done.x - edges[0], edges[1] - done.x) <= 1e-3 * (edges[1] - edges[0])
+    values = np.array([each.value(x) for each, x in zip(fitted, done.x)])
+    scene, factors = _scene_of(model, values)
+    return Identified(
+        keys=keys,
+        units=tuple(each.varied.unit for each in fitted),
+        start=np.array([each.value(x) for each, x in zip(fitted, begin)]),
+        values=values,
+        low=low,
+        high=high,
+        correlation=correlation,
+        unseen=tuple(key for key, seen in zip(keys, is_seen) if not seen),
+        alike=tuple(
+            (keys[i], keys[j], float(correlation[i, j]))
+            for i in range(len(keys))
+            for j in range(i)
+            if abs(correlation[i, j]) > ALIKE
+        ),
+        at_bounds=tuple(key for key, is_near, seen in zip(keys, near, is_seen) if is_near and seen),
+        measured=model.rows,
+        fit=model.fit,
+        before=before,
+        rms=rms,
+        dof=dof,
+        evaluations=model.evaluations,
+        outcome=str(done.message),
+        scene=scene,
+        factors=factors,
+    )
+
+
+def _scene_of(model: _Model, values: np.ndarray) -> tuple[Any, dict[str, float]]:
+    """Return the scene with the values put in, and the numbers that it does not state as one."""
+    stated = {each.varied.key: float(value) for each, value in zip(model.fitted, values)}
+    ratio, joints, factors = {}, dict[str, dict[str, float]](), dict[str, float]()
+    surfaces = {joint.name: joint for joint in model.structure.scene.joints}
+    for key, value in stated.items():
+        if key == "damping.ratio":
+            ratio = {"ratio": value}
+            continue
+        name, number = key.removeprefix("joints.").rsplit(".", 1)
+        if name in surfaces and isinstance(getattr(surfaces[name], number), float):
+            joints.setdefault(name, {})[number] = value
+        else:
+            factors[key] = value
+    from ..scene.read import changed
+
+    tables = {"damping": ratio} if ratio else {}
+    return changed(model.structure.scene, tables, joints), factors

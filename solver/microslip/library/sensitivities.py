@@ -1,0 +1,75 @@
+"""The numbers of a scene by which sensitivities are, as sums over those of its pairs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..contact.iwan import limit
+from ..contact.keys import IWAN, KEYS
+from ..mesh.data import ContactPairs
+from ..results.sensitivities import Varied
+from ..scene.schema import Scene
+from .settings import units_of
+
+LAW_NAMES = {"friction": "mu", "preload": "N0", "gap": "gap", "tangential_stiffness": "k_t", "normal_stiffness": "k_n"}
+UNITS = {
+    "friction": "1",
+    "preload": "Pa",
+    "gap": "m",
+    "tangential_stiffness": "N/m3",
+    "normal_stiffness": "N/m3",
+    "slip_force": "N",
+}
+IN_FORCES = {"preload": "N", "tangential_stiffness": "N/m", "normal_stiffness": "N/m"}  # of pairs without an area
+FACTOR = "times the scene's values"  # the unit of a number that differs from pair to pair, or that a law or a file gives
+NUMBER_OF = LAW_NAMES | {"slip_force": "slip_force"}
+AT_REST = ("preload", "gap")  # which [statics] compute: a factor of what the pairs have at rest
+
+
+def varied_numbers(scene: Scene, pairs: ContactPairs) -> list[Varied]:
+    """Return the numbers of joints, loads and damping by which there are derivatives, in the order of the scene.  Local."""
+    names = tuple(dict.fromkeys(pairs.joint))
+    of_joints = [each for name in names for key in NUMBER_OF for each in _of_joint(scene, pairs, name, key)]
+    level = Varied("level", units_of(scene).level, None, "level", np.zeros(0, dtype=int), np.array(1.0))
+    return [*of_joints, level, *_damping(scene)]
+
+
+def _of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> list[Varied]:
+    """Return a number of a joint; none where its law, or its pairs, do not have it."""
+    of = np.flatnonzero(np.array(pairs.joint) == name)
+    law, joint = pairs.laws[of[0]], next((joint for joint in scene.joints if joint.name == name), None)
+    if key not in (*KEYS[law].needed, *KEYS[law].further):
+        return []
+    column = np.maximum(np.nan_to_num(_column(pairs, key)[of]), 0.0)
+    if not column.any():
+        return []
+    stated, unit, value = getattr(joint, key), FACTOR, 1.0
+    if isinstance(stated, float) and stated > 0.0 and not (scene.statics is not None and key in AT_REST):
+        has_area = bool(np.isfinite(pairs.area[of]).all())
+        unit, value = UNITS[key] if has_area else IN_FORCES.get(key, UNITS[key]), stated
+    weights = column / value
+    if key == "gap":
+        return [Varied(f"joints.{name}.gap", unit, value, "N0", of, -pairs.k_n[of] * weights)]
+    return [Varied(f"joints.{name}.{key}", unit, value, NUMBER_OF[key], of, weights)]
+
+
+def _column(pairs: ContactPairs, key: str) -> np.ndarray:
+    """Return a number of the pairs, (n_pairs,)."""
+    if key == "slip_force":
+        return np.where(np.array(pairs.laws) == IWAN, limit({"mu": pairs.mu, "N0": pairs.N0, **_of_law(pairs)}), 0.0)
+    gap = np.divide(-pairs.N0, pairs.k_n, out=np.zeros_like(pairs.k_n), where=pairs.k_n > 0.0)
+    columns = {"friction": pairs.mu, "preload": pairs.N0, "gap": gap, "tangential_stiffness": pairs.k_t}
+    return columns.get(key, pairs.k_n)
+
+
+def _of_law(pairs: ContactPairs) -> dict[str, np.ndarray]:
+    return {"slip_force": pairs.law_columns.get("slip_force", np.full(pairs.n_pairs, np.nan))}
+
+
+def _damping(scene: Scene) -> list[Varied]:
+    """Return the ratio of all modes where nothing else damps them; else a factor of all their damping."""
+    damping, none = scene.damping, np.zeros(0, dtype=int)
+    stated = {} if damping is None else {key: value for key, value in damping if value}
+    if set(stated) == {"ratio"}:
+        return [Varied("damping.ratio", "1", float(stated["ratio"]), "damping", none, np.array(1.0 / stated["ratio"]))]
+    return [Varied("damping", FACTOR, 1.0, "damping", none, np.array(1.0))]

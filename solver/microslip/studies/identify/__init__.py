@@ -1,0 +1,1 @@
+"""Identification: numbers of a scene that explain a measurement."""

@@ -1,0 +1,180 @@
+"""An identification as tables, identified.csv and fit.csv, a picture and a scene.  Rank 0 only."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+from matplotlib.lines import Line2D
+
+from ...formats.csv_table import numbered_rows
+from ...library.settings import output_names, units_of
+from ...observe.screen_table import screen_table
+from ...results.style import FAINT, INK, RC, WIDTH, Page, level_colours, plain, with_prefix
+from ...scene.inputs import named_files
+from ...scene.toml_text import as_toml
+from ...system.files import atomic_write, make_folder
+from ..records import write_csv
+
+if TYPE_CHECKING:
+    from ...library.identify import Identified
+
+IN_FILE = {  # the columns of a file of pairs
+    "friction": "mu",
+    "preload": "n0",
+    "gap": "g0",
+    "tangential_stiffness": "kt",
+    "normal_stiffness": "kn",
+    "slip_force": "mu",
+}
+
+
+def write_identified(found: Identified, scene: Any, folder: Path) -> str:
+    """Write the files of an identification; return the table for the screen.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    make_folder(str(folder))
+    rows = records(found)
+    write_csv(str(folder / "identified.csv"), rows[0], rows)
+    rows = fitted_rows(found, output_names(scene))
+    write_csv(str(folder / "fit.csv"), rows[0], rows)
+    with matplotlib.rc_context(RC):
+        draw_fit(found, scene, str(folder / "fit.png"))
+    tables = _relocated(found.scene, folder) | _with_pairs(found, folder)
+    with atomic_write(str(folder / "identified.toml")) as temporary, open(temporary, "w", encoding="utf-8") as file:
+        file.write("\n".join([*(f"# {line}" for line in in_words(found)), ""]) + as_toml(tables))
+    return "\n".join([on_screen(found), *in_words(found)])
+
+
+def records(found: Identified) -> list[dict[str, Any]]:
+    """Return a record a number, by the names of the columns of identified.csv."""
+    return [
+        {
+            "parameter": key,
+            "unit": found.units[i],
+            "start": float(found.start[i]),
+            "value": float(found.values[i]),
+            "low": float(found.low[i]),
+            "high": float(found.high[i]),
+            "seen": int(key not in found.unseen),
+            **{f"correlation with {other}": float(found.correlation[i, j]) for j, other in enumerate(found.keys)},
+        }
+        for i, key in enumerate(found.keys)
+    ]
+
+
+def fitted_rows(found: Identified, outputs: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Return a record a measured row, by the names of the columns of fit.csv."""
+    data = {"measured": found.measured, "fit": found.fit, "before": found.before}
+    columns = {f"{name}_{of}": values for of, rows in data.items() for name, values in _columns(rows).items()}
+    return [
+        {"level": float(found.measured.level[i]), "output": outputs[found.measured.output[i]]}
+        | {name: float(values[i]) for name, values in columns.items()}
+        for i in range(found.measured.n)
+    ]
+
+
+def _columns(rows: Any) -> dict[str, np.ndarray]:
+    return {"frequency_Hz": rows.frequency, "amplitude": rows.amplitude, "phase_rad": rows.phase}
+
+
+def on_screen(found: Identified) -> str:
+    """Return the table of the numbers."""
+    head = ("number", "unit", "scene", "found", "95 % from", "to", "largest correlation")
+    others = np.abs(found.correlation - np.eye(len(found.keys)))
+    largest = [f"{found.correlation[i, j]:+.2f} {found.keys[j]}" for i, j in enumerate(others.argmax(axis=1))]
+    rows = [
+        (0, (key, found.units[i], *(f"{values[i]:.5g}" for values in (found.start, found.values, found.low, found.high)), more))
+        for i, (key, more) in enumerate(zip(found.keys, largest if len(found.keys) > 1 else ["\u2013"]))
+    ]
+    return screen_table("numbers that explain the measurement", head, rows, left=("number", "unit", "largest correlation"))
+
+
+def in_words(found: Identified) -> list[str]:
+    """Return what is to be said of an identification, in lines."""
+    lines = [
+        f"residuals over their deviations: {found.rms:.3g} (root mean square) with {found.dof} degrees of freedom, after "
+        f"{found.evaluations} evaluations; {found.outcome}"
+    ]
+    lines += [f"{key}: the data do not see it; its interval is that of the bounds" for key in found.unseen]
+    lines += [f"{a} and {b}: the data cannot tell them apart (correlation {c:+.3f})" for a, b, c in found.alike]
+    lines += [f"{key}: at a bound; widen it, or the model lacks something" for key in found.at_bounds]
+    in_files = _factors_of_files(found)
+    for key, value in found.factors.items():
+        place = "in its new file of pairs" if key in in_files else "multiply it there"
+        lines.append(f"{key} = {value:.6g} times what a file states; {place}")
+    return lines
+
+
+def _factors_of_files(found: Identified) -> dict[str, tuple[Any, str, float]]:
+    """Return joint, column of its file of pairs, and factor of the numbers that such a file states, by key."""
+    joints = {joint.name: joint for joint in found.scene.joints if joint.pairs is not None}
+    parts = {key: key.removeprefix("joints.").rsplit(".", 1) for key in found.factors}
+    return {key: (joints[name], IN_FILE[of], found.factors[key]) for key, (name, of) in parts.items() if name in joints}
+
+
+def _with_pairs(found: Identified, folder: Path) -> dict[str, Any]:
+    """Write the files of pairs of joints with their columns multiplied; return the joints that name them, if there are any."""
+    changed: dict[str, str] = {}
+    for i, joint in enumerate(found.scene.joints):
+        factors = {column: factor for of, column, factor in _factors_of_files(found).values() if of is joint}
+        if not factors:
+            continue
+        (_, header), *rows = numbered_rows(found.scene.folder / joint.pairs)
+        by = [factors.get(name.lower(), 1.0) for name in header]
+        lines = [header, *([cell if f == 1.0 else repr(f * float(cell)) for f, cell in zip(by, row)] for _, row in rows)]
+        changed[joint.name] = f"pairs_{i + 1}.csv"
+        with atomic_write(str(folder / changed[joint.name])) as temporary, open(temporary, "w", encoding="utf-8") as file:
+            file.writelines(",".join(line) + "\n" for line in lines)
+    tables = _relocated(found.scene, folder).get("joints", ())
+    joints = tuple({**joint, **({"pairs": changed[joint["name"]]} if joint["name"] in changed else {})} for joint in tables)
+    return {"joints": joints} if changed else {}
+
+
+def draw_fit(found: Identified, scene: Any, path: str) -> None:
+    """Draw measured amplitudes, the fit and the response with the values of the scene, a panel for each output.  Local."""
+    measured, levels = found.measured, np.unique(found.measured.level)
+    outputs, units = np.unique(measured.output), units_of(scene)
+    colours = level_colours(len(levels))
+    handles = [Line2D([], [], color=c, label=f"{level:g} {units.level}") for c, level in zip(colours, levels)]
+    handles += [
+        Line2D([], [], color=INK, marker="o", lw=0, ms=3.5, mfc="white", label="measured"),
+        Line2D([], [], color=INK, label="fit"),
+        Line2D([], [], color=FAINT, ls="--", label="scene as it was"),
+    ]
+    page = Page(found.scene, "measured and fitted responses", WIDTH, 2.9 * len(outputs), handles)
+    axes = page.grid(len(outputs), 1).subplots(squeeze=False)[:, 0]
+    for ax, k in zip(axes, outputs):
+        sizes = np.concatenate([each.amplitude[measured.output == k] for each in (measured, found.fit)])
+        factor, unit = with_prefix(sizes[np.isfinite(sizes)], units.outputs[k])
+        style = {"marker": "D", "ms": 4.0} if measured.of_peaks else {}
+        for colour, level in zip(colours, levels):
+            rows = np.flatnonzero((measured.output == k) & (measured.level == level))
+            rows = rows[np.argsort(measured.frequency[rows])]
+            ax.plot(found.before.frequency[rows], factor * found.before.amplitude[rows], color=FAINT, ls="--", lw=0.9)
+            ax.plot(found.fit.frequency[rows], factor * found.fit.amplitude[rows], color=colour, **style)
+            ax.plot(measured.frequency[rows], factor * measured.amplitude[rows], "o", color=colour, ms=3.5, mfc="white")
+        ax.set(xlabel="frequency [Hz]", ylabel=f"{plain(output_names(scene)[k], 24)} [{unit}]")
+    page.save(path)
+
+
+def _relocated(scene: Any, folder: Path) -> dict[str, Any]:
+    """Return the tables of a scene with the paths of its files as seen from another folder."""
+    files = {str(stated): os.path.relpath(scene.folder / stated, folder.absolute()) for _, stated in named_files(scene)}
+
+    def moved(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {key: moved(entry) for key, entry in value.items()}
+        if isinstance(value, (tuple, list)):
+            return tuple(moved(entry) for entry in value)
+        return files.get(value, value) if isinstance(value, str) else value
+
+    tables: dict[str, Any] = moved(scene.model_dump(exclude_unset=True))
+    return tables

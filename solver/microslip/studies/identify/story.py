@@ -1,0 +1,57 @@
+"""The story of an identification: build, fit, table, picture, and the scene with the values put in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...formats.measured import read_measured
+from ...library.build import build
+from ...library.identify import identify
+from ...library.settings import output_names, refuse_discs, refuse_statics, units_of
+from ...messages.errors import CaseError
+from ...observe.log import RunLog
+from ...parallel.agree import on_root
+from ...system.versions import versions
+from .report import write_identified
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
+
+
+def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[str, ...], options: tuple[str, ...] = ()) -> None:
+    """Fit numbers of a scene to a measurement.  Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, MeshError, ConvergenceError, ResourceError : on every rank
+    """
+    bounds = dict(map(bounds_of, fit))
+    refuse_statics(scene, "identify")
+    refuse_discs(scene, "identify", "is for structures that are modelled in full")
+    rows = on_root(comm, read_measured, Path(measured), output_names(scene), units_of(scene).outputs, scene.response.levels)
+    facts = {"scene": scene.source, "measurement": measured, "PETSc options": " ".join(options) or "none", **versions()}
+    with RunLog(comm, str(folder / "identify.log"), facts=facts) as log:
+        structure = build(scene, comm, log)
+        with log.stage("least squares"):
+            found = identify(structure, rows, bounds)
+        log.note(on_root(comm, write_identified, found, scene, folder))
+        log.note(f"results in {folder}")
+        structure.close()
+
+
+def bounds_of(text: str) -> tuple[str, tuple[float, float]]:
+    """Return the number and its bounds of KEY=LOW:HIGH.  Local.
+
+    Raises
+    ------
+    CaseError : another text
+    """
+    key, _, ends = text.partition("=")
+    low, _, high = ends.partition(":")
+    try:
+        return key.strip(), (float(low), float(high))
+    except ValueError:
+        raise CaseError(f"--fit {text}: expected KEY=LOW:HIGH, as --fit joints.dovetail.friction=0.1:0.6") from None

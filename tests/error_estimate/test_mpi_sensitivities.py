@@ -1,0 +1,138 @@
+"""Derivatives of the outputs by adjoints, against central differences of solutions; every test runs on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import reduced
+from mpi4py import MPI
+from oracles import scenes
+from scipy.optimize import brentq
+
+from microslip.continuation.constraint_rows import Plane, Scaling
+from microslip.continuation.corrector import BorderedSystem, Corrector
+from microslip.continuation.iterate import Iterate
+from microslip.continuation.problems import ForcedResponse
+from microslip.error_estimate.estimate import output_amplitude
+from microslip.error_estimate.sensitivities import exact_adjoints, sensitivities_of
+from microslip.harmonic.balance import HarmonicBalance
+from microslip.harmonic.operating_point import LawParameter, OperatingPoint
+from microslip.points.sensitivities import COMMON, NUMBERS, of_size
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+OMEGA, LEVEL = 555.0, 100.0
+
+
+def chain(**changed):
+    system = scenes.chain() | changed
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    return system
+
+
+def solved(equation, omega=OMEGA, level=LEVEL):
+    """Return the operating point and the solution there."""
+    problem = ForcedResponse(equation, level)
+    at = problem.at((omega,))
+    guess = Iterate(equation.linear_motion(at), (omega,), equation.harmonics)
+    corrector = Corrector(COMM, equation.shape, 1e-13)
+    system = BorderedSystem(problem, (Plane.fixed_parameter(guess),), Scaling(1e-4, (omega,)), equation.every_pair)
+    found = corrector.correct(system, guess, is_patient=True)
+    corrector.destroy()
+    assert found.failure is None, found.failure
+    return at, found.iterate.U
+
+
+def outputs(equation, omega=OMEGA, level=LEVEL):
+    at, U = solved(equation, omega, level)
+    p = equation.full_force(equation.contact_forces(U, equation.every_pair, tangents=False))
+    return output_amplitude(equation.model_at(at), at, p)
+
+
+def sensitivities(equation, omega=OMEGA, level=LEVEL):
+    at, U = solved(equation, omega, level)
+    solver = exact_adjoints(equation)
+    found = sensitivities_of(equation, at, U, equation.every_pair, solver)
+    solver.destroy()
+    assert found.is_found
+    return found
+
+
+def base(system):
+    model, law = reduced(system, COMM, 3)
+    return HarmonicBalance.of_all(model, law, 128)
+
+
+def damper():
+    """Return the friction damper of Ansys' verification manual, VM320: one mass, one Jenkins element."""
+    loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
+    own = {"C": np.array([[7700.0]]), "loads": loads, "output": [1.0], "omega": (150.0, 300.0), "levels": {}}
+    return scenes.make_system("damper", [[944.6]], [[2.4e7]], [[0] + 5 * [-1]], mu=1.0, N0=246.048, k_t=2.4e7, k_n=0.0, **own)
+
+
+def central(f, h):
+    return (f(h) - f(-h)) / (2.0 * h)
+
+
+@pytest.mark.parametrize("kind", ["ratio", "matrix"])
+@pytest.mark.parametrize("name", ["mu", "N0", "k_t", "k_n"])
+def test_by_each_number_of_each_pair(name, kind):
+    system = chain()
+    if kind == "matrix" and "zeta" in system:
+        system["C"] = 0.02 * system["M"] + 2e-5 * system["K"]
+        del system["zeta"]
+    equation = base(system)
+    found = sensitivities(equation).of_pairs[:, NUMBERS.index(name)]
+    for pair in range(2):
+        column = system[name][pair]
+        vary = LawParameter(name, np.array([pair]), np.array([column]))
+
+        def at(h, vary=vary):
+            return outputs(equation.under(OperatingPoint(OMEGA, LEVEL, law=((vary, 1.0 + h),))))
+
+        slope = central(at, 5e-5) / column
+        assert found[:, pair] == pytest.approx(slope, abs=1e-5 * np.abs(slope).max())
+
+
+def test_by_level_damping_and_frequency():
+    system = chain()
+    equation = base(system)
+    found = sensitivities(equation).common
+    by_level = central(lambda h: outputs(equation, level=LEVEL * (1 + h)), 1e-5) / LEVEL
+    by_omega = central(lambda h: outputs(equation, omega=OMEGA * (1 + h)), 1e-6) / OMEGA
+    by_damping = central(lambda h: outputs(base(system | {"zeta": system["zeta"] * (1 + h)})), 1e-5)
+    for column, slope in zip(found.T, (by_level, by_damping, by_omega)):
+        assert column == pytest.approx(slope, abs=1e-5 * np.abs(slope).max())
+    assert len(COMMON) == 3
+
+
+def size_of_damper(limit=246.048, k_t=2.4e7, level=123.024, c=7700.0, omega=200.0):
+    """Return the amplitude of Ansys' friction damper, VM320, with one harmonic: docs/validation.md."""
+    d, m, k = limit / k_t, 944.6, 2.4e7
+
+    def missing(X):
+        th = np.arccos(1.0 - 2.0 * d / X)
+        a1, b1 = k_t * X / np.pi * (th - np.sin(2.0 * th) / 2.0), 4.0 * limit / np.pi * (1.0 - d / X)
+        return (k + a1 / X - m * omega**2) ** 2 * X * X + (c * omega * X + b1) ** 2 - level**2
+
+    return brentq(missing, d * (1.0 + 1e-12), 1e-3, xtol=1e-22, rtol=1e-15)
+
+
+def test_the_friction_damper_of_vm320_as_its_closed_form_differentiated():
+    """The numbers of its joint, its level and its damping; the closed form has infinitely many samples."""
+    exact = {name: central(lambda h, v=v, name=name: size_of_damper(**{name: v * (1.0 + h)}), 1e-5) / v
+             for name, v in {"limit": 246.048, "k_t": 2.4e7, "level": 123.024, "c": 7700.0, "omega": 200.0}.items()}  # fmt: skip
+    missed = []
+    for n_samples in (128, 1024):
+        model, law = reduced(damper(), COMM, 1)
+        equation = HarmonicBalance.of_all(model, law, n_samples)
+        at, U = solved(equation, 200.0, 123.024)
+        cos, sin = output_amplitude(
+            model, at, equation.full_force(equation.contact_forces(U, equation.every_pair, tangents=False))
+        )
+        found = sensitivities(equation, 200.0, 123.024)
+        rows = np.concatenate([found.of_pairs[:, :, 0], found.common], axis=1)
+        size, _ = of_size(cos, sin, *rows)
+        by = dict(zip((*NUMBERS, *COMMON), size))
+        of_damper = by["mu"] / 246.048, by["k_t"], by["level"], by["damping"] / 7700.0, by["omega"]
+        missed.append([abs(got / wanted - 1.0) for got, wanted in zip(of_damper, exact.values())])
+    assert np.max(missed[0]) < 0.25 and np.max(missed[1]) < 0.25 / 8.0, missed  # the first order in 1 / N_t

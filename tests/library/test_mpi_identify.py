@@ -1,0 +1,181 @@
+"""Identification: synthetic measurements of a chain, what data do not see, and wrong input; every test runs on any number of ranks."""
+
+import csv
+import tomllib
+
+import numpy as np
+import pytest
+import scipy.io
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
+
+import microslip
+from microslip.formats.measured import measured_of, read_measured
+from microslip.messages.errors import CaseError
+from microslip.parallel.agree import on_root
+
+FRICTION, K_T, RATIO = "joints.joint.friction", "joints.joint.tangential_stiffness", "damping.ratio"
+FREQUENCY, LEVELS, DEVIATION = np.linspace(400.0, 600.0, 9) / (2.0 * np.pi), (5.0, 20.0), 0.02
+BOUNDS = {FRICTION: (0.3, 3.0), RATIO: (0.005, 0.1)}
+
+
+@pytest.fixture(scope="module")
+def path(comm, tmp_path_factory):
+    folder = comm.bcast(tmp_path_factory.mktemp("identify"))
+    options = {"points": 16, "harmonics": 1, "samples": 64, "outputs": (6,), "error_bars": False}
+    return on_root(comm, lambda: write_matrix_scene(folder, scenes.chain(), LEVELS, (380.0, 640.0), **options))
+
+
+@pytest.fixture(scope="module")
+def structure(comm, path):
+    with microslip.build(microslip.read(path), comm) as built:
+        yield built
+
+
+@pytest.fixture(scope="module")
+def exact(structure):
+    """Return the columns of a measurement of another chain: friction 20 % lower, damping 50 % higher."""
+    columns = {"frequency_Hz": np.tile(FREQUENCY, 2), "level_N": np.repeat(LEVELS, len(FREQUENCY))}
+    sizes, phases = [], []
+    for level in LEVELS:
+        mu = {"joint": 0.8 * structure.pairs.mu}
+        response = microslip.respond(structure, levels=level, friction=mu, ratio=0.03, at=tuple(FREQUENCY))
+        asked = response.level(level).asked.astype(bool)
+        a = response["6"].harmonic(1)[0, : len(asked)][asked]
+        sizes, phases = [*sizes, np.abs(a)], [*phases, np.angle(a)]
+    return columns | {"amplitude_m": np.concatenate(sizes), "phase_rad": np.concatenate(phases)}
+
+
+def noisy(exact, seed):
+    rng, size = np.random.default_rng(seed), exact["amplitude_m"]
+    noise = rng.standard_normal((2, len(size)))
+    return exact | {
+        "amplitude_m": np.maximum(size + DEVIATION * size.max() * noise[0], 1e-3 * size.max()),
+        "phase_rad": exact["phase_rad"] + DEVIATION * noise[1],
+        "sigma_m": np.full(len(size), DEVIATION * size.max()),
+        "sigma_phase_rad": np.full(len(size), DEVIATION),
+    }
+
+
+def test_exact_data_give_the_values_back(structure, exact):
+    found = microslip.identify(structure, exact, BOUNDS)
+    assert found[FRICTION] == pytest.approx(0.8, rel=1e-4) and found[RATIO] == pytest.approx(0.03, rel=1e-4)
+    assert found.rms < 1e-4 and not found.unseen and not found.alike and not found.at_bounds
+    assert found.factors == {FRICTION: found[FRICTION]} and found.scene.damping.ratio == pytest.approx(0.03, rel=1e-4)
+    assert found.fit.amplitude == pytest.approx(exact["amplitude_m"], rel=1e-3)
+
+
+def test_noisy_data_give_them_within_their_intervals(structure, exact):
+    inside = 0
+    for seed in (0, 1):
+        found = microslip.identify(structure, noisy(exact, seed), BOUNDS)
+        inside += int(found.low[0] <= 0.8 <= found.high[0]) + int(found.low[1] <= 0.03 <= found.high[1])
+        assert found.rms == pytest.approx(1.0, abs=0.3) and np.all(found.high / found.low < 1.5)
+    assert inside >= 3
+
+
+def test_what_data_do_not_see_is_said(structure, exact):
+    """While all pairs stick there is no friction; friction and preload make one limit where no pair opens."""
+    columns = {name: values[: len(FREQUENCY)] for name, values in noisy(exact, 3).items()} | {"level_N": np.full(9, 1e-3)}
+    stuck = microslip.respond(structure, levels=1e-3, at=tuple(FREQUENCY), points=4)
+    asked = stuck.level(1e-3).asked.astype(bool)
+    a = stuck["6"].harmonic(1)[0, : len(asked)][asked]
+    columns |= {"amplitude_m": np.abs(a), "phase_rad": np.angle(a), "sigma_m": 0.02 * np.abs(a)}
+    found = microslip.identify(structure, columns, BOUNDS)
+    assert found.unseen == (FRICTION,) and (found.low[0], found.high[0]) == pytest.approx(BOUNDS[FRICTION])
+    assert found[RATIO] == pytest.approx(0.02, rel=1e-3)
+
+
+def test_peaks_can_be_fitted(structure):
+    mu = {"joint": 0.8 * structure.pairs.mu}
+    peaks = microslip.respond(structure, levels=LEVELS[0], friction=mu, peaks=True).peaks[LEVELS[0]][:1]
+    rows = {
+        "peak_frequency_Hz": [peak.omega / (2.0 * np.pi) for peak in peaks],
+        "amplitude_m": [abs(peak.amplitude) for peak in peaks],
+    }
+    found = microslip.identify(structure, {**rows, "level_N": [LEVELS[0]]}, {FRICTION: (0.3, 3.0)})
+    assert found[FRICTION] == pytest.approx(0.8, rel=2e-2)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "text"),
+    [
+        ({}, "missing"),
+        ({"joints.joint.fricton": (0.1, 1.0)}, "friction"),
+        ({FRICTION: (2.0, 3.0)}, "about the scene's value, 1"),
+        ({FRICTION: (1.0, 0.5)}, "bounds of at least 0"),
+        ({"level": (1.0, 2.0)}, "no number 'level'"),
+    ],
+)
+def test_wrong_numbers_are_refused(structure, exact, bounds, text):
+    with pytest.raises(CaseError, match=text):
+        microslip.identify(structure, exact, bounds)
+
+
+@pytest.mark.parametrize(
+    ("lines", "text"),
+    [
+        ("", "a header and at least one row"),
+        ("1,2\n3,4\n", "unknown"),
+        ("frequency,amplitude_m\n80,1e-6\n", 'column "frequency" is unknown.*frequency_hz'),
+        ("frequency_Hz,amplitude\n80,1e-6\n", "state the unit in the name"),
+        ("frequency_Hz,amplitude_N\n80,1e-6\n", "unknown.*the outputs are in m"),
+        ("frequency_Hz,level_N\n80,5\n", "neither an amplitude nor a phase"),
+        ("amplitude_m,level_N\n1e-6,5\n", "needs a frequency above 0"),
+        ("frequency_Hz,amplitude_m\n80,1e-6\n", "2 levels, and no column level_N"),
+        ("frequency_Hz,amplitude_m,level_N\n80,much,5\n", 'line 2: amplitude_m = "much"'),
+        ("frequency_Hz,amplitude_m,level_N\n80,-1,5\n", "amplitude = -1"),
+        ("frequency_Hz;amplitude_m;level_N\n80;1;5\n", "semicolons"),
+        ("frequency_Hz,amplitude_m,level_N\n80,1\n", "line 2: 2 values; 3 are needed"),
+        ("frequency_Hz,amplitude_m,level_N,output\n80,1,5,tip\n", 'no output "tip"'),
+        ("frequency_Hz,peak_frequency_Hz,amplitude_m,level_N\n80,80,1,5\n", "files of their own"),
+        ("frequency_Hz,amplitude_m,amplitude_mm,level_N\n80,1,1,5\n", "keep one"),
+    ],
+)
+@pytest.mark.ranks(1)
+def test_wrong_files_are_refused(tmp_path, lines, text):
+    file = tmp_path / "measured.csv"
+    file.write_text(lines)
+    with pytest.raises(CaseError, match=text):
+        read_measured(file, ("6",), ("m",), LEVELS)
+
+
+@pytest.mark.ranks(1)
+def test_units_and_matlab_files(tmp_path):
+    columns = {"frequency_kHz": [0.08], "amplitude_um": [3.0], "phase_deg": [-90.0], "level_N": [5.0]}
+    scipy.io.savemat(tmp_path / "measured.mat", columns)
+    for rows in (
+        measured_of(columns, "", ("6",), ("m",), LEVELS),
+        read_measured(tmp_path / "measured.mat", ("6",), ("m",), LEVELS),
+    ):
+        assert rows.frequency == pytest.approx([80.0]) and rows.amplitude == pytest.approx([3e-6])
+        assert rows.phase == pytest.approx([-0.5 * np.pi]) and not rows.of_peaks
+    scipy.io.savemat(tmp_path / "other.mat", {"frequency_Hz": [1.0, 2.0], "amplitude_m": [1.0]})
+    with pytest.raises(CaseError, match="of one length"):
+        read_measured(tmp_path / "other.mat", ("6",), ("m",), LEVELS)
+
+
+@pytest.mark.pictures
+def test_the_command_writes_tables_and_a_scene(comm, path, exact, program, shared_path):
+    def write():
+        with open(shared_path / "measured.csv", "w") as file:
+            rows = csv.writer(file)
+            rows.writerow(exact)
+            rows.writerows(zip(*exact.values()))
+
+    on_root(comm, write)
+    fit = ("--fit", f"{FRICTION}=0.3:3.0", "--fit", f"{RATIO}=0.005:0.1")
+    status, out, err = program("identify", path, shared_path / "measured.csv", *fit, "--out", shared_path / "out")
+    assert status == 0, err
+    assert FRICTION in out and "in its new file of pairs" in out
+    with open(shared_path / "out" / "identified.csv") as file:
+        rows = {row["parameter"]: row for row in csv.DictReader(file)}
+    assert float(rows[FRICTION]["value"]) == pytest.approx(0.8, rel=1e-3)
+    scene = microslip.read(shared_path / "out" / "identified.toml")
+    assert scene.damping.ratio == pytest.approx(0.03, rel=1e-3) and (shared_path / "out" / "fit.png").exists()
+    assert tomllib.loads((shared_path / "out" / "identified.toml").read_text())["joints"][0]["pairs"] == "pairs_1.csv"
+    with microslip.build(scene, comm) as built:
+        assert built.pairs.mu == pytest.approx(0.8 * np.array(scenes.chain()["mu"]), rel=1e-3)
+    for wrong, text in (("friction", "expected KEY=LOW:HIGH"), ("joints.joint.fricton=0.1:1", "friction")):
+        status, _, err = program("identify", path, shared_path / "measured.csv", "--fit", wrong, "--out", shared_path / "no")
+        assert status == 2 and text in err

@@ -1,0 +1,95 @@
+"""Sensitivities of responses: files, joints against pairs, peaks and scatter; every test runs on any number of ranks."""
+
+import csv
+
+import numpy as np
+import pytest
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
+
+import microslip
+from microslip.messages.errors import CaseError
+from microslip.parallel.agree import on_root
+from microslip.results.read import read_results
+
+FRICTION, RATIO = "joints.joint.friction", "damping.ratio"
+
+
+@pytest.fixture(scope="module")
+def path(comm, tmp_path_factory):
+    folder = comm.bcast(tmp_path_factory.mktemp("sensitivities"))
+    levels, frequencies = [10.0], (400.0, 600.0)
+    options = {"points": 16, "at": (555.0,), "harmonics": 3, "outputs": (6,), "error_bars": False, "tolerance": 1e-11}
+    return on_root(comm, lambda: write_matrix_scene(folder, scenes.chain(), levels, frequencies, **options))
+
+
+@pytest.fixture(scope="module")
+def structure(comm, path):
+    with microslip.build(microslip.read(path), comm) as built:
+        yield built
+
+
+@pytest.fixture(scope="module")
+def response(structure):
+    return microslip.respond(structure, sensitivities=True, peaks=True)
+
+
+def test_a_joint_is_the_sum_of_its_pairs_and_friction_that_of_other_responses(structure, response):
+    table = response.sensitivity
+    mu = np.unique(structure.pairs.mu)
+    of_pairs = (table["mu"].amplitude * structure.pairs.mu).sum(axis=-1)
+    assert table[FRICTION].amplitude == pytest.approx(of_pairs, rel=1e-9, nan_ok=True)
+    (i,) = np.flatnonzero(response.level(10.0).asked)
+
+    def amplitude(factor):
+        other = microslip.respond(structure, friction={"joint": factor * structure.pairs.mu})
+        (k,) = np.flatnonzero(other.level(10.0).asked)
+        return np.hypot(*other.level(10.0).response[k, :, 1:3].T)
+
+    h = 1e-4
+    slope = (amplitude(1.0 + h) - amplitude(1.0 - h)) / (2.0 * h)
+    assert table[FRICTION].amplitude[0, i] == pytest.approx(slope, abs=1e-5 * np.abs(slope).max())
+    assert len(mu) and RATIO in table and "level" in table and "joints.joint.normal_stiffness" in table
+
+
+def test_peaks_move_as_peaks_of_other_levels_do(structure):
+    """To a sample the frequency of a peak depends on where slip ends; many of them leave little of that."""
+    of = microslip.respond(structure, sensitivities=True, peaks=True, samples=1024)
+    (peak, rates), *_ = of.sensitivity.of_peaks(10.0)
+    near = [microslip.respond(structure, levels=[level], peaks=True, samples=1024).peaks[level][0] for level in (9.8, 10.2)]
+    by_size, by_frequency = (np.subtract(*reversed(pair)) / 0.4 for pair in zip(*((abs(p.amplitude), p.omega) for p in near)))
+    assert rates["level"].amplitude == pytest.approx(by_size, rel=5e-3)
+    assert rates["level"].frequency == pytest.approx(by_frequency / (2.0 * np.pi), rel=0.05)
+    assert peak.by_pairs.shape == (3, 5, 2)
+
+
+def test_scatter_is_the_root_of_the_sum_of_squares(response):
+    table, level = response.sensitivity, 10.0
+    scatter = table.scatter({FRICTION: 10.0, "level": 5.0})
+    parts = [0.1 * table[FRICTION].amplitude, 0.05 * level * table["level"].amplitude]
+    assert scatter.amplitude == pytest.approx(np.hypot(*parts), nan_ok=True)
+    assert len(scatter.peaks[level]) == len([rates for _, rates in table.of_peaks(level) if rates])
+    for wrong, text in (({"joints.joint.fricton": 1.0}, "friction"), ({"level": -1.0}, "at least 0")):
+        with pytest.raises(CaseError, match=text):
+            table.scatter(wrong)
+
+
+def test_without_them_there_are_none(structure, response):
+    with pytest.raises(CaseError, match="sensitivities=True"):
+        microslip.respond(structure, points=4).sensitivity["mu"]  # noqa: B018
+    with pytest.raises(CaseError, match="no number"):
+        response.sensitivity["m"]  # noqa: B018
+
+
+def test_a_run_writes_them(comm, path, program, shared_path):
+    keys = [part for key in ("sensitivities", "peaks") for part in ("--set", f"response.{key}=true")]
+    status, _, err = program("run", path, "--out", shared_path / "out", *keys)
+    assert status == 0, err
+    results = read_results(str(shared_path / "out" / "results.h5"))
+    (level,) = results.levels
+    assert level.d_by_pairs.shape == (len(level.frequency), 1, 2, 5, 2) and level.peaks[0].by_common.shape == (3, 3)
+    with open(shared_path / "out" / "sensitivities.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["of"] for row in rows} == {"point", "peak"} and {row["parameter"] for row in rows} >= {FRICTION, "level"}
+    first = next(row for row in rows if row["parameter"] == "level" and row["output"] == "6")
+    assert float(first["relative"]) == pytest.approx(10.0 * float(first["d_amplitude"]) / float(first["amplitude_m"]), rel=1e-4)
