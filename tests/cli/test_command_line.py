@@ -29,6 +29,10 @@ from microslip.program.command_line import Command, parse
         ),
         ("backbone fan.toml", Command("backbone", "fan.toml")),
         (
+            "identify fan.toml m.csv --fit a=1:2 --fit b=3:4",
+            Command("identify", "fan.toml", other="m.csv", fit=("a=1:2", "b=3:4")),
+        ),
+        (
             "backbone fan.toml --mode 2 --farthest 30 --levels 5,10 --out b -- -hb_snes_max_it 9",
             Command("backbone", "fan.toml", Path("b"), ("-hb_snes_max_it", "9"), mode=2, farthest=30.0, levels=(5.0, 10.0)),
         ),
@@ -83,11 +87,11 @@ def test_what_is_asked_arrives(line, command):
     [
         (
             "",
-            "a command is missing: run, modes, backbone, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor",
+            "a command is missing: run, modes, backbone, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor",
         ),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, compare, verify, trade, export, check, new, plot, report, "
+            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, compare, verify, trade, export, identify, check, new, plot, report, "
             "convert, diff and doctor",
         ),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),

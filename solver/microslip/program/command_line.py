@@ -29,7 +29,7 @@ SIGUSR1 saves and continues; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 p
 class Command:
     """A command and its options."""
 
-    name: str  # run, modes, backbone, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor
+    name: str  # run, modes, backbone, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor
     file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # checked options after ``--``
@@ -386,13 +386,21 @@ _OPTIONS = (
         **_NUMBERS,
     ),
     _option("verify", "--levels", "A,B,...", "levels in N (default: the scene's)", **_NUMBERS),
-    "identify": ("parameters of a scene that explain a measurement, with intervals", "SCENE.toml", "results/NAME_identify"),
     _option("verify", "--harmonics", "H", "harmonics of harmonic balance (default: the scene's)", type=_count),
     _option("verify", "--samples", "N", "time samples of harmonic balance (default: the scene's)", type=_count),
     _option("verify", "--steps", "N", "time steps per period (default: 256)", type=_steps),
     _option("verify", "--from-rest", None, "integrate from rest, without acceleration: many periods"),
     _option("export", "--method", "NAME", "reduction method (default: the scene's, if it has finite matrices)"),
     _option("export", "--recovery", None, "also write the map from the coordinates to full fields"),
+    _option("identify", "other", "MEASURED.csv", "rows of frequency, amplitude and phase, or of peaks"),
+    _option(
+        "identify",
+        "--fit",
+        "KEY=LOW:HIGH",
+        "a parameter of the scene and its bounds, as joints.dovetail.friction=0.1:0.6; may be given several times",
+        action="append",
+        default=[],
+    ),
     _option("convert", "--to", "A,B,...", "vtkhdf, unv, mat, separated by commas (default: all), or scene", **_LIST),
     _option("convert", "--steps", "N", "time steps per period in files for ParaView (default: 32)", type=_steps),
     _option("check", "--out", "DIR", "draw the mesh with its sets: DIR/mesh.png (default: no picture)", type=Path),
