@@ -57,6 +57,13 @@ MISSING = [
     lap("no levels", "levels = [1.0]\n", "", "[response] levels is missing", "load levels in N"),
     lap("no range", "frequencies = [10.0, 1000.0]\n", "", "[response]: exactly one of frequencies, mode is needed, found none"),
     lap("stability is no truth", "levels = [1.0]\n", "levels = [1.0]\nstability = 1\n", "[response] stability", "true or false"),
+    lap(
+        "sensitivities is no truth",
+        "levels = [1.0]\n",
+        "levels = [1.0]\nsensitivities = 1\n",
+        "[response] sensitivities",
+        "true or",
+    ),
     Case(
         "stability with a loss factor",
         RUN,

@@ -154,6 +154,7 @@ def _fitted(scene: Any, structure: Structure, bounds: Mapping[str, tuple[float, 
             raise CaseError(f"identify: there is no number {key!r}{hint(key, list(known))}; there are {listed(list(known))}")
         low, high = map(float, ends)
         value = known[key].value
+        assert value is not None, "only the level has none"
         if not (0.0 <= low < high < np.inf and low <= value <= high):
             raise CaseError(
                 f"identify: {key} = {low:g}:{high:g}: bounds of at least 0 about the scene's value, {value:g}, are expected"
