@@ -14,8 +14,9 @@ from microslip.formats.measured import measured_of, read_measured
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 
-FRICTION, K_T, RATIO = "joints.joint.friction", "joints.joint.tangential_stiffness", "damping.ratio"
-FREQUENCY, LEVELS, DEVIATION = np.linspace(400.0, 600.0, 9) / (2.0 * np.pi), (5.0, 20.0), 0.02
+pytestmark = pytest.mark.ranks(1, 2)
+FRICTION, RATIO = "joints.joint.friction", "damping.ratio"
+FREQUENCY, LEVELS, DEVIATION = np.linspace(400.0, 600.0, 6) / (2.0 * np.pi), (5.0, 20.0), 0.02
 BOUNDS = {FRICTION: (0.3, 3.0), RATIO: (0.005, 0.1)}
 
 
@@ -65,18 +66,20 @@ def test_exact_data_give_the_values_back(structure, exact):
     assert found.fit.amplitude == pytest.approx(exact["amplitude_m"], rel=1e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_noisy_data_give_them_within_their_intervals(structure, exact):
-    inside = 0
-    for seed in (0, 1):
-        found = microslip.identify(structure, noisy(exact, seed), BOUNDS)
-        inside += int(found.low[0] <= 0.8 <= found.high[0]) + int(found.low[1] <= 0.03 <= found.high[1])
-        assert found.rms == pytest.approx(1.0, abs=0.3) and np.all(found.high / found.low < 1.5)
-    assert inside >= 3
+    """Of one seed; jobs/bench/identify.py counts many."""
+    found = microslip.identify(structure, noisy(exact, 0), BOUNDS)
+    assert found.low[0] <= 0.8 <= found.high[0] and found.low[1] <= 0.03 <= found.high[1]
+    assert found.rms == pytest.approx(1.0, abs=0.4) and np.all(found.high / found.low < 1.5)
 
 
 def test_what_data_do_not_see_is_said(structure, exact):
     """While all pairs stick there is no friction; friction and preload make one limit where no pair opens."""
-    columns = {name: values[: len(FREQUENCY)] for name, values in noisy(exact, 3).items()} | {"level_N": np.full(9, 1e-3)}
+    columns = {name: values[: len(FREQUENCY)] for name, values in noisy(exact, 3).items()} | {
+        "level_N": np.full(len(FREQUENCY), 1e-3)
+    }
     stuck = microslip.respond(structure, levels=1e-3, at=tuple(FREQUENCY), points=4)
     asked = stuck.level(1e-3).asked.astype(bool)
     a = stuck["6"].harmonic(1)[0, : len(asked)][asked]
@@ -86,6 +89,8 @@ def test_what_data_do_not_see_is_said(structure, exact):
     assert found[RATIO] == pytest.approx(0.02, rel=1e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_peaks_can_be_fitted(structure):
     mu = {"joint": 0.8 * structure.pairs.mu}
     peaks = microslip.respond(structure, levels=LEVELS[0], friction=mu, peaks=True).peaks[LEVELS[0]][:1]

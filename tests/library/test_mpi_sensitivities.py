@@ -12,6 +12,7 @@ from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
 
+pytestmark = pytest.mark.ranks(1, 2)
 FRICTION, RATIO = "joints.joint.friction", "damping.ratio"
 
 
@@ -52,11 +53,12 @@ def test_a_joint_is_the_sum_of_its_pairs_and_friction_that_of_other_responses(st
     assert len(mu) and RATIO in table and "level" in table and "joints.joint.normal_stiffness" in table
 
 
+@pytest.mark.ranks(1)
 def test_peaks_move_as_peaks_of_other_levels_do(structure):
     """To a sample the frequency of a peak depends on where slip ends; many of them leave little of that."""
-    of = microslip.respond(structure, sensitivities=True, peaks=True, samples=1024)
+    of = microslip.respond(structure, sensitivities=True, peaks=True, samples=512)
     (peak, rates), *_ = of.sensitivity.of_peaks(10.0)
-    near = [microslip.respond(structure, levels=[level], peaks=True, samples=1024).peaks[level][0] for level in (9.8, 10.2)]
+    near = [microslip.respond(structure, levels=[level], peaks=True, samples=512).peaks[level][0] for level in (9.8, 10.2)]
     by_size, by_frequency = (np.subtract(*reversed(pair)) / 0.4 for pair in zip(*((abs(p.amplitude), p.omega) for p in near)))
     assert rates["level"].amplitude == pytest.approx(by_size, rel=5e-3)
     assert rates["level"].frequency == pytest.approx(by_frequency / (2.0 * np.pi), rel=0.05)
