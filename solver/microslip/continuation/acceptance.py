@@ -74,7 +74,7 @@ def accept(
     if task.has_stability and not on_the_way:
         point = with_stability(solver.problem, solution[0].iterate, point)
     if task.has_sensitivities and not on_the_way:
-        known, adjoints = estimator and estimator.last, solver.workspace.adjoints(solver.equation)
+        known, adjoints = estimator.last if estimator else None, solver.workspace.adjoints(solver.equation)
         point = with_sensitivities(solver.problem, solution, point, adjoints, known)
     missed = (MISSED,) if max(ratios.values(), default=0.0) > 1.0 else ()
     force, is_linear = force_at(solver, solution[0], point), solver.is_linear and solution[0].is_linear

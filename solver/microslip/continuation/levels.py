@@ -291,8 +291,8 @@ def _follow_one_way(
     problem, settings, steps = of.at_level(level), of.settings, of.steps
     adjoints = exact_adjoints(of.model) if settings.sensitivities else None
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched, adjoints)
-    more = {"has_stability": settings.stability, "has_sensitivities": settings.sensitivities}
-    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, **more)
+    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, has_stability=settings.stability)
+    task = replace(task, has_sensitivities=settings.sensitivities)
     if of.model.n_pairs == 0:
         n_points = settings.points
         if problem.is_constant:

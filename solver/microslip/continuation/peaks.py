@@ -226,7 +226,7 @@ def about_a_peak(
         p = equation.full_force(equation.contact_forces(at.U, every, tangents=False))
         cos, sin = output_amplitude(equation.model_at(point), point, p)[rows]
         d = np.concatenate([found.of_pairs[rows].reshape(2, -1), found.common[rows]], axis=1)
-        return np.stack(of_size(cos, sin, *d)) if found.is_found else None
+        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if found.is_found else None
 
     unit, brackets = width if np.isfinite(width) else 0.02 * there.parameter, list[list[np.ndarray]]()
     sides, way, middle = (there, there), BESIDE * unit, rates(there)
@@ -240,10 +240,10 @@ def about_a_peak(
         sides, way = (low, high), way * FARTHER_BY
     if middle is None or not brackets:
         return None, None
-    (low, high), far = brackets[0], brackets[-1]
-    share = low[0, -1] / (low[0, -1] - high[0, -1])
+    (rising, falling), far = brackets[0], brackets[-1]
+    share = rising[0, -1] / (rising[0, -1] - falling[0, -1])
     shift = (far[1][0] - far[0][0]) / (far[0][0, -1] - far[1][0, -1])
-    at_peak = middle if within == 0.0 else (1.0 - share) * low + share * high
+    at_peak = middle if within == 0.0 else (1.0 - share) * rising + share * falling
     d = np.stack([at_peak[0], at_peak[1] + at_peak[1, -1] * shift, shift / (2.0 * np.pi)])
     d[:, -1] = 0.0
     return d[:, : -len(COMMON)].reshape(3, len(NUMBERS), -1), d[:, -len(COMMON) :]

@@ -254,8 +254,11 @@ def _peaks(reader: Reader, group: str, n_outputs: int, n_pairs: int) -> tuple[Pe
             complex(columns["amplitude"][i] * np.exp(1j * columns["phase"][i])),
             2.0 * np.pi * float(columns["half_power_width_Hz"][i]),
             2.0 * np.pi * float(columns["within_Hz"][i]),
-            *(int(columns[name][i]) for name in ("slipping", "newton", "segment")),
-            *(columns[name][i] if name in columns else None for name in ("d_by_pairs", "d_by_common")),
+            int(columns["slipping"][i]),
+            int(columns["newton"][i]),
+            int(columns["segment"][i]),
+            columns["d_by_pairs"][i] if "d_by_pairs" in columns else None,
+            columns["d_by_common"][i] if "d_by_common" in columns else None,
         )
         for i in range(n)
     )

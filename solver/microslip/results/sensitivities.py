@@ -120,7 +120,7 @@ class SensitivityTable(Mapping[str, Derivative]):
 
     def of_peaks(self, level: float) -> list[tuple[Peak, dict[str, OfPeak]]]:
         """Return the peaks of a level [N] with their derivatives by key; none where no solution beside a peak was found."""
-        (found,) = [each for each in self.levels if each.level == level] or [None]
+        found = next((each for each in self.levels if each.level == level), None)
         if found is None or found.peaks is None:
             raise CaseError(f"sensitivity: there are no peaks of a level {level:g}; state peaks = true")
         return [(peak, peak_rates(peak, self.varied.values())) for peak in found.peaks]
