@@ -83,6 +83,12 @@ JOINTS = [
         ("[model] axis: a disc turns about the axis of [cyclic]",),
         edited("disc.toml", "[model]\n", "[statics]\nrotation_speed = 100.0\n[model]\naxis = [1.0, 0.0, 0.0]\n"),
     ),
+    Case(
+        "stability of one sector",
+        RUN,
+        ("[response] stability = true: a disturbance need not be a wave", "state [cyclic] whole = true"),
+        edited("disc.toml", "[response]\n", "[response]\nstability = true\n"),
+    ),
     disc("next sector without a disc", TABLE, "", '[[joints]] 2 ("shrouds") next_sector: there is no table [cyclic]'),
     disc(
         "next sector without a neighbour", SHROUDS, '"shroud_high", "left0"]', "joint 'shrouds'", "is taken from the next sector"

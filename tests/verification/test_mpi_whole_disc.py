@@ -192,6 +192,24 @@ def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
     np.testing.assert_allclose(u[disc[close[:, 0]]], u[disc[close[:, 1]]], atol=1e-6 * np.abs(u).max())
 
 
+@pytest.mark.parametrize(("N", "frequency"), [(3, 1415.0), pytest.param(5, 1436.0, marks=pytest.mark.slow)])
+def test_the_multipliers_of_all_sectors_are_those_of_the_ring(shared_path, N, frequency):
+    """All pairs of three sectors stick, and half of those of five slip."""
+    multipliers = []
+    for write, n_dof, how in (
+        (write_sector, N_DOF, {"wave": {"engine_order": 1, "whole": True}}),
+        (write_ring, N * N_DOF, {"h": 1}),
+    ):
+        solved = end(n_dof, 20.0, frequency, samples=60).replace("points = 8", "points = 4\nstability = true")
+        structure = built(write, shared_path, N, solved, friction=0.05, **how)
+        (branch,) = follow(prepare(structure).response)
+        point = min(branch.points, key=lambda point: abs(point.omega / (2.0 * np.pi) - frequency))
+        assert not branch.failure and int((point.state == 1).sum()) == (10 if N == 5 else 0)
+        multipliers.append(point.multipliers[:, 0] + 1j * np.abs(point.multipliers[:, 1]))
+        structure.close()
+    np.testing.assert_allclose(*multipliers, atol=1e-6)
+
+
 def test_gaps_that_differ_are_those_of_the_ring(shared_path):
     """Shrouds that are open at rest, by other gaps in each sector, and close under the load in some sectors alone."""
     N, h, frequency, level = 4, 1, 930.0, 60.0

@@ -380,9 +380,10 @@ def _stability(scene: Scene) -> list[str]:
     begin = "[response] stability = true: "
     if scene.is_static:
         return [f"{begin}with harmonics = 0 nothing vibrates, so that there is no cycle; leave stability out"]
-    if scene.cyclic is not None:
+    if scene.cyclic is not None and not scene.cyclic.whole:
         return [
-            f"{begin}a disturbance need not be a wave, and the model has one sector; mesh all sectors, or leave stability out"
+            f"{begin}a disturbance need not be a wave, and the model has one sector; state [cyclic] whole = true, or leave "
+            "stability out"
         ]
     if scene.damping is not None and scene.damping.structural:
         return [

@@ -1,0 +1,19 @@
+"""A few discs of discs_in_full.py: each point of one sector solves the equations of the ring built in full."""
+
+import pytest
+from verification.discs_in_full import BOUNDS, extremes, judged
+
+CASES = {case.name: case for case in extremes()}
+FEW = ("two sectors, order 1 = N/2", "shrouds open at rest that never close")
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_the_points_of_a_disc_solve_the_ring(tmp_path, name):
+    found = judged(CASES[name], tmp_path)
+    assert not found.faults and found.n_points > 1
+
+
+def test_a_point_that_is_no_solution_is_seen(tmp_path):
+    """Of a ring under another engine order."""
+    found = judged(CASES[FEW[0]], tmp_path, h_of_ring=0)
+    assert found.errors["motion"] > 1e3 * BOUNDS["motion"] and found.faults
