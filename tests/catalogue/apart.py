@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from processes import MPIRUN, environment
@@ -59,7 +60,10 @@ def bad_input(case: Case, sound: Path, folder: Path, ranks: int) -> tuple[Ended,
 
 
 def fault(case: Fault, sound: Path, folder: Path, ranks: int, again: bool = True) -> tuple[Ended, list[str]]:
-    """Run with a fault in a new folder, then without; return how the first ended and what was wrong with both.  Local."""
+    """Run with a fault in a new folder, then without; return how the first ended and what was wrong with both.  Local.
+
+    The seconds of the first are those from the fault to the end, where the fault came.
+    """
     shutil.copytree(sound, folder)
     if case.before is not None:
         case.before(folder)
@@ -73,4 +77,4 @@ def fault(case: Fault, sound: Path, folder: Path, ranks: int, again: bool = True
     wrong = violations_of_fault(ended, after, case, ranks, earlier, fingerprint(folder / EARLIER))
     if again and (then := run(["-m", "microslip", *line], ranks, folder)).status != 0:
         wrong.append(f"the same command does not end well then: status {then.status}, {then.said[-200:]!r}")
-    return ended, wrong
+    return (ended if after is None else replace(ended, seconds=after)), wrong

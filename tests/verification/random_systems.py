@@ -32,6 +32,7 @@ from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
 from microslip.messages.errors import MicroslipError
+from microslip.points.branch import Branch
 from microslip.points.error_parts import PARTS, total
 from microslip.scene.read import read_scene
 
@@ -40,6 +41,7 @@ STEPS = 2048  # a period; half of them tell how well it is known
 STEADY = 1e-7  # distance from a steady state, over the stuck motion, up to which a point is judged
 ROUNDING = 1e-9  # of the peak
 FOLD = 0.01  # smallest singular value of a period less 1, below which a solution lies beside a fold
+MORE = 15  # harmonics of solutions from which integration begins where it has left the point
 PUSHED = 1e-6  # over the stuck motion
 CREEPS = 0.1  # of a slider's way that a period leaves, at least
 
@@ -90,23 +92,26 @@ class Found:
 def solve(seed: int, number: int, points: int, solver: dict, lift_off: bool = False) -> Found:
     """Return some points of the curves of a system by the program, and where time integration is to begin."""
     system, found = draw(seed, number, lift_off), Found()
-    output = int(np.argmax(system["output"]))
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_matrix_scene(
-            Path(folder), system, sorted(system["levels"].values()), system["omega"], outputs=[output], **{"points": 60, **solver}
-        )
-        try:
-            with build(read_scene(path), HERE) as structure:
-                branches = follow(prepare(structure, has_bars=True).response)
-        except MicroslipError as failure:
-            return Found(failures=[f"{number}: {failure}"])
+    try:
+        branches = followed(system, sorted(system["levels"].values()), solver)
+    except MicroslipError as failure:
+        return Found(failures=[f"{number}: {failure}"])
     for branch in branches:
         if branch.failure:
             found.failures.append(f"{number} at {branch.level:.3g}: {branch.failure.splitlines()[0]}")
         sizes = [float(np.hypot(*point.response[0, 1:3])) for point in branch.points]
         for i in chosen(sizes, points):
-            _keep(found, number, system, branch.level, branch.points[i], max(sizes))
+            keep(found, number, system, branch.level, branch.points[i], max(sizes))
     return found
+
+
+def followed(system, levels, solver: dict) -> list[Branch]:
+    """Return the curves of a system at some levels by the program."""
+    output = int(np.argmax(system["output"]))
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_matrix_scene(Path(folder), system, levels, system["omega"], outputs=[output], **{"points": 60, **solver})
+        with build(read_scene(path), HERE) as structure:
+            return list(follow(prepare(structure, has_bars=True).response))
 
 
 def chosen(sizes, points: int) -> list[int]:
@@ -119,7 +124,8 @@ def chosen(sizes, points: int) -> list[int]:
     return sorted({top, *near.tolist(), *np.linspace(0, len(sizes) - 1, points - len(near)).astype(int).tolist()})
 
 
-def _keep(found: Found, number: int, system, level: float, point, peak: float) -> None:
+def keep(found: Found, number: int, system, level: float, point, peak: float) -> None:
+    """Add a point of a curve of a system, whose largest amplitude is ``peak``, to those to be judged."""
     found.judged.append(
         Judged(
             number,
@@ -153,6 +159,23 @@ def judge(found: list[Found], steps: int = STEPS) -> list[Judged]:
             one.kinds += ["creeps"] * (one.creeps >= CREEPS) + ["beside a fold"] * (steady.fold < FOLD)
             one.kinds += ["sliders pushed on the way"] * (one.history > PUSHED)
     return [one for of in found for one in of.judged]
+
+
+def judge_from_more(found: Found, i: int, steps: int = STEPS, harmonics: int = MORE) -> None:
+    """Judge a point again by the nearest steady state that time integration reaches from solutions with more harmonics.
+
+    Beside a fold, integration that begins at the motion of a few harmonics may leave a solution nearby for one far away.
+    """
+    one, case, amplitude, peak = found.judged[i], found.cases[i], found.amplitudes[i], found.peaks[i]
+    system, level, omega = case
+    for branch in followed(system, [level], {"harmonics": harmonics, "at": [omega]}):
+        for solution in (point for point in branch.points if abs(point.omega / omega - 1.0) < ROUNDING):
+            point = shooting.Point(*case)
+            steady, history = point.by_rule(point.state_of(np.asarray(solution.p)), steps)
+            error = abs(steady.amplitude / peak - amplitude)
+            if steady.distance <= STEADY and error < one.error:
+                one.error, one.distance, one.creeps, one.history = error, steady.distance, steady.creeps, history
+                one.kinds += [f"judged from {harmonics} harmonics"] + ["beside a fold"] * (steady.fold < FOLD)
 
 
 @dataclass(frozen=True)
