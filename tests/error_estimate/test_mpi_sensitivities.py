@@ -1,10 +1,13 @@
 """Derivatives of the outputs by adjoints, against central differences of solutions; every test runs on any number of ranks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dense_model import reduced
 from mpi4py import MPI
 from oracles import scenes
+from ring import LAW, ZETA, Sector
 from scipy.optimize import brentq
 
 from microslip.continuation.constraint_rows import Plane, Scaling
@@ -13,9 +16,11 @@ from microslip.continuation.iterate import Iterate
 from microslip.continuation.problems import ForcedResponse
 from microslip.error_estimate.estimate import output_amplitude
 from microslip.error_estimate.sensitivities import exact_adjoints, sensitivities_of
+from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.harmonic.operating_point import LawParameter, OperatingPoint
 from microslip.points.sensitivities import COMMON, NUMBERS, of_size
+from microslip.reduction.settings import ModalDamping
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -136,3 +141,22 @@ def test_the_friction_damper_of_vm320_as_its_closed_form_differentiated():
         of_damper = by["mu"] / 246.048, by["k_t"], by["level"], by["damping"] / 7700.0, by["omega"]
         missed.append([abs(got / wanted - 1.0) for got, wanted in zip(of_damper, exact.values())])
     assert np.max(missed[0]) < 0.25 and np.max(missed[1]) < 0.25 / 8.0, missed  # the first order in 1 / N_t
+
+
+@pytest.mark.parametrize("name", ["mu", "k_t", "k_n"])
+def test_on_a_sector_of_a_disc_each_harmonic_has_its_own_complex_matrices(name):
+    """Numbers of the pairs of all sectors at once; damping that is stated for modes, those of another stiffness, too."""
+    sector = Sector(COMM, 5, lambda n: n % 5)
+    model = replace(sector.model(Harmonics.up_to(3)), stated_damping=ModalDamping(ratio=ZETA))
+    equation = HarmonicBalance.of_all(model, sector.law, 160)
+    found = sensitivities(equation, 700.0, 150.0)
+    for pair in range(2):
+        vary = LawParameter(name, np.array([pair]), np.array(LAW[name])[[pair]])
+
+        def at(h, vary=vary):
+            return outputs(equation.under(OperatingPoint(700.0, 150.0, law=((vary, 1.0 + h),))), 700.0, 150.0)
+
+        slope = central(at, 5e-5) / LAW[name][pair]
+        assert found.of_pairs[:, NUMBERS.index(name), pair] == pytest.approx(slope, abs=2e-5 * np.abs(slope).max())
+    by_omega = central(lambda h: outputs(equation, 700.0 * (1.0 + h), 150.0), 1e-6) / 700.0
+    assert found.common[:, COMMON.index("omega")] == pytest.approx(by_omega, abs=1e-5 * np.abs(by_omega).max())
