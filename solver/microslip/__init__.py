@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from .library.peak_curves import peaks
     from .library.respond import respond
     from .library.response import Curves, Response
+    from .library.search import Search, search
     from .messages.errors import CaseError, ConvergenceError, MicroslipError, ResourceError
     from .results.read import read_results
     from .scene.read import read_scene as read
@@ -54,6 +55,7 @@ __all__ = [
     "ResourceError",
     "Response",
     "Scene",
+    "Search",
     "Structure",
     "backbone",
     "build",
@@ -63,6 +65,7 @@ __all__ = [
     "read_results",
     "respond",
     "scene_of",
+    "search",
 ]
 
 _FROM = {
@@ -74,6 +77,7 @@ _FROM = {
     "Curves": ".library.response",
     "Response": ".library.response",
     "Scene": ".scene.schema",
+    "Search": ".library.search",
     "Structure": ".library.build",
     "backbone": ".library.backbone",
     "build": ".library.build",
@@ -84,6 +88,7 @@ _FROM = {
     "read_results": ".results.read",
     "respond": ".library.respond",
     "scene_of": ".scene.read",
+    "search": ".library.search",
 }
 
 

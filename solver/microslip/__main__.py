@@ -233,12 +233,13 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
 
 
 def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
-    """Modes, nonlinear mode, comparison, verification, trade or export of a scene, into a folder.  Collective on ``comm``."""
+    """Perform a study of a scene, into a folder.  Collective on ``comm``."""
     from .studies.backbone import story as backbone
     from .studies.compare import story as compare
     from .studies.export import story as export
     from .studies.identify import story as identify
     from .studies.modes import story as modes
+    from .studies.search import story as search
     from .studies.trade import story as trade
     from .studies.verify import story as verify
 
@@ -249,6 +250,10 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
         backbone.study(scene, comm, out, backbone.Request(command.mode or 1, command.farthest, command.levels), command.petsc)
     elif command.name == "identify":
         identify.study(scene, comm, out, command.other, command.fit, command.petsc)
+    elif command.name == "search":
+        assert command.frequency is not None, "required"
+        of_search = search.Request(command.frequency, command.level, command.starts or search.STARTS, command.follow)
+        search.study(scene, comm, out, of_search, command.petsc)
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":

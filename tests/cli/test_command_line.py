@@ -36,6 +36,11 @@ from microslip.program.command_line import Command, parse
             "backbone fan.toml --mode 2 --farthest 30 --levels 5,10 --out b -- -hb_snes_max_it 9",
             Command("backbone", "fan.toml", Path("b"), ("-hb_snes_max_it", "9"), mode=2, farthest=30.0, levels=(5.0, 10.0)),
         ),
+        ("search fan.toml --at 99.4", Command("search", "fan.toml", frequency=99.4)),
+        (
+            "search fan.toml --at 99.4 --level 15 --starts 9 --continue",
+            Command("search", "fan.toml", frequency=99.4, level=15.0, starts=9, follow=True),
+        ),
         ("verify fan.toml", Command("verify", "fan.toml")),
         (
             "verify fan.toml --at 99.5,100 --levels 5 --harmonics 7 --samples 512 --steps 64 --from-rest --out v -- -hb_snes_max_it 9",
@@ -87,11 +92,11 @@ def test_what_is_asked_arrives(line, command):
     [
         (
             "",
-            "a command is missing: run, modes, backbone, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor",
+            "a command is missing: run, modes, backbone, search, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor",
         ),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, compare, verify, trade, export, identify, check, new, plot, report, "
+            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, search, compare, verify, trade, export, identify, check, new, plot, report, "
             "convert, diff and doctor",
         ),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),

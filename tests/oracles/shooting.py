@@ -32,6 +32,8 @@ SLOW = 0.2  # of the miss before, beyond which the derivative is found anew
 PLAIN = 20  # periods of time where it comes no closer
 MOST_RULES = 20  # times that sliders are put where the rule has them
 SETTLING = 2000  # periods of the law under a given motion
+DISTURBED, DECAYED, GROWN = 1e-5, 1e-4, 1e3  # a small disturbance over the size of the state; the shares of it that end a march
+WATCHED = 400  # periods of a disturbed march, at most
 TOLERANCE = 1e-10  # of the state
 
 
@@ -117,15 +119,36 @@ class Point:
         moves = np.concatenate([np.ones(2 * self.n, dtype=bool), moved[0]])
         return np.where(moves, (end[0] - x) / self.scale, 0.0)
 
-    def derivative(self, x, N: int):
+    def derivative(self, x, N: int, perturbed: float = PERTURBED):
         """Return d (end - begin) / dx, both scaled, by differences; of sliders that stay in all of them -1."""
         n_x = len(x)
-        end, moved, *_ = self.period(x + np.vstack([np.zeros(n_x), PERTURBED * np.diag(self.scale)]), N)
-        D = ((end[1:] - end[0]) / self.scale).T / PERTURBED - np.eye(n_x)
+        end, moved, *_ = self.period(x + np.vstack([np.zeros(n_x), perturbed * np.diag(self.scale)]), N)
+        D = ((end[1:] - end[0]) / self.scale).T / perturbed - np.eye(n_x)
         rests = np.concatenate([np.zeros(2 * self.n, dtype=bool), ~moved.any(axis=0)])
         D[rests], D[:, rests] = 0.0, 0.0
         D[rests, rests] = -1.0
         return D
+
+    def largest_multiplier(self, x, N: int, perturbed: float = PERTURBED) -> float:
+        """Return the largest modulus of an eigenvalue of the derivative of the map of a period, by differences of that size."""
+        return float(np.abs(np.linalg.eigvals(self.derivative(x, N, perturbed) + np.eye(len(x)))).max())
+
+    def forgets(self, x, N: int, rng) -> bool:
+        """Tell whether two small random disturbances of a steady state die out: whether what a period changes does.
+
+        A slider that has been moved and stays is no change: the motion comes to rest at another member of the same continuum.
+        """
+        states = x + DISTURBED * self.scale * rng.standard_normal((2, len(x)))
+        changes = np.zeros((WATCHED, 2))
+        for k in range(WATCHED):
+            end = self.period(states, N)[0]
+            changes[k], states = np.abs((end - states) / self.scale).max(axis=1), end
+            if (changes[k] <= DECAYED * changes[0]).all():
+                return True
+            if (changes[k] >= GROWN * changes[0]).any():
+                return False
+        quarter = WATCHED // 4
+        return bool((changes[-quarter:].max(axis=0) < changes[-2 * quarter : -quarter].max(axis=0)).all())
 
     # -- the steady state ----------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from ..parallel.petsc import PREFIXES
 from ..system.walltime import seconds_of
 from ..version import __version__
 
-_SOLVE = ("run", "modes", "backbone", "compare", "verify", "trade", "export", "identify")  # commands that PETSc options are for
+_SOLVE = ("run", "modes", "backbone", "search", "compare", "verify", "trade", "export", "identify")  # commands that PETSc options are for
 _SCENE = (*_SOLVE, "check")  # commands that read a scene
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -29,13 +29,17 @@ SIGUSR1 saves and continues; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 p
 class Command:
     """A command and its options."""
 
-    name: str  # run, modes, backbone, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor
+    name: str  # run, modes, backbone, search, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor
     file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # checked options after ``--``
     count: int | None = None  # number of modes; None: as in the scene
     mode: int | None = None  # mode of a backbone; None: the first
     farthest: float | None = None  # last amplitude over the amplitude at first slip
+    frequency: float | None = None  # Hz, frequency of a search
+    level: float | None = None  # N, level of a search; None: the highest of the scene
+    starts: int | None = None  # starts of a search; None: the default of the command
+    follow: bool = False  # whether a search follows the curve from other solutions
     speeds: tuple[float, ...] = ()  # rad/s
     diameters: tuple[int, ...] = ()  # nodal diameters; empty: all
     orders: tuple[int, ...] = ()  # engine orders; empty: the default of the command
@@ -260,6 +264,7 @@ _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, input f
     "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
     "modes": ("natural frequencies and shapes with all joints stuck: table and pictures", "SCENE.toml", "results/NAME_modes"),
     "backbone": ("frequency and damping of a mode against its amplitude, without loads", "SCENE.toml", "results/NAME_backbone"),
+    "search": ("other solutions at a frequency, with their stability", "SCENE.toml", "results/NAME_search"),
     "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
     "verify": ("time integration at points of the curves, compared with harmonic balance", "SCENE.toml", "results/NAME_verify"),
     "trade": ("speed and accuracy of a scene: effect of each setting on time and error", "SCENE.toml", "results/NAME_trade"),
@@ -353,6 +358,10 @@ _OPTIONS = (
         "levels in N of forced responses, synthesised from the mode and computed (default: none)",
         **_NUMBERS,
     ),
+    _option("search", "--at", "F", "frequency in Hz", dest="frequency", type=_above_zero, required=True),
+    _option("search", "--level", "A", "level in N (default: the highest of the scene)", type=_above_zero),
+    _option("search", "--starts", "N", "motions from which Newton's method by deflation begins (default: 30)", type=_count),
+    _option("search", "--continue", None, "follow the curve from each solution that the curve of the level lacks", dest="follow"),
     _option("compare", "--methods", "A,B,...", "names of methods, separated by commas (default: all)", **_LIST),
     _option(
         "trade",

@@ -1,0 +1,176 @@
+"""Solutions at one frequency and level: the library's function behind ``microslip search`` (docs/theory.md, section 7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..contact.law import OPEN, SLIP
+from ..continuation.levels import frequency_sweep
+from ..continuation.other_solutions import ON_CURVE, Solution, continued, curve_through, solutions_at
+from ..messages.errors import CaseError
+from ..points.branch import Branch
+from ..points.multipliers import is_stable
+from ..scene.schema import Scene
+from .build import Structure
+from .prepare import Prepared
+from .respond import prepared_with
+from .settings import refuse_statics, units_of
+
+STARTS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedCurve:
+    """A curve as arrays, point by point; the same on every rank."""
+
+    frequency: np.ndarray  # (n,) Hz
+    response: np.ndarray  # (n, n_outputs, N_H)
+    segment: np.ndarray  # (n,)
+    multipliers: np.ndarray | None  # (n, 6, 2); None where stability is not computed
+    failure: str | None  # why it ends early
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """Of harmonic 1 of the outputs, (n, n_outputs)."""
+        return np.hypot(self.response[..., 1], self.response[..., 2])
+
+
+@dataclass(frozen=True, eq=False)
+class SolutionAt:
+    """A solution at the frequency of a search; the same on every rank."""
+
+    response: np.ndarray  # (n_outputs, N_H) in their units
+    residual: float  # scaled 2-norm
+    multipliers: np.ndarray | None  # (6, 2); None where stability is not computed
+    slipping: int  # numbers of pairs
+    open: int
+    source: str  # "curve", "level" or "deflation"
+    curve: FollowedCurve | None = None  # through it; None unless asked for, or where it lies on the curve of the search
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """Of harmonic 1 of the outputs, (n_outputs,)."""
+        return np.hypot(self.response[:, 1], self.response[:, 2])
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Of harmonic 1, u = amplitude cos(omega t + phase), (n_outputs,) [rad]."""
+        return np.arctan2(-self.response[:, 2], self.response[:, 1])
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether a small disturbance decays; None where stability is not computed."""
+        return None if self.multipliers is None else is_stable(self.multipliers)
+
+    @property
+    def largest_multiplier(self) -> float:
+        """Modulus of the largest Floquet multiplier; NaN where stability is not computed."""
+        return float("nan") if self.multipliers is None else float(np.hypot(*self.multipliers[0]))
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """The solutions found at a frequency and level, by rising amplitude of the first output.  There may be others."""
+
+    frequency: float  # Hz
+    level: float
+    level_unit: str
+    outputs: tuple[str, ...]
+    units: tuple[str, ...]
+    solutions: tuple[SolutionAt, ...]
+    curve: FollowedCurve  # of the level, from the begin of the range
+    starts: int
+
+
+def search(
+    structure: Structure,
+    at: float,
+    *,
+    level: float | None = None,
+    starts: int = STARTS,
+    seed: int = 1,
+    follow: bool = False,
+    **keys: Any,
+) -> Search:
+    """Return solutions at a frequency: those along the curve, over the level, and by deflation from many starts.
+
+    Collective on ``structure.comm``; the same on every rank.  docs/theory.md, eq. (7.11).  With the harmonics and samples of the
+    curve there.
+
+    Parameters
+    ----------
+    at : frequency [Hz], in the range of [response]
+    level : the highest of the scene if None
+    starts : Newton's method by deflation begins from so many motions
+    seed : of the random ones
+    follow : whether the curve is followed from each solution that does not lie on the curve of the level
+    keys : as those of :func:`respond`, but levels and at
+
+    Raises
+    ------
+    CaseError : a frequency outside the range, a disc, no joint, nothing that vibrates; on every rank
+    ConvergenceError, ResourceError : no solution was found; on every rank
+    """
+    level = max(structure.scene.response.levels) if level is None else float(level)
+    refuse_what_has_one(structure.scene)
+    has_stability = structure.scene.damping is None or not structure.scene.damping.structural
+    has_bars = structure.scene.accuracy is not None
+    prepared, _ = prepared_with(structure, {}, {**keys, "levels": [level], "peaks": False}, has_bars=has_bars)
+    of, omega = prepared.response, 2.0 * np.pi * at
+    refuse_outside(prepared, at)
+    curve = curve_through(of, level, omega)
+    found = solutions_at(of, curve, omega, starts, seed, has_stability)
+    solutions = []
+    for one in found:
+        through = continued(of, level, one, has_stability) if follow and one.source != ON_CURVE else None
+        solutions.append(_solution(one, through))
+    scene, units = prepared.scene, units_of(prepared.scene)
+    names = tuple(output.name for output in scene.outputs)
+    return Search(at, level, units.level, names, units.outputs, tuple(solutions), _curve(curve), starts)
+
+
+def refuse_what_has_one(scene: Scene) -> None:
+    """Raise CaseError where a scene has one solution at every frequency, or other ones than a search takes.  Local."""
+    where = f"{scene.path}: search"
+    refuse_statics(scene, "search")
+    if not scene.joints:
+        raise CaseError(f"{where}: the scene has no [[joints]]: its response is linear, one solution at each frequency")
+    if scene.cyclic is not None:
+        raise CaseError(
+            f"{where}: [cyclic]: other solutions of a disc need not be waves, and one sector knows no others; mesh all sectors"
+        )
+
+
+def refuse_outside(prepared: Prepared, at: float) -> None:
+    """Raise CaseError where a frequency [Hz] lies outside the range of the scene.  Local; the same on every rank."""
+    settings, omega_n = prepared.response.settings, prepared.structure.excited.omega_n
+    try:
+        frequency_sweep(replace(settings, at=(at,)), omega_n)
+    except CaseError as problem:
+        text = str(problem).replace("[response] at", "--at")
+        raise CaseError(f"{prepared.scene.path}: search: {text}; choose one there, or widen [response] frequencies") from None
+
+
+def _solution(one: Solution, through: Branch | None) -> SolutionAt:
+    point = one.point
+    counts = (int(np.count_nonzero(point.state == kind)) for kind in (SLIP, OPEN))
+    return SolutionAt(
+        point.response, one.residual, point.multipliers, *counts, one.source, None if through is None else _curve(through)
+    )
+
+
+def _curve(branch: Branch) -> FollowedCurve:
+    def of(value: Any) -> np.ndarray:
+        return np.array([value(point) for point in branch.points])
+
+    known = bool(branch.points) and all(point.multipliers is not None for point in branch.points)
+    return FollowedCurve(
+        of(lambda point: point.omega) / (2.0 * np.pi),
+        of(lambda point: point.response),
+        of(lambda point: point.segment),
+        of(lambda point: point.multipliers) if known else None,
+        branch.failure,
+    )

@@ -1,0 +1,1 @@
+"""Other solutions at a frequency: ``microslip search``."""

@@ -1,0 +1,148 @@
+"""Solutions at a frequency as a table, search.csv, curves.csv and search.png.  Rank 0 only."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.lines import Line2D
+
+from ...library.search import FollowedCurve, Search, SolutionAt
+from ...observe.screen_table import screen_table
+from ...points.multipliers import is_stable
+from ...results.layout import log_scale
+from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, plain, with_prefix
+from ...system.files import make_folder
+from ..records import cell, write_csv
+
+_ACCENT, _SECOND = "#0072b2", "#d55e00"
+_SOURCES = {"curve": "along the curve", "level": "over the level", "deflation": "by deflation"}
+_STABLE = {True: "stable", False: "unstable", None: "\u2013"}
+
+
+def write_search(result: Search, scene: Titled, folder: Path) -> str:
+    """Write the files of a search; return the table for the screen.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    make_folder(str(folder))
+    rows = [record(result, one) for one in result.solutions]
+    write_csv(str(folder / "search.csv"), rows[0], rows)
+    followed = [row for i, one in enumerate(result.solutions, 1) if one.curve for row in curve_records(result, i, one.curve)]
+    if followed:
+        write_csv(str(folder / "curves.csv"), followed[0], followed)
+    with matplotlib.rc_context(RC):
+        draw(result, scene, str(folder / "search.png"))
+    return "\n".join([on_screen(result), in_words(result), *ended(result)])
+
+
+def record(result: Search, one: SolutionAt) -> dict[str, Any]:
+    """Return a solution by the names of the columns of search.csv."""
+    columns: dict[str, Any] = {}
+    for name, unit, size, phase in zip(result.outputs, result.units, one.amplitude, one.phase):
+        columns |= {f"{name}_{unit}": float(size), f"{name}_phase_rad": float(phase)}
+    stable = float("nan") if one.stable is None else int(one.stable)
+    return columns | {
+        "slipping": one.slipping,
+        "open": one.open,
+        "residual": one.residual,
+        "stable": stable,
+        "largest_multiplier": one.largest_multiplier,
+        "found": one.source,
+    }
+
+
+def curve_records(result: Search, solution: int, curve: FollowedCurve) -> list[dict[str, Any]]:
+    """Return the points of a curve by the names of the columns of curves.csv."""
+    stable = (
+        [float("nan")] * len(curve.frequency) if curve.multipliers is None else [int(is_stable(m)) for m in curve.multipliers]
+    )
+    return [
+        {"solution": solution, "segment": int(segment), "frequency_Hz": float(frequency)}
+        | {f"{name}_{unit}": float(size) for name, unit, size in zip(result.outputs, result.units, sizes)}
+        | {"stable": here}
+        for segment, frequency, sizes, here in zip(curve.segment, curve.frequency, curve.amplitude, stable)
+    ]
+
+
+def on_screen(result: Search) -> str:
+    """Return the table for the screen."""
+    head = [
+        "solution",
+        f"{result.outputs[0]} {result.units[0]}",
+        "phase",
+        "slip",
+        "open",
+        "residual",
+        "stability",
+        "multiplier",
+        "found",
+    ]
+    rows = [
+        [
+            str(i),
+            cell(float(one.amplitude[0]), 5),
+            cell(float(np.degrees(one.phase[0])), 4),
+            str(one.slipping),
+            str(one.open),
+            cell(one.residual, 2),
+            _STABLE[one.stable],
+            cell(one.largest_multiplier, 4),
+            _SOURCES[one.source],
+        ]
+        for i, one in enumerate(result.solutions, 1)
+    ]
+    title = f"Solutions at {result.frequency:g} Hz, {result.level:g} {result.level_unit}"
+    return screen_table(title, head, [(0, row) for row in rows], left=("found",))
+
+
+def in_words(result: Search) -> str:
+    """Return the sentence below the table: what was found is not known to be all."""
+    n, at = len(result.solutions), f"{result.frequency:g} Hz and {result.level:g} {result.level_unit}"
+    which = "one solution" if n == 1 else f"{n} solutions"
+    more = "with more --starts others may be found" if n > 1 else "no other from these starts; there may be others"
+    return f"{which} found at {at}, with {result.starts} starts: {more}"
+
+
+def ended(result: Search) -> list[str]:
+    """Return why followed curves end within the range."""
+    return [
+        f"solution {i}: the curve through it ends within the range: {one.curve.failure}"
+        for i, one in enumerate(result.solutions, 1)
+        if one.curve is not None and one.curve.failure
+    ]
+
+
+def draw(result: Search, scene: Titled, path: str) -> None:
+    """Draw the solutions beside the curve of the level and the curves through others.  Local."""
+    followed = [one.curve for one in result.solutions if one.curve is not None]
+    shown = np.concatenate([result.curve.amplitude[:, 0], [one.amplitude[0] for one in result.solutions]])
+    factor, unit = with_prefix(shown, result.units[0])
+    handles = [Line2D([], [], color=_ACCENT, label="curve of the level")]
+    if followed:
+        handles.append(Line2D([], [], color=_SECOND, label="through other solutions"))
+    for stable, label in ((True, "stable"), (False, "unstable"), (None, "stability not computed")):
+        if any(one.stable is stable for one in result.solutions):
+            handles.append(Line2D([], [], color=INK, lw=0, marker="o", ms=4.5, mfc=_filled(stable), label=label))
+    name = plain(result.outputs[0], 24)
+    says = f"solutions found at {result.frequency:g} Hz and {result.level:g} {result.level_unit}, amplitude of {name}"
+    page = Page(scene, says, WIDTH, 3.2, handles)
+    axes = page.grid(1, 1).subplots()
+    axes.axvline(result.frequency, color=FAINT, lw=0.8)
+    for curve, colour in ((result.curve, _ACCENT), *((curve, _SECOND) for curve in followed)):
+        for segment in np.unique(curve.segment):
+            of = curve.segment == segment
+            axes.plot(curve.frequency[of], curve.amplitude[of, 0] * factor, color=colour)
+    for one in result.solutions:
+        axes.plot(result.frequency, one.amplitude[0] * factor, "o", color=INK, ms=4.5, mfc=_filled(one.stable), zorder=4)
+    axes.set(xlabel="frequency [Hz]", ylabel=f"amplitude [{unit}]")
+    log_scale(axes, "y")
+    page.save(path)
+
+
+def _filled(stable: bool | None) -> str:
+    return {True: INK, False: "white", None: FAINT}[stable]

@@ -1,0 +1,49 @@
+"""The story of a search: build, search at a frequency, continue if requested; table, search.csv, curves.csv, search.png."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...library.build import build
+from ...library.search import STARTS, refuse_what_has_one, search
+from ...observe.log import RunLog
+from ...parallel.agree import on_root
+from ...system.versions import versions
+from .report import write_search
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the command line states in addition to the scene."""
+
+    at: float  # Hz
+    level: float | None = None  # N; None: the highest of the scene
+    starts: int = STARTS
+    follow: bool = False  # whether the curve through each other solution is followed
+
+
+def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = ()) -> None:
+    """Search for solutions of a scene at a frequency; write and draw those found.
+
+    Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, ConvergenceError, MeshError, ResourceError : on every rank
+    """
+    refuse_what_has_one(scene)
+    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
+    with RunLog(comm, str(folder / "search.log"), facts=facts) as log:
+        structure = build(scene, comm, log, keeps_reference=False)
+        with log.stage("search"):
+            result = search(structure, request.at, level=request.level, starts=request.starts, follow=request.follow)
+        log.note(on_root(comm, write_search, result, scene, folder))
+        log.note(f"results in {folder}")
+        structure.close()

@@ -1,0 +1,120 @@
+"""Several solutions at a frequency: deflation against the roots of Duffing's amplitude equation, and a mass before a stop."""
+
+import numpy as np
+import pytest
+from dense_model import branch, forced, reduced
+from mpi4py import MPI
+from oracles import scenes
+
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.contact.law import ContactCycle
+from microslip.continuation.other_solutions import _Search, over_level
+from microslip.continuation.peaks import iterate_of
+from microslip.continuation.point_solver import PointSolver, Workspace
+from microslip.fourier.coefficients import analysis_matrix, synthesis_matrix
+from microslip.fourier.harmonics import Harmonics
+from microslip.points.selection import AllPairs
+from microslip.points.sweep import Sweep
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+
+
+class Cubic:
+    """A spring of force k x^3 beside the pairs, smooth and without memory."""
+
+    n_memory, order, elements_order = 0, 2, 0
+
+    def __init__(self, k):
+        self.k, self.n_pairs = k, len(k)
+        self.stiffness = self.springs = np.zeros((self.n_pairs, 3))
+        none = np.zeros(0)
+        self.sliders = ElasticCoulomb(none, none, none, none, none.astype(bool)).sliders
+
+    def take(self, indices):
+        return Cubic(self.k[indices])
+
+    def utilisation(self, amplitudes):
+        return np.full(amplitudes.shape[:-1], np.inf)
+
+    def slip_safety(self, amplitudes):
+        return np.zeros(amplitudes.shape[:-1])
+
+    def cycle(self, U, n_samples, tangents=True, harmonics=None):
+        E, F = synthesis_matrix(harmonics, n_samples), analysis_matrix(harmonics, n_samples)
+        n, _, N_H = U.shape
+        u = U[:, 0] @ E.T
+        p, P = np.zeros_like(U), np.zeros((n, 3, N_H, 3, N_H))
+        p[:, 0] = (self.k[:, None] * u**3) @ F.T
+        P[:, 0, :, 0] = np.einsum("ht,it,tk->ihk", F, 3.0 * self.k[:, None] * u**2, E)
+        P = P.reshape(n, 3 * N_H, 3 * N_H) if tangents else None
+        return ContactCycle(p, np.ones(n, np.uint8), np.arange(n), P, np.zeros(n, bool))
+
+    def memoryless_rate(self, du):
+        rate = np.zeros(du.shape)
+        rate[..., 0] = 3.0 * self.k * du[..., 0] ** 2
+        return rate
+
+
+def search(problem, omega, known=(), starts=0, seed=1):
+    """Return the search from known solutions, after so many starts."""
+    workspace = Workspace(problem.equation)
+    try:
+        solver = PointSolver(problem, AllPairs(), Sweep(omega, omega + 1.0), 1e-10, workspace)
+        found = _Search(solver, omega, has_stability=False)
+        for there in known:
+            found.add(there, "curve")
+        found.deflate(starts, np.random.default_rng(seed))
+        return found
+    finally:
+        workspace.destroy()
+
+
+def amplitudes(found):
+    return np.sort([COMM.bcast(float(np.hypot(*one.point.response[0, 1:3]))) for one in found.found])
+
+
+def duffing(omega, level, c=0.1, k_3=1.0):
+    """Return the problem x'' + c x' + x + k_3 x^3 = level cos(omega t) in harmonic 1, and its exact amplitudes."""
+    load = {"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}
+    system = scenes.make_system(
+        "duffing", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=1.0, N0=1.0, k_t=0.0, k_n=0.0, separate=True, loads=[load],
+        output=[1.0], omega=(0.5, 2.0), levels={}, C=np.array([[c]]),
+    )  # fmt: skip
+    problem = forced(reduced(system, COMM, Harmonics.up_to(1))[0], Cubic(np.array([k_3])), 32, level)
+    b, detuned = 0.75 * k_3, 1.0 - omega**2
+    squares = np.roots([b**2, 2.0 * b * detuned, detuned**2 + (c * omega) ** 2, -(level**2)])
+    return problem, np.sort(np.sqrt(squares[np.abs(squares.imag) < 1e-9].real))
+
+
+@pytest.mark.parametrize("omega, n", [(1.5, 3), (1.6, 3), (0.8, 1)])
+def test_all_solutions_of_duffing_and_no_other(omega, n):
+    problem, exact = duffing(omega, 0.3)
+    assert len(exact) == n
+    found = search(problem, omega, starts=6)
+    assert amplitudes(found) == pytest.approx(exact, rel=1e-8)
+    assert all(one.residual < 1e-10 for one in found.found)
+
+
+def test_deflation_alone_finds_what_a_folded_curve_passes():
+    """A mass before a stop between its folds; the lowest solution is known."""
+    system = scenes.gap_mass()
+    loads = [{"phase": 0.0} | load | {"vector": np.array(load["vector"])} for load in system["loads"]]
+    system, omega, H = system | {"loads": loads}, 1.25, 5
+    curve = branch(system, COMM, 0.2, low=1.05, high=1.4, H=H, n_samples=64, points=12, at=(omega,))
+    problem = forced(*reduced(system, COMM, H), 64, 0.2)
+    on_curve = [iterate_of(point, problem, Harmonics.up_to(H)) for point in curve.points if point.requested]
+    exact = amplitudes(search(problem, omega, on_curve))
+    assert len(exact) == 3
+    assert amplitudes(search(problem, omega, on_curve[-1:], starts=8)) == pytest.approx(exact, rel=1e-7)
+
+
+def test_a_curve_over_the_level_passes_folds():
+    problem, exact = duffing(1.5, 0.3)
+    workspace = Workspace(problem.equation)
+    try:
+        solver = PointSolver(problem, AllPairs(), Sweep(1.5, 2.5), 1e-10, workspace)
+        found = [solver.norm(there.U) for there in over_level(solver, 1.5)]
+    finally:
+        workspace.destroy()
+    assert np.sort(found) == pytest.approx(exact, rel=1e-7)
