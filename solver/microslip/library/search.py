@@ -155,11 +155,9 @@ def refuse_outside(prepared: Prepared, at: float) -> None:
 
 
 def _solution(one: Solution, through: Branch | None) -> SolutionAt:
-    point = one.point
-    counts = (int(np.count_nonzero(point.state == kind)) for kind in (SLIP, OPEN))
-    return SolutionAt(
-        point.response, one.residual, point.multipliers, *counts, one.source, None if through is None else _curve(through)
-    )
+    point, curve = one.point, None if through is None else _curve(through)
+    slipping, is_open = (int(np.count_nonzero(point.state == kind)) for kind in (SLIP, OPEN))
+    return SolutionAt(point.response, one.residual, point.multipliers, slipping, is_open, one.source, curve)
 
 
 def _curve(branch: Branch) -> FollowedCurve:
