@@ -13,7 +13,17 @@ from ..parallel.petsc import PREFIXES
 from ..system.walltime import seconds_of
 from ..version import __version__
 
-_SOLVE = ("run", "modes", "backbone", "search", "compare", "verify", "trade", "export", "identify")  # commands that PETSc options are for
+_SOLVE = (
+    "run",
+    "modes",
+    "backbone",
+    "search",
+    "compare",
+    "verify",
+    "trade",
+    "export",
+    "identify",
+)  # commands that PETSc options are for
 _SCENE = (*_SOLVE, "check")  # commands that read a scene
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -29,7 +39,7 @@ SIGUSR1 saves and continues; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 p
 class Command:
     """A command and its options."""
 
-    name: str  # run, modes, backbone, search, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor
+    name: str  # one of the commands: run, modes, backbone, ..., doctor
     file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # checked options after ``--``
