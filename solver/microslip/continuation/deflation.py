@@ -19,7 +19,7 @@ class DeflatedCorrector(Corrector):
     """A corrector that does not return to ``known`` solutions.  Collective on ``comm``.
 
     SNES solves M F = 0 in place of F = 0.  Its step is that of F times a number, eq. (7.12): no further linear system.  Distances
-    are those of the harmonics above the mean, as of a step, eq. (7.1).
+    are those of the harmonics above the mean, like lengths of steps.
     """
 
     known: Sequence[Iterate] = ()
@@ -54,6 +54,7 @@ class DeflatedCorrector(Corrector):
         self._at, self._system = x.getArray(readonly=True).copy(), system
 
     def _solve_step(self, b: PETSc.Vec, x: PETSc.Vec) -> tuple[int, int]:
+        """Solve for the step of F and scale it, eq. (7.12).  Collective."""
         self._b = b.getArray(readonly=True).copy()
         factor = self._factor(self._at, self._system)[0]
         plain = b.copy()

@@ -97,8 +97,8 @@ def search(
 ) -> Search:
     """Return solutions at a frequency: those along the curve, over the level, and by deflation from many starts.
 
-    Collective on ``structure.comm``; the same on every rank.  docs/theory.md, eq. (7.11).  With the harmonics and samples of the
-    curve there.
+    Collective on ``structure.comm``; the same on every rank.  docs/theory.md, section 7.  With the harmonics and samples of
+    the curve there.
 
     Parameters
     ----------
