@@ -221,6 +221,7 @@ def test_fields_and_forces_of_matrices(comm, folder):
     "keys, message",
     [
         ({"level": 1.0}, "respond: unknown key 'level'; nearest is \"levels\""),
+        ({"over": ({"key": "level", "range": (1.0, 2.0)},)}, "respond: over: .* microslip.peaks"),
         ({"levels": [-1.0]}, r"bar.toml: \[response\] levels = .*-1.0.*: expected a list of load levels in N"),
         ({"harmonics": 64}, r"bar.toml: \[solver\]: samples = 64 do not resolve harmonics = 64"),
         ({"method": "receptence"}, 'nearest is "receptance"'),

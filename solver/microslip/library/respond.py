@@ -128,6 +128,10 @@ def prepared_with(
 ) -> tuple[Prepared, tuple[str, ...]]:
     """Return a structure prepared with other keys, friction and preload, and notes.  Collective; :func:`respond`."""
     structure.refuse_closed()
+    if "over" in keys:
+        raise CaseError(
+            "respond: over: a response has no peaks over a number; call microslip.peaks(structure, over={key: (a, b)})"
+        )
     scene = scene_with(structure.scene, keys, of_joints)
     if structure.scene.statics is None or all(values is None for values in of_joints.values()):
         pairs = pairs_with(structure.pairs, of_joints)
