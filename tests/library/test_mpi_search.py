@@ -9,8 +9,11 @@ from mpi4py import MPI
 from oracles import scenes
 
 import microslip
+from microslip.continuation.other_solutions import continued, curve_through, solutions_at
+from microslip.library.prepare import prepare
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
+from microslip.points.multipliers import is_stable
 from microslip.studies.search import story
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -53,4 +56,18 @@ def test_a_frequency_outside_the_range(scene):
     structure = microslip.build(scene(), COMM)
     with pytest.raises(CaseError, match=r"search: --at = 3 Hz lies outside .* choose one there"):
         microslip.search(structure, 3.0)
+    structure.close()
+
+
+def test_the_curve_through_a_solution_is_followed_both_ways(scene):
+    """From the unstable solution between two folds each way passes a fold and comes back to the frequency at another solution."""
+    structure, omega = microslip.build(scene(), COMM), 1.25
+    of = prepare(structure, has_bars=False).response
+    found = solutions_at(of, curve_through(of, 0.2, omega), omega, starts=1, seed=1, has_stability=True)
+    (unstable,) = [one for one in found if not is_stable(one.point.multipliers)]
+    branch = continued(of, 0.2, unstable, has_stability=False)
+    there = [point.response[0, 1:3] for point in branch.points if abs(point.omega - omega) < 1e-9]
+    for one in found:
+        assert min(np.linalg.norm(one.point.response[0, 1:3] - motion) for motion in there) < 1e-6
+    assert {point.segment for point in branch.points} == {0, 1}
     structure.close()
