@@ -49,6 +49,7 @@ PICTURES = (
     "modes.report.draw_shapes",
     "trade.speed_plots.draw_trade",
     "verify.report.draw_verification",
+    "wear.report.draw_pictures",
 )
 
 

@@ -46,7 +46,7 @@ ROOMS = {
     "observe": ("log, observers", 1.0, 7),
     "library": ("settings, stages", 1.0, 10),
     "restart": ("checkpoints, cache", 0.0, 11),
-    "studies": ("compare, verify, trade", 2.0, 11),
+    "studies": ("compare, verify, trade", 2.0, 12),
     "program": ("command line", 1.0, 11),
 }
 BY_WAY_OF = {  # columns in which long arrows go down, between the boxes

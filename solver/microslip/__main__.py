@@ -242,6 +242,7 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     from .studies.search import story as search
     from .studies.trade import story as trade
     from .studies.verify import story as verify
+    from .studies.wear import story as wear
 
     if command.name == "modes":
         of_modes = modes.Request(command.count, command.speeds, command.diameters, command.orders)
@@ -254,6 +255,8 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
         assert command.frequency is not None, "required"
         of_search = search.Request(command.frequency, command.level, command.starts or search.STARTS, command.follow)
         search.study(scene, comm, out, of_search, command.petsc)
+    elif command.name == "wear":
+        wear.study(scene, comm, out, command.petsc, command.fresh)
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":

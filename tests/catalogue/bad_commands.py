@@ -79,6 +79,7 @@ COMMANDS = [
     line("search without a frequency", "search lap.toml --out out", "the following arguments are required: --at"),
     line("search outside the range", "search lap.toml --out out --at 5000", "search: --at = 5000 Hz lies outside"),
     line("search at no level", "search lap.toml --out out --at 99 --level -1", "'-1' is not a number above 0"),
+    line("wear without its table", "wear lap.toml --out out", "[wear] is missing: expected a table [wear] with coefficient"),
     line("export by an unknown method", "export lap.toml --out out --method rubbin", "rubbin", "rubin"),
     line("new of a scene", "new lap.toml", "lap.toml is a scene; new takes the model file"),
     line("new of no file", "new none.inp", "none.inp: there is no such file"),

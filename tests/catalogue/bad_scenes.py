@@ -357,6 +357,30 @@ CONTRADICTIONS = [
         '[[surfaces]]\nname = "s"\nbodies = ["left", "rigth"]\n',
         '[[surfaces]] 1 ("s") bodies holds "rigth": there is no such body; nearest is "right"',
     ),
+    with_more(
+        "wear of no such joint",
+        "[wear]\ncoefficient = { lop = 1e-14 }\ncycles = 1e6\n",
+        "[wear] coefficient: there is no joint 'lop'; nearest is \"lap\"",
+    ),
+    with_more(
+        "wear without a coefficient", "[wear]\ncoefficient = {}\ncycles = 1e6\n", "[wear] coefficient: joint 'lap' has none"
+    ),
+    with_more("wear of a negative number", "[wear]\ncoefficient = -1e-14\ncycles = 1e6\n", "[wear] coefficient = -1e-14"),
+    with_more("wear of negative cycles", "[wear]\ncoefficient = 1e-14\ncycles = -1.0\n", "[wear] cycles = -1.0"),
+    with_more("wear by an unknown law", '[wear]\nlaw = "archad"\ncoefficient = 1e-14\ncycles = 1e6\n', 'nearest is "archard"'),
+    with_more(
+        "wear at no such output",
+        '[wear]\ncoefficient = 1e-14\ncycles = 1e6\noutput = "tpi"\n',
+        "[wear] output: there is no output 'tpi'; nearest is \"tip\"",
+    ),
+    with_more(
+        "wear at two places", '[wear]\ncoefficient = 1e-14\ncycles = 1e6\noutput = "tip"\nfrequency = 20.0\n', "[wear]: output"
+    ),
+    with_more(
+        "wear of a stated preload with statics",
+        STATICS + '[[statics.forces]]\ngroup = "tip"\nforce = [0.0, 0.0, -1.0]\n[wear]\ncoefficient = 1e-14\ncycles = 1e6\n',
+        "joint 'lap' states preload",
+    ),
     with_more("surface of one body", '[[surfaces]]\nname = "s"\nbodies = ["left", "left"]\n', "normal is missing"),
 ]
 

@@ -28,6 +28,7 @@ from microslip.program.command_line import Command, parse
             Command("compare", "fan.toml", Path("here"), methods=("rubin", "full")),
         ),
         ("backbone fan.toml", Command("backbone", "fan.toml")),
+        ("wear fan.toml --fresh --out w", Command("wear", "fan.toml", Path("w"), fresh=True)),
         (
             "identify fan.toml m.csv --fit a=1:2 --fit b=3:4",
             Command("identify", "fan.toml", other="m.csv", fit=("a=1:2", "b=3:4")),
@@ -92,11 +93,11 @@ def test_what_is_asked_arrives(line, command):
     [
         (
             "",
-            "a command is missing: run, modes, backbone, search, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor",
+            "a command is missing: run, modes, backbone, search, wear, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor",
         ),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, search, compare, verify, trade, export, identify, check, new, plot, report, "
+            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, search, wear, compare, verify, trade, export, identify, check, new, plot, report, "
             "convert, diff and doctor",
         ),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),

@@ -98,7 +98,7 @@ def test_windows_files_are_read(tmp_path):
         (
             "points = 98",
             "tolerance = 1e-8",
-            "[response] tolerance: unknown key; [[joints]], [[ties]], [[surfaces]], [cyclic] or [solver] has a key of this name",
+            "[response] tolerance: unknown key; [[joints]], [[ties]], [[surfaces]], [cyclic], [solver] or [wear] has a key of this name",
         ),
         ("points = 98", "zzz = 1", "[response] zzz: unknown key; known: levels, frequencies, mode, span, points, at, direction"),
         # wrong types

@@ -126,6 +126,65 @@ def _follow(
     return PeakCurve(stuck, branch)
 
 
+@dataclass(frozen=True, eq=False)
+class PeakAt:
+    """The peak of an output at a level."""
+
+    curve: PeakCurve  # of one point; of none where it was not found, with the reason in ``failure`` of the branch
+    there: Iterate | None  # its motion; a peak near by is found from it
+
+    @property
+    def linear(self) -> Peak:
+        """The peak with all pairs stuck, amplitude per newton."""
+        return self.curve.linear
+
+
+def peak_at(of: ResponseProblem, output: int, level: float, near: PeakAt | None = None) -> PeakAt:
+    """Return the peak of an output at a level, with its error bar: from a peak near by, else up from the linear response.
+
+    Collective.  Of several peaks it is the largest of the linear response, or the one whose linear peak is next to that of
+    ``near``.  A point that Newton's method does not find from there is led up from the linear response as well.
+
+    Raises
+    ------
+    CaseError : the output has no peak in the range of frequencies
+    """
+    peaks = beginnings(of, PeakRequest("level", (level, 2.0 * level), (), output, level))
+    at_level, equation = ForcedResponse(of.at_level(level).equation, level), of.at_level(level).equation
+    stuck = (
+        max(peaks, key=lambda peak: abs(peak.amplitude))
+        if near is None
+        else min(peaks, key=lambda peak: abs(peak.omega - near.linear.omega))
+    )
+    begins = None if near is None else near.there
+    if begins is None and (sticks := STUCK * slips_from(equation, stuck.omega)) < level:
+        lead = follow_peak(equation, "level", Sweep(max(sticks, LEAST * level), level), stuck, of.settings.tolerance)
+        if lead.failure is not None:
+            return PeakAt(PeakCurve(stuck, Branch(level, failure=f"on the way up to {level:g}: {lead.failure}")), None)
+        begins = _arrived(lead, at_level, PeakRequest("level", (level, level), (), output, level))
+    estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
+    accuracy = accuracy_of(of.settings, equation) if estimator else None
+    branch = follow_peak(
+        equation,
+        "level",
+        Sweep(level, 2.0 * level),
+        stuck,
+        of.settings.tolerance,
+        level,
+        begins=begins,
+        estimator=estimator,
+        accuracy=accuracy and replace(accuracy, chooses_steps=False),
+        until=lambda point: True,
+    )
+    if branch.failure is not None and near is not None and near.there is not None:
+        return peak_at(of, output, level, replace(near, there=None))
+    there = None
+    if branch.points:
+        there = iterate_of(branch.points[0], at_level, harmonics_of(branch, branch.points[0], equation.harmonics))
+    branch.level = level
+    return PeakAt(PeakCurve(stuck, branch), there)
+
+
 def _arrived(lead: Branch, problem: ForcedResponse, request: PeakRequest) -> Iterate:
     """Return the end of a branch over the level as the first point of a curve.  Collective."""
     there = iterate_of(lead.points[-1], problem, harmonics_of(lead, lead.points[-1], problem.equation.harmonics))

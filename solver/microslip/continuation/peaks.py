@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,6 +126,7 @@ def follow_peak(
     estimator: ErrorEstimator | None = None,
     accuracy: Accuracy | None = None,
     on_point: Emit = nobody,
+    until: Callable[[Point], bool] = lambda point: False,
 ) -> Branch:
     """Return the peak of an output over a number of the operating point, as one branch.  Collective.
 
@@ -141,6 +142,7 @@ def follow_peak(
     begins : the peak at the begin of the range, where the linear response is not near
     estimator, accuracy : error bars, destroyed at the end; the accuracy that chooses harmonics and samples
     on_point : gets each point
+    until : ends the branch at a point
 
     Returns
     -------
@@ -148,7 +150,7 @@ def follow_peak(
     """
     problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, MaximumByPhase(stuck.output), begins)
     task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance, estimator, accuracy)
-    return follow_branch(task, MOST_POINTS, on_point)
+    return follow_branch(task, MOST_POINTS, on_point, until=until)
 
 
 def maxima(branch: Branch) -> Iterator[tuple[int, int]]:

@@ -18,6 +18,7 @@ _SOLVE = (
     "modes",
     "backbone",
     "search",
+    "wear",
     "compare",
     "verify",
     "trade",
@@ -275,6 +276,7 @@ _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, input f
     "modes": ("natural frequencies and shapes with all joints stuck: table and pictures", "SCENE.toml", "results/NAME_modes"),
     "backbone": ("frequency and damping of a mode against its amplitude, without loads", "SCENE.toml", "results/NAME_backbone"),
     "search": ("other solutions at a frequency, with their stability", "SCENE.toml", "results/NAME_search"),
+    "wear": ("the joint over its life: depth, preload, drift of the peak by jumps of cycles", "SCENE.toml", "results/NAME_wear"),
     "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
     "verify": ("time integration at points of the curves, compared with harmonic balance", "SCENE.toml", "results/NAME_verify"),
     "trade": ("speed and accuracy of a scene: effect of each setting on time and error", "SCENE.toml", "results/NAME_trade"),
@@ -318,7 +320,10 @@ _OPTIONS = (
         type=_count,
     ),
     _option(
-        "run", "--fresh", None, "recompute everything instead of continuing an earlier run; earlier results move to earlier-N/"
+        ("run", "wear"),
+        "--fresh",
+        None,
+        "recompute everything instead of continuing an earlier run; earlier results of run move to earlier-N/",
     ),
     _option(
         "run",

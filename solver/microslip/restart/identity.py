@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Tables = dict[str, Any]
 _OF_RESPONSE = ("samples", "tolerance")  # keys of [solver] that the set-up does not depend on
-_NOT_OF_STRUCTURE = ("title", "continuation", "response", "solver", "damping")
+_NOT_OF_STRUCTURE = ("title", "continuation", "response", "solver", "damping", "wear")
 _RANGE = ("frequencies", "mode", "span")  # of [response]
 _AT_REST = "loads at rest"  # key in ``files``: the model file may have the loads of [statics]
 _PERTURBED, _LOADED = re.compile(rb"(?i)perturbation"), re.compile(rb"(?i)\*\s*(c|d|d\s*s)\s*load")
@@ -60,7 +60,7 @@ class Identity:
         """
         scene, response = dict(self.scene), dict(self.scene["response"])
         solver = {key: value for key, value in scene.pop("solver", {}).items() if key not in _OF_RESPONSE}
-        for name in ("title", "continuation"):
+        for name in ("title", "continuation", "wear"):
             scene.pop(name, None)
         chosen_by = {key: response[key] for key in _RANGE if key in response}
         if "modes" not in solver:
@@ -82,7 +82,8 @@ class Identity:
     def level(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N]: everything except the other levels, and the number of modes instead of their choice."""
         scene, response = dict(self.scene), dict(self.scene["response"])
-        scene.pop("title", None)
+        for name in ("title", "wear"):
+            scene.pop(name, None)
         response.pop("levels")
         response.pop("fields", None)
         response.pop("over", None)
@@ -93,7 +94,8 @@ class Identity:
         scene, response = dict(self.scene), dict(self.scene["response"])
         for name in ("levels", "at", "fields", "over", *_RANGE):
             response.pop(name, None)
-        scene.pop("title", None)
+        for name in ("title", "wear"):
+            scene.pop(name, None)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
 
     def _key(self, scene: Tables) -> str:

@@ -44,7 +44,7 @@ def draw_slip_map(results: ResultFile) -> Pages:
 
     blocks = [(_at_peak(level, says(level)), colours[level.state[level.top]]) for level in some(results.solved, MOST_PANELS)]
     what = "states of the contact pairs at the peak of each level" + _of_levels(results)
-    return _draw(results, "slip_map.png", what, blocks, handles)
+    return draw_on_joint(results, "slip_map.png", what, blocks, handles)
 
 
 def draw_energy_map(results: ResultFile) -> Pages:
@@ -80,7 +80,7 @@ def draw_energy_map(results: ResultFile) -> Pages:
     what += ("" if len(losses) else ": none") + _of_levels(results)
     shades = matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256)))
     bar = (shades, scale, f"friction loss per cycle [{unit}]") if len(losses) else None
-    return _draw(results, "energy_map.png", what, blocks, [_swatch(_NO_LOSS, "no loss")], bar)
+    return draw_on_joint(results, "energy_map.png", what, blocks, [_swatch(_NO_LOSS, "no loss")], bar)
 
 
 def draw_sensitivity_map(results: ResultFile) -> Pages:
@@ -100,7 +100,7 @@ def draw_sensitivity_map(results: ResultFile) -> Pages:
     what = "where friction matters: change of the amplitude with the friction of each pair at the peak of each level"
     unit = "per area [1/m\u00b2]" if per_area else "[-]"
     label = f"relative change of the amplitude over that of friction {unit}"
-    return _draw(results, "sensitivity_map.png", what + _of_levels(results), blocks, [], (palette, scale, label))
+    return draw_on_joint(results, "sensitivity_map.png", what + _of_levels(results), blocks, [], (palette, scale, label))
 
 
 def draw_rest(results: ResultFile) -> Pages:
@@ -126,7 +126,7 @@ def draw_rest(results: ResultFile) -> Pages:
     over = "" if without.all() else f"pressure over {most:.4g} MPa, "
     bar = (palette, matplotlib.colors.Normalize(0.0, 1.0), f"{over}friction over its limit")
     handles = [_swatch(_NO_LOSS, "open, or no pressure known" if without.any() else "open")]
-    return _draw(results, "rest.png", "state of rest: contact pressure and friction", blocks, handles, bar)
+    return draw_on_joint(results, "rest.png", "state of rest: contact pressure and friction", blocks, handles, bar)
 
 
 def _swatch(colour: str, label: str) -> Swatch:
@@ -224,7 +224,9 @@ def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled:
     )
 
 
-def _draw(results: ResultFile, name: str, says: str, blocks: Sequence[tuple[str, np.ndarray]], handles, bar=None) -> Pages:
+def draw_on_joint(
+    results: ResultFile, name: str, says: str, blocks: Sequence[tuple[str, np.ndarray]], handles, bar=None
+) -> Pages:
     """Draw the surfaces once for each block, a heading and the colours (n_pairs, 4) of the pairs.
 
     ``bar`` is palette, scale and text of a colour bar.

@@ -17,6 +17,7 @@ from ..tables.structure_tables import StructureTables
 from ..tables.table import Table
 from ..tables.vibration import Damping, Load, Output
 from .solution import ACCURACY_OF_MODES, DEFAULT_ACCURACY, Continuation, Method, Response, Solver
+from .wear import Wear
 
 __all__ = [
     "Body",
@@ -47,6 +48,7 @@ __all__ = [
     "Table",
     "Temperature",
     "Tie",
+    "Wear",
 ]
 
 # endings of model files that may contain more than a mesh
@@ -64,6 +66,7 @@ class Scene(StructureTables):
     response: Response = Field(description="a table [response] with levels and frequencies")
     solver: Solver = Field(Solver(), description="a table [solver]")
     continuation: Continuation | None = Field(None, description="a table [continuation]")
+    wear: Wear | None = Field(None, description="a table [wear] with coefficient and cycles")
 
     _text: str = PrivateAttr(default="")
     _is_complete: bool = PrivateAttr(default=False)

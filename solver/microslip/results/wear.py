@@ -1,0 +1,158 @@
+"""The wear of a joint over cycles in files: a table, a group of results.h5, a series for ParaView.  Rank 0 only."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..contact.law import OPEN, SLIP
+from ..system.files import atomic_write
+from ..system.hdf5 import written_hdf5
+from .joint_mesh import joint_mesh
+from .record import Joint
+from .vtk_steps import write_joint_series
+from .writer import write_array
+
+COLUMNS = {  # of wear.csv, before those of each joint
+    "cycles": "cycles of vibration",
+    "depth_max_m": "largest depth of all pairs",
+    "volume_m3": "worn volume of all pairs",
+    "energy_J": "friction loss of the pairs that wear, since the first cycle",
+    "friction_J": "the same of one cycle",
+    "frequency_Hz": "frequency of the cycle",
+    "amplitude": "amplitude of harmonic 1 of the output, in its unit",
+    "damping": "damping ratio of one mode with this amplitude per unit of the level; empty where the frequency stays",
+    "slipping": "numbers of pairs",
+    "open": "numbers of pairs that open in the cycle",
+    "error_m": "error bar of the amplitude; empty without `error_bars`",
+    "jump_error_m": "error of the depth in the last jump",
+}
+OF_JOINT = {
+    "depth_max_m": "largest depth of the pairs of this joint",
+    "normal_force_N": "sum of its normal forces at rest",
+    "unloaded": "pairs without normal force at rest",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class WearHistory:
+    """A joint after n numbers of cycles."""
+
+    law: str  # of wear
+    unit: str  # of its coefficient
+    level: float
+    level_unit: str
+    output: str
+    output_unit: str
+    frequency_stays: bool
+    joint: Joint  # before the first cycle
+    area: np.ndarray  # (n_pairs,) m2, by which depth is volume
+    cycles: np.ndarray  # (n,)
+    depth: np.ndarray  # (n, n_pairs) m
+    total: np.ndarray  # (n, n_pairs) J, friction loss since the first cycle
+    energy: np.ndarray  # (n, n_pairs) J, friction loss of a cycle
+    N0: np.ndarray  # (n, n_pairs) N, at rest; below 0 a gap of -N0 / k_n
+    state: np.ndarray  # (n, n_pairs) states in the cycle
+    frequency: np.ndarray  # (n,) Hz
+    amplitude: np.ndarray  # (n,) of harmonic 1 of the output
+    damping: np.ndarray  # (n,) -
+    error: np.ndarray  # (n,) of the amplitude; NaN without error bars
+    jump_error: np.ndarray  # (n,) m
+
+    @property
+    def normal_force(self) -> np.ndarray:
+        """At rest, (n, n_pairs) [N]."""
+        return np.maximum(np.nan_to_num(self.N0), 0.0)
+
+    def records(self) -> list[dict[str, Any]]:
+        """Return a record for each number of cycles, by the columns of wear.csv."""
+        worn, rows = self.depth > 0.0, []
+        volume = np.where(worn, self.depth * np.where(worn.any(axis=0), self.area, 0.0), 0.0).sum(axis=1)
+        for i, cycles in enumerate(self.cycles):
+            row: dict[str, Any] = {
+                "cycles": float(cycles),
+                "depth_max_m": float(self.depth[i].max(initial=0.0)),
+                "volume_m3": float(volume[i]),
+                "energy_J": float(self.total[i].sum()),
+                "friction_J": float(self.energy[i].sum()),
+                "frequency_Hz": float(self.frequency[i]),
+                "amplitude": float(self.amplitude[i]),
+                "damping": float(self.damping[i]),
+                "slipping": int(np.count_nonzero(self.state[i] == SLIP)),
+                "open": int(np.count_nonzero(self.state[i] == OPEN)),
+                "error_m": float(self.error[i]),
+                "jump_error_m": float(self.jump_error[i]),
+            }
+            for k, name in enumerate(self.joint.names):
+                of_joint = self.joint.joint == k
+                N = self.normal_force[i, of_joint]
+                values = float(self.depth[i, of_joint].max(initial=0.0)), float(N.sum()), int(np.count_nonzero(N <= 0.0))
+                row |= {f"{name}_{column}": value for column, value in zip(OF_JOINT, values)}
+            rows.append(row)
+        return rows
+
+
+_ARRAYS = {
+    "cycles": "1",
+    "depth": "m",
+    "total": "J",
+    "energy": "J",
+    "N0": "N",
+    "state": "0 stick, 1 slip, 2 open",
+    "frequency": "Hz",
+    "damping": "1",
+    "jump_error": "m",
+}
+
+
+def keep_wear(path: str, history: WearHistory) -> None:
+    """Add the group ``wear`` to an existing results.h5.  Local; the file is complete or as it was.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    with atomic_write(path) as temporary:
+        shutil.copyfile(path, temporary)
+        with written_hdf5(temporary, "r+") as file:
+            if "wear" in file:
+                del file["wear"]
+            group = file.create_group("wear")
+            for name in ("law", "unit", "level", "output"):
+                group.attrs[name] = getattr(history, name)
+            for name, unit in _ARRAYS.items():
+                write_array(group, name, getattr(history, name), unit)
+            for name in ("amplitude", "error"):
+                write_array(group, name, getattr(history, name), history.output_unit)
+
+
+def write_wear_series(folder: str, history: WearHistory) -> None:
+    """Write wear.vtkhdf: depth, pressure at rest and friction loss of the pairs, a step for each number of cycles.  Local.
+
+    Nothing where no pair has a place.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    mesh, joint = joint_mesh(history.joint), history.joint
+    if not len(mesh.sizes):
+        return
+
+    def at_pairs(i: int) -> dict[str, np.ndarray]:
+        values = {
+            "depth_m": history.depth[i],
+            "normal_force_at_rest_N": history.normal_force[i],
+            "friction_loss_J": history.energy[i],
+            "state": history.state[i].astype(float),
+        }
+        if np.isfinite(joint.area).all() and (joint.area > 0.0).all():
+            values["pressure_at_rest_Pa"] = history.normal_force[i] / joint.area
+        return values
+
+    stays = {"joint": joint.joint, "area_m2": joint.area}
+    write_joint_series(os.path.join(folder, "wear.vtkhdf"), mesh, history.cycles, at_pairs, stays)

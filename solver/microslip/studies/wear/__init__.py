@@ -1,0 +1,1 @@
+"""Wear of joints over cycles: depth, preload, and what drifts with them."""

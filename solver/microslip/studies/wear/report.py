@@ -1,0 +1,121 @@
+"""A wear study as a table, wear.csv, wear.png, wear_map.png, a group of results.h5 and wear.vtkhdf.  Rank 0 only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+
+from ...library.wear import WearingJoint
+from ...observe.screen_table import screen_table
+from ...points.error_parts import total
+from ...results.read import read_results
+from ...results.record import Joint, LevelResult, ResultFile
+from ...results.style import RC, some
+from ...results.wear import WearHistory, keep_wear, write_wear_series
+from ...results.wear_plots import draw_wear, draw_wear_map
+from ...scene.wear import UNITS
+from ..records import cell, write_csv
+from .progress import State
+
+_ROWS = 14  # of the table on the screen
+
+
+def history_of(wearing: WearingJoint, joint: Joint, states: Sequence[State]) -> WearHistory:
+    """Return the arrays of a study; of the points rank 0 has them all.  Local."""
+    points, k, wear = [state.cycle.point for state in states], wearing.output, wearing.wear
+    scene, units = wearing.structure.scene, wearing.units
+    stated = np.array([wear.area_of(name) or np.nan for name in joint.names])[joint.joint]
+    bars = [point.error for point in points]
+    return WearHistory(
+        law=wear.law,
+        unit=UNITS[wear.law],
+        level=wearing.level,
+        level_unit=units.level,
+        output=scene.outputs[k].name,
+        output_unit=units.outputs[k],
+        frequency_stays=wear.frequency is not None,
+        joint=joint,
+        area=np.where(np.isfinite(joint.area), joint.area, stated),
+        cycles=np.array([state.cycles for state in states]),
+        depth=np.array([state.depth for state in states]),
+        total=np.array([state.energy for state in states]),
+        energy=np.array([state.cycle.energy for state in states]),
+        N0=np.array([state.cycle.N0 for state in states]),
+        state=np.array([point.state for point in points]),
+        frequency=np.array([point.omega for point in points]) / (2.0 * np.pi),
+        amplitude=np.array([np.hypot(*point.response[k, 1:3]) for point in points]),
+        damping=np.array([state.cycle.damping for state in states]),
+        error=np.array([np.nan if bar is None else total(bar[k]) for bar in bars]),
+        jump_error=np.array([state.error for state in states]),
+    )
+
+
+def write_wear(history: WearHistory, folder: Path, worn: Path | None) -> str:
+    """Write the files of a study, whose curve is in results.h5, of the ``worn`` joint in another; return a table.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    rows = history.records()
+    write_csv(str(folder / "wear.csv"), rows[0], rows, unknown="")
+    keep_wear(str(folder / "results.h5"), history)
+    write_wear_series(str(folder), history)
+    results = read_results(str(folder / "results.h5"), motion=False)
+    curves = [*results.solved, *(read_results(str(worn / "results.h5"), motion=False).solved if worn is not None else ())]
+    draw_pictures(results, history, curves, folder)
+    return "\n".join([on_screen(history), *in_words(history)])
+
+
+def draw_pictures(results: ResultFile, history: WearHistory, curves: Sequence[LevelResult], folder: Path) -> None:
+    """Draw wear.png and, where something is worn and pairs have places, wear_map.png.  Local."""
+    with matplotlib.rc_context(RC):
+        draw_wear(results, history, curves).save(str(folder / "wear.png"))
+        for name, page in draw_wear_map(results, history).items():
+            page.save(str(folder / name))
+
+
+def on_screen(history: WearHistory) -> str:
+    """Return the table for the screen: numbers of cycles evenly spread."""
+    head = [
+        "cycles",
+        f"{history.output} {history.output_unit}",
+        "frequency Hz",
+        "damping %",
+        "depth m",
+        "energy J",
+        "slip",
+        "open",
+    ]
+    keys = ("cycles", "amplitude", "frequency_Hz", "damping", "depth_max_m", "energy_J", "slipping", "open")
+    digits, rows = (5, 5, 7, 4, 4, 4, 0, 0), some(history.records(), _ROWS)
+    table = [
+        (0, [cell(row[k] * (100.0 if k == "damping" else 1.0), n) if n else str(row[k]) for k, n in zip(keys, digits)])
+        for row in rows
+    ]
+    return screen_table(f"wear at {history.level:g} {history.level_unit}, by {history.law}", head, table)
+
+
+def in_words(history: WearHistory) -> list[str]:
+    """Return lines on what wear has done to the response and to each joint."""
+    if len(history.cycles) < 2:
+        return []
+    rows, n = history.records(), len(history.cycles) - 1
+    shift, growth = history.frequency[-1] - history.frequency[0], history.amplitude[-1] / history.amplitude[0] - 1.0
+    lines = [
+        f"after {history.cycles[-1]:.6g} cycles in {n} jumps: amplitude {100.0 * growth:+.3g} %, frequency {shift:+.4g} Hz, "
+        f"worn volume {rows[-1]['volume_m3']:.4g} m3 by {rows[-1]['energy_J']:.4g} J"
+    ]
+    for k, name in enumerate(history.joint.names):
+        of_joint = history.joint.joint == k
+        first, last = history.normal_force[[0, -1]][:, of_joint]
+        lost = np.count_nonzero((first > 0.0) & (last <= 0.0))
+        lines.append(
+            f"  {name}: {np.count_nonzero(history.depth[-1, of_joint])} of {of_joint.sum()} pairs worn, up to "
+            f"{history.depth[-1, of_joint].max():.4g} m; normal force {first.sum():.5g} -> {last.sum():.5g} N; {lost} pairs have "
+            "lost all of theirs"
+        )
+    return lines

@@ -1,0 +1,113 @@
+"""The story of a wear study: build, cycle, jump, again; curves of the new and the worn joint; table, files, pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...library.build import build
+from ...library.follow_response import follow
+from ...library.prepare import Prepared
+from ...library.result_files import head_of, writer_of
+from ...library.wear import WearingJoint, wear_of
+from ...messages.errors import ConvergenceError
+from ...observe.log import RunLog
+from ...observe.stops import goes_on
+from ...parallel.agree import on_root
+from ...system.versions import versions
+from .progress import Progress, State
+from .report import history_of, write_wear
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
+
+
+def study(scene: Scene, comm: MPI.Comm, folder: Path, options: tuple[str, ...] = (), fresh: bool = False) -> None:
+    """Compute the wear of the joints of a scene by its table [wear]; continue after the last jump of an earlier study.
+
+    Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, MeshError, ResourceError : on every rank
+    ConvergenceError : wear or a curve ended early, after everything was written; on every rank
+    """
+    wear_of(scene)
+    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
+    with goes_on(folder), RunLog(comm, str(folder / "wear.log"), facts=facts) as log:
+        structure = build(scene, comm, log)
+        wearing, failures = WearingJoint(structure), list[str]()
+        progress = Progress(comm, folder, scene, options, fresh)
+        try:
+            if progress.note:
+                log.note(progress.note)
+            with log.stage("wear"):
+                try:
+                    follow_to_the_end(wearing, progress, log)
+                except ConvergenceError as problem:
+                    failures.append(str(problem))
+        finally:
+            progress.close()
+        if progress.states:
+            failures += write_study(wearing, progress.states, folder, options, log)
+        structure.close()
+    if failures:
+        raise ConvergenceError("\n".join(failures) + f"\nwhat was computed is in {folder}")
+
+
+def follow_to_the_end(wearing: WearingJoint, progress: Progress, log: RunLog) -> None:
+    """Compute the jumps that are left, each on disk before the next.  Collective.
+
+    Raises
+    ------
+    ConvergenceError, ResourceError : on every rank
+    """
+    if not progress.states:
+        progress.append(wearing.start())
+    for state in wearing.follow(progress.states[-1]):
+        progress.append(state)
+        log.note(_line(state), on_screen=False)
+    last = progress.states[-1]
+    if not last.cycle.rate.any():
+        where = f"at {wearing.level:g} {wearing.units.level}"
+        log.note(
+            f"no pair with a coefficient above 0 slides {where}: nothing wears; a higher level, or less friction, makes it slide"
+            if last.number == 0
+            else f"after {last.cycles:.6g} cycles no pair slides {where}: the cycles left change nothing"
+        )
+
+
+def _line(state: State) -> str:
+    point = state.cycle.point
+    return (
+        f"jump {state.number} to {state.cycles:.6g} cycles: depth up to {state.depth.max():.4g} m (error of the jump "
+        f"{state.error:.1e} m), {point.omega / 6.283185307179586:.8g} Hz, friction loss {state.cycle.energy.sum():.5g} J"
+    )
+
+
+def write_study(wearing: WearingJoint, states: list[State], folder: Path, options: tuple[str, ...], log: RunLog) -> list[str]:
+    """Compute the curves of the new and the worn joint, write and draw all; return why curves ended early.  Collective."""
+    comm, last = wearing.structure.comm, states[-1]
+    with log.stage("curves"):
+        new = wearing.prepared(states[0].depth)
+        joint = head_of(new).joint
+        failures = _write_curve(new, folder, options)
+        worn = folder / "worn" if last.depth.any() else None
+        if worn is not None:
+            failures += _write_curve(wearing.prepared(last.depth), worn, options)
+    text = on_root(comm, lambda: write_wear(history_of(wearing, joint, states), folder, worn))
+    log.note(text)
+    log.note(f"results in {folder}")
+    return failures
+
+
+def _write_curve(prepared: Prepared, folder: Path, options: tuple[str, ...]) -> list[str]:
+    """Write frf.csv and results.h5 of the level; return why its curve ended early.  Collective."""
+    writer = writer_of(prepared, folder, options)
+    try:
+        (branch,) = follow(prepared.response, [writer], keeps_motion=False)
+    finally:
+        writer.close()
+    return [f"curve in {folder}: level {branch.why_ended}"] if branch.failure else []
