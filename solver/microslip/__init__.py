@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from .library.respond import respond
     from .library.response import Curves, Response
     from .library.search import Search, search
+    from .library.sweep import SweepTable, sweep
     from .messages.errors import CaseError, ConvergenceError, MicroslipError, ResourceError
     from .results.read import read_results
     from .scene.read import read_scene as read
@@ -57,6 +58,7 @@ __all__ = [
     "Scene",
     "Search",
     "Structure",
+    "SweepTable",
     "backbone",
     "build",
     "identify",
@@ -66,6 +68,7 @@ __all__ = [
     "respond",
     "scene_of",
     "search",
+    "sweep",
 ]
 
 _FROM = {
@@ -79,6 +82,7 @@ _FROM = {
     "Scene": ".scene.schema",
     "Search": ".library.search",
     "Structure": ".library.build",
+    "SweepTable": ".library.sweep",
     "backbone": ".library.backbone",
     "build": ".library.build",
     "Identified": ".library.identify",
@@ -89,6 +93,7 @@ _FROM = {
     "respond": ".library.respond",
     "scene_of": ".scene.read",
     "search": ".library.search",
+    "sweep": ".library.sweep",
 }
 
 

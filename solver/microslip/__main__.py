@@ -207,7 +207,8 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
         out, status = _run([scene, *more], command, comm)
     else:
         out, status = Path("results", f"{scene.name}_{command.name}") if command.out is None else command.out, 0
-        with locked(comm, out):
+        number, parts = command.part
+        with locked(comm, out if parts == 1 else out / f"part-{number}"):
             _study(command, scene, comm, out)
     unused = set.intersection(*map(set, comm.allgather(unused_options(command.petsc))))  # a group may have had no work
     if unused and status == 0:
@@ -240,6 +241,8 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     from .studies.identify import story as identify
     from .studies.modes import story as modes
     from .studies.search import story as search
+    from .studies.sweep import request as of_sweep
+    from .studies.sweep import story as sweep
     from .studies.trade import story as trade
     from .studies.verify import story as verify
     from .studies.wear import story as wear
@@ -257,6 +260,23 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
         search.study(scene, comm, out, of_search, command.petsc)
     elif command.name == "wear":
         wear.study(scene, comm, out, command.petsc, command.fresh)
+    elif command.name == "sweep":
+        asked = of_sweep.Request(
+            command.swept,
+            command.scatter,
+            command.table,
+            command.samples,
+            command.design,
+            command.seed,
+            command.one_by_one,
+            command.output,
+            command.outside == "skip",
+            command.curves,
+            command.groups,
+            command.part,
+            command.fresh,
+        )
+        sweep.study(scene, comm, out, asked, command.petsc, on_root(comm, time_limit, command.walltime))
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":

@@ -10,7 +10,7 @@ def line(name: str, text: str, *words: str, spoil=None, **more) -> Case:
 
 
 COMMANDS = [
-    line("no command", "", "a command is missing: run, modes, backbone"),
+    line("no command", "", "a command is missing: run, modes, backbone, sweep"),
     line("unknown command", "rnu lap.toml", "unknown command 'rnu'; nearest is run"),
     line("no scene", "run", "SCENE.toml", "try: microslip run --help"),
     line("scene for a command", "lap.toml", "unknown command 'lap.toml'"),
@@ -80,6 +80,24 @@ COMMANDS = [
     line("search outside the range", "search lap.toml --out out --at 5000", "search: --at = 5000 Hz lies outside"),
     line("search at no level", "search lap.toml --out out --at 99 --level -1", "'-1' is not a number above 0"),
     line("wear without its table", "wear lap.toml --out out", "[wear] is missing: expected a table [wear] with coefficient"),
+    line("sweep of nothing", "sweep lap.toml --out out", "exactly one of --set KEY=A,B"),
+    line("sweep of an unknown key", "sweep lap.toml --out out --set joints.lap.frction=0.1,0.2", 'nearest is "friction"'),
+    line("sweep of no joint", "sweep lap.toml --out out --set joints.lop.friction=0.1,0.2", 'nearest is "lap"'),
+    line("sweep over half a range", "sweep lap.toml --out out --set level=1:2", "--set level=1:2: expected KEY=A,B"),
+    line(
+        "samples that the scene does not allow",
+        "sweep lap.toml --out out --set joints.lap.friction=-0.1,0.2",
+        "1 of 2 samples are outside what the scene allows",
+        "--outside skip",
+    ),
+    line("scatter of no number", "sweep lap.toml --out out --scatter joints.lap.friction=much", "expected KEY=PERCENT"),
+    line("table of samples that is not there", "sweep lap.toml --out out --table none.csv", "none.csv: there is no such file"),
+    line(
+        "table of samples without keys",
+        "sweep lap.toml --out out --table table.csv",
+        "table.csv: the columns have no names",
+        spoil=written("table.csv", "0.1,0.2\n0.3,0.4\n"),
+    ),
     line("export by an unknown method", "export lap.toml --out out --method rubbin", "rubbin", "rubin"),
     line("new of a scene", "new lap.toml", "lap.toml is a scene; new takes the model file"),
     line("new of no file", "new none.inp", "none.inp: there is no such file"),

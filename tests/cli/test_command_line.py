@@ -93,11 +93,11 @@ def test_what_is_asked_arrives(line, command):
     [
         (
             "",
-            "a command is missing: run, modes, backbone, search, wear, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor",
+            "a command is missing: run, modes, backbone, search, sweep, wear, compare, verify, trade, export, identify, check, new, plot, report, convert, diff or doctor",
         ),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, search, wear, compare, verify, trade, export, identify, check, new, plot, report, "
+            "unknown command 'rnu'; nearest is run; commands are run, modes, backbone, search, sweep, wear, compare, verify, trade, export, identify, check, new, plot, report, "
             "convert, diff and doctor",
         ),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),

@@ -136,3 +136,16 @@ def test_shellcheck_finds_nothing():
     files = [*(ROOT / "jobs").glob("*.sh"), ROOT / ".ci" / "run", ROOT / ".ci" / "packages"]
     found = subprocess.run(["shellcheck", "--exclude=SC1091", *map(str, files)], capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stdout
+
+
+@pytest.mark.parametrize("script", ["slurm_sweep.sh", "pbs_sweep.sh"])
+def test_a_task_of_a_sweep_is_its_part(tmp_path, script):
+    options = ["--scatter", "level=10", "--samples", "8"]
+    own = {"SLURM_ARRAY_TASK_ID": 3, "SLURM_ARRAY_TASK_COUNT": 5}
+    own |= {"PBS_ARRAY_INDEX": 3, "PBS_O_WORKDIR": tmp_path, "scene": "scene.toml", "parts": 5, "options": " ".join(options)}
+    job(tmp_path, SLURM, scene="")  # makes the commands
+    arguments = ["scene.toml", *options] if script.startswith("slurm") else []
+    command = ["bash", str(ROOT / "jobs" / script), *arguments]
+    variables = environment() | {name: str(value) for name, value in own.items()}
+    subprocess.run(command, cwd=tmp_path, env=variables, check=True, timeout=LIMIT)
+    assert (tmp_path / "said").read_text() == f"microslip sweep scene.toml {' '.join(options)} --part 3/5\n"

@@ -5,8 +5,7 @@ import csv
 import numpy as np
 import pytest
 from matrix_scenes import write_matrix_scene
-from oracles import scenes
-from scipy.optimize import brentq, minimize_scalar
+from oracles import exact, scenes
 
 import microslip
 from microslip.messages.errors import CaseError
@@ -29,18 +28,7 @@ level = 0.8
 
 
 def amplitude(level, limit=1.0):
-    """Return the peak amplitude of m = k = k_t = 1, limit mu N, at a level, one harmonic, from the first slip on."""
-
-    def level_of(X):
-        th = np.arccos(1.0 - 2.0 * limit / X)
-        a1, b1 = X / np.pi * (th - np.sin(2.0 * th) / 2.0), 4.0 * limit / np.pi * (1.0 - limit / X)
-
-        def squared(w):
-            return (1.0 + a1 / X - w * w) ** 2 * X * X + (C * w * X + b1) ** 2
-
-        return np.sqrt(minimize_scalar(squared, bounds=(0.9, 1.5), method="bounded", options={"xatol": 1e-12}).fun)
-
-    return brentq(lambda X: level_of(X) - level, limit * (1.0 + 1e-9), 1e4, xtol=1e-12)
+    return exact.jenkins_peak(level, limit, C)
 
 
 @pytest.fixture(scope="module")

@@ -50,10 +50,16 @@ class Prepared:
         self.structure.close()
 
 
-def prepare(structure: Structure, scene: Scene | None = None, has_bars: bool | None = None) -> Prepared:
+def prepare(
+    structure: Structure, scene: Scene | None = None, has_bars: bool | None = None, load_factors: np.ndarray | None = None
+) -> Prepared:
     """Return a structure prepared for the responses of ``scene``, by default its own; with error bars if that has them.
 
     Collective on ``structure.comm``.  Results of an earlier call are reused if they still apply.
+
+    Parameters
+    ----------
+    load_factors : (n_loads,) of each shape of a load, for loads that are others than those the structure was built with
 
     Raises
     ------
@@ -66,6 +72,8 @@ def prepare(structure: Structure, scene: Scene | None = None, has_bars: bool | N
     has_bars = has_error_bars(scene) if has_bars is None else has_bars
     enriched = enriched_model_of(structure, reduction, settings) if has_bars else None
     model = ReducedModel.of(reduction.structure, excitation(scene), settings.damping)
+    if load_factors is not None:
+        model = replace(model, f=load_factors[:, None] * model.f)
     of_response = response_settings(scene)
     law = structure.pairs.law.followed(of_response.follows_path)
     response = response_problem(of_response, model, law, reduction.selection, structure.excited.omega_n, enriched)

@@ -18,6 +18,7 @@ _SOLVE = (
     "modes",
     "backbone",
     "search",
+    "sweep",
     "wear",
     "compare",
     "verify",
@@ -78,6 +79,16 @@ class Command:
     bars: bool = False  # ignore differences inside the error bars
     as_json: bool = False
     fit: tuple[str, ...] = ()  # KEY=LOW:HIGH, numbers to identify
+    swept: tuple[str, ...] = ()  # KEY=LIST or KEY=RANGE, of a sweep
+    scatter: tuple[str, ...] = ()  # KEY=PERCENT, of a sweep
+    table: str | None = None  # of samples
+    design: str | None = None  # of scatter; None: the default of the command
+    seed: int = 0
+    one_by_one: bool = False
+    output: str | None = None  # its name; None: the first
+    outside: str = "refuse"  # or skip, of samples that the scene does not allow
+    curves: bool = False
+    part: tuple[int, int] = (1, 1)  # of a job array
 
 
 class _Parser(argparse.ArgumentParser):
@@ -114,7 +125,12 @@ def parse(arguments: list[str]) -> Command:
         raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
     if petsc and given.command not in _SOLVE:
         raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
-    values = vars(given) | {"petsc": petsc_options(petsc), "more": more, "settings": tuple(getattr(given, "settings", ()))}
+    settings = tuple(getattr(given, "settings", ()))
+    values = vars(given) | {"petsc": petsc_options(petsc), "more": more, "settings": settings}
+    if given.command == "sweep":
+        values["swept"] = tuple(text for text in settings if is_swept(text))
+        values["settings"] = tuple(text for text in settings if not is_swept(text))
+        values["scatter"] = tuple(given.scatter)
     values |= {"fit": tuple(getattr(given, "fit", ()))}
     return Command(values.pop("command"), **values)
 
@@ -144,6 +160,27 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
         commands[name] = command
     return parser, commands
+
+
+def is_swept(text: str) -> bool:
+    """Tell whether KEY=VALUE has a list or a range in place of a value of a scene.  Local."""
+    value = text.partition("=")[2].strip()
+    return not value.startswith(("[", "{", '"', "'")) and ("," in value or (":" in value and not value[:1].isalpha()))
+
+
+def _part(text: str) -> tuple[int, int]:
+    """Return which part of how many, I/N."""
+    words = text.split("/")
+    if len(words) != 2 or not all(word.isdecimal() for word in words) or not 1 <= int(words[0]) <= int(words[1]):
+        raise argparse.ArgumentTypeError(f"{text!r} is not I/N with I from 1 to N, as 3/8")
+    return int(words[0]), int(words[1])
+
+
+def _seed(text: str) -> int:
+    """Return a whole number of at least 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
+    return int(text)
 
 
 def _numbers(text: str) -> tuple[float, ...]:
@@ -276,6 +313,7 @@ _COMMANDS: dict[str, tuple[str, str | None, str | None]] = {  # summary, input f
     "modes": ("natural frequencies and shapes with all joints stuck: table and pictures", "SCENE.toml", "results/NAME_modes"),
     "backbone": ("frequency and damping of a mode against its amplitude, without loads", "SCENE.toml", "results/NAME_backbone"),
     "search": ("other solutions at a frequency, with their stability", "SCENE.toml", "results/NAME_search"),
+    "sweep": ("peaks for other numbers of a scene: lists, grids, scatter", "SCENE.toml", "results/NAME_sweep"),
     "wear": ("the joint over its life: depth, preload, drift of the peak by jumps of cycles", "SCENE.toml", "results/NAME_wear"),
     "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
     "verify": ("time integration at points of the curves, compared with harmonic balance", "SCENE.toml", "results/NAME_verify"),
@@ -305,12 +343,47 @@ _OPTIONS = (
         _SCENE,
         "--set",
         "KEY=VALUE",
-        "override a key of the scene, for example joints.dovetail.friction=0.2; may be given several times",
+        "override a key of the scene, for example joints.dovetail.friction=0.2; may be given several times; of a sweep also "
+        "KEY=A,B,..., KEY=FIRST:LAST:COUNT or KEY=FIRST:LAST:COUNT:log, several keys as a grid",
         dest="settings",
         action="append",
         default=[],
     ),
     _option("run", "more", "MORE.toml", "further scenes; with --out DIR each in DIR/NAME", nargs="*", default=[]),
+    _option(
+        "sweep",
+        "--scatter",
+        "KEY=PERCENT",
+        "samples about the number of the scene with this standard deviation in per cent, lognormal; KEY=PERCENT:normal or "
+        "KEY=PERCENT:uniform (half of the range); may be given several times",
+        action="append",
+        default=[],
+    ),
+    _option("sweep", "--table", "FILE.csv", "samples: a first line of keys, a line of numbers for each"),
+    _option("sweep", "--samples", "N", "how many, of --scatter (default: 64)", type=_count),
+    _option(
+        "sweep",
+        "--design",
+        "NAME",
+        "of --scatter: sobol, latin, or indices, N (keys + 2) samples for Sobol indices (default: sobol)",
+    ),
+    _option("sweep", "--seed", "N", "of the samples (default: 0)", type=_seed, default=0),
+    _option("sweep", "--one-by-one", None, "each key of --set alone, others as in the scene, in place of a grid"),
+    _option("sweep", "--output", "NAME", "whose peak (default: the first output)"),
+    _option(
+        "sweep",
+        "--outside",
+        "refuse|skip",
+        "samples that the scene does not allow (default: refuse)",
+        choices=("refuse", "skip"),
+        default="refuse",
+    ),
+    _option("sweep", "--curves", None, "the curve of each sample, too: percentile bands"),
+    _option("sweep", "--part", "I/N", "of a job array: every N-th sample from the I-th on", type=_part, default=(1, 1)),
+    _option(
+        "sweep", "--groups", "G", "split the ranks into G groups, each with samples of its own (default: each rank)", type=_count
+    ),
+    _option("sweep", "--fresh", None, "compute all samples again, in place of those that an earlier run has stored"),
     _option(
         "run",
         "--groups",
@@ -326,7 +399,7 @@ _OPTIONS = (
         "recompute everything instead of continuing an earlier run; earlier results of run move to earlier-N/",
     ),
     _option(
-        "run",
+        ("run", "sweep"),
         "--walltime",
         "T",
         "time limit: the run saves and stops before it, with status 5; 3600, 90m, 1h30m, HH:MM:SS, D-HH:MM:SS "

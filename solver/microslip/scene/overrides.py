@@ -36,21 +36,30 @@ def _parsed(text: str) -> tuple[list[str], Any]:
     plain = value.strip()
     if _WORD.fullmatch(plain) and plain not in ("true", "false", "inf", "nan"):
         value = f'"{plain}"'
+    words = words_of(key)
     try:
-        keys: Any = tomllib.loads(f"{key} = 0")
-        words = []
-        while isinstance(keys, dict) and len(keys) == 1:
-            ((word, keys),) = keys.items()
-            words.append(word)
         values = tomllib.loads(f"value = {value}")
     except tomllib.TOMLDecodeError:
-        words, values = [], {}
-    if not words or keys != 0 or list(values) != ["value"]:
+        values = {}
+    if not words or list(values) != ["value"]:
         raise CaseError(
             f"--set {text}: expected KEY=VALUE with a value as in a scene file, as --set joints.dovetail.friction=0.2 "
             "or --set 'response.levels=[5.0, 10.0]'"
         )
     return words, values["value"]
+
+
+def words_of(key: str) -> list[str]:
+    """Return the words of a dotted key as TOML reads it; none where it is no key.  Local."""
+    try:
+        keys: Any = tomllib.loads(f"{key} = 0")
+    except tomllib.TOMLDecodeError:
+        return []
+    words = []
+    while isinstance(keys, dict) and len(keys) == 1:
+        ((word, keys),) = keys.items()
+        words.append(word)
+    return words if keys == 0 else []
 
 
 def _placed(table: Mapping[str, Any], words: list[str], value: Any, where: str) -> dict[str, Any]:

@@ -74,6 +74,17 @@ def changed(
     return _checked(scene.path, raw, as_toml(raw), scene.is_complete)
 
 
+def with_settings(scene: Scene, settings: Sequence[str]) -> Scene:
+    """Return a scene with keys that ``settings`` set, texts KEY=VALUE as for :func:`read_scene`.  Local.
+
+    Raises
+    ------
+    CaseError : as :func:`read_scene`
+    """
+    raw = _frozen(overridden(scene.model_dump(exclude_unset=True), settings))
+    return _checked(scene.path, raw, as_toml(raw), scene.is_complete, (*scene.settings, *settings))
+
+
 def completed(scene: Scene, tables: Mapping[str, Any]) -> Scene:
     """Return a scene with some tables replaced, complete without further data of its model file.  Local.
 

@@ -1,0 +1,292 @@
+"""One peak of the forced response, from a solution near by and without the curve (docs/theory.md, section 7, eq. (7.13)).
+
+Solutions are taken at given phases of harmonic 1 of the pairs' motion, which turns by half a cycle along a resonance.  The peak
+is the solution at whose two neighbours, a fixed angle before and after it, the output has the same amplitude.  This definition
+does not depend on where a search starts, and the angle lies above that of the corners where samples of the contact law begin or
+end to slip.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..error_estimate.estimate import ErrorEstimator, output_amplitude
+from ..harmonic.balance import HarmonicBalance
+from ..points.branch import Point
+from ..points.selection import AllPairs
+from ..points.sweep import Sweep
+from .constraint_rows import Plane, Scaling
+from .corrector import BorderedSystem, Correction
+from .iterate import Iterate
+from .maximum_by_phase import APART, rotated
+from .point_record import point_record
+from .point_solver import PointSolver, Workspace
+from .problems import ForcedResponse
+
+SAMPLES = 4.0  # of the contact law between the solutions, at least: corners lie one apart
+SETTLED = 2e-2  # of the angle between the solutions: a shift of the peak below which one solution more is the peak
+MOST_HALVES = 2  # times that the way to a phase is halved where Newton's method fails
+CLOSER = 2  # times that the angle itself is halved then
+FARTHEST = 1.0  # of that angle: a step towards the peak
+MOST_STEPS = 12
+LEAST, FAR = 0.3, 2.0  # of the motion of a guess and of the frequency of the start: solutions beyond belong to no peak here
+HALF = 1e-6  # relative error of the amplitude at which a half-power point is found
+NO_PEAK = "no peak of the output near the start"
+
+
+Starts = tuple[Iterate, Iterate | None, Iterate | None]  # near a peak, and near the ends of its half-power width if known
+
+
+@dataclass(frozen=True, eq=False)
+class PeakPoint:
+    """A peak of one output; the same on all ranks but for the motion."""
+
+    iterate: Iterate
+    point: Point  # its record: energies, states, error bar
+    amplitude: float  # of harmonic 1
+    sides: tuple[Iterate | None, Iterate | None]  # at 1 / sqrt 2 of the amplitude, above and below its frequency; None: not found
+    newton: int  # iterations of all solutions
+
+    @property
+    def width(self) -> float:
+        """The half-power width [rad/s]; NaN where one of its ends was not found."""
+        above, below = self.sides
+        return float("nan") if above is None or below is None else abs(above.parameter - below.parameter)
+
+    @property
+    def starts(self) -> Starts:
+        """What a search near by starts from."""
+        return self.iterate, *self.sides
+
+
+class _Lost(Exception):
+    """Newton's method fails, or the amplitude has no maximum near."""
+
+
+def peak_near(
+    problem: ForcedResponse, output: int, starts: Starts, width: float, tolerance: float, estimator: ErrorEstimator | None = None
+) -> PeakPoint | str:
+    """Return the peak of an output near some motions, eq. (7.13), with its half-power width, or why there is none.  Collective.
+
+    Parameters
+    ----------
+    starts : with the frequency as their parameter [rad/s]
+    width : rad/s, unit of the frequency: about the half-power width
+    estimator : of the error bar of the peak
+    """
+    workspace, harmonics = Workspace(problem.equation), problem.equation.harmonics
+    above, below = (side and side.on(harmonics) for side in starts[1:])
+    starts = starts[0].on(harmonics), above, below
+    try:
+        search = _Search(problem, output, starts[0], width, tolerance, workspace)
+        peak = search.peak()
+        above, below = search.half_power(peak, -1.0, starts[1]), search.half_power(peak, 1.0, starts[2])
+        found = replace(peak.solution, newton=search.newton)
+        point, _ = point_record(problem, AllPairs(), (found, search.every), False, estimator)
+        return PeakPoint(found.iterate, point, peak.size, (above, below), search.newton)
+    except _Lost as problem_text:
+        return str(problem_text)
+    finally:
+        workspace.destroy()
+
+
+@dataclass(frozen=True, eq=False)
+class _At:
+    """A solution at a phase, and the amplitude of the output there."""
+
+    solution: Correction
+    size: float
+
+    @property
+    def iterate(self) -> Iterate:
+        return self.solution.iterate
+
+
+class _Search:
+    """The search for one peak.  Collective on the communicator of the equation."""
+
+    def __init__(
+        self, problem: ForcedResponse, output: int, start: Iterate, width: float, tolerance: float, workspace: Workspace
+    ):
+        self.problem, self.output, self.start, self.newton = problem, output, start, 0
+        self.equation: HarmonicBalance = problem.equation
+        self.every = self.equation.every_pair
+        self.apart = max(APART, SAMPLES * 2.0 * np.pi / self.equation.n_samples)
+        sweep = Sweep(start.parameter, start.parameter + width)
+        self.solver = PointSolver(problem, AllPairs(), sweep, tolerance, workspace)
+        self.corrector = workspace.corrector(self.equation, self.solver.resolution)
+        self.scaling = self._scaling(start)
+        self.W = -width / 2.0  # rad/s of the frequency for each unit of the tangent of the phase
+
+    def _scaling(self, there: Iterate) -> Scaling:
+        size = self.solver.norm(there.U)
+        if size == 0.0:
+            raise _Lost("the pairs do not move: no phase")
+        return self.solver.scaling(size, self.solver.force(there, self.every))
+
+    # -- solutions at a phase ----------------------------------------------------------------------------------------
+
+    def at(self, reference: Iterate, theta: float, guess: Iterate, is_patient: bool = False) -> _At:
+        """Return the solution whose motion in harmonic 1 has the phase ``theta`` [rad] from that of the reference."""
+        about = rotated(reference, theta)
+        normal, first = np.zeros_like(about.U), about.harmonics.columns(1)
+        normal[..., first] = rotated(about, 0.5 * np.pi).U[..., first]
+        size = self.solver.norm(normal)
+        if size == 0.0:
+            raise _Lost("the pairs do not move: no phase")
+        return self.solved(Plane(about, normal / size, (0.0,)), guess, is_patient)
+
+    def solved(self, plane: Plane, guess: Iterate, is_patient: bool = False) -> _At:
+        """Return the solution on a plane near a guess."""
+        system = BorderedSystem(self.problem, (plane,), self.scaling, self.every)
+        solution = self.corrector.correct(system, guess)
+        self.newton += solution.newton
+        if solution.failure is not None and is_patient:
+            solution = self.corrector.correct(system, guess, is_patient)
+            self.newton += solution.newton
+        if solution.failure is not None:
+            raise _Lost(solution.failure)
+        shrinks = self.solver.norm(solution.iterate.U) < LEAST * self.solver.norm(guess.U)
+        if shrinks or not 1.0 / FAR < solution.iterate.parameter / self.start.parameter < FAR:
+            raise _Lost("the solution at this phase lies elsewhere")
+        return _At(solution, self.amplitude(solution.iterate))
+
+    def amplitude(self, there: Iterate) -> float:
+        """Return |a| of harmonic 1 of the output, the same on all ranks."""
+        at, equation = self.problem.at(there.parameters), self.equation
+        p = equation.full_force(equation.contact_forces(there.U, self.every, tangents=False))
+        cos_sin = output_amplitude(equation.model_at(at), at, p)[self.output :: equation.model.n_outputs]
+        return equation.comm.bcast(float(np.hypot(*cos_sin)))
+
+    # -- the peak ----------------------------------------------------------------------------------------------------
+
+    def peak(self) -> _At:
+        """Return the peak; with neighbours closer by where there are none at the usual angle, beyond the end of a branch."""
+        for k in range(CLOSER + 1):
+            try:
+                return self._settled(self.apart / 2.0**k)
+            except _Lost:
+                if k == CLOSER:
+                    raise
+        raise AssertionError
+
+    def _settled(self, apart: float) -> _At:
+        """Return the solution between two neighbours of equal amplitude, eq. (7.13), by secants of their difference."""
+        guess, ends = self.start, None
+        before: tuple[float, float] | None = None  # the last shift, and the difference before it
+        for _ in range(MOST_STEPS):
+            here = self.at(guess, 0.0, guess, is_patient=True)
+            self.scaling = self._scaling(here.iterate)
+            low, high = (
+                self.turned(here, way, None if ends is None else end) for way, end in zip((-apart, apart), ends or (None, None))
+            )
+            rise, bend = 0.5 * (high.size - low.size), low.size - 2.0 * here.size + high.size
+            self.W = (high.iterate.parameter - low.iterate.parameter) / (2.0 * np.tan(apart))
+            slope = bend if before is None else (rise - before[1]) / before[0]
+            slope = slope if slope < 0.0 else bend
+            shift = float(np.clip(-rise / slope, -FARTHEST, FARTHEST)) if slope < 0.0 else FARTHEST * float(np.sign(rise))
+            below, guess, above = (_along(low.iterate, here.iterate, high.iterate, shift + way) for way in (-1.0, 0.0, 1.0))
+            if abs(shift) <= SETTLED:
+                return self.at(guess, 0.0, guess)
+            ends, before = (below, above), (shift, rise)
+        raise _Lost(NO_PEAK)
+
+    def turned(self, here: _At, theta: float, guess: Iterate | None = None, depth: int = 0) -> _At:
+        """Return the solution at a phase from another one, by halves of the way where Newton's method fails."""
+        try:
+            return self.at(here.iterate, theta, guess or self._as_one_mode(here.iterate, theta, 0.0))
+        except _Lost:
+            if depth == MOST_HALVES:
+                raise
+        middle = self.turned(here, 0.5 * theta, depth=depth + 1)
+        turned, back = rotated(middle.iterate, 0.5 * theta), rotated(here.iterate, theta)
+        omega = 2.0 * middle.iterate.parameter - here.iterate.parameter
+        return self.at(here.iterate, theta, Iterate(2.0 * turned.U - back.U, (omega,), turned.harmonics))
+
+    def _as_one_mode(self, there: Iterate, theta: float, phase: float) -> Iterate:
+        """Return a motion at a phase from that at another ``phase`` from the peak, as if it were of one mode."""
+        turned, omega = rotated(there, theta - phase), there.parameter + self.W * (np.tan(theta) - np.tan(phase))
+        return Iterate(turned.U * (np.cos(theta) / np.cos(phase)), (float(omega),), there.harmonics)
+
+    # -- half the power ----------------------------------------------------------------------------------------------
+
+    def half_power(self, peak: _At, way: float, start: Iterate | None) -> Iterate | None:
+        """Return the solution at 1 / sqrt 2 of the amplitude of a peak, in the ``way`` of its phase; None where none is found."""
+        share, known = np.sqrt(0.5), [(0.0, peak.iterate, 1.0 - np.sqrt(0.5))]
+        theta = way * 0.25 * np.pi if start is None else self.phase_from(peak.iterate, start)
+        guess = self._guess(known, theta) if start is None else start
+        try:
+            for _ in range(2 * MOST_STEPS):
+                side = self.turned(peak, theta, guess)
+                miss = side.size / peak.size - share
+                if abs(miss) <= HALF:
+                    return side.iterate
+                known.append((theta, side.iterate, miss))
+                theta = _root(known, way)
+                guess = self._guess(known, theta)
+        except _Lost:
+            pass
+        return self.half_power_by_frequency(peak, way)
+
+    def half_power_by_frequency(self, peak: _At, way: float) -> Iterate | None:
+        """Return the same by steps of the frequency: near a corner the phase says little of the amplitude."""
+        share, known = np.sqrt(0.5), [peak]
+
+        def miss(omega: float) -> float:
+            near = min(known, key=lambda each: abs(each.iterate.parameter - omega))
+            known.append(self.solved(Plane.fixed_parameter(near.iterate.at(omega)), near.iterate.at(omega)))
+            return known[-1].size / peak.size - share
+
+        step, omega = 0.3 * self.W * way, peak.iterate.parameter
+        try:
+            for _ in range(MOST_STEPS):
+                if miss(omega + step) <= 0.0:
+                    root = brentq(miss, omega, omega + step, xtol=HALF * abs(self.W))
+                    return min(known, key=lambda each: abs(each.iterate.parameter - root)).iterate
+                omega, step = omega + step, 1.5 * step
+        except (_Lost, ValueError):
+            pass
+        return None
+
+    def phase_from(self, reference: Iterate, there: Iterate) -> float:
+        """Return the phase [rad] of a motion from a reference, both in harmonic 1.  Collective."""
+        first = reference.harmonics.columns(1)
+        a, b = (u[..., 0] - 1j * u[..., 1] for u in (reference.U[..., first], there.on(reference.harmonics).U[..., first]))
+        return float(np.angle(self.equation.comm.allreduce(complex(np.vdot(a, b)))))
+
+    def _guess(self, known: list[tuple[float, Iterate, float]], theta: float) -> Iterate:
+        """Return a motion at a phase: between two known solutions, or from the last one as that of one mode."""
+        if len(known) < 3:
+            phase, there, _ = known[-1]
+            return self._as_one_mode(there, theta, phase)
+        (a, at_a, _), (b, at_b, _) = sorted(known[1:], key=lambda each: abs(each[0] - theta))[:2]
+        s, one, other = (theta - a) / (b - a), rotated(at_a, theta - a), rotated(at_b, theta - b)
+        omega = at_a.parameter + s * (at_b.parameter - at_a.parameter)
+        return Iterate(one.U + s * (other.U - one.U), (float(omega),), at_a.harmonics)
+
+
+def _root(known: list[tuple[float, Iterate, float]], way: float) -> float:
+    """Return the next phase towards the half-power point: by the slope of one mode, by secants, or in the middle.  Local."""
+    theta, _, miss = known[-1]
+    if len(known) == 2 and known[0][0] == 0.0:
+        return theta + float(np.clip(miss / np.sin(theta), -0.3, 0.3))
+    other, _, before = known[-2]
+    step = float(np.clip(-miss * (theta - other) / (miss - before), -0.3, 0.3)) if miss != before else 0.1 * way
+    above = [at for at, _, value in known if value > 0.0]  # nearer to the peak
+    below = [at for at, _, value in known if value <= 0.0]
+    if not below:
+        return theta + step
+    near, far = max(above, key=abs), min(below, key=abs)
+    is_slow = len(known) > 5 and abs(known[-1][2]) > 0.25 * abs(known[-3][2])
+    return theta + step if not is_slow and min(near, far) < theta + step < max(near, far) else 0.5 * (near + far)
+
+
+def _along(low: Iterate, here: Iterate, high: Iterate, t: float) -> Iterate:
+    """Return the place at ``t`` of the parabola through three solutions at -1, 0 and 1.  Local."""
+    weights = 0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)
+    U = weights[0] * low.U + weights[1] * here.U + weights[2] * high.U
+    omega = float(np.dot(weights, [there.parameter for there in (low, here, high)]))
+    return Iterate(U, (omega,), here.harmonics)

@@ -1,0 +1,429 @@
+"""Peaks of samples: other numbers in a scene, on a structure that is built again only where they need another one.
+
+The scene itself is solved first, along its curve.  Each sample begins at its peak as the samples solved so far have it, and only
+where Newton's method does not come from there to the peak the curve of the sample is followed.  The peak that is found does not
+depend on where the search began (continuation/peak_at.py).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+import numpy as np
+
+from ..contact.law import OPEN, SLIP
+from ..continuation.accuracy import Resolution
+from ..continuation.iterate import Iterate
+from ..continuation.levels import ResponseProblem, follow_level, linear_curve
+from ..continuation.peak_at import PeakPoint, Starts, peak_near
+from ..continuation.peak_curves import linear_peaks
+from ..continuation.peaks import harmonics_of, iterate_of
+from ..continuation.point_record import HELD
+from ..error_estimate.estimate import ErrorEstimator
+from ..harmonic.operating_point import LawParameter, OperatingPoint
+from ..messages.errors import CaseError, ConvergenceError
+from ..messages.words import hint
+from ..observe.log import RunLog
+from ..points.branch import Branch
+from ..points.error_parts import total
+from ..points.peak import Peak
+from ..scene.overrides import words_of
+from ..scene.schema import Scene
+from .build import Structure, build
+from .peak_curves import number_of_joint
+from .prepare import Prepared, prepare
+from .respond import prepared_with, scene_with, with_modes_for
+from .settings import reduction_settings, refuse_statics
+from .varied import Varied, as_keys, load_factors, of_joints
+
+DONE, FAILED, OUTSIDE, MISSING = "done", "failed", "outside", "missing"
+NEIGHBOURS = 3  # samples beside one for each number and the scene, of which a motion is interpolated
+MOST_WEIGHT = 3.0  # sum of the sizes of their weights, beyond which the nearest one alone is taken
+CURVE_POINTS = 201  # frequencies of the curves of samples
+UNKNOWN_WIDTH = 0.02  # of a peak over its frequency, where none of the linear response is in the range
+NAN = float("nan")
+
+Law = tuple[tuple[LawParameter, float], ...]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The peak of one sample; the same on every rank."""
+
+    values: tuple[float, ...]
+    status: str = DONE  # or FAILED, OUTSIDE: the scene does not allow the values
+    why: str = ""  # it has no peak
+    amplitude: float = NAN  # of harmonic 1, in the unit of the output
+    phase: float = NAN  # rad
+    frequency: float = NAN  # Hz
+    width: float = NAN  # Hz, between the solutions at 1 / sqrt 2 of the amplitude
+    damping: float = NAN  # -, of one mode with this amplitude for its level, eq. (7.10); NaN without a linear peak in the range
+    friction_J: float = NAN  # loss a cycle
+    damping_J: float = NAN
+    error: float = NAN  # error bar of the amplitude
+    slipping: int = 0  # pairs
+    open: int = 0
+    newton: int = 0  # iterations
+    seconds: float = 0.0
+    is_followed: bool = False  # its curve was, too
+    curve: tuple[float, ...] = field(default=(), repr=False)  # amplitudes at the frequencies of all curves; () without
+
+    def as_texts(self) -> dict[str, Any]:
+        """Return it as JSON can represent it."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+    @classmethod
+    def from_texts(cls, texts: dict[str, Any]) -> Sample:
+        """Return the sample of the texts by ``as_texts``.
+
+        Raises
+        ------
+        TypeError, KeyError : they are of no sample
+        """
+        return cls(**(texts | {"values": tuple(texts["values"]), "curve": tuple(texts["curve"])}))
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """A sample made ready: its response problem, of its own law and stiffness, at its level."""
+
+    of: ResponseProblem
+    level: float
+    resolution: Resolution
+
+    def forced(self, held: bool):
+        """Return the forced response of the sample in the resolution of all samples.  Local."""
+        problem = self.of.at_level(self.level)
+        equation = problem.equation.resolved(self.resolution.harmonics, self.resolution.n_samples)
+        return problem.with_equation(equation.holding(np.zeros((equation.n_owned, 2)) if held else None))
+
+
+class SamplePeaks:
+    """The peaks of samples on the ranks of a structure.  All methods are collective on ``structure.comm``.
+
+    Parameters
+    ----------
+    structure : of the scene; stays open
+    varied : the numbers that vary
+    output : its name; the first one if None
+    spread : (n_keys,) of the samples, by which their distances are measured
+    has_curves : whether the curve of each sample is computed, too
+
+    Raises
+    ------
+    CaseError : no such output, nothing that vibrates, no peak of the scene itself in the range; on every rank
+    ConvergenceError, ResourceError : the curve of the scene itself; on every rank
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        varied: Varied,
+        output: str | None = None,
+        spread: np.ndarray | None = None,
+        has_curves: bool = False,
+        log: RunLog | None = None,
+    ):
+        scene, names = structure.scene, [output.name for output in structure.scene.outputs]
+        refuse_statics(scene, "sweep")
+        if output is not None and output not in names:
+            raise CaseError(f"{scene.source}: sweep: there is no output {output!r}{hint(output, names)}")
+        self.reference, self.varied, self.output = structure, varied, 0 if output is None else names.index(output)
+        self.log = log or RunLog(structure.comm, screen=False)
+        self.spread = np.ones(len(varied.keys)) if spread is None else np.where(spread > 0.0, spread, 1.0)
+        self.has_curves = has_curves
+        self._built: tuple[Any, Structure] = ((), structure)
+        self._prepared: tuple[Any, Prepared] | None = None
+        self.solved: list[tuple[np.ndarray, Starts]] = []
+        self.nominal = self._solve_nominal()
+
+    def close(self) -> None:
+        """Free the structure that was built for samples.  Collective."""
+        if self._built[1] is not self.reference:
+            self._built[1].close()
+        self._built, self._prepared = ((), self.reference), None
+
+    # -- the scene itself --------------------------------------------------------------------------------------------
+
+    def _solve_nominal(self) -> Sample:
+        """Return the peak of the scene itself, from its curve, which decides harmonics and samples where the scene does not."""
+        began, scene = time.perf_counter(), self.reference.scene
+        level = max(scene.response.levels)
+        of = self._prepare(self.reference, scene, "nominal").response
+        branch = follow_level(_alone(of), level)
+        peak, held = self._start_of(of, level, branch, self.output)
+        if isinstance(peak, str):
+            error = ConvergenceError if branch.failure else CaseError
+            raise error(f"{scene.source}: sweep: the scene itself has no peak at {level:g}: {peak}")
+        self.resolution, self.held = Resolution(peak[1], peak[2], of.settings.tolerance), held
+        linear = self._nearest_linear(of, level, peak[0].parameter)
+        self.target = peak[0].parameter if linear is None else linear.omega
+        self.grid = np.linspace(min(of.sweep.start, of.sweep.stop), max(of.sweep.start, of.sweep.stop), CURVE_POINTS)
+        sample = self._of_peak(_Problem(of, level, self.resolution), (peak[0], None, None), self.varied.nominal, branch)
+        if sample.status != DONE:
+            raise ConvergenceError(f"{scene.source}: sweep: no peak of the scene itself at {level:g}: {sample.why}")
+        return replace(sample, seconds=time.perf_counter() - began)
+
+    def _start_of(self, of: ResponseProblem, level: float, branch: Branch, output: int) -> tuple[Any, bool]:
+        """Return the motion at the highest inner point of a curve, its harmonics and samples; or why there is none."""
+        sizes = [float(np.hypot(*point.response[output, 1:3])) for point in branch.points]
+        inner = [i for i in range(1, len(sizes) - 1) if sizes[i] >= sizes[i - 1] and sizes[i] >= sizes[i + 1]]
+        inner = of.model.comm.bcast(inner)
+        if not inner:
+            why = branch.failure or "its amplitude has no maximum between the ends of [response] frequencies; widen them"
+            return why, False
+        top = of.model.comm.bcast(max(inner, key=lambda i: sizes[i]))
+        point, problem = branch.points[top], of.at_level(level)
+        harmonics = harmonics_of(branch, point, problem.equation.harmonics)
+        return (iterate_of(point, problem, harmonics), harmonics, point.samples), HELD in point.notes
+
+    # -- samples -----------------------------------------------------------------------------------------------------
+
+    def solve(self, values: Sequence[float]) -> Sample:
+        """Return the peak of a sample; one without a peak has the reason in ``why``.
+
+        Raises
+        ------
+        ResourceError, Interrupted : on every rank
+        """
+        began, values = time.perf_counter(), tuple(map(float, values))
+        try:
+            sample = self._solved(values)
+        except (CaseError, ConvergenceError) as problem:
+            sample = Sample(values, FAILED, str(problem))
+        return replace(sample, seconds=time.perf_counter() - began)
+
+    def _solved(self, values: tuple[float, ...]) -> Sample:
+        problem = self._problem(values)
+        branch = None
+        if self.has_curves:
+            branch = follow_level(_alone(problem.of), problem.level)
+        x, newton, sample = np.array(values), 0, Sample(values, FAILED, "no sample near by")
+        for starts in self._starts(x, problem.forced(False).equation.shape):
+            sample = self._of_peak(problem, starts, x, branch)
+            newton += sample.newton
+            if sample.status == DONE:
+                return replace(sample, newton=newton)
+        branch = branch or follow_level(_alone(problem.of), problem.level)
+        newton += sum(point.newton for point in branch.points)
+        start, _ = self._start_of(problem.of, problem.level, branch, self.output)
+        if isinstance(start, str):
+            return Sample(values, FAILED, f"{sample.why}; along its curve: {start}", newton=newton, is_followed=True)
+        sample = self._of_peak(problem, (start[0], None, None), x, branch)
+        return replace(sample, newton=newton + sample.newton, is_followed=True)
+
+    def _starts(self, x: np.ndarray, shape: tuple[int, int, int]) -> list[Starts]:
+        """Return motions to begin from: of the samples around one, and of the nearest one."""
+        known = [(at, starts) for at, starts in self.solved if starts[0].U.shape[:2] == shape[:2] and np.isfinite(at).all()]
+        comm = self.reference.comm
+        if not comm.allreduce(int(bool(known))) == comm.size:
+            return []
+        places = (np.array([at for at, _ in known]) - x) / self.spread
+        order = np.argsort(np.linalg.norm(places, axis=1), kind="stable")[: 2 * len(x) + NEIGHBOURS]
+        nearest = known[order[0]][1]
+        weights = affine_weights(places[order])
+        if weights is None:
+            return [nearest]
+        around = [known[i][1] for i in order]
+        return [(_mean(weights, [each[0] for each in around]), *(_side(weights, around, k) for k in (1, 2))), nearest]
+
+    def _of_peak(self, problem: _Problem, starts: Starts, x: np.ndarray, branch: Branch | None) -> Sample:
+        """Return the sample of the peak near some motions, and remember it for others."""
+        of, values = problem.of, tuple(map(float, x))
+        linear = self._nearest_linear(of, problem.level, None)
+        estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
+        width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
+        try:
+            peak = peak_near(problem.forced(self.held), self.output, starts, width, problem.resolution.tolerance, estimator)
+        finally:
+            if estimator is not None:
+                estimator.destroy()
+        if isinstance(peak, str):
+            return Sample(values, FAILED, peak)
+        low, high = sorted((of.sweep.start, of.sweep.stop))
+        if not low <= peak.iterate.parameter <= high:
+            f = peak.iterate.parameter / (2.0 * np.pi)
+            return Sample(values, FAILED, f"its peak at {f:.6g} Hz lies outside [response] frequencies", newton=peak.newton)
+        self.solved.append((x, peak.starts))
+        return self._record(problem, peak, linear, values, branch)
+
+    def _record(
+        self, problem: _Problem, peak: PeakPoint, linear: Peak | None, values: tuple[float, ...], branch: Branch | None
+    ) -> Sample:
+        point, comm = peak.point, problem.of.model.comm
+
+        def numbers() -> dict[str, Any]:
+            cos, sin = point.response[self.output, 1:3]
+            size = float(np.hypot(cos, sin))
+            damping = NAN
+            if linear is not None:
+                per_level = abs(linear.amplitude) * problem.level / size * (linear.omega / point.omega) ** 2
+                damping = linear.damping * per_level
+            curve = () if branch is None or not self.has_curves else amplitudes_at(branch, self.output, self.grid)
+            return {
+                "amplitude": size,
+                "phase": float(np.arctan2(-sin, cos)),
+                "frequency": point.omega / (2.0 * np.pi),
+                "width": peak.width / (2.0 * np.pi),
+                "damping": damping,
+                "friction_J": float(point.friction),
+                "damping_J": float(point.damping),
+                "error": NAN if point.error is None else float(total(point.error[self.output])),
+                "slipping": int(np.count_nonzero(point.state == SLIP)),
+                "open": int(np.count_nonzero(point.state == OPEN)),
+                "newton": peak.newton,
+                "curve": curve,
+            }
+
+        found = comm.bcast(numbers() if comm.rank == 0 else None)
+        return Sample(values, **found)
+
+    def _nearest_linear(self, of: ResponseProblem, level: float, omega: float | None) -> Peak | None:
+        """Return the linear peak nearest to a frequency [rad/s], by default to that of the scene itself; None without one."""
+        peaks, near = linear_peaks(of, of.at_level(level).equation, self.output), omega or self.target
+        return min(peaks, key=lambda peak: abs(np.log(peak.omega / near)), default=None)
+
+    # -- what a sample changes ---------------------------------------------------------------------------------------
+
+    def _problem(self, values: tuple[float, ...]) -> _Problem:
+        """Return the problem of a sample, with as little made anew as its numbers allow.
+
+        Raises
+        ------
+        CaseError : the scene or the law does not allow a number; on every rank
+        """
+        scene = self.varied.scene_at(values)  # the schema first
+        try:
+            return self._with_law(scene, values, ())
+        except ValueError as problem:  # the law of a built structure: another one may have it
+            law = self.varied.items(values, "law")
+            if any(self.varied.is_factor[i] for i in self.varied.having("law")):
+                raise CaseError(str(problem)) from None
+            return self._with_law(scene, values, law)
+
+    def _with_law(self, scene: Scene, values: tuple[float, ...], as_built: tuple[tuple[str, float], ...]) -> _Problem:
+        varied, rest, loads = self.varied, self.varied.items(values, "rest"), self.varied.items(values, "load")
+        structure = self._structure(values, as_built)
+        keys = as_keys(varied.items(values, "settings"))
+        settings = scene_with(structure.scene, keys, {}) if keys else structure.scene
+        key = varied.items(values, "build", "rest", "settings", "load"), as_built
+        if rest:
+            prepared = self._cached(key, lambda: prepared_with(structure, of_joints(rest), keys)[0])
+        else:
+            factors = load_factors(structure.scene, scene) if loads else None
+            if loads:
+                settings = settings.with_keys(loads=scene.loads)
+            prepared = self._prepare(structure, settings, key, factors)
+        level = next((value for _, value in varied.items(values, "level")), max(prepared.scene.response.levels))
+        of = prepared.response
+        if not as_built:
+            of = self._with_parameters(of, prepared, varied.items(values, "law"))
+        return _Problem(of, level, self._resolution(of, keys))
+
+    def _resolution(self, of: ResponseProblem, keys: dict[str, Any]) -> Resolution:
+        """Return harmonics and samples: those of the scene itself, unless these vary."""
+        harmonics = of.model.harmonics if "harmonics" in keys else self.resolution.harmonics
+        n_samples = of.settings.samples if "samples" in keys else self.resolution.n_samples
+        tolerance = of.settings.tolerance if "tolerance" in keys else self.resolution.tolerance
+        return Resolution(harmonics, n_samples, tolerance)
+
+    def _with_parameters(self, of: ResponseProblem, prepared: Prepared, items: tuple[tuple[str, float], ...]) -> ResponseProblem:
+        """Return a problem with other numbers of its contact law, and the structure with its stiffness: eq. (4.7).
+
+        Raises
+        ------
+        ValueError : the law does not have them, or the update loses too many digits; on every rank
+        """
+        law, of_law = [], of.law
+        for key, value in items:
+            _, joint, number = words_of(key)
+            parameter, _ = number_of_joint(prepared.scene, prepared.pairs, joint, number)
+            law.append((parameter, value))
+            of_law = of_law.with_parameters(parameter.name, parameter.pairs, value * parameter.shape)
+        if not law:
+            return of
+        model = of.at_level(1.0).equation.under(OperatingPoint(0.0, 1.0, law=tuple(law))).model
+        curve = of.curve if model is of.model else linear_curve(model, of.sweep)
+        return replace(of, law=of_law, model=model, curve=curve)
+
+    def _structure(self, values: tuple[float, ...], as_built: tuple[tuple[str, float], ...]) -> Structure:
+        """Return the structure of a sample, built again where one of its numbers needs that."""
+        key = self.varied.items(values, "build"), as_built
+        if not any(key):
+            return self.reference
+        if self._built[0] != key:
+            self.close()
+            kinds = ("build", "law") if as_built else ("build",)
+            scene = self.varied.scene_at(values, *kinds)
+            self._built = key, build(scene, self.reference.comm, None)
+        return self._built[1]
+
+    def _prepare(self, structure: Structure, scene: Scene, key: Any, factors: np.ndarray | None = None) -> Prepared:
+        """Return a structure prepared with another scene; the last one is stored."""
+
+        def make() -> Prepared:
+            with_modes, _ = with_modes_for(structure, reduction_settings(scene), structure.pairs)
+            return prepare(with_modes, scene, load_factors=factors)
+
+        return self._cached(key, make)
+
+    def _cached(self, key: Any, make) -> Prepared:
+        if self._prepared is None or self._prepared[0] != key:
+            self._prepared = key, make()
+        return self._prepared[1]
+
+
+def _alone(of: ResponseProblem) -> ResponseProblem:
+    """Return a problem whose curves have neither peaks nor stability; with error bars only where they choose harmonics."""
+    keeps_all = {"harmonics", "samples"} <= of.settings.keeps
+    settings = replace(of.settings, peaks=False, stability=False)
+    return replace(of, settings=settings, enriched=None if keeps_all else of.enriched)
+
+
+def affine_weights(places: np.ndarray) -> np.ndarray | None:
+    """Return weights (n,) that interpolate from places (n, d) to 0: exact for linear functions, near ones first.  Local.
+
+    The least of weights times distances; None where the nearest place alone is as good.
+    """
+    distance = np.linalg.norm(places, axis=1)
+    if len(places) < 2 or distance[0] == 0.0:
+        return None
+    A, near = np.column_stack([np.ones(len(places)), places]).T, 1.0 / distance**2
+    gram = (A * near) @ A.T
+    gram += 1e-6 * np.diag(np.maximum(np.diag(gram), 1e-300))
+    weights = near * (A.T @ np.linalg.solve(gram, np.eye(len(A))[0]))
+    weights /= weights.sum()
+    return weights if np.abs(weights).sum() <= MOST_WEIGHT else None
+
+
+def _mean(weights: np.ndarray, motions: list[Iterate]) -> Iterate:
+    """Return the weighted mean of motions and of their parameters."""
+    harmonics = motions[0].harmonics
+    U = sum(w * there.on(harmonics).U for w, there in zip(weights, motions))
+    omega = float(np.dot(weights, [there.parameter for there in motions]))
+    return Iterate(np.asarray(U), (omega,), harmonics)
+
+
+def _side(weights: np.ndarray, around: list[Starts], k: int) -> Iterate | None:
+    """Return the weighted mean of the motions at one end of the width; None where one of them is not known."""
+    motions = [each[k] for each in around]
+    known = [there for there in motions if there is not None]
+    return _mean(weights, known) if len(known) == len(motions) else None
+
+
+def amplitudes_at(branch: Branch, output: int, omegas: np.ndarray) -> tuple[float, ...]:
+    """Return the amplitudes of a curve at frequencies [rad/s]; of several there the highest, NaN beyond its ends.  Local."""
+    omega = np.array([point.omega for point in branch.points])
+    size = np.array([np.hypot(*point.response[output, 1:3]) for point in branch.points])
+    segment = np.array([point.segment for point in branch.points])
+    found = np.full(len(omegas), np.nan)
+    for i in np.flatnonzero(segment[:-1] == segment[1:]):
+        low, high = sorted((omega[i], omega[i + 1]))
+        within = (low <= omegas) & (omegas <= high)
+        if high > low:
+            share = (omegas[within] - omega[i]) / (omega[i + 1] - omega[i])
+            found[within] = np.fmax(found[within], size[i] + share * (size[i + 1] - size[i]))
+    return tuple(map(float, found))

@@ -1,0 +1,1 @@
+"""Peaks over grids and samples of a scene's numbers: `microslip sweep`."""

@@ -1,0 +1,193 @@
+"""Pictures of a sweep: numbers over one key, maps of two, scatter, tornado, Sobol indices, percentile bands.  Rank 0 only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from ...library.peak_curves import FACTOR
+from ...library.sample_peaks import NAN
+from ...library.sweep import SMOOTH, SweepTable
+from ...results.layout import log_scale
+from ...results.style import FAINT, INK, WIDTH, Page, Titled, panels, plain, with_prefix
+from .statistics import Effect, percentiles
+
+_ACCENT, _SECOND = "#0072b2", "#d55e00"
+_WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic
+_LABELS = {
+    "amplitude": "peak of {output}",
+    "frequency": "frequency of the peak",
+    "width": "half-power width",
+    "damping": "damping ratio",
+    "friction_J": "friction loss a cycle",
+}
+_BANDS = ((5, 95, 0.25), (25, 75, 0.45))  # percentiles and how dark the band between them is
+
+
+def _scaled(table: SweepTable, name: str) -> tuple[float, str]:
+    """Return the factor of a number in pictures and its label with the unit."""
+    label = _LABELS[name].format(output=plain(table.output, 20))
+    if name == "damping":
+        return 100.0, f"{label} [%]"
+    if name in ("frequency", "width"):
+        return 1.0, f"{label} [Hz]"
+    factor, unit = with_prefix(table[name], table.unit_of(name))
+    return factor, f"{label} [{unit}]"
+
+
+def _key_label(table: SweepTable, key: str) -> str:
+    unit = "× that of the scene" if table.unit_of(key) == FACTOR else table.unit_of(key)
+    return f"{plain(key, 42)} [{unit}]" if unit not in ("", "1") else plain(key, 42)
+
+
+def _is_wide(values: np.ndarray) -> bool:
+    return bool(values.min() > 0.0 and values.max() > _WIDE * values.min())
+
+
+def draw_grid(table: SweepTable, scene: Titled, path: str) -> None:
+    """Draw the numbers of the peak over the one key that varies.  Local."""
+    (j,) = (i for i, n in enumerate(table.design.shape) if n > 1)
+    key, x = table.design.keys[j], table.design.values[:, j]
+    order = np.argsort(x)
+    handles = [Line2D([], [], color=_ACCENT, marker="o", ms=3.0, label="samples")]
+    inside = bool(x.min() <= table.nominal.values[j] <= x.max())
+    handles += [Line2D([], [], color=_SECOND, marker="D", ms=4.5, lw=0, mfc="none", label="the scene itself")] * inside
+    has_bars = np.isfinite(table["error"]).any()
+    handles += [Patch(color=_ACCENT, alpha=0.2, lw=0, label="error bar of the amplitude")] * bool(has_bars)
+    page = Page(scene, f"peak of {plain(table.output, 24)} over {plain(key)}", WIDTH, 4.4, handles)
+    for axes, name in zip(page.grid(2, 2).subplots().flat, ("amplitude", "frequency", "damping", "width")):
+        factor, label = _scaled(table, name)
+        y = factor * table[name][order]
+        if name == "amplitude" and has_bars:
+            bar = factor * table["error"][order]
+            axes.fill_between(x[order], y - bar, y + bar, color=_ACCENT, alpha=0.2, lw=0)
+        axes.plot(x[order], y, color=_ACCENT, marker="o", ms=3.0)
+        if inside:
+            axes.plot(table.nominal.values[j], factor * getattr(table.nominal, name), "D", color=_SECOND, ms=4.5, mfc="none")
+        if _is_wide(x):
+            log_scale(axes, "x")
+        axes.set(xlabel=_key_label(table, key), ylabel=label)
+    page.save(path)
+
+
+def draw_map(table: SweepTable, scene: Titled, path: str) -> None:
+    """Draw amplitude, frequency and damping of the peak over a grid of two keys.  Local."""
+    says = f"peaks of {plain(table.output, 24)} over two numbers; each cell is a sample"
+    page, (x, y) = Page(scene, says, WIDTH, 3.2), table.design.coordinates
+    bars, cells = page.grid(2, 3, height_ratios=(1, 16)).subplots()
+    for bar, axes, name in zip(bars, cells, ("amplitude", "frequency", "damping")):
+        factor, label = _scaled(table, name)
+        values = factor * table.on_axes(name).T
+        mesh = axes.pcolormesh(_edges(x), _edges(y), np.ma.masked_invalid(values), cmap="viridis", rasterized=True)
+        if min(values.shape) > 1 and np.isfinite(values).all() and np.ptp(values) > 0.0:
+            lines = axes.contour(x, y, values, 5, colors="white", linewidths=0.7)
+            axes.clabel(lines, fontsize=6.0, fmt="%.4g")
+        page.figure.colorbar(mesh, cax=bar, orientation="horizontal")
+        bar.set_title(label)
+        axes.grid(False)
+        for values_of_axis, which in ((x, "x"), (y, "y")):
+            if _is_wide(values_of_axis):
+                log_scale(axes, which)
+        axes.set(xlabel=_key_label(table, table.design.keys[0]))
+    cells[0].set(ylabel=_key_label(table, table.design.keys[1]))
+    page.save(path)
+
+
+def _edges(values: np.ndarray) -> np.ndarray:
+    """Return the ends of the cells about values that rise or fall, (n + 1,)."""
+    if len(values) == 1:
+        return values[0] + np.array([-0.5, 0.5]) * (abs(values[0]) or 1.0)
+    v = np.log(values) if _is_wide(values) else values
+    middle = 0.5 * (v[:-1] + v[1:])
+    edges = np.concatenate([[2.0 * v[0] - middle[0]], middle, [2.0 * v[-1] - middle[-1]]])
+    return np.exp(edges) if _is_wide(values) else edges
+
+
+def draw_scatter(table: SweepTable, scene: Titled, path: str) -> None:
+    """Draw the peak over each number, over its frequency, and how it is distributed.  Local."""
+    names = table.design.keys[:10]
+    rows, columns = panels(len(names) + 2)
+    handles = [
+        Line2D([], [], color=_ACCENT, marker=".", lw=0, label="samples"),
+        Line2D([], [], color=_SECOND, marker="D", ms=4.5, lw=0, mfc="none", label="the scene itself"),
+        Line2D([], [], color=INK, ls="--", lw=0.9, label="percentiles 5, 50, 95"),
+    ]
+    page = Page(scene, f"peaks of {plain(table.output, 24)} of {int(table.is_done.sum())} samples", WIDTH, 2.1 * rows, handles)
+    cells = np.atleast_1d(page.grid(rows, columns).subplots()).ravel()
+    factor, label = _scaled(table, "amplitude")
+    y, nominal = factor * table["amplitude"], factor * table.nominal.amplitude
+    for axes, key, at in zip(cells, names, table.nominal.values):
+        axes.plot(table[key], y, ".", color=_ACCENT, ms=3.0)
+        axes.plot(at if np.isfinite(at) else NAN, nominal, "D", color=_SECOND, ms=4.5, mfc="none")
+        axes.set(xlabel=_key_label(table, key), ylabel=label)
+    axes, last = cells[len(names) : len(names) + 2]
+    axes.plot(table["frequency"], y, ".", color=_ACCENT, ms=3.0)
+    axes.plot(table.nominal.frequency, nominal, "D", color=_SECOND, ms=4.5, mfc="none")
+    axes.set(xlabel=_scaled(table, "frequency")[1], ylabel=label)
+    known = np.sort(y[np.isfinite(y)])
+    last.step(known, np.arange(1, len(known) + 1) / len(known), where="post", color=_ACCENT)
+    for p, value, *_ in percentiles(known):
+        last.plot([value, value], [0.0, p / 100.0], color=INK, ls="--", lw=0.9)
+    last.set(xlabel=label, ylabel="share of the samples below", ylim=(0.0, 1.02))
+    for axes in cells[len(names) + 2 :]:
+        axes.set_axis_off()
+    page.save(path)
+
+
+def draw_effects(table: SweepTable, effects: Sequence[Effect], scene: Titled, path: str) -> None:
+    """Draw the change of the peak by each number, the largest on top.  Local."""
+    alone = table.design.kind == "one by one"
+    how = "each number alone at its ends" if alone else "each number from its percentile 5 to 95, by a plane through the samples"
+    handles = [Patch(color=_ACCENT, label="lower end of the number"), Patch(color=_SECOND, label="upper end")]
+    page = Page(scene, f"effect on the peak of {plain(table.output, 24)}: {how}", WIDTH, 0.5 + 0.34 * len(effects), handles)
+    axes = page.grid(1, 1).subplots()
+    factor, label = _scaled(table, "amplitude")
+    middle = table.nominal.amplitude if alone else float(np.exp(np.nanmean(np.log(table["amplitude"]))))
+    for place, effect in enumerate(effects):
+        for value, colour in ((effect.low, _ACCENT), (effect.high, _SECOND)):
+            axes.barh(-place, factor * (value - middle), left=factor * middle, height=0.6, color=colour)
+    axes.axvline(factor * middle, color=INK, lw=0.8)
+    names = [f"{plain(effect.key, 42)}\n{effect.ends[0]:.4g} … {effect.ends[1]:.4g}" for effect in effects]
+    axes.set_yticks([-place for place in range(len(effects))], names)
+    axes.set(xlabel=label)
+    axes.grid(False, axis="y")
+    page.save(path)
+
+
+def draw_indices(indices: Sequence[dict], scene: Titled, path: str) -> None:
+    """Draw main and total Sobol indices of each number.  Local."""
+    handles = [Patch(color=_ACCENT, label="main"), Patch(color=_SECOND, label="total")]
+    page = Page(scene, "Sobol indices: shares of the variance of the peaks", WIDTH, 2.0 + 0.16 * len(indices), handles)
+    shown = [name for name in SMOOTH if name != "friction_J"]
+    cells = page.grid(1, len(shown)).subplots(sharey=True)
+    place = -np.arange(len(indices), dtype=float)
+    for axes, name in zip(cells, shown):
+        axes.barh(place + 0.2, [row[f"{name}_main"] for row in indices], height=0.36, color=_ACCENT)
+        axes.barh(place - 0.2, [row[f"{name}_total"] for row in indices], height=0.36, color=_SECOND)
+        axes.set(xlabel=f"of the {name}", xlim=(min(0.0, *(row[f"{name}_main"] for row in indices)), 1.0))
+        axes.grid(False, axis="y")
+    cells[0].set_yticks(place, [plain(row["key"], 36) for row in indices])
+    page.save(path)
+
+
+def draw_bands(table: SweepTable, scene: Titled, path: str) -> None:
+    """Draw between which percentiles the curves lie.  Local."""
+    assert table.curves is not None, "asked for"
+    with np.errstate(invalid="ignore"):
+        has = np.isfinite(table.curves).any(axis=0)
+    curves, frequency = table.curves[:, has], table.frequencies[has]
+    factor, unit = with_prefix(curves, table.unit)
+    handles = [Patch(color=_ACCENT, alpha=dark, lw=0, label=f"percentiles {low} to {high}") for low, high, dark in _BANDS]
+    handles += [Line2D([], [], color=_ACCENT, label="median"), Line2D([], [], color=FAINT, lw=0, marker=".", label="peaks")]
+    says = f"curves of {plain(table.output, 24)} of {int(np.isfinite(curves).any(axis=1).sum())} samples"
+    page = Page(scene, says, WIDTH, 3.4, handles)
+    axes = page.grid(1, 1).subplots()
+    for low, high, dark in _BANDS:
+        axes.fill_between(frequency, *(factor * np.nanpercentile(curves, [low, high], axis=0)), color=_ACCENT, alpha=dark, lw=0)
+    axes.plot(frequency, factor * np.nanpercentile(curves, 50, axis=0), color=_ACCENT)
+    axes.plot(table["frequency"], factor * table["amplitude"], ".", color=FAINT, ms=3.0)
+    axes.set(xlabel="frequency [Hz]", ylabel=f"amplitude [{unit}]")
+    page.save(path)

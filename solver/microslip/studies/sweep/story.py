@@ -1,0 +1,241 @@
+"""The story of a sweep: samples, structures on groups of ranks, peaks as the groups come to them, table, files, pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...library.build import build
+from ...library.design import Design
+from ...library.sample_peaks import DONE, MISSING, OUTSIDE, Sample, SamplePeaks
+from ...library.sweep import SweepTable, outside, table_of
+from ...library.varied import Varied
+from ...messages.errors import CaseError, ConvergenceError, Interrupted
+from ...observe.log import RunLog
+from ...observe.stops import goes_on
+from ...parallel.agree import on_root
+from ...parallel.rank_groups import Counter, Groups, Reports, dealt, split
+from ...restart.identity import identity_of
+from ...system.signals import raise_stop
+from ...system.versions import versions
+from ...system.walltime import TimeLimit
+from ...system.watchdog import unwatched
+from .report import write_sweep
+from .request import Request, design_of, refusal
+from .stored import keys_of, read_samples, remove_samples, store
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
+
+MARGIN, SLOWEST = 5.0, 2.0  # s before the end of the time, and times the slowest sample, at which no further one begins
+MOST_SAID = 10  # samples that failed
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """The samples of a sweep, and those that are known already."""
+
+    design: Design
+    varied: Varied
+    keys: list[str]  # of the samples on disk
+    known: dict[int, Sample]  # from an earlier run, and those that the scene does not allow
+    left: list[int]  # to be solved by this run
+
+
+def study(
+    scene: Scene, comm: MPI.Comm, folder: Path, request: Request, options: tuple[str, ...] = (), limit: TimeLimit | None = None
+) -> None:
+    """Compute the peaks of samples, as far as an earlier run in the folder has not, and write them.  Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, MeshError, ResourceError : on every rank
+    ConvergenceError : samples without a peak, after everything was written; on every rank
+    Interrupted : a signal or the time limit, with every finished sample on the disk; on every rank
+    """
+    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
+    name = "sweep.log" if request.part[1] == 1 else f"sweep-{request.part[0]}.log"
+    with goes_on(folder), RunLog(comm, str(folder / name), facts=facts) as log:
+        asked = on_root(comm, asked_of, scene, folder, request, options)
+        log.note(in_words(asked, request))
+        table = solved(scene, comm, folder, request, asked, log, limit)
+        with log.stage("table and pictures"):
+            says = on_root(comm, partial(write_sweep, table, scene, folder, request.design == "indices"))
+        log.note(says)
+        log.note(f"results in {folder}")
+    failed = table.failures
+    if failed:
+        more = [f"and {len(failed) - MOST_SAID} more"] * (len(failed) > MOST_SAID)
+        said = "\n".join([f"sweep: {len(failed)} of {len(table)} samples have no peak", *failed[:MOST_SAID], *more])
+        raise ConvergenceError(f"{said}\nthe others are in {folder}")
+
+
+def asked_of(scene: Scene, folder: Path, request: Request, options: tuple[str, ...]) -> Asked:
+    """Return the samples of a sweep, and those on the disk.  Local, on rank 0.
+
+    Raises
+    ------
+    CaseError : samples that make no sense, or that the scene does not allow
+    """
+    design = design_of(scene, request)
+    varied = Varied.of(scene, design.keys)
+    refused = outside(varied, design)
+    if refused and not request.skips_outside:
+        raise CaseError(refusal(refused, len(design)))
+    part = _part_name(request)
+    if request.fresh:
+        remove_samples(folder, part)
+    keys = keys_of(design, identity_of(scene, options).whole, request.output, request.has_curves)
+    stored = read_samples(folder)
+    known = {i: stored[key] for i, key in enumerate(keys) if key in stored and stored[key].status == DONE}
+    known |= {i: Sample(tuple(map(float, design.values[i])), OUTSIDE, why) for i, why in refused.items()}
+    number, parts = request.part
+    in_order = varied.from_the_scene(design.values, design.spread)
+    left = [i for i in in_order if i not in known and i % parts == number - 1]
+    return Asked(design, varied, keys, known, left)
+
+
+def _part_name(request: Request) -> str:
+    return "all" if request.part[1] == 1 else str(request.part[0])
+
+
+def in_words(asked: Asked, request: Request) -> str:
+    """Return a line on what a sweep computes."""
+    n, n_outside = len(asked.design), sum(sample.status == OUTSIDE for sample in asked.known.values())
+    axes = " x ".join(map(str, asked.design.shape))
+    kinds = ", ".join(f"{key} ({_WAYS[kind]})" for key, kind in zip(asked.varied.keys, asked.varied.kinds))
+    n_known = len(asked.known) - n_outside
+    parts = f"; part {request.part[0]} of {request.part[1]}" if request.part[1] > 1 else ""
+    return "\n".join(
+        [
+            f"{n} samples, {asked.design.kind} {axes}{parts}: {kinds}",
+            *[f"{n_outside} of them are outside what the scene allows and are left out"] * (n_outside > 0),
+            *[f"{n_known} of them are known from an earlier run"] * (n_known > 0),
+        ]
+    )
+
+
+_WAYS = {
+    "level": "on the same structure",
+    "law": "on the same structure",
+    "rest": "another state of rest",
+    "settings": "on the same structure",
+    "load": "on the same structure",
+    "build": "built again",
+}
+
+
+def solved(
+    scene: Scene, comm: MPI.Comm, folder: Path, request: Request, asked: Asked, log: RunLog, limit: TimeLimit | None
+) -> SweepTable:
+    """Return the table of a sweep, with the samples that this run solves.  Collective."""
+    units = blocks(asked)
+    groups = split(comm, max(1, min(request.groups or comm.size, len(units))))
+    with log.stage("structure"), unwatched():
+        of_rest = "rest" in asked.varied.kinds
+        structure = build(scene, groups.comm, log if groups.n == 1 else None, keeps_reference=of_rest)
+    with log.stage("the scene itself"), unwatched():
+        peaks = SamplePeaks(structure, asked.varied, request.output, asked.design.spread, request.has_curves)
+    output = scene.outputs[peaks.output]
+    log.note(_nominal_in_words(peaks.nominal, output.name, output.unit, groups))
+    samples = dict(asked.known)
+    with log.stage("samples"):
+        samples |= follow(peaks, units, groups, asked, folder, request, log, limit)
+    peaks.close()
+    structure.close()
+    samples = comm.bcast(samples)
+    if request.part[1] > 1:
+        samples |= on_root(comm, _of_other_parts, folder, asked)
+    all_of_them = [
+        samples.get(i, Sample(tuple(map(float, row)), MISSING, "not computed yet")) for i, row in enumerate(asked.design.values)
+    ]
+    groups.comm.Free()
+    return table_of(scene, asked.design, asked.varied, all_of_them, peaks.nominal, peaks.output, peaks.grid)
+
+
+def _of_other_parts(folder: Path, asked: Asked) -> dict[int, Sample]:
+    stored = read_samples(folder)
+    return {i: stored[key] for i, key in enumerate(asked.keys) if key in stored}
+
+
+def _nominal_in_words(nominal: Sample, name: str, unit: str, groups: Groups) -> str:
+    of_groups = f"; samples on {groups.n} groups of ranks" if groups.n > 1 else ""
+    return (
+        f"the scene itself: peak of {name} {nominal.amplitude:.6g} {unit} at {nominal.frequency:.7g} Hz, "
+        f"damping {100.0 * nominal.damping:.4g} %{of_groups}"
+    )
+
+
+def blocks(asked: Asked) -> list[list[int]]:
+    """Return the samples that are left in blocks, each of one structure, or one by one where all have the same.  Local."""
+    by_structure: dict[tuple, list[int]] = {}
+    for i in asked.left:
+        by_structure.setdefault(asked.varied.items(asked.design.values[i], "build"), []).append(i)
+    if len(by_structure) > 1:
+        return list(by_structure.values())
+    return [[i] for i in asked.left]
+
+
+def follow(
+    peaks: SamplePeaks,
+    units: Sequence[list[int]],
+    groups: Groups,
+    asked: Asked,
+    folder: Path,
+    request: Request,
+    log: RunLog,
+    limit: TimeLimit | None,
+) -> dict[int, Sample]:
+    """Return the samples, on rank 0 those of all groups; each is on the disk when it is solved.  Collective.
+
+    Raises
+    ------
+    MicroslipError : what ended a group, on the ranks of all groups
+    """
+    samples: dict[int, Sample] = {}
+
+    def hear(i: int, sample: Sample) -> None:
+        samples[i] = sample
+        log.note(_line(i, sample, len(samples), len(asked.left)), keep=False)
+
+    counter, reports, slowest = Counter(groups.world), Reports(groups, hear), 0.0
+
+    def finished(i: int, sample: Sample) -> None:
+        store(folder, _part_name(request), groups.number, asked.keys[i], sample)
+        reports.notify(i, sample)
+
+    with reports.shared_failure():
+        for task in dealt(groups, counter, len(units)):
+            for i in units[task]:
+                on_root(groups.comm, _look, limit, slowest)
+                sample = peaks.solve(asked.design.values[i])
+                slowest = max(slowest, sample.seconds)
+                on_root(groups.comm, finished, i, sample)
+        with unwatched():
+            on_root(groups.comm, reports.finish)
+    reports.free()
+    counter.free()
+    return samples
+
+
+def _look(limit: TimeLimit | None, slowest: float) -> None:
+    """Raise Interrupted where a signal came, or the time does not suffice for another sample."""
+    raise_stop()
+    if limit is not None and limit.remaining < MARGIN + SLOWEST * slowest:
+        raise Interrupted(f"stopped {max(limit.remaining, 0.0):.0f} s before the end of {limit.source}")
+
+
+def _line(i: int, sample: Sample, n: int, of: int) -> str:
+    values = " ".join(f"{value:.6g}" for value in sample.values)
+    if sample.status != DONE:
+        return f"  {n} of {of}: sample {i}: {values}: {sample.why}"
+    way = ", along its curve" if sample.is_followed else ""
+    return (
+        f"  {n} of {of}: sample {i}: {values}: {sample.amplitude:.6g} at {sample.frequency:.7g} Hz, "
+        f"{sample.newton} Newton iterations{way}, {sample.seconds:.3g} s"
+    )

@@ -1,0 +1,49 @@
+"""Designs of samples and their Sobol indices, against distributions and a function of known indices."""
+
+import numpy as np
+import pytest
+
+from microslip.library.design import Design, Scatter, grid, one_by_one, scattered, sobol_indices
+from microslip.messages.errors import CaseError
+
+
+@pytest.mark.parametrize("kind", ["sobol", "latin"])
+@pytest.mark.parametrize(("distribution", "spread"), [("lognormal", 0.3), ("normal", 0.3), ("uniform", 0.3 / np.sqrt(3.0))])
+def test_samples_have_the_mean_and_the_scatter_that_are_asked_for(kind, distribution, spread):
+    x = scattered({"mu": Scatter(0.2, 30.0, distribution), "k": Scatter(-5.0, 1.0)}, 1024, kind).values
+    assert x[:, 0].mean() == pytest.approx(0.2, rel=2e-3) and x[:, 1].mean() == pytest.approx(-5.0, rel=1e-3)
+    assert x[:, 0].std() / 0.2 == pytest.approx(spread, rel=2e-2)
+    assert abs(np.corrcoef(x.T)[0, 1]) < 0.05
+    assert distribution == "normal" or (x[:, 0] > 0.0).all()
+
+
+def test_more_sobol_samples_begin_with_the_same_ones():
+    scatter = {"mu": Scatter(0.2, 30.0), "level": Scatter(5.0, 10.0, "uniform")}
+    assert (scattered(scatter, 16).values == scattered(scatter, 64).values[:16]).all()
+    assert (scattered(scatter, 16, seed=1).values != scattered(scatter, 16).values).all()
+
+
+def test_indices_of_a_function_are_its_own():
+    """Ishigami's function on -pi to pi, a = 7, b = 0.1: main 0.3139, 0.4424, 0, total 0.5576, 0.4424, 0.2437."""
+    design = scattered({name: Scatter(1.0, 100.0, "uniform") for name in "xyz"}, 4096, "indices")
+    x, y, z = np.pi * (design.values.T - 1.0)
+    f = np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)
+    f[17] = np.nan  # a sample that failed
+    main, total = sobol_indices(f, 3)
+    assert main == pytest.approx([0.3139, 0.4424, 0.0], abs=0.02)
+    assert total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
+    assert np.isnan(sobol_indices(np.ones(15), 3)).all()
+
+
+def test_grids_and_numbers_one_by_one():
+    of_two = grid({"a": [1.0, 2.0, 3.0], "b": [10.0, 20.0]})
+    assert of_two.shape == (3, 2) and of_two.axes == ("a", "b")
+    assert of_two.values[:3].tolist() == [[1.0, 10.0], [1.0, 20.0], [2.0, 10.0]]
+    alone = one_by_one({"a": [1.0, 2.0], "b": [10.0]}, {"a": 5.0, "b": 7.0})
+    assert alone.values.tolist() == [[1.0, 7.0], [2.0, 7.0], [5.0, 10.0]]
+    with pytest.raises(CaseError, match="one length"):
+        Design.paired({"a": [1.0, 2.0], "b": [1.0]})
+    with pytest.raises(CaseError, match="more than"):
+        grid({"a": np.arange(1000.0), "b": np.arange(1000.0)})
+    with pytest.raises(CaseError, match="states no b"):
+        one_by_one({"a": [1.0], "b": [10.0]}, {"a": 5.0, "b": np.nan})

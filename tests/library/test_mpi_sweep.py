@@ -1,0 +1,143 @@
+"""microslip.sweep: peaks of samples against a closed form and against structures of their own; on any number of ranks."""
+
+import numpy as np
+import pytest
+from bar_scene import write_bar
+from matrix_scenes import write_matrix_scene
+from oracles import exact, scenes
+
+import microslip
+from microslip.library.sample_peaks import DONE, FAILED, affine_weights
+from microslip.library.sweep import SMOOTH
+from microslip.messages.errors import CaseError
+from microslip.parallel.agree import on_root
+
+pytestmark = pytest.mark.ranks(1, 2)
+
+C = 0.02
+FRICTION, STIFFNESS = "joints.joint.friction", "joints.joint.tangential_stiffness"
+
+
+def one_mass(folder, k_t=1.0, mu=1.0):
+    """Write m = k = k_t = mu N = 1, c = 0.02, and return its path.  Local."""
+    folder.mkdir(exist_ok=True)
+    loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
+    system = scenes.make_system(
+        "one mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=mu, N0=1.0, k_t=k_t, k_n=0.0, C=np.array([[C]]),
+        loads=loads, output=[1.0], omega=(0.5, 2.0), levels={},
+    )  # fmt: skip
+    return write_matrix_scene(folder, system, [0.8], (0.5, 4.0), points=30, harmonics=1, samples=128, error_bars=False)
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    return comm.bcast(tmp_path_factory.mktemp("sweep"))
+
+
+@pytest.fixture(scope="module")
+def mass(comm, folder):
+    with microslip.build(microslip.read(on_root(comm, one_mass, folder / "mass")), comm) as built:
+        yield built
+
+
+@pytest.fixture(scope="module")
+def bar(comm, folder):
+    return on_root(comm, lambda: write_bar(folder, modes=8, harmonics=3, samples=64, error_bars=False))
+
+
+def test_peaks_over_friction_and_level_are_the_closed_form(mass):
+    table = microslip.sweep(mass, {FRICTION: [0.5, 0.8, 1.2], "level": [0.8, 1.0]})
+    assert table.is_done.all() and len(table) == 6 and table.on_axes("amplitude").shape == (3, 2)
+    exactly = [exact.jenkins_peak(level, limit, C) for limit, level in zip(table[FRICTION], table["level"])]
+    assert table.amplitude == pytest.approx(exactly, rel=30.0 / 128**2)
+    assert table.nominal.amplitude == pytest.approx(exact.jenkins_peak(0.8, 1.0, C), rel=30.0 / 128**2)
+    loss = [exact.jenkins_harmonic(X, 1.0, limit)[2] for X, limit in zip(table.amplitude, table[FRICTION])]
+    assert table.friction_J == pytest.approx(loss, rel=1e-3)
+
+
+def test_a_stuck_peak_has_the_width_and_damping_of_its_mode(mass):
+    table = microslip.sweep(mass, {"level": [0.01, 0.02]})
+    zeta = 0.5 * C / np.sqrt(2.0)
+    assert table.damping == pytest.approx([zeta] * 2, rel=1e-3)
+    assert 2.0 * np.pi * table.width == pytest.approx([C] * 2, rel=2e-4)
+    assert 2.0 * np.pi * table.frequency == pytest.approx([np.sqrt(2.0)] * 2, rel=1e-3)
+    assert (table.friction_J == 0.0).all() and (table.slipping == 0).all()
+
+
+def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, folder, mass):
+    """Over a factor of 100 either way: all modes are there, so that the update is exact."""
+    values = [0.01, 0.5, 10.0]
+    table = microslip.sweep(mass, {STIFFNESS: values})
+    for value, sample in zip(values, table.samples):
+        path = on_root(comm, one_mass, folder / f"k_t {value}", value)
+        with microslip.build(microslip.read(path), comm) as other:
+            nominal = microslip.sweep(other, {FRICTION: [1.0]}).nominal
+        assert sample.amplitude == pytest.approx(nominal.amplitude, rel=1e-6)
+        assert sample.frequency == pytest.approx(nominal.frequency, abs=3e-5 * nominal.width)
+
+
+def test_samples_are_those_of_separate_structures(comm, bar):
+    """Friction, preload, level, damping and harmonics on one structure; density by another."""
+    samples = {
+        "joints.joint.friction": [0.05, 0.045],
+        "joints.joint.preload": [1.8e7, 2.0e7],
+        "level": [35.0, 34.0],
+        "damping.ratio": [0.01, 0.011],
+        "solver.harmonics": [3, 5],
+        "materials.steel.density": [7800.0, 8000.0],
+    }
+    with microslip.build(microslip.read(bar), comm) as structure:
+        table = microslip.sweep(structure, samples, paired=True)
+    assert table.is_done.all() and (table.slipping + table.open > 0).all()
+    for i in range(2):
+        settings = [f"{key}={values[i]}" for key, values in samples.items() if key != "level"]
+        scene = microslip.read(bar, [*settings, f"response.levels=[{samples['level'][i]}]"])
+        with microslip.build(scene, comm) as structure:
+            nominal = microslip.sweep(structure, {"level": samples["level"][i]}).nominal
+        for name in SMOOTH:
+            bound = 1e-4 if name in ("width", "friction_J") else 1e-6
+            assert table[name][i] == pytest.approx(getattr(nominal, name), rel=bound, nan_ok=True), name
+
+
+def test_one_sample_of_several_fails_and_the_others_go_on(mass):
+    table = microslip.sweep(mass, {FRICTION: [0.8, -1.0, 1.2]})  # a factor, which no scene checks
+    assert [sample.status for sample in table.samples] == [DONE, FAILED, DONE]
+    assert len(table.failures) == 1 and "sample 1 (joints.joint.friction = -1)" in table.failures[0]
+    with pytest.raises(AttributeError):
+        _ = table.amplitud
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"joints.joint.frction": [1.0]}, 'nearest is "joints.joint.friction"'),
+        ({"joints.jiont.friction": [1.0]}, "joint"),
+        ({"level": [-1.0]}, "levels"),
+        ({"level": []}, "at least one"),
+        ({"level": ["high"]}, "expected numbers"),
+        ({"solver.method": [1.0]}, "is no number"),
+        ({}, "nothing varies"),
+    ],
+)
+def test_what_cannot_vary_is_refused(mass, values, says):
+    with pytest.raises(CaseError) as problem:
+        microslip.sweep(mass, values)
+    assert says in str(problem.value)
+
+
+def test_no_output_and_no_peak_are_refused(comm, folder, mass):
+    with pytest.raises(CaseError, match="no output 'tip'"):
+        microslip.sweep(mass, {"level": 1.0}, output="tip")
+    path = on_root(comm, one_mass, folder / "beside")
+    scene = microslip.read(path, ["response.frequencies=[0.01, 0.1]"])
+    with microslip.build(scene, comm) as structure, pytest.raises(CaseError, match="has no maximum between the ends"):
+        microslip.sweep(structure, {"level": 1.0})
+
+
+def test_motions_are_interpolated_linearly():
+    places = np.array([[0.1, 0.0], [0.3, -0.4], [-0.5, 0.2], [0.0, 0.9], [2.0, 1.0]])
+    order = np.argsort(np.linalg.norm(places, axis=1))
+    weights = affine_weights(places[order])
+    assert weights is not None and weights.sum() == pytest.approx(1.0)
+    assert weights @ places[order] == pytest.approx([0.0, 0.0], abs=1e-4)
+    assert affine_weights(np.array([[0.0, 0.0], [1.0, 1.0]])) is None
