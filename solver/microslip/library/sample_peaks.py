@@ -60,7 +60,7 @@ class Sample:
     phase: float = NAN  # rad
     frequency: float = NAN  # Hz
     width: float = NAN  # Hz, between the solutions at 1 / sqrt 2 of the amplitude
-    damping: float = NAN  # -, of one mode with this amplitude for its level, eq. (7.10); NaN without a linear peak in the range
+    damping: float = NAN  # -, of one mode with this amplitude for its level, see ``PeakCurve.damping_ratio``; NaN without a linear peak in the range
     friction_J: float = NAN  # loss a cycle
     damping_J: float = NAN
     error: float = NAN  # error bar of the amplitude
@@ -331,7 +331,7 @@ class SamplePeaks:
         return Resolution(harmonics, n_samples, tolerance)
 
     def _with_parameters(self, of: ResponseProblem, prepared: Prepared, items: tuple[tuple[str, float], ...]) -> ResponseProblem:
-        """Return a problem with other numbers of its contact law, and the structure with its stiffness: eq. (4.7).
+        """Return a problem with other numbers of its contact law, and the structure with its stiffness.
 
         Raises
         ------
