@@ -60,7 +60,7 @@ class Sample:
     phase: float = NAN  # rad
     frequency: float = NAN  # Hz
     width: float = NAN  # Hz, between the solutions at 1 / sqrt 2 of the amplitude
-    damping: float = NAN  # -, of one mode with this amplitude for its level, see ``PeakCurve.damping_ratio``; NaN without a linear peak in the range
+    damping: float = NAN  # -, of one mode with this amplitude for its level; NaN without a linear peak in the range
     friction_J: float = NAN  # loss a cycle
     damping_J: float = NAN
     error: float = NAN  # error bar of the amplitude
