@@ -8,7 +8,8 @@ from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 
 import microslip
-from microslip.messages.errors import CaseError
+from microslip.continuation import follow
+from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
 from microslip.scene.read import changed
@@ -66,6 +67,22 @@ def test_the_peak_over_the_level_is_the_closed_form(structure):
         assert curve.points.asked[i]
     assert curve.damping[0] == pytest.approx(0.5 * C / np.sqrt(2.0), rel=1e-3)
     assert curve.damping[-1] < 0.02 < 0.1 < curve.damping.max()
+
+
+@pytest.mark.ranks(1)
+def test_a_requested_value_without_a_solution_is_noted_and_the_curve_goes_on(structure, monkeypatch):
+    solved = follow.solved
+
+    def fails_at_one(leg, guess, selected, requested, notes=()):
+        if guess.parameter == 0.4:
+            raise ConvergenceError("not here")
+        return solved(leg, guess, selected, requested, notes)
+
+    monkeypatch.setattr(follow, "solved", fails_at_one)
+    (curve,) = microslip.peaks(structure, {"level": LEVELS}, values=(0.4, 0.8))
+    assert not curve.points.failure and curve.value[-1] == LEVELS[1] and 0.8 in curve.value and 0.4 not in curve.value
+    (note,) = filter(None, curve.points.notes)
+    assert "no point before this one at the requested value 0.4" in note
 
 
 @pytest.mark.ranks(1)

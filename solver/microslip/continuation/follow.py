@@ -179,9 +179,9 @@ def next_step(
 def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accepted:
     """Accept a new point, after requested points between the last one and it.  Collective."""
     was = leg.state.solver
-    state = _requested(leg, solution[0].iterate, solution[1])
+    state, missed = _requested(leg, solution[0].iterate, solution[1])
     solution, solver = state.solver.still(solution, was)
-    after = accept(leg.task, replace(state, solver=solver), solution, notes=notes)
+    after = accept(leg.task, replace(state, solver=solver), solution, notes=(*notes, *missed))
     leg.emit(after.point)
     return after
 
@@ -189,21 +189,28 @@ def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accept
 def _to_limit(leg: Leg, solution: Solution, limit: float, notes: tuple[str, ...] = ()) -> Accepted:
     """Solve at the end of the range that a step has passed, after requested points before it.  Collective."""
     there = interpolate(leg.now.iterate, solution[0].iterate, limit)
-    leg = replace(leg, state=_requested(leg, there, solution[1]))
-    end = solved(leg, there, solution[1], requested=limit in leg.task.sweep.at, notes=notes)
+    state, missed = _requested(leg, there, solution[1])
+    end = solved(replace(leg, state=state), there, solution[1], requested=limit in leg.task.sweep.at, notes=(*notes, *missed))
     leg.emit(end.point)
     return end
 
 
-def _requested(leg: Leg, there: Iterate, selected: np.ndarray) -> BranchState:
-    """Solve at the requested values between the last point and ``there``; return the state after them.  Collective."""
+def _requested(leg: Leg, there: Iterate, selected: np.ndarray) -> tuple[BranchState, tuple[str, ...]]:
+    """Solve at the requested values between the last point and ``there``; return the state after them, and notes.  Collective."""
+    missed: list[str] = []
     for value in leg.task.sweep.requested_between(leg.now.iterate.parameter, there.parameter):
         harmonics = leg.state.solver.harmonics
         between = interpolate(leg.now.iterate.on(harmonics), there.on(harmonics), value)
-        solution = solved(leg, between, selected, requested=True)
+        try:
+            solution = solved(leg, between, selected, requested=True)
+        except ConvergenceError:
+            if not leg.task.sweep.may_miss:
+                raise
+            missed.append(f"no point before this one at the requested value {value:g}: Newton's method fails there")
+            continue
         leg.emit(solution.point)
         leg = replace(leg, state=solution.state)
-    return leg.state
+    return leg.state, tuple(missed)
 
 
 def solved(leg: Leg, guess: Iterate, selected: np.ndarray, requested: bool, notes: tuple[str, ...] = ()) -> Accepted:

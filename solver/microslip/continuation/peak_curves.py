@@ -113,7 +113,7 @@ def _follow(
     branch = follow_peak(
         equation,
         varies,
-        Sweep(*request.range, request.at),
+        Sweep(*request.range, request.at, may_miss=True),
         stuck,
         tolerance,
         request.level,

@@ -116,7 +116,7 @@ def stability_lines(branch: Branch) -> list[str]:
 
 
 def over_lines(curve: PeaksOver) -> list[str]:
-    """Return lines on a peak over a parameter: ends, begin of slip and opening, and the reason of an early end."""
+    """Return lines on a peak over a parameter: ends, begin of slip and opening, notes, and the reason of an early end."""
     value, points, head = curve.value, curve.points, f"peak of output {curve.linear.output + 1} over {curve.key}"
     if len(value) == 0:
         return [f"{head}: no point: {points.failure}"]
@@ -126,6 +126,7 @@ def over_lines(curve: PeaksOver) -> list[str]:
     for name, moves in (("slips", points.state == SLIP), ("is open", points.state == OPEN)):
         first = np.flatnonzero(moves.any(axis=1))
         lines += [f"  a pair {name} from {value[first[0]]:.4g} {curve.unit}"] if len(first) else []
+    lines += [f"  {note}: {value[i]:.6g} {curve.unit}" for i, note in enumerate(points.notes) if note]
     return [*lines, f"  ended early: {points.failure}"] if points.failure else lines
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -12,6 +12,7 @@ class Sweep:
     start: float
     stop: float  # below ``start`` for a sweep down
     at: tuple[float, ...] = ()  # values that must be points
+    may_miss: bool = False  # a value in ``at`` where Newton's method fails becomes a note instead of the end of the branch
 
     @property
     def direction(self) -> float:
@@ -24,7 +25,7 @@ class Sweep:
     @property
     def reverse(self) -> Sweep:
         """The same range from its other end."""
-        return Sweep(self.stop, self.start, self.at)
+        return replace(self, start=self.stop, stop=self.start)
 
     def contains(self, other: Sweep) -> bool:
         """Return whether another range, followed in the same direction, lies within this one."""
@@ -34,7 +35,7 @@ class Sweep:
     def until(self, stop: float) -> Sweep:
         """Return the range up to another end."""
         low, high = min(self.start, stop), max(self.start, stop)
-        return Sweep(self.start, stop, tuple(value for value in self.at if low <= value <= high))
+        return replace(self, stop=stop, at=tuple(value for value in self.at if low <= value <= high))
 
     def beyond(self, parameter: float) -> bool:
         return self.direction * (parameter - self.stop) >= 0.0
