@@ -500,7 +500,7 @@ def test_a_joint_on_tied_faces():
         mesh,
         case,
         MeshError,
-        "4 faces of 'low_top' of joint 'joint' are faces of 'low_top' of tie 'glue', too: what is glued cannot slip",
+        "4 faces of 'low_top' of joint 'joint' are faces of 'low_top' of tie 'glue': tied faces cannot slip",
     )
 
 

@@ -224,7 +224,7 @@ MISTAKES = {
         ('["cap_bottom", "bar_top"]', '["cap_bottom", "ground_base"]'),
         r"tie 'glue': 13 of 13 nodes of 'cap_bottom' lie farther than",
     ),
-    "joint on the tie": (('["bar_bottom", "ground_top"]', '["cap_bottom", "bar_top"]'), "what is glued cannot slip"),
+    "joint on the tie": (('["bar_bottom", "ground_top"]', '["cap_bottom", "bar_top"]'), "tied faces cannot slip"),
     "turning inertia": (("[solver]", "[statics]\nrotation_speed = 3.0\n[solver]"), "the inertia of a point would turn"),
 }
 

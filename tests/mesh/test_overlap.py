@@ -267,11 +267,11 @@ def test_a_plane_takes_its_gap_from_the_mesh():
 @pytest.mark.parametrize(
     "point, normal, keys, says",
     [
-        ((0.0, 0.0, -0.1), (0.0, 0.0, -1.0), {}, "turns its back on the plane at .* plane_normal points from the rigid ground"),
-        ((0.0, 0.0, -0.1), (3.0, 0.0, 1.0), {}, "stands at 72 degrees to the plane at its nearest point, .* check plane_normal"),
-        ((0.0, 0.0, -0.5), (0.0, 0.0, 1.0), {}, r"is 0.5 m off the plane at its nearest point, .*; check plane_point"),
-        ((0.0, 0.0, 0.5), (0.0, 0.0, 1.0), {}, r"is -0.5 m off the plane"),
-        ((0.0, 0.0, -0.05), (0.0, 0.0, 1.0), {"tolerance": 1e-6}, "no more than 1e-06 m is expected"),
+        ((0.0, 0.0, -0.1), (0.0, 0.0, -1.0), {}, "faces away from the plane at .* plane_normal points from the rigid ground"),
+        ((0.0, 0.0, -0.1), (3.0, 0.0, 1.0), {}, "is at 72 degrees to the plane at its nearest point, .* check plane_normal"),
+        ((0.0, 0.0, -0.5), (0.0, 0.0, 1.0), {}, r"is 0.5 m from the plane at its nearest point, .*; check plane_point"),
+        ((0.0, 0.0, 0.5), (0.0, 0.0, 1.0), {}, r"is -0.5 m from the plane"),
+        ((0.0, 0.0, -0.05), (0.0, 0.0, 1.0), {"tolerance": 1e-6}, "at most 1e-06 m are expected"),
     ],
 )
 def test_a_plane_that_the_surface_does_not_face_or_is_far_from_is_refused(point, normal, keys, says):
@@ -294,7 +294,7 @@ def test_tangent_turns_the_frames():
     mesh = boxes()
     pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tangent=(1.0, 1.0, 5.0))])
     np.testing.assert_allclose(pairs.frame[:, 0], np.tile([0.5**0.5, 0.5**0.5, 0.0], (pairs.n_pairs, 1)), atol=1e-12)
-    with pytest.raises(MeshError, match=r"joint 'joint': tangent = \(0, 0, 2\) stands on the surface"):
+    with pytest.raises(MeshError, match=r"joint 'joint': tangent = \(0, 0, 2\) is normal to the surface"):
         pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tangent=(0.0, 0.0, 2.0))])
 
 

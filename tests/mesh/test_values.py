@@ -65,7 +65,9 @@ def test_what_is_refused(tmp_path, text, says):
 
 
 def test_rows_that_belong_nowhere(tmp_path):
-    with pytest.raises(MeshError, match=r"line 3: node 5 is no node of 'lower_top', the first surface of joint 'joint' \(1 such"):
+    with pytest.raises(
+        MeshError, match=r"line 3: node 5 is not a node of 'lower_top', the first surface of joint 'joint' \(1 such"
+    ):
         paired(tmp_path, f"node,friction\n{two_boxes().numbers[two_boxes().node_groups['lower_top'][0]]},0.1\n5,0.2\n")
     with pytest.raises(MeshError, match=r"line 2: \(0, 0, 3\) m is 2 m from the nearest contact point .* places are in metres"):
         paired(tmp_path, "x,y,z,friction\n0,0,3,0.1\n")

@@ -57,8 +57,12 @@ def test_values_of_points_reach_their_law(folder):
     "own, rows, message",
     [
         (ROUGH, "x,y,z,preload\n0.105,0.0,0.0,0.0\n", 'line 2: preload = 0; with law = "rough" it must be above 0'),
-        (ROUGH, "x,y,z,gap\n0.105,0.0,0.0,1e-6\n", 'gap is no value of law = "rough", which takes friction, preload'),
-        (IWAN, "x,y,z,friction\n0.105,0.0,0.0,0.3\n", 'friction is no value of law = "iwan", which takes tangential_stiffness'),
+        (ROUGH, "x,y,z,gap\n0.105,0.0,0.0,1e-6\n", 'gap is not a value of law = "rough", which takes friction, preload'),
+        (
+            IWAN,
+            "x,y,z,friction\n0.105,0.0,0.0,0.3\n",
+            'friction is not a value of law = "iwan", which takes tangential_stiffness',
+        ),
     ],
 )
 def test_values_of_points_that_a_law_cannot_take(folder, own, rows, message):

@@ -182,10 +182,10 @@ def test_where_a_level_or_an_output_is_alone_what_both_have_is_compared(results)
     shorter = replace(results, levels=results.levels[:1])
     found = compared(results, shorter)
     assert not found.is_same and found.only == (("level 8 N",), ())
-    assert verdict(found).startswith("different: level 8 N in A alone; where both are, the curves are equal")
+    assert verdict(found).startswith("different: level 8 N in A only; in the common range the curves are equal")
     renamed = compared(results, replace(results, outputs=("tip", "foot")))
     assert renamed.only == (('output "root" in m',), ('output "foot" in m',)) and len(renamed.levels[0].outputs) == 1
-    assert verdict(compared(results, replace(results, levels=()))) == "different: no level is in both"
+    assert verdict(compared(results, replace(results, levels=()))) == "different: no common level"
 
 
 @pytest.mark.parametrize("status, failure", [(RUNNING, ""), (STOPPED, "no convergence")])
@@ -197,16 +197,16 @@ def test_of_a_run_that_ended_early_the_part_is_compared(results, status, failure
     for a, b, side in ((results, part, "B"), (part, results, "A")):
         found = compared(a, b)
         assert not found.is_same and found.incomplete == (side,) and found.levels[1].difference < 1e-12
-        assert verdict(found).startswith(f"different: {side} is not complete; where both are, the curves")
-        how = "ended early: no convergence" if failure else "was at work when the file was written"
-        assert f"8 N: {side} {how} (35 points)" in text_of(found) and "compared where both are" in text_of(found)
+        assert verdict(found).startswith(f"different: {side} is not complete; in the common range the curves")
+        how = "ended early: no convergence" if failure else "was not finished when the file was written"
+        assert f"8 N: {side} {how} (35 points)" in text_of(found) and "compared in the overlap" in text_of(found)
 
 
 def test_a_wider_range_is_said(results):
     n = len(results.levels[1].frequency)
     part = other(results, **{name: None if one is None else one[5 : n - 5] for name, one in results.levels[1].arrays.items()})
     found = compared(results, part)
-    assert "one runs over a wider range than the other; where both are, the curves are equal" in verdict(found)
+    assert "the frequency ranges differ; in the common range the curves are equal" in verdict(found)
 
 
 def test_levels_without_points(results):
@@ -249,7 +249,7 @@ def test_statics_are_compared_by_their_means(results):
     a = other(other(results, 0, response=still[0]), 1, response=still[1])
     b = other(a, response=1.1 * still[1])
     assert compared(a, a).is_same and compared(a, b).levels[1].difference == pytest.approx(0.1, rel=1e-3)
-    with pytest.raises(CaseError, match="one of them is of statics alone"):
+    with pytest.raises(CaseError, match="one of them is a static result"):
         compared(a, results)
 
 
@@ -305,7 +305,7 @@ def test_the_structure_is_compared(results):
     said = text_of(found)
     assert "5 -> 6 DOF" in said and "mu of the pairs by up to 10 %" in said and "2 -> 3 modes" in said
     moved = replace(results.joint, node1=results.joint.node1 + 1)
-    assert "the pairs lie elsewhere" in text_of(compared(results, replace(results, joint=moved)))
+    assert "the pairs have other positions" in text_of(compared(results, replace(results, joint=moved)))
 
 
 # -- the command ----------------------------------------------------------------------------------------------------------
@@ -320,7 +320,7 @@ def test_picture_json_and_status(pairs, tmp_path):
     assert json.loads(text)["levels"][0]["is_same"] is True
     assert (tmp_path / "out" / "diff.png").read_bytes().startswith(b"\x89PNG")
     text, status = compare_files(a, c, None, False, tmp_path / "none", False)
-    assert status == 1 and text.splitlines()[-1] == "different: no level is in both"
+    assert status == 1 and text.splitlines()[-1] == "different: no common level"
     assert not (tmp_path / "none" / "diff.png").exists()
 
 

@@ -138,7 +138,7 @@ def test_supports_that_fix_both_sides_of_a_joint_are_left_out_and_the_others_sta
     assert 'conditions of step 1 of the file: *FREQUENCY, PERTURBATION "Fixed"' in said
     assert "left out: BAR_BOTTOM (xyz), PLATE_TOP (xyz), which fix both sides of a joint" in said
     text = filled(tmp_path / "m.toml")
-    assert "# step = ... takes those of another: 2 *FREQUENCY, PERTURBATION" in text
+    assert "# step = ... selects another step: 2 *FREQUENCY, PERTURBATION" in text
     scene = read_scene(tmp_path / "m.toml")
     assert (scene.model.step, [(one.group, one.fix) for one in scene.supports]) == (1, [("PLATE_BASE", ("x", "y", "z"))])
     whole, _ = complete(scene, read_model(tmp_path / "m.inp", scene.model.step))
@@ -231,7 +231,7 @@ def test_surfaces_apart_stand_as_comments_that_make_a_joint(tmp_path):
     said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
     assert "or         BAR-1.ALL_on_PLATE-1.ALL on PLATE-1.ALL_on_BAR-1.ALL: 3 faces on 3, 0.0005 m2, 0.004 m apart" in said
     text = (tmp_path / "m.toml").read_text()
-    assert "# With room between them: BAR-1.ALL_on_PLATE-1.ALL" in text and read_scene(tmp_path / "m.toml").joints == ()
+    assert "# With a gap: BAR-1.ALL_on_PLATE-1.ALL" in text and read_scene(tmp_path / "m.toml").joints == ()
     (tmp_path / "m.toml").write_text(re.sub(r"^#\| ", "", text, flags=re.MULTILINE))
     scene = read_scene(tmp_path / "m.toml")
     assert scene.joints[0].gap == "geometry" and scene.surfaces[0].tolerance == pytest.approx(4.4e-3)
@@ -337,12 +337,12 @@ def test_what_is_no_model_is_refused(tmp_path, name, text, message):
 def test_a_scene_is_not_overwritten_unless_forced(tmp_path):
     model, out = write(tmp_path), tmp_path / "first.toml"
     out.write_text("mine")
-    with pytest.raises(CaseError, match="is there already, and is not overwritten; name another with --out, or say --force"):
+    with pytest.raises(CaseError, match="exists and is not overwritten; choose another name with --out, or add --force"):
         _write(str(model), out, False)
     assert out.read_text() == "mine"
     _write(str(model), out, True)
     assert "[[joints]]" in out.read_text()
-    with pytest.raises(CaseError, match="a scene's name ends in .toml"):
+    with pytest.raises(CaseError, match="the name of a scene ends in .toml"):
         _write(str(model), tmp_path / "first.inp", True)
 
 
@@ -350,7 +350,7 @@ def test_bodies_that_touch_nowhere_make_a_linear_scene(tmp_path):
     model = plain()
     points = model.points + 0.01 * (np.arange(len(model.points)) < 16)[:, None] * [0.0, 0.0, 1.0]
     path = write(tmp_path, points=points, sets={"PLATE_BASE": model.sets["PLATE_BASE"]})
-    assert "no surfaces of different bodies lie on each other" in "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "no touching surfaces of different bodies" in "\n".join(_write(str(path), tmp_path / "m.toml", False))
     assert read_scene(tmp_path / "m.toml").joints == ()
 
 

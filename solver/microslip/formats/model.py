@@ -70,7 +70,7 @@ class Group:
 class Equations:
     """Linear equations between displacements, sum of coefficient times displacement = 0; each determines one displacement."""
 
-    equation: np.ndarray  # (n_terms,) number of the equation, from 0, rising
+    equation: np.ndarray  # (n_terms,) number of the equation, from 0, ascending
     nodes: np.ndarray  # (n_terms,) index into FileModel.points; -1 - i: number i of ``points``
     axes: np.ndarray  # (n_terms,) 0, 1, 2: x, y, z; 3, 4, 5: rotations of points
     coefficients: np.ndarray  # (n_terms,)

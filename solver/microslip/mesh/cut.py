@@ -215,9 +215,9 @@ def _sides(mesh: Mesh, near: _Near, in_cut, normal, is_cut, where: str) -> np.nd
     if len(both):
         node = _node_at_end(mesh, near, in_cut, of_face, is_cut)
         raise MeshError(
-            f"{where}: the cut does not go through: its two sides hang together around it, first at node "
+            f"{where}: the cut does not go through: its two sides are connected around it, first at node "
             f"{mesh.numbers[node]} {place(mesh.points[node])} m; take all faces from side to side of the shank, which must not "
-            "share nodes with what it is in"
+            "share nodes with the part around it"
         )
     middle = mesh.points[is_cut].mean(axis=0)
     side = np.where((near.centre - middle) @ normal > 0.0, 1, -1)  # elements that touch the cut without such a connection

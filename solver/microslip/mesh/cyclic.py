@@ -53,7 +53,7 @@ def cyclic_faces(mesh: Mesh, cyclic: Cyclic) -> CyclicFaces:
     if cyclic.faces is None:
         none: np.ndarray = np.zeros((2, 0), dtype=np.int64)
         weights = sp.csr_matrix((0, mesh.points.size))
-        note = f"cyclic: sector 0 of {cyclic.sectors}, which meet in joints alone"
+        note = f"cyclic: sector 0 of {cyclic.sectors}, which meet only in joints"
         return CyclicFaces(none[0], weights, none, turn, True, note)
     low, high = (mesh.node_groups[group] for group in cyclic.faces)
     _refuse_shared(mesh, cyclic, low, high)

@@ -74,17 +74,17 @@ def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints) -
     where, at = f"{mesh.path}: joint {joint.name!r}: the surface {first.group!r}", f"{place(points.position[nearest])} m"
     tilt = np.degrees(np.arccos(np.clip(points.z[nearest] @ normal, -1.0, 1.0)))
     if tilt >= 90.0:
-        raise MeshError(f"{where} turns its back on the plane at {at}; plane_normal points from the rigid ground into the body")
+        raise MeshError(f"{where} faces away from the plane at {at}; plane_normal points from the rigid ground into the body")
     if tilt > _MOST_TILT:
         raise MeshError(
-            f"{where} stands at {tilt:.0f} degrees to the plane at its nearest point, {at} (bound {_MOST_TILT:.0f}): it does not "
+            f"{where} is at {tilt:.0f} degrees to the plane at its nearest point, {at} (bound {_MOST_TILT:.0f}): it does not "
             "face it; check plane_normal"
         )
     reach = FAR * mesh.diagonal if joint.tolerance is None else joint.tolerance
     if abs(distance[nearest]) > reach:
         raise MeshError(
-            f"{where} is {distance[nearest]:.3g} m off the plane at its nearest point, {at}, and no more than {reach:.3g} m "
-            "is expected; check plane_point, or state a larger tolerance in the joint"
+            f"{where} is {distance[nearest]:.3g} m from the plane at its nearest point, {at}, and at most {reach:.3g} m "
+            "are expected; check plane_point, or state a larger tolerance in the joint"
         )
     note = f"joint {joint.name!r}: {points.n_points} contact points, {distance.min():.3g} to {distance.max():.3g} m off"
     return replace(points, z=np.tile(normal, (points.n_points, 1)), distance=distance, note=note)

@@ -214,7 +214,7 @@ def _along(z: np.ndarray, tangent, where: str) -> np.ndarray:
     """Return the direction ``tangent`` as a unit vector; MeshError if it is parallel to a normal."""
     direction = np.array(tangent, dtype=float) / np.linalg.norm(tangent)
     if (np.abs(z @ direction) > _ALONG).any():
-        raise MeshError(f"{where}: tangent = {place(tangent)} stands on the surface, and has no direction in it; state another")
+        raise MeshError(f"{where}: tangent = {place(tangent)} is normal to the surface and has no direction in it; state another")
     return direction
 
 
@@ -225,5 +225,5 @@ def _check_shared(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> 
         raise MeshError(
             f"{mesh.path}: joint {joint.name!r}: {first.group!r} and {second.group!r} share {len(shared)} nodes (the "
             f"first is node {mesh.numbers[shared].min()}), so the bodies are merged there and cannot slip; "
-            "give each body nodes of its own (mesh the bodies apart, without merging coincident nodes)"
+            "give each body its own nodes (mesh the bodies separately, without merging coincident nodes)"
         )

@@ -156,7 +156,7 @@ def check_joints(mesh: Mesh, tables: StructureTables, ties: Sequence[Follower]) 
                     if both:
                         text = (
                             f"{mesh.path}: {len(both)} faces of {group!r} of joint {joint.name!r} are faces of {name!r} of tie "
-                            f"{tie.label!r}, too: what is glued cannot slip; take them out of one of the two groups"
+                            f"{tie.label!r}: tied faces cannot slip; take them out of one of the two groups"
                         )
                         faults.add([MeshError(text)])
     faults.refuse()

@@ -230,7 +230,7 @@ def _nothing(mesh: Mesh, skin: Skin, surface: Surface, body: int, other: int) ->
         first, second = skin.nodes_of(skin.body == body), skin.nodes_of(skin.body == other)
         shared = np.intersect1d(first, second)
         if len(shared):
-            return f"{text}: they share {len(shared)} nodes, and are merged there; give each body nodes of its own"
+            return f"{text}: they share {len(shared)} nodes, and are merged there; give each body its own nodes"
         distance, _ = cKDTree(mesh.points[second]).query(mesh.points[first])
         nearest_node = first[np.argmin(distance)]
         text += (

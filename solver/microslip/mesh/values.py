@@ -81,7 +81,7 @@ def _nodes_of(points: ContactPoints) -> np.ndarray:
 
 
 def _closed_or_open(values: Values) -> Values:
-    """Return values with a preload or a gap at each point; between nodes of both kinds the larger in force remains."""
+    """Return values with a preload or a gap at each point; with both, the net pressure remains as one of them."""
     both = (values.gap > 0.0) & (values.preload > 0.0)
     net = values.preload - values.normal_stiffness * values.gap
     preload = np.where(both, np.maximum(net, 0.0), values.preload)
@@ -93,7 +93,7 @@ def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: OfPoints) -
     """Return the field of the mesh for a value, (n_nodes,)."""
     field, where = joint.fields[name], f"{mesh.path}: joint {joint.name!r} fields: {name}"
     if name not in LAWS[joint.law].per_point:
-        raise CaseError(f'{where} is no value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
+        raise CaseError(f'{where} is not a value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
     if name == "gap" and joint.has_gap_of_mesh:
         raise CaseError(f'{where}: the joint takes its gap from the mesh, gap = "geometry"; state one of them')
     nodes = _nodes_of(points)
@@ -139,7 +139,7 @@ def _check_open(where, places: np.ndarray, gap: np.ndarray, preload: np.ndarray,
     if len(both):
         raise CaseError(
             f"{where}: the point at {place(places[used[both[0]]])} m has a gap of {gap[both[0]]:g} m and "
-            f"a preload of {preload[both[0]]:g} Pa ({len(both)} in all): an open point carries none; keep one of them"
+            f"a preload of {preload[both[0]]:g} Pa ({len(both)} in all): an open point has no preload; state only one of them"
         )
 
 
@@ -148,7 +148,7 @@ def _check_law(joint: Joint, path: Path, table: dict, given: list[str], lines: l
     takes = LAWS[joint.law].per_point
     for name in given:
         if name not in takes:
-            raise CaseError(f'{path}: {name} is no value of law = "{joint.law}", which takes {", ".join(takes)}')
+            raise CaseError(f'{path}: {name} is not a value of law = "{joint.law}", which takes {", ".join(takes)}')
     if "preload" in given and "n0" in LAWS[joint.law].above_0 and (table["preload"] <= 0.0).any():
         bad = int(np.argmin(table["preload"]))
         raise CaseError(
@@ -166,7 +166,7 @@ def _rows_of_nodes(
     unknown = np.flatnonzero(~np.isin(table["node"], mesh.numbers[nodes]))
     if len(unknown):
         raise MeshError(
-            f"{path}, line {lines[unknown[0]]}: node {table['node'][unknown[0]]:g} is no node of "
+            f"{path}, line {lines[unknown[0]]}: node {table['node'][unknown[0]]:g} is not a node of "
             f"{joint.groups[0]!r}, the first surface of joint {joint.name!r} ({len(unknown)} such rows)"
         )
     named, count = np.unique(table["node"], return_counts=True)

@@ -34,7 +34,7 @@ class Stops:
         self._has_stopped = False
         if limit is not None:
             remaining = max(limit.remaining, 0.0)
-            log.note(f"{remaining:.0f} s are left by {limit.source}; what is not done shortly before is left to the next run")
+            log.note(f"{remaining:.0f} s are left by {limit.source}; the run stops shortly before and can be continued")
 
     @property
     def margin(self) -> float:

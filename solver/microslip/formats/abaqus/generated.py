@@ -73,7 +73,7 @@ class _Known:
 
 
 def _add_nodes(mesh: FileMesh, names: Names, card: Card, numbers: list[np.ndarray], points: list[np.ndarray], key: str) -> None:
-    """Add nodes, and a set of ``numbers``; only the last ones, which have points, are new."""
+    """Add nodes, and a set of all ``numbers``; the first numbers of each part, those with points, are new."""
     new = np.concatenate([NO_NODES, *(part[: len(at)] for part, at in zip(numbers, points, strict=True))])
     names.given_nodes.append((new, np.concatenate([np.zeros((0, 3)), *points]), card.where))
     if card.parameters.get(key):

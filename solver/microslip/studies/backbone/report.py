@@ -164,7 +164,7 @@ def on_screen(result: Backbone) -> list[str]:
         )
         for row in rows
     ]
-    says = f"nonlinear mode {result.mode}: amplitude of {result.outputs[0]}; level of the loads whose phase resonance is there"
+    says = f"nonlinear mode {result.mode}: amplitude of {result.outputs[0]}; level of the loads with phase resonance at the point"
     return [screen_table(says, head, table)]
 
 
@@ -206,9 +206,9 @@ def in_words(result: Backbone) -> list[str]:
 
 def _forced_in_words(forced: Forced) -> str:
     if not np.isfinite(forced.error):
-        return f"level {forced.level:g}: peak {forced.peak:.5g}; the computed amplitudes of the mode do not reach it"
+        return f"level {forced.level:g}: peak {forced.peak:.5g}; beyond the computed amplitudes of the mode"
     return (
-        f"level {forced.level:g}: peak {forced.peak:.5g}, by the mode alone {forced.by_mode.peak[0]:.5g} "
+        f"level {forced.level:g}: peak {forced.peak:.5g}, synthesised from the mode {forced.by_mode.peak[0]:.5g} "
         f"({100.0 * forced.error:+.2g} %) at {forced.by_mode.resonance:.6g} Hz"
     )
 
@@ -278,12 +278,12 @@ def draw_forced(result: Backbone, forced: Sequence[Forced], scene: Titled, path:
     colours = level_colours(len(forced))
     handles = [Line2D([], [], color=c, label=f"{each.level:g} {result.level_unit}") for c, each in zip(colours, forced)]
     handles += [
-        Line2D([], [], color=INK, ls="--", label="by the mode alone"),
+        Line2D([], [], color=INK, ls="--", label="synthesised from the mode"),
         Line2D([], [], color=FAINT, lw=0.9, label="phase resonance"),
     ]
     page = Page(
         scene,
-        f"forced responses of {plain(result.outputs[0], 24)}, in full and by nonlinear mode {result.mode} alone",
+        f"forced responses of {plain(result.outputs[0], 24)}, computed and from nonlinear mode {result.mode} (synthesised)",
         WIDTH,
         3.4,
         handles,

@@ -153,7 +153,7 @@ def _listed(scene: Scene) -> str:
 def resolution(scene: Scene) -> str:
     """Return the harmonics and samples of the points as text."""
     chosen = f"chosen at each point for accuracy {scene.accuracy}"
-    stated = "harmonic 0 alone: statics" if scene.is_static else f"harmonics {_listed(scene)}"
+    stated = "harmonic 0 only: statics" if scene.is_static else f"harmonics {_listed(scene)}"
     harmonics = f"harmonics up to {MOST_HARMONICS}, {chosen}" if scene.chooses("harmonics") else stated
     return f"{harmonics}, {f'samples {chosen}' if scene.chooses('samples') else f'{scene.solver.samples} samples'}"
 

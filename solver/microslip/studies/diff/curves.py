@@ -17,7 +17,7 @@ from ...results.measures import segments
 FINE = 16  # interpolated positions between two points of a curve
 _STEPS = 12  # Newton steps of the search for the nearest position
 _NEAR = 5  # points on each side included: the interpolation error changes its sign and peaks at corners
-_NEARBY = 8.0  # slope of the interpolation error at a point over its slope to the middle of two points
+_NEARBY = 8.0  # slope per interval with which the estimate increases from 0 at a point to its full value
 _FEWEST = 5  # least points of a segment for an estimate from half of them
 
 

@@ -52,16 +52,16 @@ def verdict(comparison: Difference) -> str:
     largest = max((level.difference for level in comparison.levels), default=0.0)
     says = f"the curves differ by up to {_percent(largest)} % of the peak" if largest > _ROUNDING else "the curves are equal"
     if not comparison.levels:
-        return "different: no level is in both"
+        return "different: no common level"
     if comparison.is_same:
         return f"the same: {says}{_by(comparison)}"
     why = [
-        *(f"{', '.join(names)} in {side} alone" for side, names in zip("AB", comparison.only) if names),
+        *(f"{', '.join(names)} in {side} only" for side, names in zip("AB", comparison.only) if names),
         *(f"{side} is not complete" for side in comparison.incomplete),
     ]
     if all(map(comparison.is_level_same, comparison.levels)):
-        ranges = [] if why else ["one runs over a wider range than the other"]
-        return f"different: {'; '.join([*why, *ranges])}; where both are, {says}{_by(comparison)}"
+        ranges = [] if why else ["the frequency ranges differ"]
+        return f"different: {'; '.join([*why, *ranges])}; in the common range {says}{_by(comparison)}"
     worst = max(comparison.levels, key=lambda level: level.difference)
     return f"different: {'; '.join([*why, f'{says}, at {worst.level:g} {worst.unit}'.removesuffix(' 1')])}{_by(comparison)}"
 
@@ -71,7 +71,7 @@ def _by(comparison: Difference) -> str:
     tolerance = max(map(comparison.bound, comparison.levels))
     says = f" (tolerance {100.0 * tolerance:.2g} %"
     if comparison.tolerance is None and not all(level.same_points for level in comparison.levels):
-        says += " beyond what the points resolve"
+        says += " beyond the resolution of the points"
     return says + (", or the error bars)" if comparison.bars else ")")
 
 
@@ -93,7 +93,7 @@ def _inputs(comparison: Difference) -> str:
     lines += _changes("computed with", comparison.facts)
     if comparison.inputs is None:
         old = [side for side, results in (("A", comparison.a), ("B", comparison.b)) if results.origin is None]
-        lines.append(f"files read: {listed(old)} was written by an earlier version and does not say")
+        lines.append(f"files read: {listed(old)} was written by an earlier version without this list")
     else:
         n = len(comparison.a.origin.inputs) if comparison.a.origin else 0
         lines += _changes("files read", comparison.inputs) or [f"files read: the same {n}, by their hashes"]
@@ -114,7 +114,7 @@ def _structure(comparison: Difference) -> str:
     if structure.joints[0] != structure.joints[1]:
         parts.append(f"joints {listed(structure.joints[0]) or 'none'} -> {listed(structure.joints[1]) or 'none'}")
     elif structure.n_pairs[0] == structure.n_pairs[1] and not structure.same_pairs:
-        parts.append("the pairs lie elsewhere or between other nodes")
+        parts.append("the pairs have other positions or nodes")
     parts += [f"{name} of the pairs by up to {_percent(apart)} %" for name, apart in structure.pairs.items() if apart > 1e-12]
     parts.append(_counted("modes", structure.n_modes))
     if structure.mode:
@@ -172,16 +172,16 @@ def _notes(comparison: Difference) -> str:
         name = f"{level.level:g} {level.unit}".removesuffix(" 1")
         for side, status, failure, n in zip("AB", level.status, level.failure, level.n_points):
             if status != COMPLETE:
-                how = f"ended early: {_short(failure, 150)}" if failure else "was at work when the file was written"
+                how = f"ended early: {_short(failure, 150)}" if failure else "was not finished when the file was written"
                 lines.append(f"{name}: {side} {how} ({n} points)")
         if level.ends is not None:
             (low_a, high_a), (low_b, high_b) = level.ends
             lines.append(
-                f"{name}: A from {low_a:.6g} to {high_a:.6g} Hz, B from {low_b:.6g} to {high_b:.6g} Hz; compared where both are"
+                f"{name}: A from {low_a:.6g} to {high_a:.6g} Hz, B from {low_b:.6g} to {high_b:.6g} Hz; compared in the overlap"
             )
         if level.beyond < _RESOLVED * level.difference:
             lines.append(
-                f"{name}: other points; beyond what these resolve the curves differ by {_percent(level.beyond)} % of the peak"
+                f"{name}: different points; beyond their resolution the curves differ by {_percent(level.beyond)} % of the peak"
             )
         if level.n_other_state:
             lines.append(f"{name}: {level.n_other_state} pairs are in another state where the response is largest")

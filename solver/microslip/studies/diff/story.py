@@ -97,7 +97,7 @@ def compared(a: ResultFile, b: ResultFile, tolerance: float | None = None, bars:
     if a.shown.is_static != b.shown.is_static and all(
         any(len(level.frequency) for level in results.levels) for results in (a, b)
     ):
-        raise CaseError(f"{a.path} and {b.path}: one of them is of statics alone, and the other of vibration")
+        raise CaseError(f"{a.path} and {b.path}: one of them is a static result, the other a vibration")
     structure = _structure(a, b)
     outputs, only_outputs = _outputs(a, b)
     pairs, only_levels = _levels(a, b)

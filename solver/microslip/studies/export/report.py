@@ -60,14 +60,14 @@ def what_differs(arrays: Mapping[str, Entry], scene: Scene) -> list[str]:
     lines = []
     if scene.solver.between_samples == "path":
         lines.append(
-            "the other programs know the law at samples alone; with [solver] between_samples = "
-            '"return-map" this program does the same, else expect a difference that falls with the samples'
+            "the other programs evaluate the law at samples only; with [solver] between_samples = "
+            '"return-map" this program does the same, otherwise the difference decreases with more samples'
         )
     others = sorted(set(value["law"]) - {ELASTIC_COULOMB})
     if others:
         lines.append(
             f"no script can run pairs of the law {listed(others)}: none of the programs has it; slider_k_t, slider_limit, "
-            "slider_rate and slider_w0 are what it takes"
+            "slider_rate and slider_w0 state its parameters"
         )
     if value["S"].size:
         lines.append("no script can run structural damping (S)")
@@ -92,14 +92,14 @@ def _of_laws(value: Mapping[str, np.ndarray]) -> list[str]:
     separate = bool((in_plane & (value["separate"] == 1.0)).any())
     lines = []
     if has_normal:
-        lines.append("NLvib 1.3 has constant friction limits mu N0: another law where the normal force varies")
-        lines.append("pyHarm 1.2 keeps friction and preload of a pair that opens: another law where one does")
+        lines.append("NLvib 1.3 has constant friction limits mu N0: a different law if the normal force varies")
+        lines.append("pyHarm 1.2 retains friction and preload of a pair that opens: a different law if pairs open")
     if on_circle:
         lines.append(
-            "NLvib 1.3 and TMDSimPy limit friction in each direction by itself: another law than the circle of these pairs"
+            "NLvib 1.3 and TMDSimPy limit friction in each direction separately: a different law than the circle of these pairs"
         )
     if separate and has_normal:
-        lines.append("pyHarm 1.2 has a friction circle: another law than the separate limits of these pairs")
+        lines.append("pyHarm 1.2 has a friction circle: a different law than the separate limits of these pairs")
     return lines
 
 
@@ -108,7 +108,7 @@ def _refuse_too_large(arrays: Mapping[str, Entry]) -> None:
         n = len(arrays["M"].values)
         raise CaseError(
             f"export: {n} coordinates make matrices of {_largest(arrays) / 1e9:.3g} GB, and a .mat of version 5 holds 2.1 GB; "
-            "ask for fewer modes or interface shapes, or for another --method"
+            "use fewer modes or interface shapes, or another --method"
         )
 
 
@@ -150,7 +150,7 @@ def readme(arrays: Mapping[str, Entry], fields: Mapping[str, Entry] | None, note
         )
         parts.append(f"{mat}, {size:.3g} MB\n{'-' * len(mat)}\n" + _table(fields))
     parts.append(SCRIPT_TEXT)
-    parts.append("What differs here\n-----------------\n" + "\n".join(f"- {line}" for line in limits or ["nothing is known"]))
+    parts.append("Differences\n-----------\n" + "\n".join(f"- {line}" for line in limits or ["none known"]))
     return "\n\n".join(parts) + "\n"
 
 

@@ -20,7 +20,7 @@ _QUESTIONS = {
     "friction": "#> friction = 0.3               # dry steel on steel: 0.1 to 0.6",
     "tangential_stiffness": "#> tangential_stiffness = 1e13  # N/m3: 1e12 to 1e14 of metals; a layer of steel as thick as 80e9 / "
     "this, in m",
-    "normal_stiffness": "#> normal_stiffness = 1.5e13    # N/m3: as it, or up to twice",
+    "normal_stiffness": "#> normal_stiffness = 1.5e13    # N/m3: equal, or up to twice",
 }
 
 
@@ -42,12 +42,12 @@ def joint_text(candidate: Candidate, first: First) -> str:
             return _tie(candidate, finding)
     lines = [_surface(surface) for surface in candidate.made]
     preload = (
-        key_line("preload", '"static"', "what [statics] finds")
+        key_line("preload", '"static"', "computed by [statics]")
         if first.states_bolts or first.loads_at_rest
         else "#> preload = 1e6                # Pa at rest: 1e5 to 1e8; bolts: force / area"
     )
     if candidate.is_apart:
-        preload = key_line("gap", '"geometry"', "as the mesh has it")
+        preload = key_line("gap", '"geometry"', "from the mesh")
     note = f"# {candidate.text}"
     lines += [
         note,
@@ -78,7 +78,7 @@ def _tie(candidate: Candidate, finding: Finding) -> str:
     """Return a tie, with a comment on the joint that would replace it."""
     lines = [
         f"# {candidate.text}; bonded in the file",
-        "# where they may slip: [[joints]] with friction, two stiffnesses and a preload in place of [[ties]]",
+        "# if they may slip: [[joints]] with friction, two stiffnesses and a preload instead of [[ties]]",
         "[[ties]]",
         key_line("surfaces", f"[{', '.join(map(quoted, finding.surfaces))}]"),
         "",
@@ -91,7 +91,7 @@ def glued_text(candidate: Candidate) -> str:
     lines = [_surface(surface) for surface in candidate.made]
     lines += [
         f"# {candidate.text}",
-        "# a bolt, nut or washer: glued; where it may slip, [[joints]] in place of [[ties]]",
+        "# a bolt, nut or washer: tied; if it may slip, [[joints]] instead of [[ties]]",
         "[[ties]]",
         key_line("surfaces", f"[{', '.join(map(quoted, candidate.surfaces))}]"),
         "",
@@ -109,7 +109,7 @@ def apart_text(candidate: Candidate, first: First) -> str:
         key_line("gap", '"geometry"', f"{candidate.gap:.3g} m"),
         *(line.removeprefix("#> ") for line in _contact(candidate, first)),
     ]
-    heading = f"# With room between them: {candidate.text}; where they may close, remove '#| '"
+    heading = f"# With a gap: {candidate.text}; if they may close, remove '#| '"
     return "\n".join([heading, *(f"#| {line}" for line in "\n".join(lines).splitlines() if line), ""])
 
 
@@ -120,7 +120,7 @@ def _surface(surface: Surface) -> str:
         key_line("bodies", f"[{', '.join(map(quoted, surface.bodies))}]", "faces of the first that lie on the second"),
     ]
     if surface.normal is not None:
-        lines.append(key_line("normal", f"[{', '.join(map(repr, surface.normal))}]", "and look there"))
+        lines.append(key_line("normal", f"[{', '.join(map(repr, surface.normal))}]", "normals of the first"))
     if surface.tolerance is not None:
         lines.append(key_line("tolerance", f"{surface.tolerance:g}", "m, between them"))
     return "\n".join([*lines, ""])
@@ -135,7 +135,7 @@ def bolt_text(shank: Shank, number: int, first: First) -> list[str]:
             group += " of new"
         lines += [
             "[[surfaces]]",
-            key_line("name", quoted(group), "the faces inside the shank that follow a plane"),
+            key_line("name", quoted(group), "the faces inside the shank along a plane"),
             key_line("bodies", f"[{quoted(shank.body)}, {quoted(shank.body)}]"),
             key_line("through", value_text(tuple(map(float, shank.position))), "m"),
             key_line("normal", value_text(shank.direction)),

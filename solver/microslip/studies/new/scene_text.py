@@ -48,14 +48,14 @@ def _model(first: First) -> str:
     if first.scale is not None:
         size = first.mesh.diagonal
         lines.append(
-            key_line("scale", f"{first.scale:g}", f"m a unit of the mesh, which then measures {size:.4g} m across: is it so?")
+            key_line("scale", f"{first.scale:g}", f"m per unit of the mesh, which is then {size:.4g} m across: please check")
         )
     lines += _step(first)
     if first.left_out:
         lines.append(key_line("take", f"[{', '.join(quoted(part) for part in TAKEN if part != 'supports')}]", "supports below"))
     open_findings = first.open_findings
     if open_findings:
-        lines.append("# The file holds what would change the answer and is not taken over. State what it means, or waive it:")
+        lines.append("# Data of the file that change the answer and are not taken over; state equivalents, or ignore them:")
         lines += [f"#   {finding.where}: {finding.word}: {finding.effect}" for finding in open_findings[:MOST]]
         words = list(dict.fromkeys(finding.word for finding in open_findings))
         lines.append(f"#> ignore = [{', '.join(map(quoted, words))}]")
@@ -69,7 +69,7 @@ def _step(first: First) -> list[str]:
     lines = [f"# Supports, loads and temperatures are those of step {first.step.number} of the file, {first.step.procedure}."]
     others = [f"{step.number} {step.procedure}" for step in first.file.steps if step.number and step is not first.step]
     if others:
-        lines.append(f"# step = ... takes those of another: {'; '.join(others[:MOST])}")
+        lines.append(f"# step = ... selects another step: {'; '.join(others[:MOST])}")
     return [*lines, key_line("step", str(first.step.number))] if others else lines
 
 
@@ -89,7 +89,7 @@ def _materials(first: First) -> str:
         known = material.in_si(units)
         for key in ("young", "poisson", "shear", "elasticity", "density", "expansion"):
             if key in material.lacking:
-                lines.append(key_line(key, _STEEL[key][0], f"{_STEEL[key][1]}: steel's; the file does not state it"))
+                lines.append(key_line(key, _STEEL[key][0], f"{_STEEL[key][1]}: of steel; missing in the file"))
             elif key in known:
                 lines.append(key_line(key, value_text(known[key]), "as in the file"))
         lines.append("")
@@ -115,15 +115,15 @@ def _cyclic(first: First) -> str:
     cyclic, sector = first.sector.cyclic, first.sector
     lines = [
         "[cyclic]",
-        key_line("sectors", str(cyclic.sectors), "as in the file" if sector.of_file else "as one face fits the other, turned"),
+        key_line("sectors", str(cyclic.sectors), "as in the file" if sector.of_file else "from the fit of the turned faces"),
         key_line("axis", value_text(cyclic.axis)),
         key_line("axis_point", value_text(cyclic.axis_point), "m"),
         key_line("faces", value_text(cyclic.faces), "[low, high] in the positive sense about the axis"),
-        "#> engine_order = 1             # how often the excitation repeats in one revolution",
+        "#> engine_order = 1             # periods of the excitation per revolution",
     ]
     if sector.is_likely:
         return "\n".join(["# A sector of a disc, which vibrates in nodal diameters:", *lines, ""])
-    heading = f"# Two faces fit by a turn of {360.0 / cyclic.sectors:.6g} degrees: where this is a sector of a disc, remove '#| '"
+    heading = f"# Two faces fit by a turn of {360.0 / cyclic.sectors:.6g} degrees: if this is a sector of a disc, remove '#| '"
     return "\n".join([heading, *(f"#| {line}" for line in lines), ""])
 
 
@@ -151,17 +151,17 @@ def _supports_left_out(first: First) -> list[str]:
 def _supports(first: First) -> str:
     file, lines = first.file, _supports_left_out(first) if first.left_out else []
     if file.supports:
-        return "\n".join(lines) if lines else f"# held by the file: {named(file.supports[:5])}\n"
+        return "\n".join(lines) if lines else f"# supports of the file: {named(file.supports[:5])}\n"
     lines += [
         line
         for name in first.held
-        for line in ("[[supports]]", key_line("group", quoted(name), "by its name; is it held?"), _FIX, "")
+        for line in ("[[supports]]", key_line("group", quoted(name), "from its name; please check"), _FIX, "")
     ]
     if not first.held and not any(point.stiffness for point in file.connected):
         names = ", ".join(first.may_be_held[:MOST]) or "none; name one in the program that wrote the file"
         lines += [
-            "# The file holds nothing: without [[supports]] the structure is free, and mode 1 is its first elastic one.",
-            "# Where it is held, remove '#| '; groups that may be: " + names,
+            "# The file has no supports: without [[supports]] the structure is free, and mode 1 is its first elastic mode.",
+            "# For supports remove '#| '; possible groups: " + names,
             "#| [[supports]]",
             f"#| group = {quoted(first.may_be_held[0] if first.may_be_held else 'NAME')}",
             f"#| {_FIX}",
@@ -185,7 +185,7 @@ def _further(first: First) -> str:
         )
     if not others:
         return ""
-    lines = ["# Further surfaces that lie on each other, of bodies that are joined above or tied, or with room between them:"]
+    lines = ["# Further surfaces that lie on each other, of bodies that are joined above or tied, or with a gap:"]
     for other in others[:MOST]:
         lines.append(f"#   {other.text if not other.made else _without_names(other)}")
     if len(others) > MOST:
@@ -222,11 +222,11 @@ def _loads(first: First) -> str:
     place = first.place
     where = key_line("point", quoted(place.point)) if place.point is not None else key_line("node", str(place.node), _at(place))
     direction = key_line(
-        "direction", f"[{', '.join(map(repr, place.direction))}]", "across the longest side, in both axes: either may bend first"
+        "direction", f"[{', '.join(map(repr, place.direction))}]", "across the longest side, along both bending axes"
     )
     return "\n".join(
         [
-            "# where it shakes, and where it is watched: far from what is held",
+            "# load and output, far from the supports",
             "[[loads]]",
             where,
             direction,
@@ -251,10 +251,10 @@ def _rest() -> str:
             key_line("ratio", "1e-3", "of critical damping, in all modes, in addition to the friction"),
             "",
             "[response]",
-            key_line("levels", "[0.1, 1.0]", "N: run.log says from which level on pairs slip; begin there,"),
-            " " * 32 + "# go up by twos to where half of them do",
+            key_line("levels", "[0.1, 1.0]", "N: run.log states the level at which slip begins; start there,"),
+            " " * 32 + "# double it until half of the pairs slip",
             key_line("mode", "1", "the range lies around this mode ..."),
-            key_line("span", "[0.95, 1.02]", "... from so many times its frequency to so many"),
+            key_line("span", "[0.95, 1.02]", "... from and to these multiples of its frequency"),
             "",
         ]
     )

@@ -70,9 +70,9 @@ def _refuse(model: str, out: Path, force: bool) -> None:
     if not path.is_file():
         raise CaseError(f"{model}: {'that is a folder' if path.is_dir() else absent(path.absolute())}")
     if out.suffix.lower() != ".toml":
-        raise CaseError(f"--out {out}: a scene's name ends in .toml")
+        raise CaseError(f"--out {out}: the name of a scene ends in .toml")
     if out.exists() and not force:
-        raise CaseError(f"{out} is there already, and is not overwritten; name another with --out, or say --force")
+        raise CaseError(f"{out} exists and is not overwritten; choose another name with --out, or add --force")
 
 
 def _first(model: str, out: Path, file: FileModel) -> First:
@@ -127,18 +127,18 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
     holds = [f"{support.group or support.point}, by the file" for support in first.file.supports] + [
         f"{name}, by its name" for name in first.held
     ]
-    units = first.units or (f"scale = {first.scale:g}" if first.scale else "SI, as it seems")
+    units = first.units or (f"scale = {first.scale:g}" if first.scale else "SI, by its size")
     return [
         f"new        {out}, for {model}: {len(first.mesh.points)} nodes, {first.mesh.diagonal:.4g} m across ({units})",
         *table("bodies", list(first.settings.bodies)),
-        *table("joints", joints or ["no surfaces of different bodies lie on each other"]),
+        *table("joints", joints or ["no touching surfaces of different bodies"]),
         *table("disc", [first.sector.text] if first.sector is not None else []),
         *table("glued", [one.text for one in first.glued], 10),
         *table("or", others, 10),
         *table("bolts", bolts),
         *table("supports", holds or ["none known: the structure is free until the scene has [[supports]]"]),
         *table("", _on_steps(first)),
-        f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is there, too",
+        f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is at the same place",
         *table("to answer", [f"{finding.where}: {finding.word}: {finding.effect}" for finding in first.open_findings]),
         f"next       fill in what begins with #> in {out}, then: microslip check {out}",
     ]

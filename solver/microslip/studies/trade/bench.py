@@ -142,7 +142,7 @@ class Bench:
         return replace(prepared.response, settings=settings, model=model, selection=selection, sweep=self.sweep)
 
     def accuracy_of(self, setting: Setting, problem: ForcedResponse) -> Accuracy | None:
-        """Return a new choice of harmonics and samples for a branch of a setting."""
+        """Return a new choice of harmonics and samples for a branch; None if the setting has no accuracy."""
         if setting.accuracy is None:
             return None
         settings = response_settings(self.scene)

@@ -119,7 +119,7 @@ def verdict(checks: Sequence[Check]) -> str:
     if worst.with_phase <= EXPECTED:
         return said
     if worst.integration_error > 0.5 * worst.with_phase:
-        return said + ": the steps a period are too few to tell; raise --steps"
+        return said + ": too few steps per period for a comparison; raise --steps"
     return said + ": harmonics or samples of harmonic balance are too few; try --harmonics and --samples"
 
 
