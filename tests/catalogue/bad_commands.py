@@ -10,7 +10,7 @@ def line(name: str, text: str, *words: str, spoil=None, **more) -> Case:
 
 
 COMMANDS = [
-    line("no command", "", "a command is missing: run, modes, backbone, sweep"),
+    line("no command", "", "a command is missing: run, modes, backbone, search, sweep, wear"),
     line("unknown command", "rnu lap.toml", "unknown command 'rnu'; nearest is run"),
     line("no scene", "run", "SCENE.toml", "try: microslip run --help"),
     line("scene for a command", "lap.toml", "unknown command 'lap.toml'"),

@@ -192,7 +192,9 @@ def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
     np.testing.assert_allclose(u[disc[close[:, 0]]], u[disc[close[:, 1]]], atol=1e-6 * np.abs(u).max())
 
 
-@pytest.mark.parametrize(("N", "frequency"), [(3, 1415.0), pytest.param(5, 1436.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("N", "frequency"), [(3, 1415.0), pytest.param(5, 1436.0, marks=[pytest.mark.slow, pytest.mark.ranks(1)])]
+)
 def test_the_multipliers_of_all_sectors_are_those_of_the_ring(shared_path, N, frequency):
     """All pairs of three sectors stick, and half of those of five slip."""
     multipliers = []
