@@ -295,7 +295,7 @@ def test_what_touches_is_asked_of_its_gap():
     amplitudes = np.array([[1.0, 0.0, 0.5 * GAP], [3.0, 1.0, 0.0]])
     assert of.slip_safety(amplitudes).tolist() == [2.0, np.inf] and of.utilisation(amplitudes).tolist() == [0.5, 0.0]
     assert np.all(of.slipping_share(amplitudes) == 1.0)
-    with pytest.raises(ValueError, match="they are open at rest"):
+    with pytest.raises(ValueError, match="to be open at rest, without springs"):
         from_gap(is_open=False)[0].cycle(np.zeros((1, 3, 3)), 16)
 
 

@@ -27,7 +27,7 @@ TESTS = Path(__file__).parents[1]
     "function, arguments, message",
     [
         (sandboxed.abort, (), r"crashes on it \(SIGABRT\)"),
-        (sandboxed.fill, (2**30,), "more memory"),
+        (sandboxed.fill, (2**30,), "requests more than"),
         (sandboxed.sleep, (), "does not end within 1 s$"),
         (sandboxed.circle, (), "does not end within 1 s of the processor"),
         (sandboxed.leave, (), "status 0 and no answer"),
