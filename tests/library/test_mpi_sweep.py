@@ -65,7 +65,7 @@ def test_a_stuck_peak_has_the_width_and_damping_of_its_mode(mass):
 
 
 def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, folder, mass):
-    """Over a factor of 100 either way: all modes are there, so that the update is exact."""
+    """From a factor of 1/100 to 10: all modes are there, so that the update is exact."""
     values = [0.01, 0.5, 10.0]
     table = microslip.sweep(mass, {STIFFNESS: values})
     for value, sample in zip(values, table.samples):
