@@ -7,8 +7,9 @@ from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 
 import microslip
-from microslip.library.sample_peaks import DONE, FAILED, affine_weights
+from microslip.library.sample_peaks import DONE, FAILED, SamplePeaks, _Problem, affine_weights
 from microslip.library.sweep import SMOOTH
+from microslip.library.varied import Varied
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 
@@ -105,6 +106,18 @@ def test_one_sample_of_several_fails_and_the_others_go_on(mass):
     assert len(table.failures) == 1 and "sample 1 (joints.joint.friction = -1)" in table.failures[0]
     with pytest.raises(AttributeError):
         _ = table.amplitud
+
+
+def test_a_peak_along_the_curve_of_a_sample_has_its_mean_slip_held_where_that_curve_has(mass, monkeypatch):
+    """Where nothing near by leads to the peak; the scene itself has its mean slip free."""
+    held, start_of, forced = [], SamplePeaks._start_of, _Problem.forced
+    peaks = SamplePeaks(mass, Varied.of(mass.scene, [FRICTION]))
+    monkeypatch.setattr(SamplePeaks, "_starts", lambda *arguments: [])
+    monkeypatch.setattr(SamplePeaks, "_start_of", lambda *arguments: (start_of(*arguments)[0], True))
+    monkeypatch.setattr(_Problem, "forced", lambda problem, is_held: held.append(is_held) or forced(problem, is_held))
+    peaks.solve([1.1])
+    assert held == [False, True]  # the first is asked for its shape
+    peaks.close()
 
 
 @pytest.mark.parametrize(

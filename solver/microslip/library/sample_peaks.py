@@ -209,10 +209,10 @@ class SamplePeaks:
                 return replace(sample, newton=newton)
         branch = branch or follow_level(_alone(problem.of), problem.level)
         newton += sum(point.newton for point in branch.points)
-        start, _ = self._start_of(problem.of, problem.level, branch, self.output)
+        start, held = self._start_of(problem.of, problem.level, branch, self.output)
         if isinstance(start, str):
             return Sample(values, FAILED, f"{sample.why}; along its curve: {start}", newton=newton, is_followed=True)
-        sample = self._of_peak(problem, (start[0], None, None), x, branch)
+        sample = self._of_peak(problem, (start[0], None, None), x, branch, held)
         return replace(sample, newton=newton + sample.newton, is_followed=True)
 
     def _starts(self, x: np.ndarray, shape: tuple[int, int, int]) -> list[Starts]:
@@ -230,14 +230,26 @@ class SamplePeaks:
         around = [known[i][1] for i in order]
         return [(_mean(weights, [each[0] for each in around]), *(_side(weights, around, k) for k in (1, 2))), nearest]
 
-    def _of_peak(self, problem: _Problem, starts: Starts, x: np.ndarray, branch: Branch | None) -> Sample:
-        """Return the sample of the peak near some motions, and remember it for others."""
+    def _of_peak(
+        self, problem: _Problem, starts: Starts, x: np.ndarray, branch: Branch | None, held: bool | None = None
+    ) -> Sample:
+        """Return the sample of the peak near some motions, and remember it for others.
+
+        ``held``: the mean slip is held by springs, by default where it is at the peak of the scene itself.
+        """
         of, values = problem.of, tuple(map(float, x))
         linear = self._nearest_linear(of, problem.level, None)
         estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
         width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
         try:
-            peak = peak_near(problem.forced(self.held), self.output, starts, width, problem.resolution.tolerance, estimator)
+            peak = peak_near(
+                problem.forced(self.held if held is None else held),
+                self.output,
+                starts,
+                width,
+                problem.resolution.tolerance,
+                estimator,
+            )
         finally:
             if estimator is not None:
                 estimator.destroy()
