@@ -9,7 +9,7 @@ from plain_model import bdf, cdb, cdb_with_contact, ds_dat, plain, tables
 
 from microslip import elements
 from microslip.formats.ansys.contacts import side_of
-from microslip.formats.ansys.pages import _PAGE as PAGES
+from microslip.formats.ansys.pages import _PAGE as HEADER
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.mesh.read import read_mesh
@@ -51,23 +51,32 @@ def test_solids_keep_their_shape_nodes_and_numbers(tmp_path, kind):
     assert found.facts == ("title: bar on a plate",)
 
 
-PAGE = """1
+def page(
+    system="ANSYS", stars="***", release="2021 R2          21.2", product="Ansys Mechanical Enterprise\n", time="CP=      1.766"
+):
+    """Return a page header as public listings of releases 14 to 2026 have it."""
+    return (
+        f"1\n\n {stars} {system} - ENGINEERING ANALYSIS SYSTEM  RELEASE {release}     {stars}\n {product}"
+        f" 00000000  VERSION=WINDOWS x64   10:52:24  SEP 13, 2021 {time}\n\n bar on a plate--Modal (A5)\n\n"
+    )
 
- ***** ANSYS - ENGINEERING ANALYSIS SYSTEM  RELEASE 14.0     *****
- ANSYS Multiphysics
- 00000000  VERSION=WINDOWS x64   10:52:24  SEP 13, 2011 CP=      1.766
 
- bar on a plate--Modal (A5)
+PAGES = (
+    page(stars="*****", release="14.0", product="ANSYS Multiphysics\n"),
+    page(product="DISTRIBUTED Ansys Mechanical Enterprise\n\n"),
+    page().replace("bar on a plate--Modal (A5)", " " * 79).removeprefix("1\n\n"),  # without a title
+    page("MAPDL", release="2022 R2          22.2"),
+    page("MAPDL", release="2026 R1.01       26.1", time="Elapsed Time=      1.000"),
+)
 
-"""
 
-
+@pytest.mark.parametrize("page", PAGES, ids=["14", "2021, distributed", "2021, no title", "2022", "2026"])
 @pytest.mark.parametrize("write, ending", [(cdb, ".cdb"), (ds_dat, ".dat")])
-def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_blocks(tmp_path, write, ending):
+def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_blocks(tmp_path, write, ending, page):
     plain_file, listing = tmp_path / f"model{ending}", tmp_path / f"listing{ending}"
     lines = write(plain()).splitlines(keepends=True)
     plain_file.write_text("".join(lines))
-    listing.write_text("".join((PAGE if i % 25 == 0 else "") + line for i, line in enumerate(lines)))
+    listing.write_text("".join((page if i % 25 == 0 else "") + line for i, line in enumerate(lines)))
     expected, found = read_model(plain_file), read_model(listing)
     n_pages = len(range(0, len(lines), 25))
     assert found.facts == (*expected.facts, f"{n_pages} page headers of a listing are left out, lines are counted without them")
@@ -78,7 +87,7 @@ def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_bloc
     assert {name: len(group.nodes) for name, group in found.groups.items()} == {
         name: len(group.nodes) for name, group in expected.groups.items()
     }
-    listing.write_text("".join([PAGE, *lines[:20]]))
+    listing.write_text("".join([page, *lines[:20]]))
     with pytest.raises(MeshError, match=r"\(1 page headers of a listing are left out, lines are counted without them\)"):
         read_model(listing)
 
@@ -86,7 +95,7 @@ def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_bloc
 @pytest.mark.parametrize("line", [b"\n", b"1\n", b" ***** RELEASE ", b" ***** A RELEASE 1 *****\n", b" "])
 def test_the_search_for_page_headers_takes_time_in_proportion_to_the_file(line):
     began = time.process_time()
-    assert not PAGES.search(line * (1_000_000 // len(line)) + b"VERSION=")
+    assert not HEADER.search(line * (1_000_000 // len(line)) + b"VERSION=")
     assert time.process_time() - began < 3.0
 
 

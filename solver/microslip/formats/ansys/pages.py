@@ -2,12 +2,13 @@
 
 1
 
- ***** ANSYS - ENGINEERING ANALYSIS SYSTEM  RELEASE 14.0     *****
- ANSYS Multiphysics
- 00000000  VERSION=WINDOWS x64   10:52:24  SEP 13, 2011 CP=      1.766
+ *** ANSYS - ENGINEERING ANALYSIS SYSTEM  RELEASE 2021 R2          21.2     ***
+ Ansys Mechanical Enterprise
+ 00000000  VERSION=LINUX x64     10:52:24  SEP 13, 2021 CP=      1.766
 
  title of the model
 
+Releases differ: MAPDL for ANSYS, a blank line after the product, "Elapsed Time=" for "CP=" (2026).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _BLANK, _LINE = rb"[ \t\f]{0,150}\r?\n", rb"[^\n]{0,150}\n"
 _PAGE = re.compile(
     rb"^(?:\f?1?%(blank)s(?:%(blank)s){0,3})?"
     rb" {0,8}\*{3,9} [^\n]{0,60}\b(?:RELEASE|BUILD)\b[^\n*]{0,60}\*{3,9}%(blank)s"
-    rb"(?:%(line)s){1,2}?[^\n]{0,60}\bVERSION=[^\n]{0,90}\bCP=%(line)s"
+    rb"(?:%(line)s){1,2}?[^\n]{0,60}\bVERSION=[^\n]{0,90}\b(?:CP|Elapsed Time) ?=%(line)s"
     rb"(?:(?:%(blank)s){1,3}%(line)s%(blank)s)?(?:%(blank)s){0,9}" % {b"blank": _BLANK, b"line": _LINE},
     re.MULTILINE,
 )
