@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import scipy.sparse as sp
 from petsc4py import PETSc
 
 from .. import elements
@@ -189,21 +190,14 @@ def with_change(dmesh: DistributedMesh, system: System, spin: np.ndarray, patter
 
     Collective.  ``spin`` (3, 3) softens what is attached to nodes.
     """
-    constraints = system.constraints
-    dof = by_rank(dmesh, system) if constraints is None else constraints.dof[np.argsort(dmesh.rank_order)]
-    first, last = system.K.getOwnershipRange()
-    n_owned = last - first if constraints is None else int(np.diff(constraints.nodal_ranges)[dmesh.comm.rank])
-    change = petsc_matrix(dmesh.comm, n_owned, expand(pattern, total, dof, PETSc.IntType))
-    structure = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
-    sectors = system.sectors
+    constraints, structure = system.constraints, PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+    of_points = of_masses = None
     if constraints is not None:
-        of_rows = sectors.with_both_faces if isinstance(sectors, Sectors) else constraints
-        attached = constraints.attached
-        more = None if attached is None else attached.softening(spin)
-        change = reduced(change, of_rows, _softening(constraints, spin), more)
-        structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
-    if isinstance(sectors, Sectors):
-        about = sectors.about(system, change)
+        of_points, structure = of_point_masses(constraints, -spin), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+        of_masses = None if constraints.attached is None else -constraints.attached.weighted(spin)
+    change = on_rows_of(dmesh, system, pattern, total, of_points, of_masses)
+    if isinstance(system.sectors, Sectors):
+        about = system.sectors.about(system, change)
     else:
         about = replace(system, K=system.K.duplicate(copy=True))
         about.K.axpy(1.0, change, structure=structure)
@@ -211,11 +205,36 @@ def with_change(dmesh: DistributedMesh, system: System, spin: np.ndarray, patter
     return about
 
 
-def _softening(constraints: Constraints, spin: np.ndarray) -> np.ndarray:
-    """Return - Omega^2 K_spin of the masses of points, (n_points, 6, 6) [N/m]."""
+def on_rows_of(
+    dmesh: DistributedMesh,
+    system: System,
+    pattern: NodePattern,
+    total: BlockSum,
+    of_points: np.ndarray | None = None,
+    of_masses: sp.csr_matrix | None = None,
+) -> PETSc.Mat:
+    """Return a sum of element matrices on the rows of the system, of a disc on those of its sector with both faces.
+
+    Collective.  ``of_points`` (n_points, 6, 6) and ``of_masses`` (3 n_places, 3 n_places) are added where the system has
+    constraints.
+    """
+    constraints = system.constraints
+    dof = by_rank(dmesh, system) if constraints is None else constraints.dof[np.argsort(dmesh.rank_order)]
+    first, last = system.K.getOwnershipRange()
+    n_owned = last - first if constraints is None else int(np.diff(constraints.nodal_ranges)[dmesh.comm.rank])
+    matrix = petsc_matrix(dmesh.comm, n_owned, expand(pattern, total, dof, PETSc.IntType))
+    if constraints is None:
+        return matrix
+    of_rows = system.sectors.with_both_faces if isinstance(system.sectors, Sectors) else constraints
+    assert of_points is not None, "with constraints"
+    return reduced(matrix, of_rows, of_points, of_masses)
+
+
+def of_point_masses(constraints: Constraints, A: np.ndarray) -> np.ndarray:
+    """Return mass times A (3, 3) of the points, (n_points, 6, 6), for their spin and Coriolis forces.  Local."""
     blocks = np.zeros((len(constraints.points), 6, 6))
     for block, point in zip(blocks, constraints.points, strict=True):
-        block[:3, :3] = -point.mass * spin
+        block[:3, :3] = point.mass * A
     return blocks
 
 

@@ -101,15 +101,14 @@ class Sectors:
         phase, sector = self.phase(d), self.sector
         T = (self.T @ self.unfolding.at(phase)).tocsr()
         of_d = replace(sector, R=sector.R - phase * self.R_next)
-        matrices = self._matrix(sector.K, phase), self._matrix(sector.M, phase)
+        matrices = self.at_diameter(sector.K, phase), self.at_diameter(sector.M, phase)
         return replace(constrained(of_d, replace(self.constraints, T=T), self.part, matrices), sectors=self, phase=phase)
 
-    def _matrix(self, A: PETSc.Mat, phase: complex) -> PETSc.Mat:
+    def at_diameter(self, A: PETSc.Mat, phase: complex) -> PETSc.Mat:
         """Return P(d)^H A P(d), in real form and as products with A where the phase is complex.  Collective."""
         if np.iscomplexobj(phase):
             return WaveMatrix.matrix(A, self.unfolding, phase)
-        assert isinstance(phase, float)
-        return projected(A, self.unfolding, phase)
+        return projected(A, self.unfolding, float(np.real(phase)))
 
     def diameter(self, n: int) -> int:
         """Return the sector index of harmonic n, 0 to ``n_sectors`` - 1.  Local."""

@@ -17,12 +17,17 @@ def stated_statics(tables: StructureTables) -> Statics:
     return tables.statics
 
 
-def spin_of(tables: StructureTables, share: float = 1.0) -> np.ndarray:
-    """Return a share of Omega^2 (1 - a a^T), (3, 3) [1/s2]: acceleration per distance from the axis.  Local."""
+def angular_velocity(tables: StructureTables) -> np.ndarray:
+    """Return the angular velocity vector Omega a, (3,) [rad/s]; 0 where nothing turns.  Local."""
     speed = 0.0 if tables.statics is None else tables.statics.rotation_speed
     a = np.array((tables.axis_of_rotation or _NO_AXIS)[0], dtype=float)
-    a /= np.linalg.norm(a)
-    return share * speed**2 * (np.eye(3) - np.outer(a, a))
+    return speed * a / np.linalg.norm(a)
+
+
+def spin_of(tables: StructureTables, share: float = 1.0) -> np.ndarray:
+    """Return a share of Omega^2 (1 - a a^T), (3, 3) [1/s2]: acceleration per distance from the axis.  Local."""
+    Omega = angular_velocity(tables)
+    return share * (Omega @ Omega * np.eye(3) - np.outer(Omega, Omega))
 
 
 def outward(tables: StructureTables, points: np.ndarray) -> np.ndarray:

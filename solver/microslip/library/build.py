@@ -289,6 +289,11 @@ def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:
 
 def _stuck(parts: Assembled, log: RunLog, **of_group: Any) -> Structure:
     """Return the structure of one group of harmonics.  Collective."""
+    if parts.scene.statics is not None and parts.scene.statics.coriolis:
+        raise CaseError(
+            f"{parts.scene.path}: [statics] coriolis = true: only `microslip modes` takes Coriolis forces in; for the forced "
+            "response state false, and compare the frequencies of `microslip modes` with and without them"
+        )
     settings, rest, linearised = reduction_settings(parts.scene), parts.rest, factor_of(parts, log)
     refuse_modes(linearised, settings)
     with log.stage("modes"):

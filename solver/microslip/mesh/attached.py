@@ -46,9 +46,9 @@ class Attached:
         """Return mass times ``acceleration`` (n_masses, 3) [m/s2] on the places, (n_places, 3) [N]."""
         return (self.motion.T @ (self.mass[:, None] * acceleration).ravel()).reshape(-1, 3)
 
-    def softening(self, spin: np.ndarray) -> sp.csr_matrix:
-        """Return - Omega^2 K_spin of the masses, (n_dof, n_dof) [N/m]; ``spin`` (3, 3) [1/s2]."""
-        return -(self.motion.T @ sp.kron(sp.diags(self.mass), spin) @ self.motion).tocsr()
+    def weighted(self, A: np.ndarray) -> sp.csr_matrix:
+        """Return the sum of mass times A (3, 3) over the masses, (n_dof, n_dof): of their spin and Coriolis forces."""
+        return (self.motion.T @ sp.kron(sp.diags(self.mass), A) @ self.motion).tocsr()
 
     def holding(self, translations: np.ndarray) -> np.ndarray:
         """Return the degrees of freedom of springs that a motion (n_dof, 3) of the whole structure stretches, (n,)."""

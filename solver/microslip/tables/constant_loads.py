@@ -98,6 +98,7 @@ class Statics(Table):
     stress_stiffening: bool = Field(
         True, description="true or false: the vibration feels the stress at rest and, where it rotates, spin softening"
     )
+    coriolis: bool = Field(False, description="true or false: microslip modes takes in the Coriolis forces of the rotation")
     deformed_shape: bool = Field(False, description="true or false: the vibration feels the change of shape at rest, too")
     large_displacements: bool = Field(
         False, description="true or false: equilibrium and vibration in the deformed shape, with strains of second order"

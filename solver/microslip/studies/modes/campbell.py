@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,16 +11,14 @@ import matplotlib
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ...linear.dense import gram, multiply
-from ...modes.eigen import first_of
+from ...linear.dense import gram
 from ...observe.screen_table import screen_table
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled
 from ...system.files import make_folder
 from ..records import cell, write_csv
 
 if TYPE_CHECKING:
-    from ...linear.joint_springs import Linearised
-    from ...modes.eigen import Modes
+    from mpi4py import MPI
 
 ORDERS = 6  # default number of engine orders
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -32,7 +30,8 @@ class Campbell:
 
     speed: np.ndarray  # (n_speeds,) rad/s, ascending
     frequency: np.ndarray  # (n_families, n_speeds) Hz
-    likeness: np.ndarray  # (n_families, n_speeds - 1) |phi_a^T M phi_b| from one speed to the next
+    likeness: np.ndarray  # (n_families, n_speeds - 1) |phi_a^H M phi_b| from one speed to the next
+    power: int = 2  # p: f^p is linear in Omega^p between two speeds; 1 with Coriolis forces
 
 
 @dataclass(frozen=True)
@@ -45,69 +44,71 @@ class Crossing:
     frequency: float  # Hz
 
 
-def follow_families(linearised: Linearised, before: Modes, after: Modes) -> tuple[np.ndarray, np.ndarray]:
+def follow_families(comm: MPI.Comm, phi_owned: np.ndarray, M_phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return for each earlier mode the most similar later mode, (n,), and their similarity, (n,).  Collective: one sum.
 
-    The assignment is the one with the largest sum of (phi_a^T M phi_b)^2, so that families cross where their frequencies do.
+    ``phi_owned`` are the earlier modes, ``M_phi_owned`` the later ones times M.  The assignment is the one with the largest sum
+    of |phi_a^H M phi_b|^2, so that families cross where their frequencies do.
     """
-    comm = linearised.system.comm
-    product = gram(comm, before.phi_owned, multiply(linearised.M, after.phi_owned))
-    _, partner = linear_sum_assignment(-(np.abs(product) ** 2))
-    return partner, np.abs(product[np.arange(len(partner)), partner])
+    product = np.abs(gram(comm, phi_owned, M_phi_owned))
+    _, partner = linear_sum_assignment(-(product**2))
+    return partner, product[np.arange(len(partner)), partner]
 
 
 class Families:
     """The families of modes over speed, by their shapes."""
 
-    def __init__(self) -> None:
-        self._last: Modes | None = None
+    def __init__(self, power: int = 2) -> None:
+        self._power = power
+        self._last: np.ndarray | None = None
         self._frequency: list[np.ndarray] = []
         self._likeness: list[np.ndarray] = []
 
-    def add(self, linearised: Linearised, computed: Modes) -> None:
+    def add(self, comm: MPI.Comm, frequency: np.ndarray, phi_owned: np.ndarray, M_phi_owned: np.ndarray) -> None:
         """Add the modes at the next speed, in the order of the families.  Collective."""
         if self._last is not None:
-            n = min(len(self._last.omega_n), len(computed.omega_n))
-            order, likeness = follow_families(linearised, first_of(self._last, n), first_of(computed, n))
-            computed = replace(computed, omega_n=computed.omega_n[order], phi_owned=computed.phi_owned[:, order])
+            n = min(self._last.shape[1], len(frequency))
+            order, likeness = follow_families(comm, self._last[:, :n], M_phi_owned[:, :n])
+            frequency, phi_owned = frequency[order], phi_owned[:, order]
             self._likeness.append(likeness)
-        self._last = computed
-        self._frequency.append(computed.frequency)
+        self._last = phi_owned
+        self._frequency.append(frequency)
 
     def campbell(self, speeds: Sequence[float]) -> Campbell:
         """Return the families that exist at all speeds.  Local."""
         n = min(map(len, self._frequency))
         frequency = np.array([each[:n] for each in self._frequency]).T
         likeness = np.array([each[:n] for each in self._likeness]).reshape(-1, n).T
-        return Campbell(np.array(speeds), frequency, likeness)
+        return Campbell(np.array(speeds), frequency, likeness, self._power)
 
 
 def crossings(campbell: Campbell, orders: Sequence[int]) -> list[Crossing]:
     """Return the crossings of f = E Omega / 2 pi with the families, sorted by family and speed.  Local.
 
-    Between two speeds omega_n^2 is interpolated linearly in Omega^2, exact for stiffness changes proportional to Omega^2.
+    Between two speeds omega_n^2 is interpolated linearly in Omega^2, exact for stiffness changes proportional to Omega^2; with
+    Coriolis forces omega_n in Omega.
     """
-    resonances = []
-    squares = campbell.speed**2
+    resonances, p = [], campbell.power
+    powers = campbell.speed**p
     for family, frequency in enumerate(campbell.frequency, 1):
-        omega2 = (2.0 * np.pi * frequency) ** 2
+        raised = (2.0 * np.pi * frequency) ** p
         for order in orders:
-            for k, (a, b) in enumerate(zip(squares, squares[1:])):
-                slope = (omega2[k + 1] - omega2[k]) / (b - a)
-                if order**2 == slope:
+            for k, (a, b) in enumerate(zip(powers, powers[1:])):
+                slope = (raised[k + 1] - raised[k]) / (b - a)
+                if order**p == slope:
                     continue
-                at = (omega2[k] - slope * a) / (order**2 - slope)
-                if a <= at < b or (at == b and k == len(squares) - 2):
-                    speed = float(np.sqrt(at))
+                at = (raised[k] - slope * a) / (order**p - slope)
+                if a <= at < b or (at == b and k == len(powers) - 2):
+                    speed = float(at ** (1.0 / p))
                     resonances.append(Crossing(family, order, speed, order * speed / (2.0 * np.pi)))
     return sorted(resonances, key=lambda crossing: (crossing.family, crossing.speed))
 
 
 def smooth(campbell: Campbell) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield speeds [rad/s] and frequencies [Hz] of each family between the speeds, as :func:`crossings` takes it.  Local."""
-    speeds = np.linspace(campbell.speed[0], campbell.speed[-1], 200)
+    speeds, p = np.linspace(campbell.speed[0], campbell.speed[-1], 200), campbell.power
     for frequency in campbell.frequency:
-        yield speeds, np.sqrt(np.maximum(np.interp(speeds**2, campbell.speed**2, frequency**2), 0.0))
+        yield speeds, np.maximum(np.interp(speeds**p, campbell.speed**p, frequency**p), 0.0) ** (1.0 / p)
 
 
 def write_campbell(campbell: Campbell, orders: Sequence[int], scene: Titled, folder: Path) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from ...library.build import Assembled, factor_of
 from ...library.settings import reduction_settings
 from ...messages.errors import CaseError
+from ...modes.eigen import first_of
 from ...modes.hermitian import lowest_modes_of
 from ...observe.log import RunLog
 from ...observe.screen_table import screen_table
@@ -26,13 +27,17 @@ from ...results.whole_disc import whole_mesh, whole_shapes
 from ...system.files import make_folder
 from ..records import cell, write_csv
 from .campbell import Crossing
+from .coriolis import basis_size, waves_of
 from .report import joint_shares
 
 if TYPE_CHECKING:
+    from ...assembly.coriolis import Coriolis
     from ...linear.joint_springs import Linearised
+    from ...modes.coriolis import Waves
     from ...modes.eigen import Modes
     from ...scene.schema import Scene
 
+DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
 
@@ -45,6 +50,16 @@ class DiameterModes:
     frequency: np.ndarray  # (n,) Hz
     damping: np.ndarray  # (n,) ratio [-]
     joints: dict[str, np.ndarray]  # (n,) fraction of the strain energy in the springs of each joint [-]
+    waves: tuple[np.ndarray, np.ndarray] | None = None  # (n,) Hz with Coriolis forces, backward and forward; None: left out
+
+    @property
+    def by_direction(self) -> tuple[np.ndarray, ...]:
+        """The frequencies of waves backward and forward, which are equal without Coriolis forces, (n,) each [Hz]."""
+        return (self.frequency,) if self.waves is None else self.waves
+
+    def excited_by(self, order: int, n_sectors: int) -> np.ndarray:
+        """Return the frequencies of the waves that an engine order of this nodal diameter excites, (n,) [Hz].  Local."""
+        return self.frequency if self.waves is None else self.waves[is_forward(order, n_sectors)]
 
     def records(self) -> list[dict[str, Any]]:
         """Return one record per mode, by the names of the columns of modes.csv."""
@@ -55,6 +70,7 @@ class DiameterModes:
                 "frequency_Hz": float(self.frequency[i]),
                 "damping_ratio": float(self.damping[i]),
             }
+            | {f"{name}_frequency_Hz": float(of_wave[i]) for name, of_wave in zip(DIRECTIONS, self.waves or ())}
             | {f"joint_{name}_energy_percent": 100.0 * float(share[i]) for name, share in self.joints.items()}
             for i in range(len(self.frequency))
         ]
@@ -84,9 +100,9 @@ class Excited:
         all_crossings = [
             (each.diameter, Crossing(i, order, 2.0 * np.pi * float(f) / order, float(f)))
             for each in by_diameter
-            for i, f in enumerate(each.frequency, 1)
             for order in self.all_orders
             if alias(order, self.n_sectors) == each.diameter
+            for i, f in enumerate(each.excited_by(order, self.n_sectors), 1)
         ]
         return [(d, crossing) for d, crossing in all_crossings if min(self.speeds) <= crossing.speed <= max(self.speeds)]
 
@@ -94,6 +110,11 @@ class Excited:
 def alias(order: int, n_sectors: int) -> int:
     """Return the nodal diameter that an engine order excites, 0 to half of the sectors.  Local."""
     return min(order % n_sectors, -order % n_sectors)
+
+
+def is_forward(order: int, n_sectors: int) -> bool:
+    """Return whether an engine order excites a wave that turns forward, with the disc.  Local."""
+    return 2 * (order % n_sectors) > n_sectors
 
 
 def diameters_of(scene: Scene, stated: tuple[int, ...]) -> tuple[int, ...]:
@@ -115,10 +136,12 @@ def diameters_of(scene: Scene, stated: tuple[int, ...]) -> tuple[int, ...]:
     return stated or tuple(range(most + 1))
 
 
-def show_disc(parts: Assembled, count: int, diameters: Sequence[int], excited: Excited, folder: Path, log: RunLog) -> None:
+def show_disc(
+    parts: Assembled, matrix: Coriolis | None, count: int, diameters: Sequence[int], excited: Excited, folder: Path, log: RunLog
+) -> None:
     """Compute ``count`` modes of some nodal diameters with all pairs stuck; write tables, diagram and shapes.
 
-    Collective.
+    Collective; destroys the ``matrix``.
 
     Raises
     ------
@@ -126,8 +149,8 @@ def show_disc(parts: Assembled, count: int, diameters: Sequence[int], excited: E
     """
     scene, comm, by_diameter = parts.scene, log.comm, []
     assert scene.cyclic is not None, "a disc"
-    for d, linearised, computed in modes_by_diameter(parts, count, diameters, log):
-        by_diameter.append(table_of(d, parts, linearised, computed))
+    for d, linearised, computed, both in modes_by_diameter(parts, matrix, count, diameters, log):
+        by_diameter.append(table_of(d, parts, linearised, computed, both))
         shapes = node_fields(linearised.maps, computed.phi_owned)
         on_root(comm, write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
     if not by_diameter:
@@ -137,9 +160,12 @@ def show_disc(parts: Assembled, count: int, diameters: Sequence[int], excited: E
 
 
 def modes_by_diameter(
-    parts: Assembled, count: int, diameters: Sequence[int], log: RunLog
-) -> Iterator[tuple[int, Linearised, Modes]]:
-    """Yield each nodal diameter with its factor and its modes, and free them.  Collective."""
+    parts: Assembled, matrix: Coriolis | None, count: int, diameters: Sequence[int], log: RunLog
+) -> Iterator[tuple[int, Linearised, Modes, tuple[Waves, Waves] | None]]:
+    """Yield each nodal diameter with its factor, its modes and, with the ``matrix``, its waves; free them, and at last that.
+
+    Collective.
+    """
     scene, system = parts.scene, parts.rest.system
     sectors = system.sectors
     assert sectors is not None, "a disc"
@@ -154,23 +180,29 @@ def modes_by_diameter(
                     raise CaseError(f"nodal diameter {d}: {problem}") from problem
                 log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {problem}")
                 continue
-            n = min(count, of_d.n_dof)
-            computed = lowest_modes_of(linearised, n, scene.solver.verify_modes, scene.solver.modes is None)
+            n, fewer_will_do = min(basis_size(scene, count), of_d.n_dof), scene.solver.modes is None or matrix is not None
+            computed = lowest_modes_of(linearised, n, scene.solver.verify_modes, fewer_will_do)
+            both = None if matrix is None else waves_of(linearised, computed, matrix, count, log)
         if "proof" in computed.info:
             log.note(f"nodal diameter {d} is proved complete by inertia: {computed.info['proof']}")
-        yield d, linearised, computed
+        yield d, linearised, first_of(computed, count), both
         linearised.destroy()
         of_d.destroy()
     sectors.destroy()
+    if matrix is not None:
+        matrix.destroy()
 
 
-def table_of(d: int, parts: Assembled, linearised: Linearised, computed: Modes) -> DiameterModes:
+def table_of(
+    d: int, parts: Assembled, linearised: Linearised, computed: Modes, both: tuple[Waves, Waves] | None
+) -> DiameterModes:
     """Return the results of a nodal diameter.  Collective: one or two sums."""
     pairs = parts.rest.pairs
     projected = project_modes(linearised.maps, computed.omega_n, computed.phi_owned)
     K_J, joints = pairs.law.stiffness.ravel(), joint_shares(pairs, projected)
     damping = damped_modes(projected, K_J, reduction_settings(parts.scene).damping).zeta
-    return DiameterModes(d, computed.frequency, damping, joints)
+    waves = None if both is None else (both[0].frequency, both[1].frequency)
+    return DiameterModes(d, computed.frequency, damping, joints, waves)
 
 
 def write_shapes(folder: Path, parts: Assembled, d: int, omega_n: np.ndarray, shapes: np.ndarray) -> None:
@@ -196,10 +228,13 @@ def write_disc(by_diameter: Sequence[DiameterModes], scene: Titled, excited: Exc
         draw_interference(by_diameter, excited, scene, str(folder / "interference.png"))
     n = min(_ON_SCREEN, max(len(each.frequency) for each in by_diameter))
     rows: list[tuple[object, list[str]]] = [
-        (0, [str(each.diameter), *(cell(float(f), 7) for f in each.frequency[:n]), *[""] * (n - len(each.frequency))])
+        (0, [f"{each.diameter} {name}".strip(), *(cell(float(f), 7) for f in frequency[:n]), *[""] * (n - len(frequency))])
         for each in by_diameter
+        for name, frequency in zip(DIRECTIONS if each.waves else ("",), each.by_direction)
     ]
     says = f"natural frequencies [Hz] by nodal diameter, all pairs stuck; disc of {excited.n_sectors} sectors"
+    if by_diameter[0].waves:
+        says += "; with Coriolis forces, waves that turn backward and forward"
     table = screen_table(says, ["nodal diameter", *(f"mode {i + 1}" for i in range(n))], rows)
     return f"{table}\n{write_resonances(excited.crossings(by_diameter), excited, folder)}" if excited.speeds else table
 
@@ -220,6 +255,8 @@ def write_resonances(resonances: Sequence[tuple[int, Crossing]], excited: Excite
 def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, scene: Titled, path: str) -> None:
     """Draw frequency against nodal diameter, with engine orders: f = E Omega / 2 pi at the alias of E.  Local."""
     says = "natural frequencies by nodal diameter, all pairs stuck"
+    if by_diameter[0].waves:
+        says += ", with Coriolis forces: waves that turn backward (full lines) and forward (dotted)"
     if excited.speeds:
         rpm = " and ".join(f"{speed * 30.0 / np.pi:.5g}" for speed in (min(excited.speeds), max(excited.speeds)))
         says += f"; engine orders E at {rpm} rpm (dashed, crosses at whole orders); frequencies {excited.frequencies}"
@@ -227,7 +264,8 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     n, diameters = min(len(each.frequency) for each in by_diameter), [each.diameter for each in by_diameter]
     for i, colour in enumerate(level_colours(n)):
-        axes.plot(diameters, [each.frequency[i] for each in by_diameter], "o-", color=colour, ms=3.5, lw=0.8)
+        for frequency, line in zip(zip(*(each.by_direction for each in by_diameter)), ("o-", ".:")):
+            axes.plot(diameters, [of_diameter[i] for of_diameter in frequency], line, color=colour, ms=3.5, lw=0.8)
         axes.annotate(f"  {i + 1}", (diameters[-1], by_diameter[-1].frequency[i]), fontsize=7, va="center", annotation_clip=False)
     highest = 1.05 * max(float(each.frequency[:n].max()) for each in by_diameter)
     for speed in {min(excited.speeds), max(excited.speeds)} if excited.speeds else ():

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
@@ -19,13 +19,50 @@ from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours,
 from ...system.files import make_folder
 from ..records import write_csv
 from .campbell import Campbell, Crossing, Families, crossings, smooth
-from .disc import DiameterModes, Excited, alias, draw_interference, modes_by_diameter, table_of, write_resonances, write_shapes
+from .coriolis import of_modes
+from .disc import (
+    DIRECTIONS,
+    DiameterModes,
+    Excited,
+    alias,
+    draw_interference,
+    is_forward,
+    modes_by_diameter,
+    table_of,
+    write_resonances,
+    write_shapes,
+)
+
+if TYPE_CHECKING:
+    from ...assembly.coriolis import Coriolis
 
 _NAMED = 16  # engine orders in the picture
 
 
+@dataclass(frozen=True)
+class Wave:
+    """Waves of one nodal diameter."""
+
+    diameter: int
+    direction: str  # "backward" or "forward"; "": both, as their frequencies are equal
+
+    @property
+    def words(self) -> str:
+        """The nodal diameter and the direction."""
+        return f"diameter {self.diameter} {self.direction}".strip()
+
+    def is_excited_by(self, order: int, n_sectors: int) -> bool:
+        """Return whether an engine order excites these waves.  Local.
+
+        Diameter 0 and half of the sectors stand still: their frequencies are equal in both directions.
+        """
+        if alias(order, n_sectors) != self.diameter:
+            return False
+        return self.direction in ("", DIRECTIONS[is_forward(order, n_sectors)])
+
+
 def show_at_speeds(
-    at_speeds: Iterable[tuple[float, Assembled]],
+    at_speeds: Iterable[tuple[float, Assembled, Coriolis | None]],
     count: int,
     diameters: Sequence[int],
     excited: Excited,
@@ -40,39 +77,42 @@ def show_at_speeds(
     ------
     CaseError, ResourceError, ConvergenceError : on every rank
     """
-    families = {d: Families() for d in diameters}
+    families: dict[Wave, Families] = {}
     at_highest: list[DiameterModes] = []
     speeds, highest = [], max(excited.speeds)
-    for speed, parts in at_speeds:
+    for speed, parts, matrix in at_speeds:
         speeds.append(speed)
         log.note(f"speed of rotation {speed:g} rad/s")
         scene, at_highest = parts.scene, []
-        for d, linearised, computed in modes_by_diameter(parts, count, diameters, log):
-            families[d].add(linearised, computed)
-            at_highest.append(table_of(d, parts, linearised, computed))
+        for d, linearised, computed, both in modes_by_diameter(parts, matrix, count, diameters, log):
+            power = 2 if both is None else 1
+            for direction, of_wave in zip(DIRECTIONS if both else ("",), both or (of_modes(linearised, computed),)):
+                family = families.setdefault(Wave(d, direction), Families(power))
+                family.add(log.comm, of_wave.frequency, of_wave.phi_owned, of_wave.M_phi_owned)
+            at_highest.append(table_of(d, parts, linearised, computed, both))
             if speed == highest:
                 shapes = node_fields(linearised.maps, computed.phi_owned)
                 on_root(log.comm, write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
     if not at_highest:
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
-    by_diameter = {each.diameter: families[each.diameter].campbell(speeds) for each in at_highest}
+    by_wave = {wave: of_wave.campbell(speeds) for wave, of_wave in families.items()}
     with log.stage("Campbell diagram"):
         excited = replace(excited, frequencies=f"at {highest:g} rad/s")
-        log.note(on_root(log.comm, write_at_speeds, by_diameter, at_highest, scene, excited, folder))
+        log.note(on_root(log.comm, write_at_speeds, by_wave, at_highest, scene, excited, folder))
 
 
-def resonances(by_diameter: Mapping[int, Campbell], excited: Excited) -> list[tuple[int, Crossing]]:
-    """Return nodal diameter and crossing of each engine order that meets a family at the diameter which it excites.  Local."""
+def resonances(by_wave: Mapping[Wave, Campbell], excited: Excited) -> list[tuple[int, Crossing]]:
+    """Return nodal diameter and crossing of each engine order that meets a family of waves which it excites.  Local."""
     N = excited.n_sectors
     return [
-        (d, crossing)
-        for d, campbell in by_diameter.items()
-        for crossing in crossings(campbell, [order for order in excited.all_orders if alias(order, N) == d])
+        (wave.diameter, crossing)
+        for wave, campbell in by_wave.items()
+        for crossing in crossings(campbell, [order for order in excited.all_orders if wave.is_excited_by(order, N)])
     ]
 
 
 def write_at_speeds(
-    by_diameter: Mapping[int, Campbell], at_highest: Sequence[DiameterModes], scene: Titled, excited: Excited, folder: Path
+    by_wave: Mapping[Wave, Campbell], at_highest: Sequence[DiameterModes], scene: Titled, excited: Excited, folder: Path
 ) -> str:
     """Write modes.csv, campbell.csv, crossings.csv and both pictures; return the table for the screen.  Local, rank 0.
 
@@ -84,33 +124,37 @@ def write_at_speeds(
     records = [record for each in at_highest for record in each.records()]
     write_csv(str(folder / "modes.csv"), records[0], records)
     rows = [
-        {"nodal_diameter": d, "speed_rad_s": float(speed), "speed_rpm": float(speed) * 30.0 / np.pi}
+        {"nodal_diameter": wave.diameter}
+        | ({"wave": wave.direction} if wave.direction else {})
+        | {"speed_rad_s": float(speed), "speed_rpm": float(speed) * 30.0 / np.pi}
         | {f"family_{i}_Hz": float(f) for i, f in enumerate(campbell.frequency[:, k], 1)}
-        for d, campbell in by_diameter.items()
+        for wave, campbell in by_wave.items()
         for k, speed in enumerate(campbell.speed)
     ]
     columns: dict[str, Any] = {name: None for row in rows for name in row}
     write_csv(str(folder / "campbell.csv"), columns, rows)
-    met = resonances(by_diameter, excited)
+    met = resonances(by_wave, excited)
     with matplotlib.rc_context(RC):
         draw_interference(at_highest, excited, scene, str(folder / "interference.png"))
-        draw_at_speeds(by_diameter, met, excited, scene, str(folder / "campbell.png"))
+        draw_at_speeds(by_wave, met, excited, scene, str(folder / "campbell.png"))
     return write_resonances(met, replace(excited, frequencies="at speed"), folder)
 
 
 def draw_at_speeds(
-    by_diameter: Mapping[int, Campbell], met: Sequence[tuple[int, Crossing]], excited: Excited, scene: Titled, path: str
+    by_wave: Mapping[Wave, Campbell], met: Sequence[tuple[int, Crossing]], excited: Excited, scene: Titled, path: str
 ) -> None:
     """Draw the families of all nodal diameters against speed, lines of engine orders, and where these excite them.  Local."""
     says = "natural frequencies by nodal diameter against speed, all pairs stuck; engine orders E and what they excite (circles)"
     page = Page(scene, says, WIDTH, 4.6)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
-    top = 1.05 * max(float(campbell.frequency.max()) for campbell in by_diameter.values())
-    colours = dict(zip(by_diameter, level_colours(len(by_diameter))))
+    top = 1.05 * max(float(campbell.frequency.max()) for campbell in by_wave.values())
+    diameters = list(dict.fromkeys(wave.diameter for wave in by_wave))
+    colours = dict(zip(diameters, level_colours(len(diameters))))
     end = max(excited.speeds)
-    for d, campbell in by_diameter.items():
+    for wave, campbell in by_wave.items():
+        line = {"color": colours[wave.diameter], "lw": 0.9, "ls": ":" if wave.direction == DIRECTIONS[1] else "-"}
         for i, (speed, frequency) in enumerate(smooth(campbell)):
-            axes.plot(speed * 30.0 / np.pi, frequency, color=colours[d], lw=0.9, label=f"diameter {d}" if i == 0 else None)
+            axes.plot(speed * 30.0 / np.pi, frequency, label=wave.words if i == 0 else None, **line)
     at_once = [order for order in excited.all_orders if any(crossing.order == order for _, crossing in met)]
     for order in some(at_once, _NAMED):
         reached = min(end, 2.0 * np.pi * top / order)

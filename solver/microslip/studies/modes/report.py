@@ -34,6 +34,7 @@ class ModeTable:
     joints: Mapping[str, np.ndarray]  # (n,) fraction of the strain energy in the springs of each joint [-]
     mass: np.ndarray | None  # (n, 3) effective mass along x, y, z [kg]; None without a mesh
     total: np.ndarray | None  # (3,) movable mass along x, y, z [kg]
+    coriolis: np.ndarray | None = None  # (n,) Hz, frequencies with Coriolis forces; None: left out
 
     @property
     def shares(self) -> np.ndarray:
@@ -44,6 +45,8 @@ class ModeTable:
     def records(self) -> list[dict[str, Any]]:
         """Return one record per mode, by the names of the columns of modes.csv."""
         columns: dict[str, np.ndarray] = {"frequency_Hz": self.frequency, "damping_ratio": self.damping}
+        if self.coriolis is not None:
+            columns["coriolis_frequency_Hz"] = self.coriolis
         if self.mass is not None:
             columns |= {f"effective_mass_{axis}_kg": self.mass[:, k] for k, axis in enumerate("xyz")}
             columns |= {f"effective_mass_{axis}_percent": 100.0 * self.shares[:, k] for k, axis in enumerate("xyz")}
@@ -88,19 +91,24 @@ def on_screen(table: ModeTable) -> str:
     joints = sorted(table.joints, key=lambda name: -float(table.joints[name].max()))[:_MOST_JOINTS]
     head = ["mode", "frequency Hz", "damping %"]
     columns: list[np.ndarray] = [table.frequency, 100.0 * table.damping]
+    digits = [7, 3]
+    if table.coriolis is not None:
+        head.append("with Coriolis Hz")
+        columns.append(table.coriolis)
+        digits.append(7)
     if table.mass is not None:
         head += [f"mass {axis} %" for axis in "xyz"]
         columns += list(100.0 * table.shares.T)
     head += [f"{name} %" for name in joints]
     columns += [100.0 * table.joints[name] for name in joints]
-    digits = [7, 3] + [3] * (len(columns) - 2)
+    digits += [3] * (len(columns) - len(digits))
     rows: list[tuple[object, list[str]]] = [
         (0, [str(i + 1), *(cell(float(values[i]) + 0.0, n) for values, n in zip(columns, digits))])
         for i in range(len(table.frequency))
     ]
     if table.mass is not None:
         sums = [cell(float(100.0 * share), 3) for share in table.shares.sum(axis=0)]
-        rows.append((1, ["sum", "", "", *sums, *("" for _ in joints)]))
+        rows.append((1, ["sum", *[""] * (2 + (table.coriolis is not None)), *sums, *("" for _ in joints)]))
     says = "all pairs stuck"
     if table.mass is not None:
         says += "; effective mass along x, y, z in % of the mass that moves"

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...library.build import Assembled, assembled, factor_of, without_reference
+from ...library.build import Assembled, factor_of
 from ...library.settings import reduction_settings
 from ...linear.dense import gram, multiply
 from ...messages.errors import CaseError
-from ...modes.eigen import lowest_modes
+from ...modes.coriolis import Waves
+from ...modes.eigen import first_of, lowest_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
@@ -23,6 +24,7 @@ from ...reduction.stuck import project_modes
 from ...scene.read import changed
 from ...system.versions import versions
 from .campbell import ORDERS, Families, write_campbell
+from .coriolis import basis_size, of_modes, takes_coriolis, waves_of, with_matrix
 from .disc import Excited, diameters_of, show_disc
 from .disc_at_speed import show_at_speeds
 from .report import ModeTable, joint_shares, write_modes_of
@@ -61,41 +63,46 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "modes.log"), facts=facts) as log:
         scene = changed(scene, {"solver": {"method": "receptance"} | ({} if request.count is None else {"modes": request.count})})
-        if request.speeds:
-            log.note("Coriolis forces of the rotation are left out")
+        if request.speeds and not takes_coriolis(scene):
+            log.note("Coriolis forces of the rotation are left out; [statics] coriolis = true takes them in")
         if scene.cyclic is not None:
-            diameters, excited = (
-                diameters_of(scene, request.diameters),
-                Excited(scene.cyclic.sectors, request.speeds, request.orders),
-            )
-            count = scene.solver.modes or COUNT
-            if request.speeds and scene.statics is not None:
-                at_speeds = (
-                    (speed, without_reference(assembled(at_speed(scene, speed), comm, log), False))
-                    for speed in sorted(request.speeds)
-                )
-                show_at_speeds(at_speeds, count, diameters, excited, folder, log)
-            else:
-                parts = without_reference(assembled(scene, comm, log), False)
-                show_disc(parts, count, diameters, excited, folder, log)
-            log.note(f"results in {folder}")
-            return
-        if request.diameters:
+            _of_disc(scene, comm, folder, request, log)
+        elif request.diameters:
             raise CaseError(f"--diameters: {scene.path} has no table [cyclic], and so no nodal diameters")
-        families = Families()
-        speeds: list[float | None] = [*sorted(request.speeds)] or [None]
-        for speed in speeds:
-            if speed is not None:
-                log.note(f"speed of rotation {speed:g} rad/s")
-            with stuck_modes(scene if speed is None else at_speed(scene, speed), comm, log) as (parts, linearised, computed):
-                families.add(linearised, computed)
-                if speed is None or speed == max(request.speeds):
-                    _show(parts, linearised, computed, scene, folder, log)
-        if request.speeds:
-            campbell = families.campbell(sorted(request.speeds))
-            with log.stage("Campbell diagram"):
-                log.note(on_root(comm, write_campbell, campbell, request.orders or tuple(range(1, ORDERS + 1)), scene, folder))
+        else:
+            _of_structure(scene, comm, folder, request, log)
         log.note(f"results in {folder}")
+
+
+def _of_disc(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, log: RunLog) -> None:
+    """Compute the modes of nodal diameters, with [statics] at each speed.  Collective."""
+    assert scene.cyclic is not None, "a disc"
+    diameters = diameters_of(scene, request.diameters)
+    excited, count = Excited(scene.cyclic.sectors, request.speeds, request.orders), scene.solver.modes or COUNT
+    if request.speeds and scene.statics is not None:
+        at_speeds = ((speed, *with_matrix(at_speed(scene, speed), comm, log)) for speed in sorted(request.speeds))
+        show_at_speeds(at_speeds, count, diameters, excited, folder, log)
+    else:
+        parts, matrix = with_matrix(scene, comm, log)
+        show_disc(parts, matrix, count, diameters, excited, folder, log)
+
+
+def _of_structure(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, log: RunLog) -> None:
+    """Compute the modes of a structure that is no disc, with several speeds the Campbell diagram.  Collective."""
+    families = Families(1 if takes_coriolis(scene) else 2)
+    speeds: list[float | None] = [*sorted(request.speeds)] or [None]
+    for speed in speeds:
+        if speed is not None:
+            log.note(f"speed of rotation {speed:g} rad/s")
+        with stuck_modes(scene if speed is None else at_speed(scene, speed), comm, log) as (parts, linearised, computed, turning):
+            shown = of_modes(linearised, computed) if turning is None else turning
+            families.add(comm, shown.frequency, shown.phi_owned, shown.M_phi_owned)
+            if speed is None or speed == max(request.speeds):
+                _show(parts, linearised, computed, turning, folder, log)
+    if request.speeds:
+        campbell = families.campbell(sorted(request.speeds))
+        with log.stage("Campbell diagram"):
+            log.note(on_root(comm, write_campbell, campbell, request.orders or tuple(range(1, ORDERS + 1)), scene, folder))
 
 
 def at_speed(scene: Scene, speed: float) -> Scene:
@@ -109,29 +116,40 @@ def at_speed(scene: Scene, speed: float) -> Scene:
 
 
 @contextmanager
-def stuck_modes(scene: Scene, comm: MPI.Comm, log: RunLog) -> Iterator[tuple[Assembled, Linearised, Modes]]:
-    """Yield mesh and matrices, the factor and the lowest modes of a scene, and free them.  Collective.
+def stuck_modes(scene: Scene, comm: MPI.Comm, log: RunLog) -> Iterator[tuple[Assembled, Linearised, Modes, Waves | None]]:
+    """Yield mesh and matrices, the factor, the lowest modes of a scene and those with Coriolis forces, and free them.
+
+    Collective.
 
     Raises
     ------
     CaseError, MeshError, ResourceError, ConvergenceError : on every rank
     """
-    parts = without_reference(assembled(scene, comm, log), False)
+    parts, matrix = with_matrix(scene, comm, log)
     linearised, solver = factor_of(parts, log), scene.solver
-    n_modes = solver.modes or min(COUNT, linearised.system.n_dof)
+    count = solver.modes or min(COUNT, linearised.system.n_dof)
+    n_modes = count if matrix is None else min(basis_size(scene, count), linearised.system.n_dof)
+    turning = None
     with log.stage("modes"):
-        computed = lowest_modes(linearised, n_modes, solver.verify_modes, fewer_will_do=solver.modes is None)
-    yield parts, linearised, computed
+        computed = lowest_modes(
+            linearised, n_modes, solver.verify_modes, fewer_will_do=solver.modes is None or matrix is not None
+        )
+        if matrix is not None:
+            turning = waves_of(linearised, computed, matrix, count, log)[0]
+            matrix.destroy()
+    yield parts, linearised, first_of(computed, count), turning
     linearised.destroy()
     linearised.system.destroy()
 
 
-def _show(parts: Assembled, linearised: Linearised, computed: Modes, scene: Scene, folder: Path, log: RunLog) -> None:
+def _show(parts: Assembled, linearised: Linearised, computed: Modes, turning: Waves | None, folder: Path, log: RunLog) -> None:
     """Write table, picture and shapes.  Collective."""
     table = mode_table(parts, linearised, computed)
+    if turning is not None:
+        table = replace(table, coriolis=turning.frequency)
     shapes = None if linearised.system.dof is None else node_fields(linearised.system, computed.phi_owned)
     with log.stage("table and pictures"):
-        text = on_root(linearised.system.comm, write_modes_of, table, parts.mesh, shapes, scene, folder)
+        text = on_root(linearised.system.comm, write_modes_of, table, parts.mesh, shapes, parts.scene, folder)
     log.note(text)
     log.note(_proof(computed))
 

@@ -1,0 +1,61 @@
+"""Coriolis forces in the command `modes`: the matrix of a scene, and what its modes become (docs/theory.md, section 12)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...assembly.coriolis import Coriolis, coriolis
+from ...library.build import Assembled, assembled, without_reference
+from ...linear.dense import multiply
+from ...modes.coriolis import Waves, waves
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...linear.joint_springs import Linearised
+    from ...modes.eigen import Modes
+    from ...observe.log import RunLog
+    from ...scene.schema import Scene
+
+BASIS = 2  # modes without Coriolis forces for each mode with them
+
+
+def with_matrix(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Assembled, Coriolis | None]:
+    """Return mesh and matrices at rest, and the matrix of Coriolis forces where the scene states them.  Collective.
+
+    Raises
+    ------
+    CaseError, MeshError, ResourceError, ConvergenceError : on every rank
+    """
+    parts, matrix = assembled(scene, comm, log), None
+    if takes_coriolis(scene) and parts.reference is not None:
+        matrix = coriolis(parts.reference.shares, parts.reference.settings, parts.reference.system)
+    return without_reference(parts, False), matrix
+
+
+def takes_coriolis(scene: Scene) -> bool:
+    """Return whether a scene states Coriolis forces.  Local."""
+    return scene.statics is not None and scene.statics.coriolis
+
+
+def basis_size(scene: Scene, count: int) -> int:
+    """Return the number of modes without Coriolis forces to compute for ``count`` modes.  Local."""
+    return BASIS * count if takes_coriolis(scene) else count
+
+
+def waves_of(linearised: Linearised, computed: Modes, matrix: Coriolis, count: int, log: RunLog) -> tuple[Waves, Waves]:
+    """Return ``count`` solutions with positive and with negative omega, of a nodal diameter waves backward and forward.
+
+    Collective.  A structure that turns is never free: its supports hold it.
+    """
+    G = matrix.of(linearised.maps)
+    both = waves(linearised, computed, G, count)
+    matrix.free_of(G)
+    n, residual = len(computed.omega_n), max(wave.residual for wave in both)
+    log.note(f"Coriolis forces: in the space of {n} modes without them; largest residual {residual:.1e} of the inertia forces")
+    return both
+
+
+def of_modes(linearised: Linearised, computed: Modes) -> Waves:
+    """Return the modes without Coriolis forces in the form of those with them.  Collective."""
+    return Waves(computed.omega_n, computed.phi_owned, multiply(linearised.M, computed.phi_owned), 0.0)
