@@ -25,7 +25,7 @@ from .parallel.agree import on_root
 from .parallel.petsc import initialise, unused_options
 from .program.command_line import Command, parse
 from .system.signals import obey_signals
-from .system.start import launcher_rank, too_little_address_space
+from .system.start import launcher_rank, repeat_early_signal, too_little_address_space
 from .system.walltime import time_limit
 from .system.watchdog import show_stacks, watch, wrong_limit
 
@@ -197,6 +197,7 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
     require(comm, faults())
     obey_signals(comm.rank == 0)
     pass_on_to_first(comm)
+    repeat_early_signal()
     show_stacks()
     if command.name == "check":
         from .studies.check.story import check

@@ -1,10 +1,12 @@
 """Signals that come while the program imports what it needs, before it can save anything."""
 
 import signal
+from pathlib import Path
 
 import pytest
 from processes import python
 
+SCENE = Path(__file__).parents[2] / "jobs" / "jenkins.toml"
 # sends a signal to itself where mpi4py is looked for
 EARLY = """
 import os, runpy, signal, sys
@@ -36,3 +38,13 @@ def test_one_that_stops_ends_the_program_with_its_own_status(tmp_path, number):
 def test_one_that_asks_to_save_passes(tmp_path):
     done = begun(tmp_path, signal.SIGUSR1)
     assert done.returncode == 2 and "nothing.toml" in done.stderr
+
+
+def test_one_to_another_rank_leaves_the_message_to_the_first(tmp_path):
+    """Rank 0 starts later; rank 1 waits until it can pass the signal on."""
+    script = EARLY.format(number=int(signal.SIGTERM)).replace('if name == "mpi4py"', 'if name == "mpi4py" and rank == "1"')
+    script = script.replace("nothing.toml", str(SCENE))
+    start = 'import os, time\nrank = os.environ["OMPI_COMM_WORLD_RANK"]\ntime.sleep(0.3 if rank == "0" else 0.0)\n'
+    done = python("-c", start + script, ranks=2, cwd=tmp_path)
+    assert done.returncode == 5, done.stderr
+    assert done.stderr.count("microslip: error: stopped by SIGTERM") == done.stderr.count("microslip: error") == 1

@@ -10,10 +10,10 @@ import os
 import resource
 import signal
 import sys
-from typing import NoReturn
 
 _STOPPED = 5  # exit status of Interrupted
 ADDRESS_SPACE_OF_ONE, ADDRESS_SPACE_OF_SEVERAL = 700_000_000, 1_000_000_000  # bytes, which MPI, PETSc and their libraries map
+_put_off: list[int] = []  # the last signal that stops, of a rank that is not the first
 _LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
 
 
@@ -65,7 +65,8 @@ def open_streams() -> None:
 def stop_at_once() -> None:
     """Let signals that stop end the process at once, as there is nothing to save, and one that asks to save pass.  Local.
 
-    Until signals.py answers them.  One that the caller ignores stays ignored.
+    Until signals.py answers them.  One that the caller ignores stays ignored.  A rank that is not the first puts off a signal
+    that stops: the first, which writes the message, may not have started.
     """
     answers = {signal.SIGTERM: _end, signal.SIGINT: _end, signal.SIGHUP: _end, signal.SIGUSR1: _pass}
     for number, answer in answers.items():
@@ -73,8 +74,17 @@ def stop_at_once() -> None:
             signal.signal(number, answer)
 
 
-def _end(number: int, frame: object) -> NoReturn:
-    if launcher_rank() == 0 and sys.stderr is not None:
+def repeat_early_signal() -> None:
+    """Send this process the signal that stop_at_once() has put off, if there is one.  Local; once signals.py answers it."""
+    if _put_off:
+        os.kill(os.getpid(), _put_off.pop())
+
+
+def _end(number: int, frame: object) -> None:
+    if launcher_rank() > 0:  # its launcher would end rank 0, which may not have reached its first line, without a message
+        _put_off[:] = [number]
+        return
+    if sys.stderr is not None:
         sys.stderr.write(f"microslip: error: stopped by {signal.Signals(number).name} before it had begun\n")
         sys.stderr.flush()
     os._exit(_STOPPED)
