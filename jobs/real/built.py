@@ -1,8 +1,8 @@
 """Models of verification manuals that have no mesh file: built here as their public definition says, as Abaqus input files.
 
 NAFEMS, Selected Benchmarks for Natural Frequency Analysis: FV52.  Ansys' verification manual (the scripts are in the package
-ansys-mapdl-core): VM244, VM281, VM301, by their geometry, material and supports, with quadratic hexahedra of reduced integration
-(SOLID186); VM320 as matrices of one row.
+ansys-mapdl-core): VM244, VM281, VM301, VM302, by their geometry, material and supports, with quadratic hexahedra of reduced
+integration (SOLID186); VM320 as matrices of one row.
 """
 
 from __future__ import annotations
@@ -47,6 +47,28 @@ def turning_disc() -> str:
     )
 
 
+RING = 0.176, 0.00088, 0.02, 24  # VM302: outer diameter, thickness, length [m]; sectors
+
+
+def turning_ring() -> str:
+    """VM302: one of 24 sectors of a thin ring, held along z in its middle plane."""
+    outer, thickness, length, N = RING
+
+    def mapping(u, v, w):
+        radius, angle = 0.5 * outer - thickness * (1.0 - u), 2.0 * np.pi / N * (v - 0.5)
+        return np.stack([radius * np.cos(angle), radius * np.sin(angle), length * (w - 0.5)], axis=-1)
+
+    ring = join([block("hex20", mapping, (1, 2, 2))])
+    angle, radius = np.arctan2(ring.points[:, 1], ring.points[:, 0]) * N / np.pi, np.hypot(*ring.points[:, :2].T)
+    is_middle = np.abs(ring.points[:, 2]) < 1e-8
+    at = {
+        "LOW": angle < -1.0 + 1e-6,
+        "HIGH": angle > 1.0 - 1e-6,
+        "POINT": is_middle & (abs(angle) < 1e-6) & (radius > radius.max() - 1e-8),
+    }
+    return _input("C3D20R", ring, (2.1e11, 0.3, 7850.0), {"MIDDLE": (is_middle, "3, 3")}, at)
+
+
 def annulus(inner: float, outer: float, thickness: float, cells: tuple[int, int, int]) -> Body:
     """Return a disc with a hole about z, cells along the radius, the circumference and z."""
 
@@ -57,15 +79,21 @@ def annulus(inner: float, outer: float, thickness: float, cells: tuple[int, int,
     return join([block("hex20", mapping, cells)])
 
 
-def _input(element: str, body: Body, material: tuple[float, float, float], supports: Mapping[str, tuple[np.ndarray, str]]) -> str:
-    """Return an input file: one body, its material (E, nu, rho) and supports, {name: (nodes, first and last direction)}."""
+def _input(
+    element: str,
+    body: Body,
+    material: tuple[float, float, float],
+    supports: Mapping[str, tuple[np.ndarray, str]],
+    sets: Mapping[str, np.ndarray] = {},  # noqa: B006  not changed
+) -> str:
+    """Return an input file: one body, its material (E, nu, rho), supports, {name: (nodes, directions)}, and node sets."""
     young, poisson, density = material
     lines = ["*NODE"]
     lines += [f"{i}, {x!r}, {y!r}, {z!r}" for i, (x, y, z) in enumerate(body.points.tolist(), 1)]
     lines.append(f"*ELEMENT, TYPE={element}, ELSET=BODY")
     for i, nodes in enumerate((body.elements + 1).tolist(), 1):
         lines += [", ".join(map(str, [i, *nodes[:10]])) + ",", ", ".join(map(str, nodes[10:]))]
-    for name, (at, _) in supports.items():
+    for name, at in {**{name: at for name, (at, _) in supports.items()}, **sets}.items():
         lines += [f"*NSET, NSET={name}", *(str(node) for node in np.flatnonzero(at) + 1)]
     lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{young!r}, {poisson!r}", "*DENSITY", f"{density!r}"]
     lines += ["*SOLID SECTION, ELSET=BODY, MATERIAL=M", "*BOUNDARY"]
@@ -101,6 +129,42 @@ harmonics = 1                   # as the manual
 samples = 1024
 """
 
+_RING = """# VM302: a thin ring that turns, with Coriolis forces; a spring of 5 rad/s holds its rotation about the axis
+[model]
+mesh = "vm302.inp"
+
+[cyclic]
+sectors = 24
+axis = [0.0, 0.0, 1.0]
+faces = ["LOW", "HIGH"]
+engine_order = 2
+
+[[springs]]
+groups = ["POINT"]
+direction = [0.0, 1.0, 0.0]
+stiffness = 0.08
+
+[[loads]]
+position = [0.088, 0.0, 0.0]
+direction = [1.0, 0.0, 0.0]
+
+[[outputs]]
+name = "ring"
+position = [0.088, 0.0, 0.0]
+direction = [1.0, 0.0, 0.0]
+
+[damping]
+ratio = 0.001
+
+[response]
+levels = [1.0]
+frequencies = [50.0, 100.0]
+
+[statics]
+rotation_speed = 1256.6371      # rad/s: 12,000 rpm
+coriolis = true
+"""
+
 BUILT: dict[str, Callable[[], str]] = {
     "vm320.toml": lambda: _DAMPER,
     "vm320_K.mtx": lambda: _ROW.format(2.4e7),
@@ -111,4 +175,6 @@ BUILT: dict[str, Callable[[], str]] = {
     "vm244.inp": annular_plate,
     "vm281.inp": turning_plate,
     "vm301.inp": turning_disc,
+    "vm302.inp": turning_ring,
+    "vm302.toml": lambda: _RING,
 }

@@ -169,7 +169,7 @@ def solved(path: Path, model: dict, command: list[str], scratch: Path) -> tuple[
     scene, out, n = scratch / f"{name}.toml", scratch / f"{name}_out", 0
     steps = [["new", str(path), "--out", str(scene)], [command[0], str(scene), *command[1:], "--out", str(out)]]
     if path.suffix == ".toml":  # a scene, of matrices
-        steps = [[command[0], str(path), "--out", str(out)]]
+        steps = [[command[0], str(path), *command[1:], "--out", str(out)]]
     for words in steps:
         if words[0] != "new" and len(steps) > 1:
             n = edited(scene, model)
@@ -182,7 +182,13 @@ def solved(path: Path, model: dict, command: list[str], scratch: Path) -> tuple[
 
 
 def frequencies(out: Path, model: dict) -> np.ndarray:
-    """Return what is compared: the lowest frequencies [Hz], those of family 1 at several speeds, or a critical speed [rpm]."""
+    """Return what is compared: the lowest frequencies [Hz], those of family 1 at several speeds, or a critical speed [rpm].
+
+    Of a disc with Coriolis forces the lowest waves of each nodal diameter, backward and forward.
+    """
+    if "diameters" in model:
+        rows = [row for row in csv.DictReader((out / "modes.csv").open(encoding="utf-8")) if row["mode"] == "1"]
+        return np.array([float(row[f"{wave}_frequency_Hz"]) for row in rows for wave in ("backward", "forward")])
     if "critical" in model:
         rows = csv.DictReader((out / "crossings.csv").open(encoding="utf-8"))
         return np.array([float(row["speed_rpm"]) for row in rows if int(row["family"]) == model["family"]])
@@ -199,6 +205,8 @@ def model_row(path: Path, model: dict, program: str, scratch: Path) -> list[str]
     command = ["modes", "--count", str(model.get("count", N_MODES))]
     if "speeds" in model:
         command += ["--speeds", ",".join(map(str, model["speeds"])), "--orders", str(model.get("critical", 1))]
+    if "diameters" in model:
+        command += ["--diameters", ",".join(map(str, model["diameters"]))]
     out, n, why = solved(path, model, command, scratch)
     name = path.name + (f", {model['case']}" if "case" in model else "")
     unit = model.get("unit", "")
