@@ -155,9 +155,118 @@ def test_units_and_matlab_files(tmp_path):
     ):
         assert rows.frequency == pytest.approx([80.0]) and rows.amplitude == pytest.approx([3e-6])
         assert rows.phase == pytest.approx([-0.5 * np.pi]) and not rows.of_peaks
-    scipy.io.savemat(tmp_path / "other.mat", {"frequency_Hz": [1.0, 2.0], "amplitude_m": [1.0]})
-    with pytest.raises(CaseError, match="of one length"):
-        read_measured(tmp_path / "other.mat", ("6",), ("m",), LEVELS)
+    scipy.io.savemat(tmp_path / "named.mat", columns | {"output": np.array(["tip"], dtype=object)})
+    assert read_measured(tmp_path / "named.mat", ("6", "tip"), ("m", "m"), LEVELS).output == [1]
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        ({"frequency_Hz": [1.0, 2.0], "amplitude_m": [1.0]}, "of one length"),
+        ({"frequency_Hz": {"a": 1.0}}, "frequency_Hz is neither numbers nor texts"),
+        (b"MATLAB 5.0 MAT-file" + bytes(range(256)), "cannot be read as a MATLAB file"),
+    ],
+)
+@pytest.mark.ranks(1)
+def test_wrong_matlab_files_are_refused(tmp_path, content, text):
+    file = tmp_path / "measured.mat"
+    file.write_bytes(content) if isinstance(content, bytes) else scipy.io.savemat(file, content)
+    with pytest.raises(CaseError, match=text):
+        read_measured(file, ("6",), ("m",), LEVELS)
+
+
+# -- universal files -------------------------------------------------------------------------------------------------------
+
+LINES = np.array([0.0, 70.0, 80.0, 90.0])
+
+
+def of_pyuff(file, *, write=True, x=LINES, H=None, units=None, **record):
+    """Write a response function as pyuff does; return its complex values per newton."""
+    pyuff = pytest.importorskip("pyuff")
+    H = 1e-6 * np.exp(1j * np.arange(len(x))) if H is None else H
+    record = {
+        "func_type": 4, "rsp_ent_name": "tip", "rsp_node": 3, "rsp_dir": 1, "ref_node": 2, "ref_dir": 1, "ord_data_type": 6,
+        "abscissa_spacing": 0, "abscissa_spec_data_type": 18, "ordinate_spec_data_type": 8, "orddenom_spec_data_type": 13,
+        "z_axis_spec_data_type": 13, "z_axis_value": 5.0, "binary": 0,
+    } | record  # fmt: skip
+    sets = [pyuff.prepare_58(data=H, x=x, **record)]
+    if units is not None:
+        length, force = units
+        sets.insert(0, pyuff.prepare_164(units_code=9, temp_mode=2, length=length, force=force, temp=1.0, temp_offset=273.15))
+    if write:
+        file.unlink(missing_ok=True)  # its mode "overwrite" loses the header of binary data
+    pyuff.UFF(str(file)).write_sets(sets, mode="add")
+    return H
+
+
+@pytest.mark.parametrize("binary", [0, 1])
+@pytest.mark.ranks(1)
+def test_functions_that_pyuff_writes(tmp_path, binary):
+    """By the level of their Z axis, in the range of the scene, from millimetres as well."""
+    file = tmp_path / "measured.uff"
+    H = of_pyuff(file, binary=binary)
+    rows = read_measured(file, ("6", "tip"), ("m", "m"), LEVELS, (75.0, 95.0))
+    assert rows.frequency == pytest.approx([80.0, 90.0]) and (rows.output == 1).all() and (rows.level == 5.0).all()
+    assert rows.amplitude == pytest.approx(5.0 * np.abs(H[2:]), rel=1e-6) and rows.phase == pytest.approx(np.angle(H[2:]))
+    of_pyuff(file, H=1e3 * H, units=(1e3, 1.0))
+    in_mm = read_measured(file, ("tip",), ("m",), (1.0,))
+    assert in_mm.frequency == pytest.approx(LINES[1:]) and in_mm.amplitude == pytest.approx(5.0 * np.abs(H[1:]), rel=1e-6)
+    of_pyuff(file, z_axis_spec_data_type=0, ordinate_spec_data_type=12)
+    assert (read_measured(file, ("tip",), ("m/s2",), (3.0,)).level == 3.0).all()
+    coherence = {"func_type": 6, "H": np.ones(4), "ord_data_type": 4}
+    of_pyuff(file, write=False, **coherence)
+    assert read_measured(file, ("tip",), ("m/s2",), (3.0,)).n == 3
+
+
+@pytest.mark.parametrize(
+    ("record", "text"),
+    [
+        ({"ordinate_spec_data_type": 12}, "is in m/s2, and the output in m"),
+        ({"ordinate_spec_data_type": 17}, "data type 17"),
+        ({"rsp_ent_name": "tp"}, 'the response entity "tp" is not the name of one output; nearest is "?tip'),
+        ({"z_axis_spec_data_type": 0}, "has 2 levels, and no Z-axis value"),
+        ({"func_type": 6, "H": np.ones(4), "ord_data_type": 4}, "no frequency response function"),
+        ({"H": np.ones(4), "ord_data_type": 4}, "complex values over frequency"),
+        ({"x": np.array([1.0, 2.0])}, "no line within .response. frequencies"),
+    ],
+)
+@pytest.mark.ranks(1)
+def test_wrong_universal_files_are_refused(tmp_path, record, text):
+    file = tmp_path / "measured.unv"
+    of_pyuff(file, **record)
+    with pytest.raises(CaseError, match=text):
+        read_measured(file, ("6", "tip"), ("m", "m"), LEVELS, (60.0, 100.0))
+
+
+@pytest.mark.ranks(1)
+def test_damaged_universal_files_are_refused(tmp_path):
+    file = tmp_path / "measured.unv"
+    of_pyuff(file, x=np.linspace(1.0, 2.0, 500))
+    with pytest.raises(CaseError, match="500 lines; state .response. frequencies"):
+        read_measured(file, ("tip",), ("m",), LEVELS)
+    text = file.read_text()
+    for damaged, says in (
+        (text[:700], "no frequency response function|cannot be read"),
+        (text.replace("E", "?").replace("e-", "?"), "cannot be read"),
+    ):
+        file.write_text(damaged)
+        with pytest.raises(CaseError, match=says):
+            read_measured(file, ("tip",), ("m",), LEVELS)
+    with pytest.raises(CaseError, match="No such file"):
+        read_measured(tmp_path / "none.unv", ("tip",), ("m",), LEVELS)
+
+
+def test_a_universal_file_of_results_is_identified(structure, comm, path, program, shared_path):
+    """What `convert` writes, read again: the true numbers at once."""
+    pytest.importorskip("pyuff")
+    status, _, err = program(
+        "run", path, "--out", shared_path / "unv", "--set", "response.levels=[20.0]", "--set", "response.points=4"
+    )
+    assert status == 0, err
+    assert program("convert", shared_path / "unv" / "results.h5", "--to", "unv")[0] == 0
+    (file,) = on_root(comm, lambda: [str(each) for each in (shared_path / "unv").rglob("*.unv")])
+    found = microslip.identify(structure, file, BOUNDS)
+    assert found[FRICTION] == pytest.approx(1.0, rel=1e-3) and found.rms < 1e-3 and (found.measured.level == 20.0).all()
 
 
 @pytest.mark.pictures

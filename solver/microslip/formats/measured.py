@@ -1,4 +1,4 @@
-"""Measured responses: rows of frequency, amplitude and phase of outputs at levels, or of peaks, from CSV and MATLAB files."""
+"""Measured responses: rows of frequency, amplitude and phase of outputs at levels, or of peaks, from files."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ import numpy as np
 from ..messages.errors import CaseError
 from ..messages.words import hint, listed
 from .csv_table import numbered_rows
+from .measured_files import functions, variables
 
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 UNITS = {"m": LENGTHS, "m/s": {f"{name}/s": size for name, size in LENGTHS.items()}, "N": {"N": 1.0, "kN": 1e3}}
 UNITS["m/s2"] = {f"{name}/s2": size for name, size in LENGTHS.items()} | {"g": 9.80665}
 FREQUENCIES, PEAKS = {"frequency_hz": 1.0, "frequency_khz": 1e3}, {"peak_frequency_hz": 1.0, "peak_frequency_khz": 1e3}
 PHASES = {"phase_rad": 1.0, "phase_deg": np.pi / 180.0}
+UNIVERSAL = (".unv", ".uff", ".uf")  # endings of universal files
 LEVELS = {"level_n": 1.0, "level_kn": 1e3, "level": 1.0}
 
 
@@ -45,20 +47,29 @@ class Measured:
         return replace(self, **arrays)
 
 
-def read_measured(path: Path, outputs: Sequence[str], units: Sequence[str], levels: Sequence[float]) -> Measured:
-    """Return what a CSV file with a header, or a MATLAB file with variables of the same names, holds.  Local.
+def read_measured(
+    path: Path,
+    outputs: Sequence[str],
+    units: Sequence[str],
+    levels: Sequence[float],
+    frequencies: tuple[float, float] | None = None,
+) -> Measured:
+    """Return the rows of a CSV file with a header, a MATLAB file with variables of the same names, or a universal file.  Local.
 
     Parameters
     ----------
     outputs, units : names and units of the outputs of the scene
     levels : of the scene [N]; rows without a level belong to the only one
+    frequencies : range of the lines of a universal file [Hz]; None for all
 
     Raises
     ------
     CaseError : names what is wrong, with the line
     """
     if path.suffix.lower() == ".mat":
-        return measured_of(_variables(path), str(path), outputs, units, levels)
+        return measured_of(_of_one_length(variables(path), path), str(path), outputs, units, levels)
+    if path.suffix.lower() in UNIVERSAL:
+        return measured_of(functions(path, outputs, units, levels, frequencies), str(path), outputs, units, levels)
     numbered = numbered_rows(path)
     if len(numbered) < 2:
         raise CaseError(f"{path}: a header and at least one row are expected; {_expected()}")
@@ -134,10 +145,10 @@ def _checked(measured: Measured, where: str, levels: Sequence[float], unit: str)
         raise CaseError(f"{where}: every row needs a frequency above 0; {_expected(unit)}")
     if not (measured.of_peaks or np.isfinite(measured.amplitude).any() or np.isfinite(measured.phase).any()):
         raise CaseError(f"{where}: there is neither an amplitude nor a phase; {_expected(unit)}")
-    if np.isnan(measured.level).all():
+    if (missing := np.isnan(measured.level)).any():
         if len(levels) != 1:
             raise CaseError(f"{where}: the scene has {len(levels)} levels, and no column level_N says of which a row is")
-        measured = replace(measured, level=np.full(measured.n, levels[0]))
+        measured = replace(measured, level=np.where(missing, levels[0], measured.level))
     for name, values in (("level", measured.level), ("amplitude", measured.amplitude), ("sigma", measured.deviation)):
         if (values <= 0.0).any():
             raise CaseError(f"{where}: {name} = {values[values <= 0.0][0]:g}: a number above 0 is expected")
@@ -175,16 +186,8 @@ def _numbers(values: Sequence[Any], name: str, where: str, lines: Sequence[int])
     return column
 
 
-def _variables(path: Path) -> dict[str, np.ndarray]:
-    """Return the variables of a MATLAB file of version 5."""
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(str(path), squeeze_me=True, chars_as_strings=True)
-    except (OSError, ValueError, NotImplementedError, TypeError) as problem:
-        raise CaseError(f"{path}: cannot be read as a MATLAB file of version 5 to 7.2: {problem}") from None
-    variables = {name: np.atleast_1d(values) for name, values in content.items() if not name.startswith("__")}
-    lengths = {len(values) for values in variables.values() if values.ndim == 1}
-    if not variables or len(lengths) != 1 or any(values.ndim != 1 for values in variables.values()):
+def _of_one_length(columns: dict[str, np.ndarray], path: Path) -> dict[str, np.ndarray]:
+    lengths = {len(values) for values in columns.values() if values.ndim == 1}
+    if len(lengths) != 1 or any(values.ndim != 1 for values in columns.values()):
         raise CaseError(f"{path}: variables of one length, named like columns, are expected; {_expected()}")
-    return variables
+    return columns

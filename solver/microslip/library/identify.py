@@ -97,7 +97,7 @@ def identify(
 
     Parameters
     ----------
-    measured : a CSV or MATLAB file, or its columns: ``frequency_Hz`` or ``peak_frequency_Hz``, ``amplitude_m``,
+    measured : a CSV, MATLAB or universal file, or columns: ``frequency_Hz`` or ``peak_frequency_Hz``, ``amplitude_m``,
         ``phase_rad``, ``level_N``, ``output`` and deviations ``sigma_m``, ``sigma_phase_rad``, ``sigma_frequency_Hz``
     bounds : by key, ``"joints.NAME.friction"`` and the like or ``"damping.ratio"``; of numbers that differ from pair to pair
         those of a factor.  The fit begins at the values of the scene
@@ -140,7 +140,7 @@ def _rows_of(scene: Any, measured: Any) -> Measured:
     of = output_names(scene), units_of(scene).outputs, scene.response.levels
     if isinstance(measured, Mapping):
         return measured_of(measured, "identify", *of)
-    return read_measured(Path(measured), *of)
+    return read_measured(Path(measured), *of, scene.response.frequencies)
 
 
 def _fitted(scene: Any, structure: Structure, bounds: Mapping[str, tuple[float, float]]) -> list[Fitted]:

@@ -212,6 +212,7 @@ def _notes(is_well: bool) -> list[str]:
     for package, module, files in (
         ("mapdl-archive", "mapdl_archive", "Ansys archives"),
         ("pyNastran", "pyNastran", "Nastran's files"),
+        ("pyuff", "pyuff", "response functions of universal files"),
     ):
         if importlib.util.find_spec(module) is None:
             lines.append(f"without {package} {files} are not read: {_pip(package)}")

@@ -115,11 +115,11 @@ def _function(results: ResultFile, fields: Fields | None, number: int, k: int, p
     unit = results.unit_of(k)
     yield from (_line(text) for text in (f"{name}, level {_level(level)}", results.title, "", "microslip, harmonic 1", "NONE"))
     yield f"{4:5d}{number + 1:10d}{0:5d}{number + 1:10d} {_line(name, 10):<10}{node:10d}{direction:4d} {'NONE':<10}{0:10d}{0:4d}"
-    yield f"{6:10d}{len(H):10d}{0:10d}{_single(frequency[0])}{_single(0.0)}{_single(0.0)}"
+    yield f"{6:10d}{len(H):10d}{0:10d}{_single(frequency[0])}{_single(0.0)}{_single(level.level)}"
     yield _axis(_FREQUENCY, "frequency", "Hz")
     yield _axis(_OF_UNIT.get(unit, 0), "response", unit)
-    yield _axis(_OF_LEVEL.get(results.level_unit, 0), "level", results.level_unit)
-    yield _axis(0, "NONE", "NONE")
+    of_level = _axis(_OF_LEVEL.get(results.level_unit, 0), "level", results.level_unit)
+    yield from (of_level, of_level)  # of the denominator, of the Z axis, whose value is the level
     for f, value in zip(frequency, H):
         yield f"{_digits(f)}{value.real:20.12E}{value.imag:20.12E}"
 

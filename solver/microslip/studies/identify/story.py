@@ -31,7 +31,8 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
     bounds = dict(map(bounds_of, fit))
     refuse_statics(scene, "identify")
     refuse_discs(scene, "identify", "is for structures that are modelled in full")
-    rows = on_root(comm, read_measured, Path(measured), output_names(scene), units_of(scene).outputs, scene.response.levels)
+    of, response = (output_names(scene), units_of(scene).outputs), scene.response
+    rows = on_root(comm, read_measured, Path(measured), *of, response.levels, response.frequencies)
     facts = {"scene": scene.source, "measurement": measured, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "identify.log"), facts=facts) as log:
         structure = build(scene, comm, log)
