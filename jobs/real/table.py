@@ -187,8 +187,8 @@ def frequencies(out: Path, model: dict) -> np.ndarray:
     Of a disc with Coriolis forces the lowest waves of each nodal diameter, backward and forward.
     """
     if "diameters" in model:
-        rows = [row for row in csv.DictReader((out / "modes.csv").open(encoding="utf-8")) if row["mode"] == "1"]
-        return np.array([float(row[f"{wave}_frequency_Hz"]) for row in rows for wave in ("backward", "forward")])
+        lowest = [row for row in csv.DictReader((out / "modes.csv").open(encoding="utf-8")) if row["mode"] == "1"]
+        return np.array([float(row[f"{wave}_frequency_Hz"]) for row in lowest for wave in ("backward", "forward")])
     if "critical" in model:
         rows = csv.DictReader((out / "crossings.csv").open(encoding="utf-8"))
         return np.array([float(row["speed_rpm"]) for row in rows if int(row["family"]) == model["family"]])

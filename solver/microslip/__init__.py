@@ -40,8 +40,10 @@ if TYPE_CHECKING:
     from .library.response import Curves, Response
     from .library.search import Search, search
     from .library.sweep import SweepTable, sweep
+    from .library.worn_joints import wear
     from .messages.errors import CaseError, ConvergenceError, MicroslipError, ResourceError
     from .results.read import read_results
+    from .results.wear import WearHistory
     from .scene.read import read_scene as read
     from .scene.read import scene_of
     from .scene.schema import Scene
@@ -59,6 +61,7 @@ __all__ = [
     "Search",
     "Structure",
     "SweepTable",
+    "WearHistory",
     "backbone",
     "build",
     "identify",
@@ -69,6 +72,7 @@ __all__ = [
     "scene_of",
     "search",
     "sweep",
+    "wear",
 ]
 
 _FROM = {
@@ -94,6 +98,8 @@ _FROM = {
     "scene_of": ".scene.read",
     "search": ".library.search",
     "sweep": ".library.sweep",
+    "WearHistory": ".results.wear",
+    "wear": ".library.worn_joints",
 }
 
 

@@ -217,3 +217,39 @@ def test_archard_needs_friction_and_names_the_joint(comm, folder):
     scene = microslip.scene_of({**scene.model_dump(exclude_unset=True), "wear": wear}, scene.path)
     with microslip.build(scene, comm) as structure, pytest.raises(CaseError, match="joint 'joint' has pairs without friction"):
         WearingJoint(structure)
+
+
+def test_the_library_and_the_program_wear_alike(program, shared_path):
+    keys = {"coefficient": 1e-3, "cycles": 20.0, "area": {"joint": 1.0}, "jump": 0.1, "tolerance": 0.3}
+    path, out = scene_with_wear(shared_path, one_mass(), [0.8], (0.5, 2.0), OF_MASS, **JENKINS), shared_path / "out"
+    status, _, err = program("wear", path, "--out", out, "--set", "wear.cycles=20")
+    assert (status, err) == (0, "")
+    rows = on_root(COMM, lambda: list(csv.DictReader((out / "wear.csv").open())))
+    jumps = []
+    scene = microslip.scene_of({**microslip.read(path).model_dump(exclude_unset=True, exclude={"wear"})}, path)
+    with microslip.build(scene, COMM) as structure:
+        history = microslip.wear(structure, on_jump=jumps.append, **keys)
+        with pytest.raises(CaseError, match="cycles"):
+            microslip.wear(structure, coefficient=1e-3, cycles=-1.0)
+        with pytest.raises(CaseError, match=r"\[wear\] is missing"):
+            microslip.wear(structure)
+    assert len(history.cycles) == len(rows) == len(jumps) + 1 > 2 and not history.failure
+    for record, row in zip(history.records(), rows):
+        assert [record[key] for key in ("depth_max_m", "energy_J", "amplitude")] == pytest.approx(
+            [float(row[key]) for key in ("depth_max_m", "energy_J", "amplitude")], rel=1e-8
+        )
+
+
+def test_constant_loads_stay_in_balance_over_the_life_of_a_joint(comm, folder):
+    """With [statics]: the joint carries the load, the pair that wears most loses pressure to the others, depth is worn energy."""
+    scene = scene_of(comm, folder, force(0.0, 0.0, -1000.0), name="life")
+    with microslip.build(scene, comm) as structure:
+        history = microslip.wear(structure, coefficient=1e-12, cycles=5e5, level=30.0, jump=3e-8)
+        area = np.where(structure.pairs.area > 0.0, structure.pairs.area, np.nan)
+    assert not history.failure and history.cycles[-1] == 5e5 and len(history.cycles) > 2
+    np.testing.assert_allclose(history.normal_force.sum(axis=1), 1000.0, rtol=1e-8)
+    worn = history.depth[-1] > 0.0
+    assert worn.any() and not worn.all()
+    np.testing.assert_allclose(history.depth * area, 1e-12 * history.total, rtol=1e-9, atol=1e-30)
+    k, change = history.depth[-1].argmax(), history.N0[-1] - history.N0[0]
+    assert change[k] == change.min() < 0.0 < change[~worn].min()

@@ -11,6 +11,7 @@ import scipy.linalg
 from ..linear.dense import gram, multiply
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
     from petsc4py import PETSc
 
     from ..linear.joint_springs import Linearised
@@ -63,7 +64,7 @@ def waves(linearised: Linearised, computed: Modes, G: PETSc.Mat, count: int) -> 
     return positive, negative
 
 
-def _waves(omega: np.ndarray, q: np.ndarray, phi_owned: np.ndarray, forces: tuple[np.ndarray, ...], comm) -> Waves:
+def _waves(omega: np.ndarray, q: np.ndarray, phi_owned: np.ndarray, forces: tuple[np.ndarray, ...], comm: MPI.Comm) -> Waves:
     """Return solutions with their residual.  Collective: one sum."""
     K_phi, M_phi, G_phi = (force @ q for force in forces)
     inertia = omega**2 * M_phi

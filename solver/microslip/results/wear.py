@@ -62,6 +62,7 @@ class WearHistory:
     damping: np.ndarray  # (n,) -
     error: np.ndarray  # (n,) of the amplitude; NaN without error bars
     jump_error: np.ndarray  # (n,) m
+    failure: str = ""  # why it ends before the stated cycles
 
     @property
     def normal_force(self) -> np.ndarray:

@@ -8,49 +8,15 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from ...library.wear import WearingJoint
 from ...observe.screen_table import screen_table
-from ...points.error_parts import total
 from ...results.read import read_results
-from ...results.record import Joint, LevelResult, ResultFile
+from ...results.record import LevelResult, ResultFile
 from ...results.style import RC, some
 from ...results.wear import WearHistory, keep_wear, write_wear_series
 from ...results.wear_plots import draw_wear, draw_wear_map
-from ...scene.wear import UNITS
 from ..records import cell, write_csv
-from .progress import State
 
 _ROWS = 14  # of the table on the screen
-
-
-def history_of(wearing: WearingJoint, joint: Joint, states: Sequence[State]) -> WearHistory:
-    """Return the arrays of a study; of the points rank 0 has them all.  Local."""
-    points, k, wear = [state.cycle.point for state in states], wearing.output, wearing.wear
-    scene, units = wearing.structure.scene, wearing.units
-    stated = np.array([wear.area_of(name) or np.nan for name in joint.names])[joint.joint]
-    bars = [point.error for point in points]
-    return WearHistory(
-        law=wear.law,
-        unit=UNITS[wear.law],
-        level=wearing.level,
-        level_unit=units.level,
-        output=scene.outputs[k].name,
-        output_unit=units.outputs[k],
-        frequency_stays=wear.frequency is not None,
-        joint=joint,
-        area=np.where(np.isfinite(joint.area), joint.area, stated),
-        cycles=np.array([state.cycles for state in states]),
-        depth=np.array([state.depth for state in states]),
-        total=np.array([state.energy for state in states]),
-        energy=np.array([state.cycle.energy for state in states]),
-        N0=np.array([state.cycle.N0 for state in states]),
-        state=np.array([point.state for point in points]),
-        frequency=np.array([point.omega for point in points]) / (2.0 * np.pi),
-        amplitude=np.array([np.hypot(*point.response[k, 1:3]) for point in points]),
-        damping=np.array([state.cycle.damping for state in states]),
-        error=np.array([np.nan if bar is None else total(bar[k]) for bar in bars]),
-        jump_error=np.array([state.error for state in states]),
-    )
 
 
 def write_wear(history: WearHistory, folder: Path, worn: Path | None) -> str:

@@ -10,13 +10,14 @@ from ...library.follow_response import follow
 from ...library.prepare import Prepared
 from ...library.result_files import head_of, writer_of
 from ...library.wear import WearingJoint, wear_of
+from ...library.worn_joints import history_of
 from ...messages.errors import ConvergenceError
 from ...observe.log import RunLog
 from ...observe.stops import goes_on
 from ...parallel.agree import on_root
 from ...system.versions import versions
 from .progress import Progress, State
-from .report import history_of, write_wear
+from .report import write_wear
 
 if TYPE_CHECKING:
     from mpi4py import MPI
