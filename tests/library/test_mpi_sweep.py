@@ -56,6 +56,12 @@ def test_peaks_over_friction_and_level_are_the_closed_form(mass):
     assert table.friction_J == pytest.approx(loss, rel=1e-3)
 
 
+def test_a_scale_of_the_load_is_another_level(mass):
+    table = microslip.sweep(mass, {"loads.1.scale": [0.5, 1.25]})
+    exactly = [exact.jenkins_peak(0.8 * scale, 1.0, C) for scale in (0.5, 1.25)]
+    assert table.amplitude == pytest.approx(exactly, rel=30.0 / 128**2)
+
+
 def test_a_stuck_peak_has_the_width_and_damping_of_its_mode(mass):
     table = microslip.sweep(mass, {"level": [0.01, 0.02]})
     zeta = 0.5 * C / np.sqrt(2.0)

@@ -1,0 +1,52 @@
+"""microslip.sweep of a scene with [statics] and of a disc, against structures of their own; on any number of ranks."""
+
+import pytest
+from blocks import stacked
+from discs import write_sector
+from msh import write_msh
+from rest_scene import HEIGHT, LENGTH, WIDTH, force, scene_of
+from scene_text import table
+
+import microslip
+from microslip.parallel.agree import on_root
+
+pytestmark = pytest.mark.ranks(1, 2)
+
+SMOOTH = ("amplitude", "frequency", "damping")
+
+
+def check(comm, scene, samples):
+    """Compare each sample with the peak of a structure that is built for it; return the table.  Collective."""
+    with microslip.build(scene, comm) as structure:
+        swept = microslip.sweep(structure, samples, paired=True)
+    assert swept.is_done.all()
+    for i in range(len(swept)):
+        settings = [f"{key}={values[i]}" for key, values in samples.items()]
+        with microslip.build(microslip.read(scene.path, settings), comm) as structure:
+            alone = microslip.sweep(structure, {"level": max(scene.response.levels)}).nominal
+        for name in SMOOTH:
+            bound = 1e-5 if name == "damping" else 1e-6
+            assert swept[name][i] == pytest.approx(getattr(alone, name), rel=bound), name
+    return swept
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    path = comm.bcast(tmp_path_factory.mktemp("sweep"))
+    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
+    return path
+
+
+def test_another_friction_is_another_state_of_rest(comm, folder):
+    more = ("levels = [5.0]", "levels = [20.0]"), ("span = [0.9, 1.1]", "span = [0.8, 1.1]")
+    scene = scene_of(comm, folder, force(50.0, 0.0, -1000.0), *more)
+    swept = check(comm, scene, {"joints.joint.friction": [0.1]})
+    assert swept.slipping[0] > 0 and swept.amplitude[0] != pytest.approx(swept.nominal.amplitude, rel=1e-3)
+
+
+def test_friction_of_a_disc_varies(comm, folder):
+    end = table("damping", ratio=0.01) + table("response", levels=[40.0], mode=1, span=[0.9, 1.03], points=10)
+    end += table("solver", modes=4, harmonics=3, samples=60, error_bars=False)
+    scene = microslip.read(on_root(comm, lambda: write_sector(folder, 5, end, preload=2.0e6)))
+    swept = check(comm, scene, {"joints.root.friction": [0.05]})
+    assert swept.slipping[0] > 0 and swept.amplitude[0] != pytest.approx(swept.nominal.amplitude, rel=1e-3)
