@@ -37,6 +37,7 @@ def folder(comm, tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_another_friction_is_another_state_of_rest(comm, folder):
     more = ("levels = [5.0]", "levels = [20.0]"), ("span = [0.9, 1.1]", "span = [0.8, 1.1]")
     scene = scene_of(comm, folder, force(50.0, 0.0, -1000.0), *more)
@@ -44,6 +45,7 @@ def test_another_friction_is_another_state_of_rest(comm, folder):
     assert swept.slipping[0] > 0 and swept.amplitude[0] != pytest.approx(swept.nominal.amplitude, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_friction_of_a_disc_varies(comm, folder):
     end = table("damping", ratio=0.01) + table("response", levels=[40.0], mode=1, span=[0.9, 1.03], points=10)
     end += table("solver", modes=4, harmonics=3, samples=60, error_bars=False)
