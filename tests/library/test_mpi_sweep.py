@@ -19,7 +19,7 @@ C = 0.02
 FRICTION, STIFFNESS = "joints.joint.friction", "joints.joint.tangential_stiffness"
 
 
-def one_mass(folder, k_t=1.0, mu=1.0):
+def one_mass(folder, k_t=1.0, mu=1.0, highest=4.0):
     """Write m = k = k_t = mu N = 1, c = 0.02, and return its path.  Local."""
     folder.mkdir(exist_ok=True)
     loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
@@ -27,7 +27,7 @@ def one_mass(folder, k_t=1.0, mu=1.0):
         "one mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=mu, N0=1.0, k_t=k_t, k_n=0.0, C=np.array([[C]]),
         loads=loads, output=[1.0], omega=(0.5, 2.0), levels={},
     )  # fmt: skip
-    return write_matrix_scene(folder, system, [0.8], (0.5, 4.0), points=30, harmonics=1, samples=128, error_bars=False)
+    return write_matrix_scene(folder, system, [0.8], (0.5, highest), points=30, harmonics=1, samples=128, error_bars=False)
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +81,23 @@ def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, fold
             nominal = microslip.sweep(other, {FRICTION: [1.0]}).nominal
         assert sample.amplitude == pytest.approx(nominal.amplitude, rel=1e-6)
         assert sample.frequency == pytest.approx(nominal.frequency, abs=3e-5 * nominal.width)
+
+
+@pytest.mark.parametrize("mu", [1.0, 1e3])
+def test_the_update_holds_over_a_factor_of_a_hundred_either_way(comm, folder, mu):
+    """To 1e-8 where nothing slips; a sliding peak lies at a kink of the sampled law."""
+
+    def of(k_t):
+        path = on_root(comm, one_mass, folder / f"mu {mu} k_t {k_t}", k_t, mu, 12.0)
+        return microslip.build(microslip.read(path), comm)
+
+    values = [0.01, 100.0]
+    with of(1.0) as structure:
+        table = microslip.sweep(structure, {STIFFNESS: values})
+    for value, sample in zip(values, table.samples):
+        with of(value) as other:
+            alone = microslip.sweep(other, {FRICTION: [1.0]}).nominal
+        assert sample.amplitude == pytest.approx(alone.amplitude, rel=1e-6 if mu == 1.0 else 1e-8)
 
 
 def test_samples_are_those_of_separate_structures(comm, bar):
