@@ -14,8 +14,10 @@ from synthetic_results import branch, no_pairs, pairs_of, two_flanks, write
 
 from microslip.messages.errors import CaseError
 from microslip.points.error_parts import PARTS, total
+from microslip.points.peak import Peak
 from microslip.results.fields import RunRecord, read_fields, read_run
 from microslip.results.read import read_results
+from microslip.results.record import PeaksOver
 from microslip.results.report import page, tables
 from microslip.results.report.figures import figures_of
 from microslip.results.report.page import page_of, write_report
@@ -193,3 +195,19 @@ def test_report_is_written_where_it_is_asked_for(monkeypatch, tmp_path, whole):
 def test_report_needs_no_petsc():
     code = "import sys, microslip.results.report.page, microslip.results.convert; sys.exit('petsc4py' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_peaks_over_a_number_have_their_curves(whole):
+    """One place for each quantity, with the numbers of the results; the reason of an early end as text."""
+    results = read_results(whole[0])
+    level = replace(results.levels[0], level=7.0, failure="Newton's method <failed>")
+    n = len(level.frequency)
+    linear = Peak(0, 600.0, 1e-6 + 0.0j, 6.0, 0.0, 0, 3)
+    over = PeaksOver("joints.a.friction", "1", linear, np.linspace(0.1, 2.0, n), np.full(n, 0.01), level)
+    parsed = Page(page_of(replace(results, over=(over,)), read_fields(whole[0]), read_run(whole[0]), ""))
+    places = [dict(attributes).get("data-figure", "") for _, attributes in parsed.tags]
+    assert [name for name in places if name.startswith("over")] == ["over_0", "over_frequency_0", "over_damping_0"]
+    figure = data_of(parsed)["figures"]["over_frequency_0"]
+    assert figure["data"][0]["y"] == pytest.approx(level.frequency) and figure["layout"]["xaxis"]["type"] == "log"
+    assert figure["layout"]["xaxis"]["title"]["text"] == "joints.a.friction [-]"
+    assert any("Newton's method <failed>" in text for text in parsed.texts)

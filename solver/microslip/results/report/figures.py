@@ -15,11 +15,12 @@ from ...points.quantities import hertz
 from ..audit import balance
 from ..measures import counts, segments
 from ..peak_plots import resonances
-from ..record import LevelResult, ResultFile
+from ..record import LevelResult, PeaksOver, ResultFile
 from ..style import FAINT, INK, STATE_COLOURS, STATE_NAMES, level_colours, level_name, with_prefix
 
 MOST_OUTPUTS = 12
 _WIDE = 200.0  # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
+_WIDE_NUMBER = 10.0  # the same of a number over which peaks are followed
 _APART = 30.0  # ratio of the peaks of two levels beyond which it is
 Figure = dict[str, Any]
 
@@ -27,7 +28,8 @@ Figure = dict[str, Any]
 def figures_of(results: ResultFile) -> dict[str, Figure]:
     """Return the figures by the name of their place on the page.  Local.
 
-    Of output K response_K, per_level_K, peaks_K, peak_frequency_K and peak_damping_K; states, energy, error, closure, unknowns.
+    Of output K response_K, per_level_K, peaks_K, peak_frequency_K and peak_damping_K; states, energy, error, closure, unknowns;
+    of curve I of peaks over a number over_I, over_frequency_I and over_damping_I.
     What is not there is left out.
     """
     if results.shown.is_static:
@@ -47,6 +49,8 @@ def figures_of(results: ResultFile) -> dict[str, Figure]:
         )
     if any(level.error is not None and level.error.any() for level, _ in levels):
         figures["error"] = _error(levels)
+    for i, curve in enumerate(results.over):
+        figures |= _over(results, i, curve)
     return figures
 
 
@@ -195,6 +199,30 @@ def _error(levels) -> Figure:
         trace["customdata"] = _cut(level, parts)
         traces.append(trace)
     return _log(_figure(traces, "frequency [Hz]", "error bar [% of the peak]"))
+
+
+def _over(results: ResultFile, i: int, curve: PeaksOver) -> dict[str, Figure]:
+    """Return amplitude per unit of the level, frequency and damping of a peak over a number."""
+    if not len(curve.value):
+        return {}
+    axis = f"{'level' if curve.key == 'level' else curve.key} [{curve.unit.replace('1', '-')}]"
+    factor, unit = with_prefix(curve.per_level, results.unit_of(curve.linear.output))
+    quantities = {
+        f"over_{i}": (factor * curve.per_level, f"peak per level [{unit}/{results.level_unit}]", "%{y:.5g}"),
+        f"over_frequency_{i}": (curve.frequency, "frequency of the peak [Hz]", "%{y:.8g} Hz"),
+        f"over_damping_{i}": (100.0 * curve.damping, "damping ratio [%]", "%{y:.4g} %"),
+    }
+    is_wide = curve.value.min() > 0.0 and curve.value.max() > _WIDE_NUMBER * curve.value.min()
+    figures = {}
+    for name, (values, title, says) in quantities.items():
+        hover = f"{says} at %{{x:.6g}} {curve.unit.replace('1', '')}<extra></extra>"
+        trace = _trace(curve.value, values, "peak", {"color": INK}, hovertemplate=hover) | {"mode": "lines+markers"}
+        figures[name] = _figure([trace], axis, title)
+        if is_wide:
+            figures[name]["layout"]["xaxis"] |= {"type": "log"}
+        if name.startswith("over_frequency"):
+            figures[name]["layout"]["yaxis"]["rangemode"] = "normal"
+    return figures
 
 
 def _static_figures(results: ResultFile) -> dict[str, Figure]:

@@ -124,6 +124,8 @@ def _sections(
             _response(results, figures) + tables.solved_peaks_table(results) + tables.bifurcations_table(results),
         )
     )
+    if results.over:
+        sections.append(("over", "Peaks over a number", _over(results, figures)))
     if fields is not None:
         sections.append(("motion", "Motion", _MOTION))
     if results.joint.n_pairs and results.solved:
@@ -173,6 +175,18 @@ def _response(results: ResultFile, figures: dict) -> str:
             " The band is the error bar. Drag to zoom, double-click to zoom out, click a level to hide it.</p>"
         )
     return "".join(parts)
+
+
+def _over(results: ResultFile, figures: dict) -> str:
+    """Return the peaks over numbers of the scene."""
+    parts = []
+    for i, curve in enumerate(results.over):
+        what = f"{escape(results.outputs[curve.linear.output])} over {escape(curve.key)}"
+        where = "" if curve.key == "level" else f" at {curve.points.level:g} {escape(results.level_unit)}"
+        parts.append(f"<h3>{what}{where}</h3>{_places(figures, f'over_{i}', f'over_frequency_{i}', f'over_damping_{i}')}")
+        if curve.points.failure:
+            parts.append(f'<p class="note">It ended early: {escape(curve.points.failure)}</p>')
+    return "".join(parts) + '<p class="note">All points are in peaks_over.csv, with error bars and the states of the pairs.</p>'
 
 
 def _joint(figures: dict, drawings: str) -> str:
