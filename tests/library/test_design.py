@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from microslip.library.design import Design, Scatter, grid, one_by_one, scattered, sobol_indices
+from microslip.library.design import Design, Scatter, grid, one_by_one, scattered, sobol_indices, sobol_intervals
 from microslip.messages.errors import CaseError
 
 
@@ -33,6 +33,19 @@ def test_indices_of_a_function_are_its_own():
     assert main == pytest.approx([0.3139, 0.4424, 0.0], abs=0.02)
     assert total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.02)
     assert np.isnan(sobol_indices(np.ones(15), 3)).all()
+
+
+def test_indices_lie_within_their_ranges_in_most_designs():
+    """Of the same function by 128 samples, 20 seeds, three numbers, main and total: at least 110 of 120 (95 % are 114)."""
+    exactly, n_within = np.array([[0.3139, 0.4424, 0.0], [0.5576, 0.4424, 0.2437]]), 0
+    for seed in range(20):
+        design = scattered({name: Scatter(1.0, 100.0, "uniform") for name in "xyz"}, 128, "indices", seed)
+        x, y, z = np.pi * (design.values.T - 1.0)
+        f = np.sin(x) + 7.0 * np.sin(y) ** 2 + 0.1 * z**4 * np.sin(x)
+        off = np.abs(np.array(sobol_indices(f, 3)) - exactly)
+        n_within += np.count_nonzero(off < np.array(sobol_intervals(f, 3)))
+    assert 110 <= n_within
+    assert np.isnan(sobol_intervals(np.ones(15), 3)).all()
 
 
 def test_grids_and_numbers_one_by_one():

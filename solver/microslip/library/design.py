@@ -164,6 +164,21 @@ def sobol_indices(y: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(main), np.array(all_of_it)
 
 
+def sobol_intervals(y: np.ndarray, d: int, n_draws: int = 200) -> tuple[np.ndarray, np.ndarray]:
+    """Return half of the ranges of 95 % of main and total indices, (d,) both, by drawing the base samples again.  Local.
+
+    ``y`` as in :func:`sobol_indices`.  With few samples a main index can exceed the total one by as much.
+    """
+    of_base, random = y.reshape(d + 2, -1), np.random.default_rng(0)
+    n = of_base.shape[1]
+    drawn = [sobol_indices(of_base[:, random.integers(n, size=n)].ravel(), d) for _ in range(n_draws)]
+    usable = [both for both in drawn if np.isfinite(both).all()]
+    if len(usable) < 2:
+        return np.full(d, np.nan), np.full(d, np.nan)
+    main, total = 1.96 * np.std(usable, axis=0)
+    return main, total
+
+
 def _columns(values: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
     """Return the values of each key as a vector.
 

@@ -160,13 +160,21 @@ def draw_effects(table: SweepTable, effects: Sequence[Effect], scene: Titled, pa
 def draw_indices(indices: Sequence[dict], scene: Titled, path: str) -> None:
     """Draw main and total Sobol indices of each number.  Local."""
     handles = [Patch(color=_ACCENT, label="main"), Patch(color=_SECOND, label="total")]
-    page = Page(scene, "Sobol indices: shares of the variance of the peaks", WIDTH, 2.0 + 0.16 * len(indices), handles)
+    page = Page(
+        scene,
+        "Sobol indices: shares of the variance of the peaks, with the ranges of 95 % by resampling",
+        WIDTH,
+        2.0 + 0.16 * len(indices),
+        handles,
+    )
     shown = [name for name in SMOOTH if name != "friction_J"]
     cells = page.grid(1, len(shown)).subplots(sharey=True)
     place = -np.arange(len(indices), dtype=float)
     for axes, name in zip(cells, shown):
-        axes.barh(place + 0.2, [row[f"{name}_main"] for row in indices], height=0.36, color=_ACCENT)
-        axes.barh(place - 0.2, [row[f"{name}_total"] for row in indices], height=0.36, color=_SECOND)
+        for kind, shift, colour in (("main", 0.2, _ACCENT), ("total", -0.2, _SECOND)):
+            index, within = ([row[f"{name}_{kind}{end}"] for row in indices] for end in ("", "_within"))
+            line = {"ecolor": INK, "elinewidth": 0.7}
+            axes.barh(place + shift, np.nan_to_num(index), height=0.36, color=colour, xerr=np.nan_to_num(within), error_kw=line)
         axes.set(xlabel=f"of the {name}", xlim=(min(0.0, *(row[f"{name}_main"] for row in indices)), 1.0))
         axes.grid(False, axis="y")
     cells[0].set_yticks(place, [plain(row["key"], 36) for row in indices])

@@ -9,7 +9,7 @@ import h5py
 import matplotlib
 import numpy as np
 
-from ...library.design import sobol_indices
+from ...library.design import sobol_indices, sobol_intervals
 from ...library.sample_peaks import DONE, FAILED, MISSING, OUTSIDE
 from ...library.sweep import NUMBERS, SMOOTH, SweepTable
 from ...observe.screen_table import screen_table
@@ -147,13 +147,14 @@ def _effect_in_words(effect: Effect) -> str:
 
 
 def _indices(table: SweepTable) -> list[dict]:
-    """Return main and total Sobol indices of each number, a record each."""
+    """Return main and total Sobol indices of each number with half of the ranges of 95 %, a record each."""
     d = len(table.design.keys)
     rows: list[dict[str, Any]] = [{"key": key} for key in table.design.keys]
     for name in SMOOTH:
-        main, total = sobol_indices(table[name], d)
-        for row, s, st in zip(rows, main, total):
-            row |= {f"{name}_main": float(s), f"{name}_total": float(st)}
+        kinds = [f"{name}_{kind}" for kind in ("main", "total")]
+        for kind, index, within in zip(kinds, sobol_indices(table[name], d), sobol_intervals(table[name], d)):
+            for i, row in enumerate(rows):
+                row |= {kind: float(index[i]), f"{kind}_within": float(within[i])}
     return rows
 
 
@@ -161,7 +162,12 @@ def _indices_in_words(indices: list[dict] | None) -> list[str]:
     if indices is None:
         return []
     head = ["key", *(f"{name} {kind}" for name in SMOOTH for kind in ("main", "total"))]
-    rows = [(0, [cell(value, 3) if isinstance(value, float) else value for value in row.values()]) for row in indices]
+    shown = [[row["key"], *(row[f"{name}_{kind}"] for name in SMOOTH for kind in ("main", "total"))] for row in indices]
+    rows = [(0, [cell(value, 3) if isinstance(value, float) else value for value in row]) for row in shown]
     return [
-        screen_table("Sobol indices: share of the variance by a number alone, and with all that it takes part in", head, rows)
+        screen_table(
+            "Sobol indices: share of the variance by a number alone, and with all that it takes part in (ranges: indices.csv)",
+            head,
+            rows,
+        )
     ]
