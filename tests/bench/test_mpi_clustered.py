@@ -1,16 +1,20 @@
 """The preconditioner of large joints: exact with one cluster, near enough with many, and the same curve with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import synthetic
 from mpi4py import MPI
+from scipy.linalg import block_diag
 
 from microslip.continuation.grid import at_frequencies
+from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.harmonic import clustered, newton_solver
-from microslip.harmonic.clustered import ClusteredPreconditioner, of_wide_slip
+from microslip.harmonic.clustered import ClusteredPreconditioner, SectorsPreconditioner, of_wide_slip
 from microslip.harmonic.gmres import Gmres
 from microslip.harmonic.linearisation import Linearisation
-from microslip.harmonic.preconditioner import HarmonicPreconditioner
+from microslip.harmonic.preconditioner import REGULAR, HarmonicPreconditioner, complex_linear
 from microslip.points.selection import AllPairs
 from microslip.receptance.subdomains import bisected, coupling
 
@@ -84,8 +88,31 @@ def test_clusters_are_of_neighbours(problem):
     assert within < 0.75 * distance.mean()
 
 
+def test_sectors_are_solved_for_exactly(problem):
+    """The blocks of (5.5) within four sectors, of which one has 30 pairs and another none that is active."""
+    n, N_H = N_PAIRS // 5, 2 * H + 1
+    at = linearised(problem)
+    active = np.setdiff1d(np.arange(N_PAIRS), [*range(n, 2 * n), *range(2 * n, 3 * n, 2)])
+    equation = at.equation.of(replace(at.equation.model, n_sectors=5))
+    forces = equation.contact_forces(at.forces.U, np.isin(np.arange(N_PAIRS), active), tangents=True)
+    assert np.array_equal(forces.active, active)
+    at = Linearisation.of(equation, at.at, forces)
+    b = np.random.default_rng(3).standard_normal((len(active), 3, N_H))
+    owned = (active >= equation.model.owned.start) & (active < equation.model.owned.stop)
+    made = of_wide_slip(at)
+    assert isinstance(made, SectorsPreconditioner) and [len(rows) // 3 for rows in made.clusters] == [n, n // 2, n, n]
+    P, amplitudes = equation.gather(complex_linear(at.P, N_H)), to_complex(b.reshape(-1, N_H))
+    for k, G_n in enumerate(at.G.blocks()):
+        B_n = np.eye(len(G_n)) + REGULAR * G_n @ block_diag(*P[:, k])
+        within = active[:, None] // n == active // n
+        amplitudes[:, k] = np.linalg.inv(np.where(np.kron(within, np.ones((3, 3))), B_n, 0.0)) @ amplitudes[:, k]
+    exact = to_real(amplitudes, N_H).reshape(b.shape)[owned]
+    assert made.apply(b[owned]) == pytest.approx(exact, abs=1e-10 * np.abs(b).max())
+
+
 @pytest.mark.ranks(1, 2)
-def test_the_curve_is_the_same_with_it(problem, monkeypatch):
+@pytest.mark.parametrize(("n_sectors", "kind"), [(1, ClusteredPreconditioner), (5, SectorsPreconditioner)])
+def test_the_curve_is_the_same_with_it(problem, monkeypatch, n_sectors, kind):
     plain = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
     made = []
     monkeypatch.setattr(clustered, "LARGE", 10)
@@ -94,8 +121,9 @@ def test_the_curve_is_the_same_with_it(problem, monkeypatch):
     monkeypatch.setattr(newton_solver, "MANY_IN_LARGE", 0)
     monkeypatch.setattr(clustered, "LOCAL", 12)
     monkeypatch.setattr(newton_solver, "of_wide_slip", lambda at: made.append(of_wide_slip(at)) or made[-1])
+    problem = replace(problem, equation=problem.equation.of(replace(problem.equation.model, n_sectors=n_sectors)))
     found = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
-    assert plain.failure is None and found.failure is None and made and isinstance(made[0], ClusteredPreconditioner)
+    assert plain.failure is None and found.failure is None and made and isinstance(made[0], kind)
     for one, other in zip(plain.points, found.points, strict=True):
         assert other.response == pytest.approx(one.response, abs=1e-8 * np.abs(one.response).max())
     assert sum(p.krylov for p in found.points[1:]) < sum(p.krylov for p in plain.points[1:])

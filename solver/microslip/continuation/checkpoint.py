@@ -16,7 +16,7 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
-from ..harmonic.clustered import ClusteredPreconditioner
+from ..harmonic.clustered import ClusteredPreconditioner, SectorsPreconditioner
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import OperatingPoint
 from ..harmonic.preconditioner import HarmonicPreconditioner, PairsPreconditioner
@@ -32,7 +32,7 @@ Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _POINTS = ("earlier", "before", "now")
 _NUMBERS = ("size", "force", "sticks", "sliding", "moved")
 _numbers = attrgetter(*_NUMBERS)
-_KINDS = (WholeInverse, HarmonicPreconditioner, ClusteredPreconditioner)
+_KINDS = (WholeInverse, HarmonicPreconditioner, ClusteredPreconditioner, SectorsPreconditioner)
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,12 +23,36 @@ from .preconditioner import REGULAR, HarmonicPreconditioner, PairsPreconditioner
 
 LOCAL = 64  # largest number of pairs of a subdomain
 REGIONS = 32  # approximate number of regions of the coarse space
+LARGEST_SECTOR = 250  # active pairs of a sector of a disc that are solved for exactly
 LARGE = 500  # active pairs beyond which the factors of the whole B_n cost more than they save
 
 
-def of_wide_slip(at: Linearisation) -> HarmonicPreconditioner | ClusteredPreconditioner:
+def of_wide_slip(at: Linearisation) -> PairsPreconditioner:
     """Return the preconditioner of wide slip for this number of active pairs.  Collective."""
+    if at.equation.model.n_sectors > 1:
+        return SectorsPreconditioner(at)
     return (ClusteredPreconditioner if len(at.forces.active) > LARGE else HarmonicPreconditioner)(at)
+
+
+class SectorsPreconditioner(PairsPreconditioner):
+    """The blocks of B_n, eq. (5.5), within each sector of a whole disc: the pairs of two sectors are coupled by the disc only.
+
+    Collective.  A sector of more than ``LARGEST_SECTOR`` active pairs is bisected.
+    """
+
+    def __init__(self, at: Linearisation):
+        super().__init__(at)
+        P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
+        sector = at.forces.active // (at.equation.model.n_pairs // at.equation.model.n_sectors)
+        of_sectors = [np.flatnonzero(sector == s) for s in np.unique(sector)]
+        self.clusters = [rows_of(part) for part in bisected(at.G, of_sectors, LARGEST_SECTOR)]
+        self.local = [_factors(at, P, rows) for rows in self.clusters]  # by sector and harmonic
+
+    def solve(self, n: int, b: np.ndarray) -> np.ndarray:
+        x = np.empty_like(b)
+        for rows, factors in zip(self.clusters, self.local):
+            x[rows] = zgetrs(*factors[n], b[rows])[0]
+        return x
 
 
 class ClusteredPreconditioner(PairsPreconditioner):

@@ -32,6 +32,7 @@ class ReducedStructure:
     receptances: PerGroup[Receptance]
     observed: Observed | None = None  # the map from rows to outputs; None: outputs are displacements
     spring_updates: PerGroup[SpringUpdate] | None = None  # updates to another contact stiffness
+    n_sectors: int = 1  # of a disc whose sectors may differ; the pairs of a sector are consecutive, and as many in each
 
     def receptance_of(self, n: int) -> Receptance:
         """Return the receptance of harmonic n.  Collective if its group is not computed yet."""

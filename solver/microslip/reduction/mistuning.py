@@ -131,32 +131,30 @@ def _solved(
     return np.sqrt(squares), X
 
 
-def _in_sector(waves: Waves, n_modes: Sequence[int], s: int) -> np.ndarray:
-    """Return L of eq. (17.5): the real modes in sector s in terms of V, (M, M).  Local."""
+def _in_sector(waves: Waves, n_modes: Sequence[int], s: int) -> sp.csr_matrix:
+    """Return L of eq. (17.5): the real modes in sector s in terms of V, (M, M), two entries in a row.  Local."""
     N, blocks = waves.n_sectors, []
     for d, m in zip(waves.diameters, n_modes):
         cos, sin = np.cos(2.0 * np.pi * d * s / N), np.sin(2.0 * np.pi * d * s / N)
         turn = np.array([[cos]]) / np.sqrt(N) if waves.is_real(d) else np.sqrt(2.0 / N) * np.array([[cos, sin], [-sin, cos]])
-        blocks.append(np.kron(turn, np.eye(m)))
-    return scipy.linalg.block_diag(*blocks)
+        blocks.append(sp.kron(turn, sp.identity(m)))
+    return sp.block_diag(blocks, format="csr")
 
 
-def with_modes_changed(static: StaticResponse, before: ProjectedModes, after: ProjectedModes, owned: slice) -> StaticResponse:
-    """Return a static response with the contribution of some modes replaced, eq. (17.6); static columns on demand.  Local.
+def with_modes_changed(static: StaticResponse, modes: ProjectedModes, dF: np.ndarray, owned: slice) -> StaticResponse:
+    """Return a static response with the contribution of some modes changed, eq. (17.6); static columns on demand.  Local.
 
-    ``owned`` are the rows of the pairs of this rank.
+    ``dF`` (M, M) is the change of their flexibility, real and symmetric; ``owned`` are the rows of the pairs of this rank.
     """
-    both = (after, 1.0), (before, -1.0)
 
     def exchanged(left: str, right: str) -> np.ndarray:
-        return sum(sign * (_rows(modes, left) / modes.omega_n**2) @ _rows(modes, right).T for modes, sign in both)
+        product: np.ndarray = _rows(modes, left) @ dF @ _rows(modes, right).T
+        return product
 
-    G = static.G_static
+    G, moved_by_modes = static.G_static, modes.R_phi[owned] @ dF
 
     def columns(pairs: np.ndarray) -> np.ndarray:
-        rows, total = rows_of(pairs), G.transposed(pairs).T
-        for modes, sign in both:
-            total = total + sign * (modes.R_phi[owned] / modes.omega_n**2) @ modes.R_phi[rows].T
+        total: np.ndarray = G.transposed(pairs).T + moved_by_modes @ modes.R_phi[rows_of(pairs)].T
         return total
 
     return replace(
@@ -166,7 +164,7 @@ def with_modes_changed(static: StaticResponse, before: ProjectedModes, after: Pr
         out_static=static.out_static + exchanged("o", "b"),
         out_R=static.out_R + exchanged("o", "R_phi"),
         load_static=static.load_static + exchanged("b", "b"),
-        outputs_static=static.outputs_static + sum(sign * (modes.o**2 / modes.omega_n**2).sum(axis=1) for modes, sign in both),
+        outputs_static=static.outputs_static + np.einsum("om,ml,ol->o", modes.o, dF, modes.o, optimize=True),
     )
 
 

@@ -134,9 +134,11 @@ def with_other_blades(
     comm, projected = fields["comm"], fields["projected"]
     waves = Waves(len(factors[0]))
     omega_n, X = changed_modes(tuned, waves, blade_forms(tuned, waves, blades), factors)
-    after = in_coordinates(projected, omega_n, fields["of_tuned"].T @ X)
+    of_before = fields["of_tuned"].T @ X
+    after = in_coordinates(projected, omega_n, of_before)
+    dF = (of_before / omega_n**2) @ of_before.T - np.diag(projected.omega_n**-2.0)
     first, last = (3 * int(pair) for pair in split_evenly(fields["pairs"].n_pairs, comm.size)[comm.rank : comm.rank + 2])
-    statics = with_modes_changed(fields["statics"], projected, after, slice(first, last))
+    statics = with_modes_changed(fields["statics"], projected, dF, slice(first, last))
     return {**fields, "projected": after, "statics": statics, "of_tuned": X, "has_other_blades": True}
 
 
@@ -192,9 +194,9 @@ def in_coordinates(modes: ProjectedModes, omega_n: np.ndarray, X: np.ndarray) ->
     return ProjectedModes(omega_n, modes.R_phi @ X, X.T @ modes.b, modes.o @ X, C)
 
 
-def with_contact_stiffness(disc: WholeDisc, structure: ReducedStructure, damping: ModalDamping | None) -> ReducedStructure:
-    """Return the reduced structure with the contact stiffness of each sector; the update is exact.  Local."""
-    dK = disc.change_of_springs
+def of_sectors(disc: WholeDisc, structure: ReducedStructure, damping: ModalDamping | None) -> ReducedStructure:
+    """Return the reduced structure with its sectors and the contact stiffness of each; the update is exact.  Local."""
+    structure, dK = replace(structure, n_sectors=disc.waves.n_sectors), disc.change_of_springs
     if not dK.any():
         return structure
     return with_springs(structure, SpringChange(dK, disc.pairs.law.stiffness.ravel(), damping))

@@ -88,6 +88,6 @@ def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Redu
     structure = reduce_structure(stuck, settings.damping)
     if isinstance(stuck, WholeDisc):
         expand = partial(whole_disc.displacements, stuck)
-        structure = whole_disc.with_contact_stiffness(stuck, structure, settings.damping)
+        structure = whole_disc.of_sectors(stuck, structure, settings.damping)
     selection = SELECTIONS[settings.method](settings)
     return Reduction(structure, selection, expand, leaves_out="modes")
