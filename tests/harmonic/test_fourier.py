@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from oracles.fourier import differentiate
 
+from microslip.fourier.amplitudes import loaded_times, matrix_times
 from microslip.fourier.coefficients import analyse, analysis_matrix, cycle_work, synthesis_matrix, synthesise
 from microslip.fourier.harmonics import Harmonics
 
@@ -62,3 +63,14 @@ def test_cycle_work_is_the_integral_of_force_times_velocity():
     assert np.allclose(cycle_work(force, U), 2.0 * np.pi * power.mean(axis=-1), atol=1e-12)
     assert np.allclose(cycle_work(U, U), 0.0, atol=1e-13)  # springs do no work in a cycle
     assert np.allclose(cycle_work(differentiate(U), U) >= 0.0, True)  # dashpots take it
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+def test_products_of_few_loaded_harmonics_are_those_of_all(kind):
+    random = np.random.default_rng(7)
+    A, x = random.standard_normal((5, 4)).astype(kind), random.standard_normal((4, 6))
+    if kind is complex:
+        A += 1j * random.standard_normal(A.shape)
+    x[:, 2:4] = 0.0
+    assert np.allclose(loaded_times(A, x), matrix_times(A, x), atol=1e-14)
+    assert not loaded_times(A, np.zeros_like(x)).any()

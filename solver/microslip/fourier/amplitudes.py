@@ -34,6 +34,15 @@ def matrix_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
     return A @ x if not np.iscomplexobj(A) else to_real(A @ to_complex(x), x.shape[-1])
 
 
+def loaded_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the real coefficients of A x_n as ``matrix_times``, for few harmonics with loads: vanishing x_n cost nothing."""
+    if np.iscomplexobj(A):
+        return matrix_times(A, x)
+    product, loaded = np.zeros((len(A), x.shape[1])), x.any(axis=0)
+    product[:, loaded] = A @ x[:, loaded]
+    return product
+
+
 def adjoint_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return the real coefficients of A^H x_n, (n, N_H), for those of x_n (m, N_H): the transposed of ``matrix_times``.
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..fourier.amplitudes import adjoint_times, matrix_times, to_complex
+from ..fourier.amplitudes import adjoint_times, loaded_times, matrix_times, to_complex
 from .damping import DynamicFlexibility, Flexibility
 from .modes import DampedModes
 from .rigid_motion import RigidMotion
@@ -48,11 +48,14 @@ class Receptance:
     def modal_forces(self, f: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
         """Return phi^H (f - R^H p), (m, N_H), for loads (n_loads, N_H) and forces of the pairs (3 n_pairs, N_H)."""
         q = matrix_times(self.modes.b, f)
-        return q if p is None else q - adjoint_times(self.modes.R_phi, p)
+        if p is None or not p.any():  # all pairs stick, as at all frequencies of a linear curve
+            return q
+        return q - adjoint_times(self.modes.R_phi, p)
 
     def linear_motion(self, f: np.ndarray, c: Flexibility, rows: slice) -> np.ndarray:
         """Return the motion of some rows of the pairs under loads f alone, all pairs stuck, (n_rows, N_H) [m]."""
-        return matrix_times(self.static.du_static[rows], f) + matrix_times(self.modes.R_phi[rows], c.apply(self.modal_forces(f)))
+        eta = c.apply(self.modal_forces(f))
+        return matrix_times(self.static.du_static[rows], f) + loaded_times(self.modes.R_phi[rows], eta)
 
     def linear_motion_rate(self, f: np.ndarray, rate: Flexibility, rows: slice) -> np.ndarray:
         """Return the rate of :meth:`linear_motion`, (n_rows, N_H), for the ``rate`` of c_n."""
