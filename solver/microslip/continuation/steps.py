@@ -20,6 +20,7 @@ from ..messages.errors import CaseError
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+MANY_RESONANCES = 8  # in a range, beyond which the points of their grids are thinned
 SHARPEST = 0.35  # rad between two steps at which a step chosen by accuracy grows no further
 
 
@@ -68,14 +69,30 @@ class LinearCurve:
 
 def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     """Return frequencies [rad/s] between ``low`` and ``high`` that resolve every resonance in between.  Local."""
-    grids = [np.linspace(low, high, 60)]
+    grids, resonances = [np.linspace(low, high, 60)], []
     for w, z in zip(omega_n, zeta):
         if low < w < high:
             half = w * max(z, 1e-6)
             reach = np.arcsinh((high - low) / half)
             grids.append(w + half * np.sinh(np.linspace(-reach, reach, 240)))
+            resonances.append((w, half, 2.0 * reach / 239.0))
     grid = np.unique(np.concatenate(grids))
-    return grid[(grid >= low) & (grid <= high)]
+    grid = grid[(grid >= low) & (grid <= high)]
+    if len(resonances) <= MANY_RESONANCES:
+        return grid
+    return _thinned(grid, np.min([step * np.hypot(half, grid - w) for w, half, step in resonances], axis=0))
+
+
+def _thinned(grid: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Return the grid without points whose neighbours are no further from each other than ``distance`` there.  Local.
+
+    The resonances of a family of blades lie so close that each has the points of all others.
+    """
+    chosen = [0]
+    for i in range(1, len(grid) - 1):
+        if grid[i + 1] - grid[chosen[-1]] > distance[i]:
+            chosen.append(i)
+    return grid[[*chosen, len(grid) - 1]]
 
 
 def arc_lengths(comm: MPI.Comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale: float) -> np.ndarray:
