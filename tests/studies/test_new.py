@@ -195,7 +195,7 @@ def test_surfaces_with_room_between_them_come_last_and_are_not_taken():
     points, (bar, plate), beside = corner()
     points = points + 1e-3 * (np.arange(len(points)) < len(np.unique(bar)))[:, None] * [0.0, 0.0, 1.0]
     found = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, {})
-    assert [(one.is_apart, one.matches) for one in found] == [(False, False), (True, False)]
+    assert [(one.is_distant, one.matches) for one in found] == [(False, False), (True, False)]
     assert found[1].gap == pytest.approx(1e-3, rel=1e-9) and "0.001 m apart" in found[1].text
 
 

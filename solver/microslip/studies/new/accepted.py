@@ -15,7 +15,7 @@ from ...mesh.skin import Skin
 from ...mesh.touching import TURNED, Touching
 from ...messages.errors import MeshError
 from ...tables.joint import Joint
-from .candidate import APART, Candidate, bodies_of, plain
+from .candidate import DISTANT, Candidate, bodies_of, plain
 
 MOST = 0.9  # least fraction of the area of one surface on the other, and of the touching area on named surfaces
 
@@ -23,22 +23,22 @@ MOST = 0.9  # least fraction of the area of one surface on the other, and of the
 def covering(mesh: Mesh, skin: Skin, touching: Touching, named: list[Candidate], stated: Sequence[tuple[str, ...]]):
     """Return the named candidates that a run accepts and that cover the touching faces or are stated.  Local, rank 0."""
     usable = [candidate for candidate in named if not refusal(mesh, skin, candidate)]
-    held = np.zeros(skin.n_faces, dtype=bool)
+    is_contact_face = np.zeros(skin.n_faces, dtype=bool)
     for candidate in usable:
-        held[np.concatenate(candidate.faces)] = True
+        is_contact_face[np.concatenate(candidate.faces)] = True
     wanted = {frozenset(pair) for pair in stated}
-    flush = np.abs(touching.gap) <= APART * np.maximum(skin.size[touching.face], skin.size[touching.other])
+    flush = np.abs(touching.gap) <= DISTANT * np.maximum(skin.size[touching.face], skin.size[touching.other])
     area = skin.area * touching.share
-    kept = []
+    passed = []
     for candidate in usable:
         pairs = bodies_of(skin, *candidate.faces)
         between = [np.isin(skin.body[touching.face], ends) & np.isin(skin.body[touching.other], ends) for ends in pairs]
         there = np.unique(touching.face[np.logical_or.reduce(between) & flush])
         there = there[_look_alike(skin, there, candidate.faces)]
-        is_whole = area[there[held[there]]].sum() >= MOST * area[there].sum()
+        is_whole = area[there[is_contact_face[there]]].sum() >= MOST * area[there].sum()
         if is_whole or frozenset(candidate.surfaces) in wanted:
-            kept.append(candidate)
-    return kept
+            passed.append(candidate)
+    return passed
 
 
 def _look_alike(skin: Skin, faces: np.ndarray, sides: Iterable[np.ndarray]) -> np.ndarray:
@@ -56,14 +56,14 @@ def accepted(mesh: Mesh, skin: Skin, order: list[Candidate]) -> list[Candidate]:
     taken = np.zeros(skin.n_faces, dtype=bool)
     checked = []
     for candidate in order:
-        if candidate.is_likely and not candidate.is_apart and not candidate.is_of_bolt:
+        if candidate.is_likely and not candidate.is_distant and not candidate.is_of_bolt:
             twice = bool(taken[candidate.faces[0]].any())
             reason = "its faces are those of a joint above" if twice else refusal(mesh, skin, candidate)
             candidate = replace(candidate, is_likely=not reason, refused=reason)
             if not reason:
                 taken[candidate.faces[0]] = True
         checked.append(candidate)
-    return sorted(checked, key=lambda candidate: (candidate.is_apart, not candidate.is_likely))
+    return sorted(checked, key=lambda candidate: (candidate.is_distant, not candidate.is_likely))
 
 
 def refusal(mesh: Mesh, skin: Skin, candidate: Candidate) -> str:
@@ -112,7 +112,7 @@ def with_gap(mesh: Mesh, skin: Skin, pair: tuple[str, ...], faces: Mapping[str, 
         matches=False,
         nodes=sides,
         faces=(first, second),
-        is_asked=not reason,
+        in_contact_in_file=not reason,
         refused=reason,
         is_likely=not reason,
     )

@@ -174,8 +174,8 @@ def _around(points: np.ndarray, shank: Shank) -> tuple[np.ndarray, np.ndarray]:
 def _is_ring(part: _Part, shank: Shank, bolt: _Part) -> bool:
     """Return whether a part is a ring around a shank, no wider than a nut."""
     (along, radius), (of_bolt, _) = _around(part.corners, shank), _around(bolt.corners, shank)
-    is_beside = along.min() > of_bolt.min() - shank.radius and along.max() < of_bolt.max() + shank.radius
-    return bool(is_beside and radius.max() <= _NUT * shank.radius and radius.min() >= _HOLE * shank.radius)
+    is_along_shank = along.min() > of_bolt.min() - shank.radius and along.max() < of_bolt.max() + shank.radius
+    return bool(is_along_shank and radius.max() <= _NUT * shank.radius and radius.min() >= _HOLE * shank.radius)
 
 
 def _cuts_of_file(mesh: Mesh, inner: Collection[str]) -> list[tuple[str, np.ndarray]]:

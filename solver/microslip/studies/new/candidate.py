@@ -10,7 +10,7 @@ import numpy as np
 from ...mesh.skin import Skin
 from ...tables.structure import Surface
 
-APART = 0.01  # of the size of the faces: distance above which surfaces do not touch
+DISTANT = 0.01  # of the size of the faces: distance above which surfaces do not touch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,21 +28,23 @@ class Candidate:
     nodes: tuple[np.ndarray, np.ndarray]  # index into Mesh.points, of the touching faces of each side
     faces: tuple[np.ndarray, np.ndarray]  # faces of the skin, each side complete
     is_of_bolt: bool = False  # one side belongs to a bolt, nut or washer
-    is_asked: bool = False  # the file has them in contact, with a gap
+    in_contact_in_file: bool = False  # the file has them in contact, with a gap
     refused: str = ""  # reason why a run would refuse it
     is_likely: bool = True  # no other connection of the two bodies, or surfaces named by the file
 
     @property
-    def is_apart(self) -> bool:
+    def is_distant(self) -> bool:
         """Whether there is a gap between the surfaces."""
-        return abs(self.gap) > APART * self.size
+        return abs(self.gap) > DISTANT * self.size
 
     @property
     def text(self) -> str:
         """Return a description on one line."""
         nodes = "node to node" if self.matches else "their meshes differ"
-        apart = f"{self.gap:.2g} m apart" if abs(self.gap) > 1e-6 * self.size else "touching"
-        text = f"{' on '.join(self.surfaces)}: {self.n_faces[0]} faces on {self.n_faces[1]}, {self.area:.4g} m2, {apart}, {nodes}"
+        gap_text = f"{self.gap:.2g} m apart" if abs(self.gap) > 1e-6 * self.size else "touching"
+        text = (
+            f"{' on '.join(self.surfaces)}: {self.n_faces[0]} faces on {self.n_faces[1]}, {self.area:.4g} m2, {gap_text}, {nodes}"
+        )
         return f"{text}; refused: {self.refused}" if self.refused else text
 
 

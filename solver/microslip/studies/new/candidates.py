@@ -20,7 +20,7 @@ from ...tables.structure import Surface
 from ...tables.structure_tables import StructureTables
 from .accepted import MOST, accepted, covering, with_gap
 from .bolts import Shank, find_bolts
-from .candidate import APART, Candidate, bodies_of, plain
+from .candidate import DISTANT, Candidate, bodies_of, plain
 
 _FAR = 0.5  # of the size of the faces: largest distance of candidates
 
@@ -50,14 +50,14 @@ def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables)
     of_named = [(faces[a], faces[b]) for a, b in (candidate.surfaces for candidate in named)]
     rest = _without(untied, skin, of_named)
     names = [settings.body_of[group] for group in groups_of_bodies(mesh)]
-    joined = {frozenset(names[i] for i in pair) for one in (*tied, *of_named) for pair in bodies_of(skin, *one)}
-    rough = np.abs(rest.gap) > APART * np.maximum(skin.size[rest.face], skin.size[rest.other])
+    joined = {frozenset(names[i] for i in pair) for sides in (*tied, *of_named) for pair in bodies_of(skin, *sides)}
+    rough = np.abs(rest.gap) > DISTANT * np.maximum(skin.size[rest.face], skin.size[rest.other])
     names_in_use = set(mesh.node_groups)
-    distant = _beside(_without(find_touching(skin, near=_FAR), skin, tied), touching, _some(rest, rough))
+    distant = _near_pairs(_without(find_touching(skin, near=_FAR), skin, tied), touching, _some(rest, rough))
     unnamed = [
         replace(candidate, is_likely=frozenset(candidate.made[0].bodies) not in joined)
-        for pairs, is_apart in ((_some(rest, ~rough), False), (distant, True))
-        for candidate in _unnamed(mesh, skin, pairs, names, names_in_use, not is_apart)
+        for pairs, is_distant in ((_some(rest, ~rough), False), (distant, True))
+        for candidate in _unnamed(mesh, skin, pairs, names, names_in_use, not is_distant)
     ]
     bolts = find_bolts(mesh, skin, touching, settings.body_of, set(mesh.node_groups) - {*faces})
     offered = {frozenset(candidate.surfaces) for candidate in named}
@@ -65,7 +65,7 @@ def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables)
     of_file = [with_gap(mesh, skin, pair, faces) for pair in distant_pairs]
     order = sorted(
         [_of_bolts(skin, candidate, bolts) for candidate in (*named, *of_file, *unnamed)],
-        key=lambda candidate: (candidate.is_apart, not candidate.is_likely, bool(candidate.made), -candidate.area),
+        key=lambda candidate: (candidate.is_distant, not candidate.is_likely, bool(candidate.made), -candidate.area),
     )
     order = [
         replace(candidate, name=name)
@@ -74,7 +74,7 @@ def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables)
     return accepted(mesh, skin, order), bolts
 
 
-def _beside(far: Touching, near: Touching, rough: Touching) -> Touching:
+def _near_pairs(far: Touching, near: Touching, rough: Touching) -> Touching:
     """Return pairs of near faces that do not touch: ``rough``, and pairs of ``far`` whose faces touch nothing."""
     alone = ~np.isin(far.face, near.face) & ~np.isin(far.other, near.face)
     face, other, gap = (
@@ -90,18 +90,18 @@ def _of_bolts(skin: Skin, candidate: Candidate, bolts: Sequence[Shank]) -> Candi
     return replace(candidate, is_of_bolt=any(bool(np.isin(skin.part[side], hardware).all()) for side in candidate.faces))
 
 
-def _some(touching: Touching, kept: np.ndarray) -> Touching:
+def _some(touching: Touching, chosen: np.ndarray) -> Touching:
     """Return some of the pairs of faces."""
-    return replace(touching, face=touching.face[kept], other=touching.other[kept], gap=touching.gap[kept])
+    return replace(touching, face=touching.face[chosen], other=touching.other[chosen], gap=touching.gap[chosen])
 
 
 def _without(touching: Touching, skin: Skin, pairs: Iterable) -> Touching:
     """Return the pairs of faces except those between two given sets."""
-    kept = np.ones(len(touching.face), dtype=bool)
+    chosen = np.ones(len(touching.face), dtype=bool)
     for first, second in pairs:
         if first is not None and second is not None:
-            kept &= ~_between(touching, skin, first, second)
-    return _some(touching, kept)
+            chosen &= ~_between(touching, skin, first, second)
+    return _some(touching, chosen)
 
 
 def _between(touching: Touching, skin: Skin, first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -223,9 +223,9 @@ def _tolerance(skin: Skin, touching: Touching, first: np.ndarray, second: np.nda
     return float(f"{1.1 * gap.max():.2g}")
 
 
-def _sides(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray, is_one_body: bool, splits: bool):
+def _sides(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray, is_same_body: bool, splits: bool):
     """Yield (normal, faces, faces of the other side): once without a normal, or by normals of parts between sharp edges."""
-    if not is_one_body and (not splits or (_is_smooth(mesh, skin, first) and _is_smooth(mesh, skin, second))):
+    if not is_same_body and (not splits or (_is_smooth(mesh, skin, first) and _is_smooth(mesh, skin, second))):
         yield None, first, second
         return
     left = first
@@ -239,7 +239,7 @@ def _sides(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray, is_one
         if len(mine) == 0 or len(other) == 0:
             return
         yield (float(normal[0]), float(normal[1]), float(normal[2])), mine, other
-        left = np.setdiff1d(left, np.concatenate([mine, other]) if is_one_body else mine)
+        left = np.setdiff1d(left, np.concatenate([mine, other]) if is_same_body else mine)
 
 
 def _is_smooth(mesh: Mesh, skin: Skin, faces: np.ndarray) -> bool:

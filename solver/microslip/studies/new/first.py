@@ -13,7 +13,7 @@ from .candidate import Candidate
 from .places import Place
 from .sectors import Sector
 
-MOST_APART = 10  # joints of surfaces with a gap, as comments
+MOST_DISTANT = 10  # joints of surfaces with a gap, as comments
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,32 +29,42 @@ class First:
     candidates: list[Candidate]
     shanks: list[Shank]  # bolts that the file does not cut
     left_out: list[Support]  # supports of the file that fix both sides of a joint, removed from ``file``
-    held: list[str]  # groups
-    may_be_held: list[str]
+    fixed: list[str]  # groups
+    may_be_fixed: list[str]
     place: Place
     sector: Sector | None  # of a disc
 
     @property
     def joints(self) -> list[Candidate]:
         """The candidates used as joints."""
-        return [one for one in self.candidates if one.is_asked or (one.is_likely and not one.is_apart and not one.is_of_bolt)]
+        return [
+            candidate
+            for candidate in self.candidates
+            if candidate.in_contact_in_file or (candidate.is_likely and not candidate.is_distant and not candidate.is_of_bolt)
+        ]
 
     @property
     def glued(self) -> list[Candidate]:
         """The tied candidates: bolts, nuts and washers on the clamped parts."""
-        return [one for one in self.candidates if one.is_likely and not one.is_apart and one.is_of_bolt]
+        return [
+            candidate
+            for candidate in self.candidates
+            if candidate.is_likely and not candidate.is_distant and candidate.is_of_bolt
+        ]
 
     @property
-    def apart(self) -> list[Candidate]:
+    def distant(self) -> list[Candidate]:
         """The candidates with a gap, which become joints in comments."""
-        return [one for one in self.candidates if one.is_apart and one.is_likely and not (one.is_of_bolt or one.is_asked)][
-            :MOST_APART
-        ]
+        return [
+            candidate
+            for candidate in self.candidates
+            if candidate.is_distant and candidate.is_likely and not (candidate.is_of_bolt or candidate.in_contact_in_file)
+        ][:MOST_DISTANT]
 
     @property
     def others(self) -> list[Candidate]:
         """All other candidates."""
-        return [one for one in self.candidates if one not in (*self.joints, *self.glued)]
+        return [candidate for candidate in self.candidates if candidate not in (*self.joints, *self.glued)]
 
     @property
     def step(self) -> FileStep | None:

@@ -46,7 +46,7 @@ def joint_text(candidate: Candidate, first: First) -> str:
         if first.states_bolts or first.loads_at_rest
         else "#> preload = 1e6                # Pa at rest: 1e5 to 1e8; bolts: force / area"
     )
-    if candidate.is_apart:
+    if candidate.is_distant:
         preload = key_line("gap", '"geometry"', "from the mesh")
     note = f"# {candidate.text}"
     lines += [
@@ -99,7 +99,7 @@ def glued_text(candidate: Candidate) -> str:
     return "\n".join(lines)
 
 
-def apart_text(candidate: Candidate, first: First) -> str:
+def distant_text(candidate: Candidate, first: First) -> str:
     """Return a joint of surfaces with a gap, as comments."""
     lines = [_surface(surface) for surface in candidate.made]
     lines += [

@@ -34,12 +34,12 @@ class Place:
 
 def supports_of_joints(mesh: Mesh, file: FileModel, joints: Sequence[Candidate]) -> list[Support]:
     """Return the supports of the file that fix both sides of a joint, so that its pairs cannot move.  Local, rank 0."""
-    nodes_of = [_nodes_held(mesh, file, support) for support in file.supports]
-    held = np.zeros((len(mesh.points), 3), dtype=bool)
+    nodes_of = [_fixed_nodes(mesh, file, support) for support in file.supports]
+    fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     for support, nodes in zip(file.supports, nodes_of, strict=True):
         for axis in {*support.fix} & {*"xyz"}:
-            held[nodes, "xyz".index(axis)] = True
-    is_fixed, wrong = held.all(axis=1), set()
+            fixed[nodes, "xyz".index(axis)] = True
+    is_fixed, wrong = fixed.all(axis=1), set()
     for joint in joints:
         if min(is_fixed[side].mean() for side in joint.nodes) < _BOTH_SIDES:
             continue
@@ -49,7 +49,7 @@ def supports_of_joints(mesh: Mesh, file: FileModel, joints: Sequence[Candidate])
     return [file.supports[i] for i in sorted(wrong)]
 
 
-def _nodes_held(mesh: Mesh, file: FileModel, support: Support) -> np.ndarray:
+def _fixed_nodes(mesh: Mesh, file: FileModel, support: Support) -> np.ndarray:
     """Return the nodes held by a support, including nodes that follow its point."""
     if support.point is None:
         return mesh.node_groups.get(support.group or "", np.zeros(0, dtype=np.int64))
@@ -57,7 +57,7 @@ def _nodes_held(mesh: Mesh, file: FileModel, support: Support) -> np.ndarray:
     return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(mesh.node_groups[name] for name in groups)]))
 
 
-def held_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: Iterable[str]) -> tuple[list[str], list[str]]:
+def fixed_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: Iterable[str]) -> tuple[list[str], list[str]]:
     """Return the groups whose names indicate supports, and other possible groups.  Local.
 
     Both are empty if the file has supports.  ``used``: groups with another purpose.
@@ -72,18 +72,18 @@ def held_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: It
     return sure, [name for name in free if name not in sure]
 
 
-def farthest(mesh: Mesh, file: FileModel, held: Iterable[str]) -> Place:
+def farthest(mesh: Mesh, file: FileModel, fixed: Iterable[str]) -> Place:
     """Return the node farthest from the supports, or the point that leads it, and a direction across the mesh's longest side.
 
     Local.  Without supports, the node farthest from the middle.  The direction includes both bending axes, because the direction
     of the first mode is unknown.
     """
-    groups = [mesh.node_groups[name] for name in held if name in mesh.node_groups]
+    groups = [mesh.node_groups[name] for name in fixed if name in mesh.node_groups]
     groups += [mesh.node_groups[support.group] for support in file.supports if support.group in mesh.node_groups]
     nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *groups]))
     from_there = mesh.points[nodes] if len(nodes) else mesh.points.mean(axis=0)[None]
-    apart = cKDTree(from_there).query(mesh.points)[0]
-    node = int(np.argmax(np.round(apart / mesh.diagonal, 6)))  # the first of equally distant nodes
+    distance = cKDTree(from_there).query(mesh.points)[0]
+    node = int(np.argmax(np.round(distance / mesh.diagonal, 6)))  # the first of equally distant nodes
     across = np.ones(3)
     across[int(np.argmax(np.ptp(mesh.points, axis=0)))] = 0.0
     direction = (float(across[0]), float(across[1]), float(across[2]))

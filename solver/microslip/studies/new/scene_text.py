@@ -9,7 +9,7 @@ from ...tables.structure import TAKEN, Material, Support
 from ...tables.units import UNITS
 from .candidate import Candidate
 from .first import First
-from .joint_text import apart_text, bolt_text, glued_text, joint_text, key_line, quoted
+from .joint_text import bolt_text, distant_text, glued_text, joint_text, key_line, quoted
 from .places import Place
 
 MOST = 20  # further candidates, as comments
@@ -25,7 +25,7 @@ def text_of(first: First) -> str:
         _supports(first),
         *(joint_text(joint, first) for joint in first.joints),
         *(glued_text(candidate) for candidate in first.glued),
-        *(apart_text(candidate, first) for candidate in first.apart),
+        *(distant_text(candidate, first) for candidate in first.distant),
         _further(first),
         _statics(first),
         _loads(first),
@@ -154,16 +154,16 @@ def _supports(first: First) -> str:
         return "\n".join(lines) if lines else f"# supports of the file: {named(file.supports[:5])}\n"
     lines += [
         line
-        for name in first.held
+        for name in first.fixed
         for line in ("[[supports]]", key_line("group", quoted(name), "from its name; please check"), _FIX, "")
     ]
-    if not first.held and not any(point.stiffness for point in file.connected):
-        names = ", ".join(first.may_be_held[:MOST]) or "none; name one in the program that wrote the file"
+    if not first.fixed and not any(point.stiffness for point in file.connected):
+        names = ", ".join(first.may_be_fixed[:MOST]) or "none; name one in the program that wrote the file"
         lines += [
             "# The file has no supports: without [[supports]] the structure is free, and mode 1 is its first elastic mode.",
             "# For supports remove '#| '; possible groups: " + names,
             "#| [[supports]]",
-            f"#| group = {quoted(first.may_be_held[0] if first.may_be_held else 'NAME')}",
+            f"#| group = {quoted(first.may_be_fixed[0] if first.may_be_fixed else 'NAME')}",
             f"#| {_FIX}",
             "",
         ]
@@ -176,7 +176,7 @@ _FIX = 'fix = ["x", "y", "z"]'
 
 def _further(first: First) -> str:
     """Return the other candidates, as comments."""
-    others = [candidate for candidate in first.others if candidate not in first.apart]
+    others = [candidate for candidate in first.others if candidate not in first.distant]
     if not first.candidates:
         return (
             "# No surfaces of different bodies lie on each other: this scene has no joint, and its curves are linear. Surfaces\n"

@@ -21,7 +21,7 @@ from ..check.plausible import SI
 from .bolts import Shank, uncut
 from .candidates import candidates_and_bolts
 from .first import First
-from .places import farthest, held_groups, supports_of_joints
+from .places import farthest, fixed_groups, supports_of_joints
 from .scene_text import named, text_of
 from .sectors import sector_of
 
@@ -52,8 +52,8 @@ def _write(model: str, out: Path, force: bool) -> list[str]:
     """Write the scene and return the report.  Local, rank 0."""
     _refuse(model, out, force)
     first = _first(model, out, read_model(model))
-    with atomic_write(str(out)) as beside:
-        Path(beside).write_text(text_of(first), encoding="utf-8")
+    with atomic_write(str(out)) as partial:
+        Path(partial).write_text(text_of(first), encoding="utf-8")
     return _lines(model, out, first)
 
 
@@ -81,10 +81,10 @@ def _first(model: str, out: Path, file: FileModel) -> First:
     mesh, settings = whole_mesh(model, file, UNITS[units])
     states_scale = units != SI and not file.materials
     candidates, bolts = candidates_and_bolts(mesh, file, settings)
-    likely = [candidate for candidate in candidates if candidate.is_likely and not candidate.is_apart]
+    likely = [candidate for candidate in candidates if candidate.is_likely and not candidate.is_distant]
     left_out = supports_of_joints(mesh, file, likely)
     file = replace(file, supports=tuple(support for support in file.supports if support not in left_out))
-    held, may_be = held_groups(mesh, file, settings, [name for candidate in likely for name in candidate.surfaces])
+    fixed, may_be = fixed_groups(mesh, file, settings, [name for candidate in likely for name in candidate.surfaces])
     return First(
         model=Path(os.path.relpath(model, out.parent)).as_posix(),
         units=None if units == SI or states_scale else units,
@@ -95,9 +95,9 @@ def _first(model: str, out: Path, file: FileModel) -> First:
         candidates=candidates,
         left_out=left_out,
         shanks=uncut(mesh, file, bolts),
-        held=held,
-        may_be_held=may_be,
-        place=farthest(mesh, file, held),
+        fixed=fixed,
+        may_be_fixed=may_be,
+        place=farthest(mesh, file, fixed),
         sector=sector_of(mesh, file, settings),
     )
 
@@ -125,7 +125,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
     place = first.place
     where = f"point {place.point}" if place.point else f"node {place.node}"
     holds = [f"{support.group or support.point}, by the file" for support in first.file.supports] + [
-        f"{name}, by its name" for name in first.held
+        f"{name}, by its name" for name in first.fixed
     ]
     units = first.units or (f"scale = {first.scale:g}" if first.scale else "SI, by its size")
     return [
@@ -133,7 +133,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         *table("bodies", list(first.settings.bodies)),
         *table("joints", joints or ["no touching surfaces of different bodies"]),
         *table("disc", [first.sector.text] if first.sector is not None else []),
-        *table("glued", [one.text for one in first.glued], 10),
+        *table("glued", [candidate.text for candidate in first.glued], 10),
         *table("or", others, 10),
         *table("bolts", bolts),
         *table("supports", holds or ["none known: the structure is free until the scene has [[supports]]"]),
