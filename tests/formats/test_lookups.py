@@ -5,7 +5,7 @@ import pytest
 from plain_model import cdb, plain
 
 from microslip.formats.ansys.commands import commands
-from microslip.formats.model import held_alike, index_of
+from microslip.formats.model import fixed_alike, index_of
 
 
 @pytest.mark.parametrize("highest", [40, 400, 10**12])  # few holes, many, too many for a table
@@ -30,8 +30,8 @@ def test_numbers_may_be_decimals_and_none():
 
 
 def test_nodes_are_joined_by_what_is_held():
-    held = np.array([[1, 1, 1], [0, 0, 0], [0, 0, 1], [1, 1, 1], [1, 0, 1]], dtype=bool)
-    found = [(axes, nodes.tolist()) for axes, nodes in held_alike(held)]
+    fixed = np.array([[1, 1, 1], [0, 0, 0], [0, 0, 1], [1, 1, 1], [1, 0, 1]], dtype=bool)
+    found = [(axes, nodes.tolist()) for axes, nodes in fixed_alike(fixed)]
     assert found == [((2,), [2]), ((0, 2), [4]), ((0, 1, 2), [0, 3])]
 
 

@@ -8,7 +8,7 @@ import pytest
 from plain_model import bdf, plain, tables
 
 from microslip import elements
-from microslip.formats.nastran.read import streams_kept
+from microslip.formats.nastran.read import restored_streams
 from microslip.formats.read import read_model
 from microslip.library.complete import complete, held_by
 from microslip.messages.errors import CaseError, MeshError
@@ -366,6 +366,6 @@ def test_included_files_are_read(tmp_path):
 def test_the_streams_of_the_program_stay_its_own(monkeypatch):
     """pyNastran's logger exchanges them on terminals."""
     kept = sys.stdout, sys.stderr
-    with streams_kept():
+    with restored_streams():
         monkeypatch.setattr(sys, "stdout", None)
     assert (sys.stdout, sys.stderr) == kept

@@ -11,7 +11,7 @@ from .. import elements
 from ..messages.errors import MeshError
 from ..tables.structure import Mass, Point, Spring, Support
 from ..tables.table import Vector
-from .model import KINDS, Cells, Equations, Finding, Group, held_alike, index_of
+from .model import KINDS, Cells, Equations, Finding, Group, fixed_alike, index_of
 
 NAMES = ("x", "y", "z", "rx", "ry", "rz")  # directions of a node with rotations
 Term = tuple[int, int, float]  # position of a node; axis 0 to 2, for a point 0 to 5; coefficient
@@ -177,29 +177,29 @@ class Draft:
         total = tuple(a + b for a, b in zip(point.inertia or (0.0,) * len(inertia), inertia, strict=True))
         self.leaders[node] = point.with_keys(mass=point.mass + mass, inertia=total if any(total) else None)
 
-    def hold(self, word: str, held: np.ndarray) -> None:
+    def hold(self, word: str, fixed: np.ndarray) -> None:
         """Add the supports of the command or card ``word``: held degrees of freedom (n, 6) bool, in the axes of the nodes.
 
         Leading nodes are supported as points; supports in turned axes become equations; others become groups "D x", "D xy", ...
         """
-        for node in [node for node in self.leaders if held[node].any()]:
-            parts = held[node, :3], held[node, 3:]
+        for node in [node for node in self.leaders if fixed[node].any()]:
+            parts = fixed[node, :3], fixed[node, 3:]
             if self.axes(node) is not None and any(part.any() and not part.all() for part in parts):
                 effect = "a support in turned axes of a node that leads a rigid body"
                 self.findings.add(word, f"{self.node} {self.numbers[node]}", effect, part="supports")
             else:
-                fix = tuple(NAMES[i] for i in np.flatnonzero(held[node]))
+                fix = tuple(NAMES[i] for i in np.flatnonzero(fixed[node]))
                 self.supports.append(Support.of_file(point=self.leaders[node].name, fix=fix))
-        held = held[:, :3].copy()
-        held[list(self.leaders)] = False
-        for node in np.flatnonzero(held.any(axis=1) & ~held.all(axis=1)).tolist():
+        fixed = fixed[:, :3].copy()
+        fixed[list(self.leaders)] = False
+        for node in np.flatnonzero(fixed.any(axis=1) & ~fixed.all(axis=1)).tolist():
             axes = self.axes(node)
             if axes is not None:
                 where = f"{word} of {self.node} {self.numbers[node]} in turned axes"
-                for row in axes[held[node]]:
+                for row in axes[fixed[node]]:
                     self.terms.add([(node, axis, float(row[axis])) for axis in range(3)], where, is_support=True)
-                held[node] = False
-        for directions, nodes in held_alike(held):
+                fixed[node] = False
+        for directions, nodes in fixed_alike(fixed):
             fix = tuple(NAMES[axis] for axis in directions)
             self.supports.append(Support.of_file(group=self.group(f"{word} {''.join(fix)}", nodes), fix=fix))
 

@@ -203,12 +203,12 @@ def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:
     return {(dim, tag): str(tag) if tags.count(tag) == 1 else f"{word[dim]} {tag}" for dim, tag in sorted(keys)}
 
 
-def held_alike(held: np.ndarray) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
-    """Yield each combination of held axes and the positions of its nodes, from ``held`` (n_points, 3).  Local."""
-    code = held @ np.array([4, 2, 1])
+def fixed_alike(fixed: np.ndarray) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
+    """Yield each combination of held axes and the positions of its nodes, from ``fixed`` (n_points, 3).  Local."""
+    code = fixed @ np.array([4, 2, 1])
     for pattern in np.unique(code[code > 0]):
         nodes = np.flatnonzero(code == pattern)
-        yield tuple(int(axis) for axis in np.flatnonzero(held[nodes[0]])), nodes
+        yield tuple(int(axis) for axis in np.flatnonzero(fixed[nodes[0]])), nodes
 
 
 def index_of(numbers: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -252,9 +252,9 @@ def _elements_4(cursor: _Cursor, physical: dict[tuple[int, int], np.ndarray]) ->
         rows = cursor.sizes(n * (1 + n_nodes)).reshape(n, 1 + n_nodes)
         blocks.append((kind, rows[:, 0], rows[:, 1:], physical.get((dimension, entity), ())))
     cursor.finish()
-    n_held = sum(len(numbers) for _, numbers, _, _ in blocks)
-    if n_held != n_elements:
-        raise MeshError(f"$Elements announces {n_elements} elements and holds {n_held}; the file is damaged")
+    n_read = sum(len(numbers) for _, numbers, _, _ in blocks)
+    if n_read != n_elements:
+        raise MeshError(f"$Elements announces {n_elements} elements and holds {n_read}; the file is damaged")
     return blocks
 
 

@@ -112,9 +112,9 @@ def _without_texts(path: str, file_format: str) -> Iterator[str]:
         yield copy
 
 
-def _as_bytes(found: re.Match[bytes]) -> bytes:
+def _as_bytes(match: re.Match[bytes]) -> bytes:
     """Return a string array as an array of bytes."""
-    return re.sub(rb"(</?)Array\b", rb"\1DataArray", found[0].replace(b'"String"', b'"UInt8"'))
+    return re.sub(rb"(</?)Array\b", rb"\1DataArray", match[0].replace(b'"String"', b'"UInt8"'))
 
 
 def _fields(mesh) -> dict[str, np.ndarray]:

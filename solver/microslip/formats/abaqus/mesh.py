@@ -109,7 +109,7 @@ class FileMesh:
             other, member = (names, what) if how == "instance" else self.find(names.scope, what)
             return self._members(other, kind, member, where, within)
         places, first = names.places(kind)
-        members, n_missing, missing = places.held(what)
+        members, n_missing, missing = places.present(what)
         if n_missing:
             what = "nodes" if kind == "NSET" else "elements"
             self.missing[where] = (kind, f"{self.spelled(word)!r} names {n_missing} {what} that the file does not hold", missing)
@@ -329,8 +329,8 @@ def _refuse_twice(parts: list[tuple[np.ndarray, str]], keyword: str, what: str) 
 def _unique_numbers(scopes: list[np.ndarray]) -> tuple[np.ndarray, int]:
     """Return numbers that are unique over all scopes, and the offset per scope."""
     numbers = _joined(scopes)
-    held = [part for part in scopes if len(part)]
-    if len(held) < 2 or len(np.unique(numbers)) == len(numbers):
+    nonempty = [part for part in scopes if len(part)]
+    if len(nonempty) < 2 or len(np.unique(numbers)) == len(numbers):
         return numbers, 0
     raised = 10 ** len(str(int(numbers.max())))
     count = np.cumsum([0] + [len(part) > 0 for part in scopes])[:-1]

@@ -22,7 +22,7 @@ class Places:
         self.order = None if is_rising else np.argsort(numbers, kind="stable")
         self.sorted = numbers if self.order is None else numbers[self.order]
 
-    def held(self, wanted: np.ndarray | range) -> tuple[np.ndarray, int, int]:
+    def present(self, wanted: np.ndarray | range) -> tuple[np.ndarray, int, int]:
         """Return the positions of existing numbers, the count of missing numbers, and the first missing one."""
         if isinstance(wanted, range):  # may be far longer than the list of numbers
             low, high = np.searchsorted(self.sorted, [wanted.start, wanted.stop])

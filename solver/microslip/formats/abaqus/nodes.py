@@ -133,30 +133,30 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
     begins = np.cumsum(counts) - counts  # begins of lines, in values
     first, last = _lines_of(counts, width).T
     starts, what = begins[first], f"{card.where}: *ELEMENT, TYPE={word}"
-    held = begins[last] + counts[last] - starts
-    beyond = np.flatnonzero((held > width) & (last > first))
+    lengths = begins[last] + counts[last] - starts
+    beyond = np.flatnonzero((lengths > width) & (last > first))
     goes_on = card.goes_on() if len(beyond) else np.zeros(0, dtype=bool)
     for i in beyond:
         ends_in_comma = goes_on[first[i] : last[i]]
         if not ends_in_comma.all():
             n = begins[first[i] + np.argmin(ends_in_comma) + 1] - starts[i] - 1
             raise MeshError(f"{what}: element {values[starts[i]]:.0f} has {n} nodes, and {n_nodes} are expected{_DAMAGED}")
-    if len(held) and held[-1] < width:
+    if len(lengths) and lengths[-1] < width:
         raise MeshError(
             f"{what}: the {len(values)} numbers do not make elements of a number and {n_nodes} nodes: the last has "
-            f"{held[-1] - 1} nodes{_DAMAGED}"
+            f"{lengths[-1] - 1} nodes{_DAMAGED}"
         )
     return values.astype(np.int64)[starts[:, None] + np.arange(width)]
 
 
 def _lines_of(counts: np.ndarray, width: int) -> np.ndarray:
     """Return the first and last line (n, 2) of each element, which takes lines up to ``width`` numbers."""
-    lines, first, n_held = [], 0, 0
+    lines, first, n_read = [], 0, 0
     for i, count in enumerate(counts.tolist()):
-        n_held += count
-        if n_held >= width or i + 1 == len(counts):
+        n_read += count
+        if n_read >= width or i + 1 == len(counts):
             lines.append((first, i))
-            first, n_held = i + 1, 0
+            first, n_read = i + 1, 0
     return np.array(lines, dtype=np.int64).reshape(-1, 2)
 
 

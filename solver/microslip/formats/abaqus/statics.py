@@ -16,7 +16,7 @@ from .cards import Card, number
 from .groups import add_faces
 from .input_model import InputModel, Step
 from .scopes import Scope
-from .supports import held_by
+from .supports import fixed_dofs
 from .temperatures import take_temperatures, temperatures_of
 from .types import is_solid
 
@@ -62,8 +62,8 @@ class _Acting:
                     self.spin = None
 
     def put(self, table: dict, key: Hashable, value: float) -> None:
-        is_own = (id(table), key) in self._stated
-        table[key] = table[key] + value if is_own else value
+        is_stated = (id(table), key) in self._stated
+        table[key] = table[key] + value if is_stated else value
         self._stated.add((id(table), key))
 
 
@@ -160,7 +160,7 @@ def _take_moved(model: InputModel, scope: Scope, card: Card, acting: _Acting) ->
     for words, where in card.lines():
         if len(words) < 2 or number(words[1]) is None:
             continue  # by name: held
-        dofs, value = held_by(words, where)
+        dofs, value = fixed_dofs(words, where)
         if not dofs:
             continue  # no displacement: a finding of the supports
         nodes = model.mesh.nodes(scope, words[0], where)
@@ -210,10 +210,10 @@ def _take_force(model: InputModel, scope: Scope, words: list[str], where: str, a
         acting.put(acting.bolts, model.cuts[words[0].upper()], value)
         return
     nodes = model.mesh.nodes(scope, words[0], where)
-    is_held = model.grouped.of_solids[nodes] | np.isin(nodes, list(model.points))
-    if direction not in (1.0, 2.0, 3.0) or not is_held.all():
+    takes_force = model.grouped.of_solids[nodes] | np.isin(nodes, list(model.points))
+    if direction not in (1.0, 2.0, 3.0) or not takes_force.all():
         what = "a moment" if direction in (4.0, 5.0, 6.0) else "a force in another direction than 1 to 3"
-        _refuse(model, "*CLOAD", where, f"{what if is_held.all() else 'a force on a node of no solid'} ({words[0]})")
+        _refuse(model, "*CLOAD", where, f"{what if takes_force.all() else 'a force on a node of no solid'} ({words[0]})")
         return
     for node in nodes.tolist():
         acting.put(acting.forces, (node, int(direction)), value)

@@ -70,16 +70,16 @@ def _round_axes(points: np.ndarray, first: np.ndarray, second: np.ndarray, kind:
     return np.stack([radial, tangent, np.cross(radial, tangent)], axis=1)
 
 
-_Held = dict[str, tuple[list[np.ndarray], set[int]]]  # by set or support: nodes, directions from 1
+_Fixed = dict[str, tuple[list[np.ndarray], set[int]]]  # by set or support: nodes, directions from 1
 
 
 def take_supports(model: InputModel) -> None:
     """Take the supports of the chosen step: from the model data and the steps up to it."""
-    held: _Held = {}
+    fixed: _Fixed = {}
     loading = {card for step in model.steps_at_rest for _, card in step.cards}
     for scope, card in _boundaries(model):
-        _take_card(model, scope, card, held, may_move=card in loading)
-    for name, (nodes, dofs) in held.items():
+        _take_card(model, scope, card, fixed, may_move=card in loading)
+    for name, (nodes, dofs) in fixed.items():
         _hold(model, name, np.unique(np.concatenate(nodes)), dofs)
 
 
@@ -94,7 +94,7 @@ def _boundaries(model: InputModel) -> list[tuple[Scope, Card]]:
     return cards
 
 
-def _take_card(model: InputModel, scope: Scope, card: Card, held: _Held, *, may_move: bool) -> None:
+def _take_card(model: InputModel, scope: Scope, card: Card, fixed: _Fixed, *, may_move: bool) -> None:
     """Take the supports of a card; ``may_move``: its moved supports are handled in statics.py."""
     kind = card.parameter("TYPE", "DISPLACEMENT")
     for key in ("SUBMODEL", "USER", "BASENAME"):
@@ -102,7 +102,7 @@ def _take_card(model: InputModel, scope: Scope, card: Card, held: _Held, *, may_
             model.findings.add(f"*BOUNDARY, {key}", card.where, "a support that moves", True, "supports")
             return
     for words, where in card.lines():
-        dofs, value = held_by(words, where)
+        dofs, value = fixed_dofs(words, where)
         if not dofs:  # 8 to 11: temperatures, potentials
             loads = bool(value) and any(material.expansion for material in model.materials.values())
             effect = f"a temperature, or another quantity than a displacement, of {words[0]}; state [[statics.temperatures]]"
@@ -113,14 +113,14 @@ def _take_card(model: InputModel, scope: Scope, card: Card, held: _Held, *, may_
             model.findings.add("*BOUNDARY", where, effect, True, "supports")
         nodes = model.mesh.nodes(scope, words[0], where)
         if words[0].isdigit():
-            parts, known = held.setdefault("*BOUNDARY " + "".join(NAMES[dof - 1] for dof in sorted(dofs)), ([], set()))
+            parts, known = fixed.setdefault("*BOUNDARY " + "".join(NAMES[dof - 1] for dof in sorted(dofs)), ([], set()))
         else:
-            parts, known = held.setdefault(model.mesh.name_of(scope, words[0]), ([], set()))
+            parts, known = fixed.setdefault(model.mesh.name_of(scope, words[0]), ([], set()))
         parts.append(nodes)
         known |= dofs
 
 
-def held_by(words: list[str], where: str) -> tuple[set[int], float]:
+def fixed_dofs(words: list[str], where: str) -> tuple[set[int], float]:
     """Return the degrees of freedom, from 1, that a data line holds, and their displacement."""
     if len(words) > 1 and words[1].upper() in _NAMED:
         return set(_NAMED[words[1].upper()]), 0.0

@@ -27,10 +27,10 @@ def take_attached(blocks: Blocks, content: Content) -> None:
     start, flat = blocks.start[:-1], blocks.flat
     is_attached = np.isin(flat[start + 1], [number for number, element in content.types.items() if element in (14, 21)])
     for row, number in zip(start[is_attached], blocks.elements[is_attached], strict=True):
-        own_type = content.types[int(flat[row + 1])]
+        type_number = content.types[int(flat[row + 1])]
         values, keys = constants.get(int(flat[row + 2]), []), content.keys.get(int(flat[row + 1]), {})
-        nodes = flat[row + FIELDS : row + FIELDS + (1 if own_type == 21 else 2)]
-        (_take_mass if own_type == 21 else _take_spring)(content, _Element(f"element {number}", values, keys, nodes))
+        nodes = flat[row + FIELDS : row + FIELDS + (1 if type_number == 21 else 2)]
+        (_take_mass if type_number == 21 else _take_spring)(content, _Element(f"element {number}", values, keys, nodes))
 
 
 def _take_mass(content: Content, element: _Element) -> None:

@@ -101,11 +101,11 @@ def blocks_of_text(lines: list[str]) -> Blocks:
     return Blocks(numbers, points, angles, elements, start, flat, components["NODE"], components["ELEM"])
 
 
-def _check_count(fields: list[str], n_held: int, line: int) -> None:
+def _check_count(fields: list[str], n_read: int, line: int) -> None:
     """Raise MeshError unless the number of elements in a block matches its count, if stated."""
     count = fields[-1] if len(fields) > 3 else ""
-    if count.isdigit() and int(count) != n_held:
-        raise MeshError(f"line {line}: EBLOCK counts {count} elements and holds {n_held}; the file is truncated or damaged")
+    if count.isdigit() and int(count) != n_read:
+        raise MeshError(f"line {line}: EBLOCK counts {count} elements and holds {n_read}; the file is truncated or damaged")
 
 
 @dataclass(frozen=True)

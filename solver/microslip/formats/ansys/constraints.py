@@ -20,7 +20,7 @@ _DIRECTIONS = _AXES | _TURNS
 class Restraints:
     """The constraints so far; nodes are numbers of the file."""
 
-    held: dict[int, set[int]] = field(default_factory=dict)  # axis, 0 to 5: nodes
+    fixed: dict[int, set[int]] = field(default_factory=dict)  # axis, 0 to 5: nodes
     equations: list[tuple[str, list[Term]]] = field(default_factory=list)  # where, terms
     coupled: dict[str, tuple[str, str, list[int]]] = field(default_factory=dict)  # set: where, label, nodes
     rigid: list[tuple[str, int, list[int]]] = field(default_factory=list)  # where, leading node, following nodes
@@ -51,7 +51,7 @@ def take_support(
         return
     for axis in labels:
         if axis in _DIRECTIONS:
-            restraints.held.setdefault(_DIRECTIONS[axis], set()).update(nodes.tolist())
+            restraints.fixed.setdefault(_DIRECTIONS[axis], set()).update(nodes.tolist())
         else:
             restraints.left_out(command, f"a support of {axis}, which is not a displacement", "supports")
 
@@ -155,12 +155,12 @@ def take_constraints(restraints: Restraints, draft: Draft) -> None:
     ------
     MeshError : an equation has a node that does not exist
     """
-    held = np.zeros((len(draft.numbers), 6), dtype=bool)
-    for axis, nodes in restraints.held.items():
+    fixed = np.zeros((len(draft.numbers), 6), dtype=bool)
+    for axis, nodes in restraints.fixed.items():
         wanted = np.array(sorted(nodes), dtype=np.int64)
         index, missing = index_of(draft.numbers, wanted)
-        held[index[~np.isin(wanted, missing)], axis] = True
-    draft.hold("D", held)
+        fixed[index[~np.isin(wanted, missing)], axis] = True
+    draft.hold("D", fixed)
     rows = [("CE", where, terms) for where, terms in restraints.equations]
     for where, label, followers in restraints.coupled.values():
         for axis in range(3) if label == "ALL" else [_DIRECTIONS[label]]:

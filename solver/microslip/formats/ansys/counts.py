@@ -14,7 +14,7 @@ _BLANK = re.compile(rb"\n[ \t\r]*(?=\n)")
 _FIRST_LINE = 8  # nodes of an element on its first line of 19 fields
 
 
-def check_held(path: str, commands_read: tuple[Command, ...], blocks: Blocks) -> None:
+def check_counts(path: str, commands_read: tuple[Command, ...], blocks: Blocks) -> None:
     """Raise unless the blocks have their stated lengths and were read to their ends.  Local.
 
     Raises
@@ -45,18 +45,20 @@ def _is_solid(command: Command) -> bool:
 
 
 def _check_component(command: Command, block: bytes) -> None:
-    n_held, count = len(block.split()), command.field(2)
-    if count.isdigit() and int(count) != n_held:
-        commands_read = f"{command.where}: CMBLOCK {command.field(0)} counts {count} numbers and holds {n_held}"
-        raise MeshError(f"{commands_read}; the file is truncated or damaged")
-
-
-def _check(command: Command, n_held: int, what: str) -> None:
-    """Raise MeshError if the last field of a block, its count, differs from ``n_held``."""
-    count = command.field(len(command.fields) - 1)
-    if len(command.fields) > 3 and count.isdigit() and int(count) != n_held:
+    n_numbers, count = len(block.split()), command.field(2)
+    if count.isdigit() and int(count) != n_numbers:
         raise MeshError(
-            f"{command.where}: {command.word} counts {count} {what} and holds {n_held}; the file is truncated or damaged"
+            f"{command.where}: CMBLOCK {command.field(0)} counts {count} numbers and holds {n_numbers}; "
+            "the file is truncated or damaged"
+        )
+
+
+def _check(command: Command, n_read: int, what: str) -> None:
+    """Raise MeshError if the last field of a block, its count, differs from ``n_read``."""
+    count = command.field(len(command.fields) - 1)
+    if len(command.fields) > 3 and count.isdigit() and int(count) != n_read:
+        raise MeshError(
+            f"{command.where}: {command.word} counts {count} {what} and holds {n_read}; the file is truncated or damaged"
         )
 
 

@@ -31,26 +31,26 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
     orientations: dict[str, Orientation] = {}
     sides: list[Side] = []
     for number in np.unique(kind):
-        own_type = content.types.get(int(number), 0)
-        solid = solid_of(own_type, content.keys.get(int(number), {}))
+        type_number = content.types.get(int(number), 0)
+        solid = solid_of(type_number, content.keys.get(int(number), {}))
         rows_of_type = kind == number
         if not isinstance(solid, Solid):
-            if own_type not in (*CONTACT, TARGET):
-                _report_type(content, int(number), own_type, solid, int(rows_of_type.sum()))
-            for value in np.unique(real[rows_of_type]) if own_type in (154, *CONTACT, TARGET) else ():
+            if type_number not in (*CONTACT, TARGET):
+                _report_type(content, int(number), type_number, solid, int(rows_of_type.sum()))
+            for value in np.unique(real[rows_of_type]) if type_number in (154, *CONTACT, TARGET) else ():
                 members = rows_of_type & (real == value)
                 rows = _rows(flat, start, n_nodes, members, 8)
-                if own_type == 154:
+                if type_number == 154:
                     _add_cells(groups, f"SURF154 real {value}", cells, faces(rows, elements[members], numbers))
                 else:
-                    sides.append(side_of(own_type, int(number), int(value), rows, elements[members], numbers))
+                    sides.append(side_of(type_number, int(number), int(value), rows, elements[members], numbers))
                     _add_cells(groups, sides[-1].group, cells, list(sides[-1].cells))
             continue
-        if own_type == 185 and content.is_chosen and 2 not in content.keys.get(int(number), {}):
+        if type_number == 185 and content.is_chosen and 2 not in content.keys.get(int(number), {}):
             effect = "KEYOPT(2) is left to Ansys by ETCONTROL; state it, 2 or 3 for enhanced strains"
             content.findings.add("SOLID185", f"ET {number}", effect)
         elif solid.differs:
-            content.findings.add(f"SOLID{own_type}", f"ET {number}", solid.differs, False)
+            content.findings.add(f"SOLID{type_number}", f"ET {number}", solid.differs, False)
         for value in np.unique(material[rows_of_type]):
             of_material = rows_of_type & (material == value)
             named = f"material {value}" if (kind[material == value] == number).all() else f"material {value} type {number}"
@@ -129,12 +129,12 @@ def add_elements(group: Group, cells: list[Cells], elements: np.ndarray) -> None
             group.add_cells(block, rows)
 
 
-def _report_type(content: Content, number: int, own_type: int, why: str | None, n: int) -> None:
+def _report_type(content: Content, number: int, type_number: int, why: str | None, n: int) -> None:
     """Report elements that are not solids here."""
-    if own_type in (14, 21):
+    if type_number in (14, 21):
         return  # springs and masses: _attached
-    effect, changes = EFFECTS.get(own_type, (_UNKNOWN, True))
+    effect, changes = EFFECTS.get(type_number, (_UNKNOWN, True))
     if why is not None:
         effect, changes = f"{why}, which is not available here", True
-    word = f"element type {own_type}" if own_type else "element without ET"
+    word = f"element type {type_number}" if type_number else "element without ET"
     content.findings.add(word, f"{n} elements of ET {number}", effect, changes)

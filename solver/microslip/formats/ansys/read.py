@@ -16,7 +16,7 @@ from .blocks import Blocks, blocks_of_library, blocks_of_text
 from .commands import Command, commands
 from .constraints import take_constraints
 from .content import Content, report_loads, take_commands
-from .counts import check_held
+from .counts import check_counts
 from .cyclic import sectors_of
 from .elements import add_elements, cells_and_bodies
 from .input_file import as_archived
@@ -49,7 +49,7 @@ def _read_cdb(path: str) -> FileModel:
     _check_counts(path, commands_read)
     _refuse_exponents(path)
     blocks = _archive(path)
-    check_held(path, commands_read, blocks)
+    check_counts(path, commands_read, blocks)
     return model_of(blocks, commands_read)
 
 

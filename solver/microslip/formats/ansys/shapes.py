@@ -80,14 +80,14 @@ def faces(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[C
     cells = []
     is_quadratic = (rows[:, 4:8] > 0).all(axis=1) if rows.shape[1] >= 8 else np.zeros(len(rows), dtype=bool)
     is_triangle = rows[:, 2] == rows[:, 3]
-    for kind, is_kind, kept in (
+    for kind, is_kind, columns in (
         ("quad8", is_quadratic & ~is_triangle, [0, 1, 2, 3, 4, 5, 6, 7]),
         ("tri6", is_quadratic & is_triangle, [0, 1, 2, 4, 5, 7]),
         ("quad4", ~is_quadratic & ~is_triangle, [0, 1, 2, 3]),
         ("tri3", ~is_quadratic & is_triangle, [0, 1, 2]),
     ):
         if is_kind.any():
-            cells.append(_cells(kind, rows[is_kind][:, kept], elements[is_kind], numbers))
+            cells.append(_cells(kind, rows[is_kind][:, columns], elements[is_kind], numbers))
     return cells
 
 

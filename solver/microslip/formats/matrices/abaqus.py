@@ -9,7 +9,7 @@ import numpy as np
 from .file_matrix import LARGEST, DofMap, FileMatrix, Wanted, from_coordinates
 from .text import square_of, table_of
 
-_HELD = 1e36  # diagonal entry of a DOF held by *BOUNDARY
+_FIXED = 1e36  # diagonal entry of a DOF held by *BOUNDARY
 _OWN_NAME = re.compile(r"_(STIF|MASS|DMPV|DMPS|X\d+)\d+\.mtx$", re.IGNORECASE)
 
 
@@ -58,14 +58,14 @@ def _labelled(table: np.ndarray, wanted: Wanted) -> FileMatrix:
     rows, columns = at[: len(first)], at[len(first) :]
     dofs = DofMap(keys // 8, keys % 8)
     n, values = len(keys), table[:, 4]
-    is_held = np.zeros(n, dtype=bool)
-    is_held[rows[(rows == columns) & (values >= _HELD)]] = True
+    is_fixed = np.zeros(n, dtype=bool)
+    is_fixed[rows[(rows == columns) & (values >= _FIXED)]] = True
     matrix = from_coordinates(rows, columns, values, (n, n), wanted)
     notes = []
-    if is_held.any():
-        free = np.flatnonzero(~is_held)
+    if is_fixed.any():
+        free = np.flatnonzero(~is_fixed)
         matrix, dofs = matrix[free][:, free], dofs[free]
-        notes.append(f"{wanted.path.name}: {is_held.sum()} DOFs are held by boundary conditions and left out")
+        notes.append(f"{wanted.path.name}: {is_fixed.sum()} DOFs are held by boundary conditions and left out")
     if (dofs.nodes < 0).any():
         notes.append(f"{wanted.path.name}: {(dofs.nodes < 0).sum()} DOFs belong to internal nodes of Abaqus")
     return FileMatrix(matrix, dofs, is_triangle=_is_triangle(matrix), notes=tuple(notes))

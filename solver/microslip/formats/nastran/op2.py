@@ -9,7 +9,7 @@ import numpy as np
 from ...messages.errors import MeshError
 from ..model import FileModel
 from .plain import Plain
-from .read import follow_references, model_of, read_by_pynastran, streams_kept
+from .read import follow_references, model_of, read_by_pynastran, restored_streams
 
 _WRITE_IT = "Nastran writes it with PARAM,POST,-1 and without PARAM,OGEOM,NO; the bulk data, .bdf, also hold it"
 
@@ -40,7 +40,7 @@ def _shorten(material: Any) -> None:
 def _geometry(path: str) -> Any:
     """Return the geometry as read by pyNastran, without results."""
     try:
-        with streams_kept():
+        with restored_streams():
             from pyNastran.op2.op2_geom import OP2Geom
     except ImportError:
         raise MeshError("Nastran's .op2 is read by pyNastran; install it: pip install pyNastran") from None

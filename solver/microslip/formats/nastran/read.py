@@ -122,7 +122,7 @@ def cards_of(text: str) -> Any:
     MeshError : pyNastran is missing or cannot read the text
     """
     try:
-        with streams_kept():
+        with restored_streams():
             from pyNastran.bdf.bdf import BDF
     except ImportError:
         raise MeshError("Nastran bulk data is read by pyNastran; install it: pip install pyNastran") from None
@@ -140,7 +140,7 @@ def cards_of(text: str) -> Any:
 
 
 @contextlib.contextmanager
-def streams_kept() -> Iterator[None]:
+def restored_streams() -> Iterator[None]:
     """Preserve standard output and error while pyNastran is imported.  Local.
 
     On terminals (Open MPI's ranks have one) pyNastran's logger replaces both streams by colorama's, which append an escape

@@ -12,28 +12,28 @@ from .content import Content
 
 def take_supports(content: Content) -> None:
     """Take the supports of SPC, SPC1 and the grid points.  Local."""
-    held = np.zeros((len(content.numbers), 6), dtype=bool)
+    fixed = np.zeros((len(content.numbers), 6), dtype=bool)
     defaults = getattr(content.cards.grdset, "ps", None) or ""
     for number, node in content.cards.nodes.items():
-        _hold(held, content, [number], str(node.ps or defaults), "GRID")
+        _hold(fixed, content, [number], str(node.ps or defaults), "GRID")
     for card in _chosen(content, "SPC", "supports", content.cards.spcs, content.cards.spcadds):
         if card.type == "SPC1":
-            _hold(held, content, card.nodes, card.components, "SPC1")
+            _hold(fixed, content, card.nodes, card.components, "SPC1")
         elif card.type == "SPC":
             for node, components, value in zip(card.nodes, card.components, card.enforced, strict=True):
                 if value:
                     content.left_out("SPC", int(node), f"a displacement of {value} other than 0", "supports")
                 else:
-                    _hold(held, content, [node], components, "SPC")
+                    _hold(fixed, content, [node], components, "SPC")
         else:
             content.left_out(card.type, int(card.conid), "a support of a kind that is not read", "supports")
-    content.hold("SPC", held)
+    content.hold("SPC", fixed)
 
 
-def _hold(held: np.ndarray, content: Content, nodes: Any, components: str, where: str) -> None:
+def _hold(fixed: np.ndarray, content: Content, nodes: Any, components: str, where: str) -> None:
     digits = [int(c) - 1 for c in str(components) if c in "123456"]
     if digits:
-        held[content.find(map(int, nodes), where)[:, None], digits] = True
+        fixed[content.find(map(int, nodes), where)[:, None], digits] = True
 
 
 def _chosen(content: Content, word: str, part: str, sets: dict, added: dict) -> list[Any]:
