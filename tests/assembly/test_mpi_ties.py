@@ -87,7 +87,7 @@ def on_rows(system, field):
 @pytest.fixture
 def loose(monkeypatch):
     """Allow structures that nothing holds."""
-    monkeypatch.setattr(assemble_module, "check_held", lambda *_: True)
+    monkeypatch.setattr(assemble_module, "check_fixed", lambda *_: True)
 
 
 MESHES = [

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from box_meshes import box, joint, mesh_of, settings
 
-from microslip.mesh.connected import check_held, connected_parts
+from microslip.mesh.connected import check_fixed, connected_parts
 from microslip.mesh.locate import find_node, nearest_node
 from microslip.mesh.pairing import pair_contacts
 from microslip.messages.errors import CaseError, MeshError
@@ -65,7 +65,7 @@ def test_every_part_must_be_held(supports, joints, message):
     part, names = connected_parts(mesh, case.body_of)
     pairs = pair_contacts(mesh, case.joints)
     if isinstance(message, bool):
-        assert check_held(part, names, mesh, case.supports, pairs) is message
+        assert check_fixed(part, names, mesh, case.supports, pairs) is message
     else:
         with pytest.raises(MeshError, match=message):
-            check_held(part, names, mesh, case.supports, pairs)
+            check_fixed(part, names, mesh, case.supports, pairs)

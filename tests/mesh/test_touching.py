@@ -10,7 +10,7 @@ from microslip.mesh.cut import cut_through
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.skin import faces_of_group, skin_of_mesh
 from microslip.mesh.surface import surface_of
-from microslip.mesh.touching import find_touching, with_found_surfaces
+from microslip.mesh.touching import find_touching, with_touching_surfaces
 from microslip.messages.errors import MeshError
 from microslip.tables.constant_loads import Bolt
 from microslip.tables.structure import Surface
@@ -26,7 +26,7 @@ def two_boxes(kind="hex8", other=None, at=(0.7, 0.0, 0.5), n=(5, 5, 1), size=UPP
 
 def found(mesh, *surfaces, bodies=("lower", "upper")):
     given = settings({name: name for name in bodies}, surfaces=surfaces)
-    return with_found_surfaces(mesh, given)
+    return with_touching_surfaces(mesh, given)
 
 
 UP = Surface(name="up", bodies=("upper", "lower"))

@@ -11,7 +11,7 @@ from petsc4py import PETSc
 
 from .. import elements
 from ..guards.memory import refuse_beyond
-from ..mesh.connected import check_held, connected_parts, loose_bodies
+from ..mesh.connected import check_fixed, connected_parts, loose_bodies
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
 from ..mesh.links import Links, find_links, fixed_places
 from ..messages.errors import CaseError, ResourceError
@@ -127,9 +127,9 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
     check_supports(mesh, links, is_fixed)
     part, part_names = connected_parts(mesh, tables.body_of)
     # the motions of most nodal diameters strain a disc that nothing holds
-    is_held = links.cyclic is not None or check_held(part, part_names, mesh, tables.supports, pairs, links)
+    is_supported = links.cyclic is not None or check_fixed(part, part_names, mesh, tables.supports, pairs, links)
     free = np.eye(6)
-    if is_held:
+    if is_supported:
         may_be_free = links.cyclic is None and not len(links.grounded) and not (pairs.node2 < 0).any()
         free = free_combinations(mesh, links, is_fixed) if may_be_free else np.zeros((6, 0))
     return WholeMesh(
@@ -141,9 +141,9 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         links=links,
         loose=loose_bodies(part, len(part_names), mesh, tables.supports, links),
         notes=(
-            *(() if is_held else (FREE,)),
+            *(() if is_supported else (FREE,)),
             *notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(tables.path)),
-            *(left_free(free) if is_held else ()),
+            *(left_free(free) if is_supported else ()),
         ),
         free=free,
     )

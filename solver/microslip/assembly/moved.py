@@ -33,13 +33,13 @@ def _of_mesh(mesh: Mesh, tables: StructureTables, system: System) -> np.ndarray:
     """Return how far each node of ``Mesh.points`` is moved, (n_nodes, 3) [m].  Local, rank 0."""
     assert system.dof is not None, "a structure with a mesh"
     places = system.dof if system.constraints is None else system.constraints.dof
-    is_held = places[: len(mesh.points)] < 0
+    is_fixed = places[: len(mesh.points)] < 0
     moved = np.zeros((len(mesh.points), 3))
     for i, support in enumerate(stated_statics(tables).displacements, 1):
         where = f"[[statics.displacements]] {i}"
         nodes = find_node(mesh, group=support.group, where=where)
         axes = np.flatnonzero(support.displacement)
-        free = ~is_held[np.ix_(nodes, axes)]
+        free = ~is_fixed[np.ix_(nodes, axes)]
         if free.any():
             row, column = np.argwhere(free)[0]
             node = nodes[row]

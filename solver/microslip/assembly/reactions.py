@@ -23,7 +23,7 @@ class Acting:
     loads: np.ndarray  # (n_nodes, 3) N, of [statics]
     on_points: np.ndarray  # (n_points, 6) N, N m
     resisted: np.ndarray  # (n_nodes, 3) N, how elements resist where something holds; 0 elsewhere
-    is_held: np.ndarray  # (n_nodes, 3) bool: supports, springs, ties, points or equations act there
+    is_restrained: np.ndarray  # (n_nodes, 3) bool: supports, springs, ties, points or equations act there
     places: np.ndarray  # (n_nodes, 3) m, where forces act: in the deformed shape with large displacements
     points: np.ndarray  # (n_points, 3) m, the same of points
 
@@ -50,9 +50,9 @@ def acting_at_rest(
     is_large = stated_statics(tables).large_displacements
     whole = np.concatenate(comm.allgather(u_owned))
     u = system.at_nodes(whole) + (0.0 if system.moved is None else system.moved)
-    to_mesh, is_held = np.argsort(dmesh.rank_order), held_places(system)
+    to_mesh, is_restrained = np.argsort(dmesh.rank_order), restrained_places(system)
     loads = nodal_loads(dmesh, mesh, tables)
-    resisted = _resisted(dmesh, tables, u[to_mesh], is_held[to_mesh].any(axis=1), above_cuts)
+    resisted = _resisted(dmesh, tables, u[to_mesh], is_restrained[to_mesh].any(axis=1), above_cuts)
     if is_large:
         loads += _farther_out(dmesh, tables, u[to_mesh])
     gathered = comm.gather((loads, resisted))
@@ -66,10 +66,10 @@ def acting_at_rest(
         loads_and_places = _with_places(loads, constraints, tables, whole)
     loads, on_points, points = loads_and_places
     places = mesh.points + u if is_large else mesh.points
-    return Acting(loads, on_points, np.where(is_held, resisted, 0.0), is_held, places, points)
+    return Acting(loads, on_points, np.where(is_restrained, resisted, 0.0), is_restrained, places, points)
 
 
-def held_places(system: System) -> np.ndarray:
+def restrained_places(system: System) -> np.ndarray:
     """Return where more than elements, loads and contact acts, (n_nodes, 3) bool: what is held, follows or leads.  Local."""
     assert system.dof is not None, "a structure with a mesh"
     constraints = system.constraints
@@ -78,23 +78,23 @@ def held_places(system: System) -> np.ndarray:
     n_nodes = len(system.dof)
     is_led = np.diff(constraints.T.tocsc().indptr) > 1  # columns that move more than one row
     free = constraints.free[:n_nodes]
-    is_held = (free < 0) | np.append(is_led, False)[free]
+    is_restrained = (free < 0) | np.append(is_led, False)[free]
     if constraints.attached is not None:
         sprung = np.unique(constraints.attached.stretch.indices)
-        is_held.ravel()[sprung[sprung < is_held.size]] = True
-    return is_held
+        is_restrained.ravel()[sprung[sprung < is_restrained.size]] = True
+    return is_restrained
 
 
 def _resisted(
-    dmesh: DistributedMesh, tables: StructureTables, u: np.ndarray, is_held: np.ndarray, above_cuts: Seen | None
+    dmesh: DistributedMesh, tables: StructureTables, u: np.ndarray, is_restrained: np.ndarray, above_cuts: Seen | None
 ) -> np.ndarray:
     """Return K u, or f_int(u), of elements at held nodes on this rank's nodes, (n_owned_nodes, 3) [N]; all rank-ordered."""
     first, last = owned_nodes(dmesh)
     total = np.zeros((last - first, 3))
     for i, block in enumerate(dmesh.blocks):
-        body, at_held = tables.sections[block.body], np.flatnonzero(is_held[block.nodes].any(axis=1))
+        body, restrained = tables.sections[block.body], np.flatnonzero(is_restrained[block.nodes].any(axis=1))
         for chunk in element_chunks(block):
-            rows = at_held[chunk]
+            rows = restrained[chunk]
             if not len(rows):
                 break
             by = u[block.nodes[rows]] if above_cuts is None else u[block.nodes[rows]] + above_cuts(block, i, rows)

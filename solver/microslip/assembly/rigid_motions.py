@@ -70,12 +70,12 @@ def _six_motions(dmesh: DistributedMesh, constraints: Constraints | None, dof: n
     """Return the rows of all six motions, (n_dof_owned, 6).  Collective."""
     comm = dmesh.comm
     first, last = dmesh.node_ranges[comm.rank :][:2]
-    own = np.zeros((last - first, 3))
+    owned = np.zeros((last - first, 3))
     for block in dmesh.blocks:
-        is_own = (block.nodes >= first) & (block.nodes < last)
-        own[block.nodes[is_own] - first] = block.points[is_own]
-    middle = summed(comm, own.sum(axis=0)) / dmesh.node_ranges[-1]
-    arms = own - middle
+        is_owned = (block.nodes >= first) & (block.nodes < last)
+        owned[block.nodes[is_owned] - first] = block.points[is_owned]
+    middle = summed(comm, owned.sum(axis=0)) / dmesh.node_ranges[-1]
+    arms = owned - middle
     if constraints is None:
         every = _motions(arms).reshape(-1, 6)
         return np.asfortranarray(every if dof is None else every[dof[first:last].ravel() >= 0])

@@ -53,28 +53,30 @@ def tied_bodies(part: np.ndarray, n_parts: int, links: Links | None) -> np.ndarr
     return _components(part[first], part[second], n_parts)[1]
 
 
-def held_parts(part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links | None = None) -> np.ndarray:
+def fixed_parts(
+    part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links | None = None
+) -> np.ndarray:
     """Return which parts have a support or a spring to ground, (n_parts,) bool.  Local, rank 0."""
-    held = np.zeros(n_parts, dtype=bool)
+    fixed = np.zeros(n_parts, dtype=bool)
     for support in supports:
         if support.group is not None:
-            held[part[mesh.node_groups[support.group]]] = True
+            fixed[part[mesh.node_groups[support.group]]] = True
         elif links is not None and support.point is not None:
-            held[part[links.node_of(support.point)]] = True
+            fixed[part[links.node_of(support.point)]] = True
     if links is not None:
-        held[part[links.grounded]] = True
-    return held
+        fixed[part[links.grounded]] = True
+    return fixed
 
 
 def loose_bodies(
     part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links
 ) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
     """Return the tied bodies of each part, and the parts without support and spring to ground.  Local, rank 0."""
-    tied, held = tied_bodies(part, n_parts, links), held_parts(part, n_parts, mesh, supports, links)
-    return tied, tuple(np.flatnonzero(tied == i) for i in np.unique(tied) if not held[tied == i].any())
+    tied, fixed = tied_bodies(part, n_parts, links), fixed_parts(part, n_parts, mesh, supports, links)
+    return tied, tuple(np.flatnonzero(tied == i) for i in np.unique(tied) if not fixed[tied == i].any())
 
 
-def check_held(
+def check_fixed(
     part: np.ndarray,
     names: tuple[str, ...],
     mesh: Mesh,
@@ -89,19 +91,19 @@ def check_held(
     MeshError : a part has no support and no connection to a supported part or, in a free structure, to the others
     """
     n_parts = len(names)
-    held = held_parts(part, n_parts, mesh, supports, links)
+    fixed = fixed_parts(part, n_parts, mesh, supports, links)
     first, second = (on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
     part1, part2 = (first.T @ second).nonzero()
     tied = tied_bodies(part, n_parts, links)
     _, cluster = _components(np.r_[part1, np.arange(n_parts)], np.r_[part2, n_parts + tied], 2 * n_parts)
     cluster = cluster[:n_parts]
     for side, other in ((first, second), (second, first)):
-        held[side[np.diff(other.indptr) == 0].indices] = True
-    if not held.any() and len(np.unique(cluster)) == 1:
+        fixed[side[np.diff(other.indptr) == 0].indices] = True
+    if not fixed.any() and len(np.unique(cluster)) == 1:
         return False
-    is_held = np.isin(cluster, cluster[held])
-    if not is_held.all():
-        free = [names[i] for i in np.flatnonzero(~is_held)]
+    is_fixed = np.isin(cluster, cluster[fixed])
+    if not is_fixed.all():
+        free = [names[i] for i in np.flatnonzero(~is_fixed)]
         shown = "; ".join(free[:5]) + (" and others" if len(free) > 5 else "")
         raise MeshError(
             f"{mesh.path}: nothing holds {shown}: no support, and no joint to a part that has one, so it can move freely; "

@@ -118,7 +118,7 @@ def _within(mesh: Mesh, tables: StructureTables) -> Links:
     inside = np.flatnonzero(dependent < n_dof)
     inside = inside[np.argsort(dependent[inside])]
     attached = attach(mesh, tables, links.n_places, outside, leads[n_dof:])
-    held = attached.holding(translations(links.n_nodes, links.n_places, n_dof)) // 3
+    fixed = attached.holding(translations(links.n_nodes, links.n_places, n_dof)) // 3
     return replace(
         links,
         dependent=dependent[inside],
@@ -126,7 +126,7 @@ def _within(mesh: Mesh, tables: StructureTables) -> Links:
         notes=notes,
         attached=attached,
         more_joined=(_on_nodes(links, more_joined), _on_nodes(links, attached.joined // 3)),
-        more_grounded=_on_nodes(links, np.tile(np.concatenate([holding, held]), (2, 1)))[0],
+        more_grounded=_on_nodes(links, np.tile(np.concatenate([holding, fixed]), (2, 1)))[0],
     )
 
 

@@ -17,8 +17,8 @@ def field_at_nodes(mesh: Mesh, field: str, nodes: np.ndarray, where: str, what: 
     MeshError : the field does not exist, or has no value at one of these nodes
     """
     if field not in mesh.fields:
-        held = f"it has: {', '.join(mesh.fields)}" if mesh.fields else "it has no field of one number a node at all"
-        raise MeshError(f"{where} = {field!r}: there is no such field in the mesh{hint(field, mesh.fields, repr)}; {held}")
+        fields_text = f"it has: {', '.join(mesh.fields)}" if mesh.fields else "it has no field of one number a node at all"
+        raise MeshError(f"{where} = {field!r}: there is no such field in the mesh{hint(field, mesh.fields, repr)}; {fields_text}")
     missing = nodes[np.isnan(mesh.fields[field][nodes])]
     if len(missing):
         raise MeshError(

@@ -15,7 +15,7 @@ from ..messages.words import hint
 from ..tables.structure import Body, Model
 from ..tables.structure_tables import StructureTables
 from .data import ElementBlock, FaceBlock, Mesh, Outside
-from .touching import with_found_surfaces
+from .touching import with_touching_surfaces
 
 SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13")
 _EVERYTHING = "all elements of the file"
@@ -41,7 +41,7 @@ def read_mesh(tables: StructureTables, file: FileModel | None = None) -> Mesh:
     file = read_model(path, tables.model.step) if file is None else file
     try:
         _check_groups(file, tables)
-        return with_found_surfaces(_compose(path, file, tables), tables)
+        return with_touching_surfaces(_compose(path, file, tables), tables)
     except MeshError as problem:
         raise prefixed(problem, path) from None
 
@@ -163,8 +163,8 @@ def _check_kinds(body: str, group: str, file: FileModel) -> None:
             counts[file.cells[block].kind] = counts.get(file.cells[block].kind, 0) + len(rows)
     solids = {kind: n for kind, n in counts.items() if kind not in KINDS or KINDS[kind][0] == 3}
     if not solids:
-        held = ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "nodes only"
-        raise MeshError(f"[bodies.{body}] group = {group!r} holds no volume elements ({held})")
+        contents = ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "nodes only"
+        raise MeshError(f"[bodies.{body}] group = {group!r} holds no volume elements ({contents})")
     for kind, n in solids.items():
         if kind not in SOLIDS:
             raise MeshError(

@@ -92,7 +92,7 @@ def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_mom
     ``by_moments`` the moments are empty.
     """
     n, n_nodes = len(cells.area), len(mesh.points)
-    n_own = len(elements.CELLS[cells.kind])
+    n_faces = len(elements.CELLS[cells.kind])
     polygons = _polygons(cells.in_plane(np.arange(n), cells.outline)[:, :, :2], _BEND * cells.radius)
     means, moments = _Integrals(n, n_nodes), _Integrals(n, n_nodes)
     for kind, facets in second.faces.items():
@@ -101,7 +101,7 @@ def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_mom
             at, faces, facing = parts.cell[near], cells.faces[parts.cell[near]], parts.facet[near]
             means.add(at[:, None], faces, facing, w1[:, :1], w2[:, :1])
             if by_moments:
-                of_face = at[:, None] // n_own * n_own + np.arange(n_own)
+                of_face = at[:, None] // n_faces * n_faces + np.arange(n_faces)
                 moments.add(of_face, faces, facing, w1[:, 1:], w2[:, 1:])
     cell_areas = shapely.area(polygons)
     return means.shared(cell_areas), moments.shared(cell_areas)

@@ -107,15 +107,15 @@ def _faces_within(mesh: Mesh, members: np.ndarray) -> dict[str, np.ndarray]:
 
 def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the outer faces named by the group; MeshError if it names other faces."""
-    groups, n_found = {}, 0
+    groups, n_matched = {}, 0
     for kind, faces in outer.items():
         wanted = named.get(_n_corners(kind), np.empty((0, _n_corners(kind)), dtype=np.int64))
         groups[kind] = faces[isin_rows(_key(faces, kind), wanted)]
-        n_found += len(groups[kind])
+        n_matched += len(groups[kind])
     n_named = sum(len(np.unique(keys, axis=0)) for keys in named.values())
-    if n_found < n_named:
+    if n_matched < n_named:
         raise MeshError(
-            f"{mesh.path}: {n_named - n_found} of {n_named} faces of group {group!r} are not outer faces of a body: "
+            f"{mesh.path}: {n_named - n_matched} of {n_named} faces of group {group!r} are not outer faces of a body: "
             "they lie inside the mesh, where elements share nodes, or on no element; bodies in contact need nodes of "
             "their own"
         )

@@ -167,7 +167,7 @@ def _feet(skin: Skin, point: np.ndarray, other: np.ndarray, reach: np.ndarray):
     return distance, gap, (np.abs(gap) <= reach) & (tangential <= _BESIDE * skin.size[other])
 
 
-def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
+def with_touching_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
     """Return the mesh with the groups of faces defined by touching bodies or planes.  Local, rank 0.
 
     Raises
@@ -186,7 +186,7 @@ def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
     faults = Faults()
     for surface in tables.surfaces:
         with faults.collected():
-            by_kind, note = _found(mesh, skin, touching.get(surface.tolerance), surface, tables)
+            by_kind, note = _touching_faces(mesh, skin, touching.get(surface.tolerance), surface, tables)
             blocks += [FaceBlock(kind, surface.name, nodes) for kind, nodes in by_kind.items()]
             groups[surface.name] = np.unique(np.concatenate([nodes.ravel() for nodes in by_kind.values()]))
             notes.append(f"surface {surface.name!r}: {note}")
@@ -195,7 +195,7 @@ def with_found_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
     return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), touching_faces=names, planes=planes)
 
 
-def _found(mesh: Mesh, skin: Skin, touching: Touching | None, surface: Surface, tables: StructureTables):
+def _touching_faces(mesh: Mesh, skin: Skin, touching: Touching | None, surface: Surface, tables: StructureTables):
     """Return the faces of a surface by kind, and a note on them."""
     if surface.name in mesh.node_groups:
         raise MeshError(f"[[surfaces]] {surface.name!r}: a group of the mesh has this name already; take another")

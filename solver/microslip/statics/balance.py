@@ -108,15 +108,15 @@ def _of_bodies(loaded: Loaded, rest: Rest, acting: Acting) -> BodiesAtRest:
     tied = np.arange(len(part_names)) if constraints is None else constraints.clusters
     of_points = tied[part[list(() if constraints is None else constraints.group_nodes)]]
     contact = _contact_on_nodes(loaded.pairs, rest, n_nodes, loaded.cyclic)
-    held = np.where(acting.is_held, acting.resisted - acting.loads - contact, 0.0)
+    on_supports = np.where(acting.is_restrained, acting.resisted - acting.loads - contact, 0.0)
     rows: list[tuple] = []
     for i in np.unique(tied):
         nodes, of_body = np.flatnonzero(tied[part] == i), np.flatnonzero(of_points == i)
         about, at = mesh.points[nodes].mean(axis=0), acting.places[nodes]
         borne = _resultant(acting.points[of_body], acting.on_points[of_body, :3], about)
         borne[3:] += acting.on_points[of_body, 3:].sum(axis=0)
-        loads, joints, supports = (_resultant(at, forces[nodes], about) for forces in (acting.loads, contact, held))
-        sizes = [np.linalg.norm(forces[nodes], axis=1).sum() for forces in (acting.loads, contact, held)]
+        loads, joints, supports = (_resultant(at, forces[nodes], about) for forces in (acting.loads, contact, on_supports))
+        sizes = [np.linalg.norm(forces[nodes], axis=1).sum() for forces in (acting.loads, contact, on_supports)]
         sizes[0] += np.linalg.norm(acting.on_points[of_body, :3], axis=1).sum()
         name = listed([part_names[k] for k in np.flatnonzero(tied == i)])
         rows.append((name, about, loads + borne, joints, supports - borne, max(sizes), _farthest(mesh.points[nodes], about)))

@@ -34,11 +34,11 @@ def check_contact(loaded: Loaded, rest: Rest) -> None:
         size = _size(np.concatenate(gathered), pairs, rest)
         part, names = connected_parts(mesh, loaded.body_of)
         loose = loose_parts(system, part, len(names))
-        group_of, is_held = _groups(part, len(names), loose)
+        group_of, is_fixed = _groups(part, len(names), loose)
         first, second = (_on_groups(on_parts(side, part, len(names)), group_of) for side in pairs.sides(len(part)))
         if len(loose) and group_of.all() and first.all() and second.all():  # without supports one body is taken as held
-            is_held[1] = True
-        free = _not_pressed(first, second, np.where(np.isnan(pairs.N0), np.inf, rest.N), is_held, RESOLVED * size)
+            is_fixed[1] = True
+        free = _not_pressed(first, second, np.where(np.isnan(pairs.N0), np.inf, rest.N), is_fixed, RESOLVED * size)
         if len(free):
             bodies = [names[i] for i in np.flatnonzero(np.isin(group_of, free))]
             of_joint = np.isin(first, free) | np.isin(second, free)
@@ -70,13 +70,13 @@ def _on_groups(counts: sp.csr_matrix, group_of: np.ndarray) -> np.ndarray:
     return groups
 
 
-def _not_pressed(first: np.ndarray, second: np.ndarray, N: np.ndarray, is_held: np.ndarray, least: float) -> np.ndarray:
+def _not_pressed(first: np.ndarray, second: np.ndarray, N: np.ndarray, is_fixed: np.ndarray, least: float) -> np.ndarray:
     """Return the groups that no chain of joints, each with a force of at least ``least`` [N], connects to a held group."""
-    carried = sp.coo_matrix((np.maximum(N, 0.0), (first, second)), (len(is_held), len(is_held))).tocsr()
+    carried = sp.coo_matrix((np.maximum(N, 0.0), (first, second)), (len(is_fixed), len(is_fixed))).tocsr()
     carried.data[~(carried.data > least)] = 0.0
     carried.eliminate_zeros()
     component = connected_components(carried, directed=False)[1]
-    return np.flatnonzero(~np.isin(component, component[is_held]))
+    return np.flatnonzero(~np.isin(component, component[is_fixed]))
 
 
 def _in_words(bodies: list[str], joints: Iterable[str], largest: float, size: float, where: str) -> str:

@@ -155,23 +155,23 @@ def equilibrium(
     contact = Contact(comm, pairs, G)
     unloaded = np.zeros((pairs.n_pairs, 3 + pairs.law.n_memory))
     now, n_taken, bolts_at_rest = State(np.zeros(du_load.shape), unloaded), 0, None
-    held, u_held = np.zeros(du_load.shape), 0.0
+    base, u_base = np.zeros(du_load.shape), 0.0
     if cuts is not None:
         delta = cuts.tightened(now.p)
-        tightening = Loading(held, (cuts.RU @ delta).reshape(-1, 3), "the bolts' forces", release=cuts.release)
+        tightening = Loading(base, (cuts.RU @ delta).reshape(-1, 3), "the bolts' forces", release=cuts.release)
         now, n_taken = contact.follow(tightening, now, n_steps)
         delta = cuts.tightened(now.p)
         tightened = cuts.force(delta, now.p)
-        held, u_held = (cuts.RU @ delta).reshape(-1, 3), cuts.U_owned @ delta
+        base, u_base = (cuts.RU @ delta).reshape(-1, 3), cuts.U_owned @ delta
     if cuts is None or comm.allreduce(bool(forces_owned.any()), MPI.LOR):
-        loading = Loading(held, du_load, "the load", free_bodies)
+        loading = Loading(base, du_load, "the load", free_bodies)
         now, n_more = contact.follow(loading, now, n_steps)
         n_taken += n_more
     if cuts is not None:
         at_rest = cuts.force(delta, now.p, of_loads(cuts, linearised, forces_owned))
         bolts = cuts.bolts
         bolts_at_rest = BoltsAtRest(tuple(bolt.label for bolt in bolts.given), bolts.area, delta, tightened, at_rest)
-    u_owned = u_held + u_load - linearised.factor.solve((R_owned.T @ now.p.ravel())[:, None])[:, 0]
+    u_owned = u_base + u_load - linearised.factor.solve((R_owned.T @ now.p.ravel())[:, None])[:, 0]
     force = now.p + pairs.law.stiffness * now.du
     force[:, 2] -= np.maximum(np.nan_to_num(pairs.N0), 0.0)
     return Rest(now.du, force, u_owned, contact.iterations, n_taken, bolts_at_rest, now.after[:, 3:])
@@ -206,7 +206,7 @@ class State:
 class Loading:
     """The motion of stuck pairs under loads: a constant part, and a part that increases in steps."""
 
-    held: np.ndarray  # (n_pairs, 3) m
+    base: np.ndarray  # (n_pairs, 3) m
     rising: np.ndarray  # (n_pairs, 3) m
     name: str  # name of the increasing part, for messages
     free_bodies: Callable[[], str] = lambda: ""
@@ -214,7 +214,7 @@ class Loading:
 
     @property
     def largest(self) -> float:
-        return float(max(np.abs(self.held).max(initial=0.0), np.abs(self.rising).max(initial=0.0)))
+        return float(max(np.abs(self.base).max(initial=0.0), np.abs(self.rising).max(initial=0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +229,7 @@ class _Sought:
     @property
     def load(self) -> np.ndarray:
         """The motion of the stuck pairs under the loads, (n_pairs, 3) [m]."""
-        return self.loading.held + self.fraction * self.loading.rising
+        return self.loading.base + self.fraction * self.loading.rising
 
     def at(self, du: np.ndarray) -> _Trial:
         """Return the pairs at a motion (n_pairs, 3) [m].  Local."""

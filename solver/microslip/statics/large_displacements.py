@@ -60,9 +60,9 @@ def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
         except (CaseError, ConvergenceError) as problem:
             step *= 0.5
             if step < SHORTEST:
-                found_to = f"{fraction:.1%} of the load" if fraction > 0.0 else "the very beginning of the load"
+                reached = f"{fraction:.1%} of the load" if fraction > 0.0 else "the very beginning of the load"
                 raise ConvergenceError(
-                    f"{sought.where}: [statics] large_displacements: no equilibrium beyond {found_to}: {problem}"
+                    f"{sought.where}: [statics] large_displacements: no equilibrium beyond {reached}: {problem}"
                 ) from problem
             continue
         rest, u, fraction, n_taken, step = attempt, attempt.u_owned, aim, n_taken + n_more, min(2.0 * step, 1.0)

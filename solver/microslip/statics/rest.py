@@ -121,5 +121,5 @@ def loose_parts(system: System, part: np.ndarray, n_parts: int) -> tuple[np.ndar
     assert system.dof is not None, "a structure with a mesh"
     if system.constraints is not None:
         return system.constraints.loose
-    held = np.unique(part[(system.dof < 0).any(axis=1)])
-    return tuple(np.array([i]) for i in range(n_parts) if i not in held)
+    fixed = np.unique(part[(system.dof < 0).any(axis=1)])
+    return tuple(np.array([i]) for i in range(n_parts) if i not in fixed)

@@ -104,10 +104,10 @@ def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndar
 def _what_holds(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> str:
     """Return a text on the friction coefficient that would hold the bodies, if one exists.  Local, rank 0."""
 
-    def is_held(times: float) -> bool:
+    def resists(times: float) -> bool:
         return not _motions(system, rigid, replace(pairs, mu=times * pairs.mu), forces).any()
 
-    enough = next((times for times in _TIMES if is_held(times)), None)
+    enough = next((times for times in _TIMES if resists(times)), None)
     if enough is None:
         return (
             "no friction would hold it there: turn the loads or the axis round if they should press it on, hold it against that "
@@ -116,7 +116,7 @@ def _what_holds(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.n
     least, stated = 0.5 * enough, pairs.mu[pairs.mu > 0.0]
     for _ in range(_HALVINGS):
         middle = 0.5 * (least + enough)
-        least, enough = (least, middle) if is_held(middle) else (middle, enough)
+        least, enough = (least, middle) if resists(middle) else (middle, enough)
     if np.ptp(stated) == 0.0:
         needed = f"a friction of {np.ceil(100.0 * enough * stated[0]) / 100.0:g} would (stated: {stated[0]:g})"
     else:
@@ -136,7 +136,7 @@ def _by_row(system: System, rigid: _Rigid) -> np.ndarray:
 
 
 def _points(system: System, rigid: _Rigid) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
-    """Return for each point its rows (6,), held rows (6,), part, and rigid motions (6, 6)."""
+    """Return for each point its rows (6,), fixed rows (6,), part, and rigid motions (6, 6)."""
     constraints, points = system.constraints, []
     if constraints is None:
         return []
@@ -147,8 +147,8 @@ def _points(system: System, rigid: _Rigid) -> list[tuple[np.ndarray, np.ndarray,
         motions = np.zeros((6, 6))
         motions[:3] = np.hstack([np.eye(3), np.cross(np.eye(3), arm).T])
         motions[3:, 3:] = np.eye(3) / rigid.reach[part]
-        is_held = (constraints.dof[places].ravel() < 0) | (np.array(point.springs) > 0.0)
-        points.append((constraints.free[places].ravel(), is_held, int(part), motions))
+        is_fixed = (constraints.dof[places].ravel() < 0) | (np.array(point.springs) > 0.0)
+        points.append((constraints.free[places].ravel(), is_fixed, int(part), motions))
     return points
 
 
@@ -157,10 +157,10 @@ def _allowed(system: System, rigid: _Rigid) -> np.ndarray:
     assert system.dof is not None, "a structure with a mesh"
     constraints = system.constraints
     node, axis = np.nonzero((system.dof if constraints is None else constraints.dof[: len(rigid.part)]) < 0)
-    normal = np.zeros((len(rigid.names), 6, 6))  # normal matrix of the held rows of each part
+    normal = np.zeros((len(rigid.names), 6, 6))  # normal matrix of the fixed rows of each part
     np.add.at(normal, rigid.part[node], np.einsum("na,nb->nab", *2 * [rigid.motions[node, axis]]))
-    for _, is_held, part, motions in _points(system, rigid):
-        normal[part] += motions[is_held].T @ motions[is_held]
+    for _, is_fixed, part, motions in _points(system, rigid):
+        normal[part] += motions[is_fixed].T @ motions[is_fixed]
     Z = []
     for i, matrix in enumerate(normal):
         values, vectors = np.linalg.eigh(matrix)

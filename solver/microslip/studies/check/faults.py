@@ -15,7 +15,7 @@ from ...assembly.output_rows import output_row
 from ...formats.model import FileModel
 from ...formats.read import read_model
 from ...library.complete import complete, held_by
-from ...mesh.connected import check_held, connected_parts
+from ...mesh.connected import check_fixed, connected_parts
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
 from ...mesh.links import Links, find_links, fixed_places
@@ -101,4 +101,4 @@ def _of_links(scene: Scene, mesh: Mesh, pairs: ContactPairs | None, links: Links
             notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(scene.path))
     if pairs is not None and links.cyclic is None:
         with faults.collected():
-            check_held(*connected_parts(mesh, scene.body_of), mesh, scene.supports, pairs, links)
+            check_fixed(*connected_parts(mesh, scene.body_of), mesh, scene.supports, pairs, links)
