@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 GRACE = 5.0  # s between the arrivals of ranks with a collective problem, and for rank 0 to save after a signal
 GRACE_OF_SIGNAL = 2.0  # s that rank 0 waits after a signal: longer than mpirun does before it kills ranks after an Abort
 DEFECT = 70
-_SAID = 2  # state of a rank with a reported problem; 1: with an unreported problem
+_REPORTED = 2  # state of a rank with a reported problem; 1: with an unreported problem
 _INTERRUPTED: list[Interrupted] = []  # referenced with their traces, so that the solvers in them are not freed
 _NEWS = 0.2  # s that a message of an Abort may take; the launcher kills one second after its signal
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
@@ -184,7 +184,7 @@ def _say_problem(text: str, problem: MicroslipError | None) -> None:
     """Write a problem to standard error; after a signal that ends the program all results have been saved."""
     _say(text)
     if isinstance(problem, Interrupted):
-        Answer.said.set()
+        Answer.written.set()
 
 
 def _defect(comm: MPI.Comm | None, problem: BaseException) -> int:
@@ -203,21 +203,23 @@ def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name:
     A rank with a problem waits for a limited time; a rank without one waits for ranks that still compute.  After a signal rank 0,
     which has saved all results, reports it before it waits for the other ranks.
     """
-    is_said = comm.rank == 0 and isinstance(problem, Interrupted) and not _comes_from_abort()
-    if is_said:
+    is_reported = comm.rank == 0 and isinstance(problem, Interrupted) and not _comes_from_abort()
+    if is_reported:
         _say_problem(f"{name}{problem}", None if name else problem)
         Answer.of_part.set()
     statuses = array("i", 2 * comm.size * [0])
-    grace = None if problem is None else GRACE_OF_SIGNAL if is_said else GRACE
+    grace = None if problem is None else GRACE_OF_SIGNAL if is_reported else GRACE
     with unwatched():
-        if not _arrives(comm.Iallgather(array("i", [status, _SAID if is_said else problem is not None]), statuses), grace):
-            if not is_said:
+        if not _arrives(
+            comm.Iallgather(array("i", [status, _REPORTED if is_reported else problem is not None]), statuses), grace
+        ):
+            if not is_reported:
                 _say(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
             _abort(comm, status)
         if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has reported it and also ends this one
             _abort(comm, status)
     has_problem = statuses[1::2]
-    if _SAID not in has_problem and comm.rank == next((rank for rank in range(comm.size) if has_problem[rank]), None):
+    if _REPORTED not in has_problem and comm.rank == next((rank for rank in range(comm.size) if has_problem[rank]), None):
         _say(f"{name}{problem}")
     comm.Barrier()  # a launcher kills the others as soon as one rank ends with a nonzero status
     return max(statuses[::2])

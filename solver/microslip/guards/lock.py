@@ -47,9 +47,9 @@ def locked(comm: MPI.Comm, folder: Path) -> Iterator[list[str]]:
     CaseError : another run is at work there; on every rank
     CaseError, ResourceError : the folder cannot be written to; on every rank
     """
-    lock, said = on_root(comm, _take, folder, share=False) or (None, [])
+    lock, messages = on_root(comm, _take, folder, share=False) or (None, [])
     try:
-        yield said
+        yield messages
     finally:
         if lock is not None:
             lock.release()
@@ -158,8 +158,8 @@ def _is_gone(path: Path, holder: dict[str, Any], trusted: bool) -> bool:
         return trusted or _stands_still(path)
     if holder.get("host") == socket.gethostname():
         return trusted or started(holder.get("process")) != holder.get("started")
-    is_own_job = bool(holder.get("job")) and holder.get("job") == _self()["job"]  # a job that was requeued
-    return (trusted and is_own_job) or _stands_still(path)
+    is_same_job = bool(holder.get("job")) and holder.get("job") == _self()["job"]  # a job that was requeued
+    return (trusted and is_same_job) or _stands_still(path)
 
 
 def _stands_still(path: Path) -> bool:

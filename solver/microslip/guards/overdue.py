@@ -80,7 +80,7 @@ def _see_to_the_end(name: str) -> None:
         _end(f"stopped by {name} during a call that takes longer than {ANSWER:.0f} s{parting_words()}" if is_first else "")
     if is_first and _n_ranks() > 1 and not _says():
         _end(f"stopped by {name}{parting_words()}")
-    Answer.said.wait()
+    Answer.written.wait()
     time.sleep(LEAVING)
     _end("")
 
@@ -88,7 +88,7 @@ def _see_to_the_end(name: str) -> None:
 def _says() -> bool:
     """Return whether the main thread reports the signal; False if it already waits for other ranks at its end."""
     answered = idle_since = time.monotonic()
-    while not (Answer.said.wait(0.1) or Answer.of_part.is_set()):
+    while not (Answer.written.wait(0.1) or Answer.of_part.is_set()):
         now = time.monotonic()
         idle_since = now if is_unbroken() else idle_since
         if now - answered > ANSWER - _STILL and now - idle_since > _STILL:

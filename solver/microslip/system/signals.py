@@ -36,7 +36,7 @@ class Answer:
     """How far the main thread has come with a signal that stops; for a thread that watches it."""
 
     begun = threading.Event()  # it is on its way out
-    said = threading.Event()  # the message is written: everything is saved
+    written = threading.Event()  # the message is written: everything is saved
     of_part = threading.Event()  # a part of the job has written its message; others may still save
 
 
@@ -158,9 +158,9 @@ def _stop(number: int, frame) -> None:
         return
     if _Requests.waits_for_first:
         _Requests.waits_for_first = False
-        again = threading.Timer(TO_FIRST, os.kill, (os.getpid(), number))
-        again.daemon = True
-        again.start()
+        timer = threading.Timer(TO_FIRST, os.kill, (os.getpid(), number))
+        timer.daemon = True
+        timer.start()
         return
     _Requests.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
     Answer.begun.set()

@@ -143,9 +143,9 @@ class StepContact:
 
     def _law(self, du_free, before, p):
         """Return p, the forces of the law under it with and without internal variables, their derivative, and the states."""
-        n_pairs, n_kept = self.model.n_pairs, 3 + self.model.law.n_memory
+        n_pairs, width = self.model.n_pairs, 3 + self.model.law.n_memory  # values of a pair
         du = (du_free - self.apply(p)).reshape(len(p), n_pairs, 3)
-        after, L, state = self.model.law.step(du, before.reshape(len(p), n_pairs, n_kept))
+        after, L, state = self.model.law.step(du, before.reshape(len(p), n_pairs, width))
         after = after.reshape(before.shape)
         return p, after, self.model.forces(after), L, state
 

@@ -108,7 +108,7 @@ def steady_state(
     tolerance: float,
     most_periods: int,
     accelerated: bool = True,
-    said: Callable[[str], None] = lambda text: None,
+    report: Callable[[str], None] = lambda text: None,
 ) -> Found:
     """Return for every point the steady period, or the period closest to it.  Local.
 
@@ -148,7 +148,7 @@ def steady_state(
                 steady[left[i]] = (now.take([i]), _single(cycle, i), period, change[i], distance[i])
         before_p = now.p
         done = (merit <= tolerance) & (ramp is None)
-        said(f"period {period}: {len(left)} points, largest distance {distance.max():.1e}, change of p {moved.max():.1e}")
+        report(f"period {period}: {len(left)} points, largest distance {distance.max():.1e}, change of p {moved.max():.1e}")
         if done.all():
             break
         now = Start(z, p)
