@@ -235,6 +235,14 @@ def assert_on_one_curve(branch, other):
     assert np.abs(between - [a for _, a in one]).max() < 0.15 * max(a for _, a in two)  # some ten points each
 
 
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A folder with the scene and the checkpoints of a run that reached its end; tests only read it."""
+    folder = COMM.bcast(tmp_path_factory.mktemp("finished"))
+    followed(scene_at(folder), folder)
+    return folder
+
+
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize(
@@ -249,10 +257,8 @@ def assert_on_one_curve(branch, other):
         ("solver.method='adaptive'", False, False),
     ],
 )
-def test_what_changed_is_said_and_no_more_is_computed_again_than_depends_on_it(setting, setup, level, shared_path):
-    scene, other = (scene_at(shared_path, *more) for more in ((), (setting,)))
-    followed(scene, shared_path)
-    one, two = (Restart.open(COMM, shared_path, each) for each in (scene, other))
+def test_what_changed_is_said_and_no_more_is_computed_again_than_depends_on_it(setting, setup, level, finished):
+    one, two = (Restart.open(COMM, finished, scene_at(finished, *more)) for more in ((), (setting,)))
     assert (one.identity.setup == two.identity.setup) == setup
     assert (one.identity.level(30.0, 6) == two.identity.level(30.0, 6)) == level
     (note,) = two.notes
