@@ -234,7 +234,8 @@ def draw_on_joint(
     surfaces = patches(results.joint)
     if not blocks or not surfaces:
         return {}
-    shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
+    largest = sorted(range(len(surfaces)), key=lambda i: -len(surfaces[i].pairs))[:_MOST_PATCHES]
+    shown = [surfaces[i] for i in sorted(largest)]
     layout = choose_layout(np.array([patch.size for patch in shown]), len(blocks), len(surfaces) > 1)
     if len(shown) < len(surfaces):
         says += f"; {len(shown)} of {len(surfaces)} surfaces"
