@@ -154,8 +154,8 @@ def patiently(stuck: Stuck) -> Iterator[WayOn]:
 def _over(stuck: Stuck, homotopy: Problem, end: float, beginnings: tuple[float, ...]) -> Iterator[WayOn]:
     """Solve at the end of a homotopy, where it is the problem, from near its beginning.  Collective."""
     (task, advance), solver = stuck.first, stuck.solver
-    of_points = {"estimator": None, "accuracy": None, "has_stability": False, "has_sensitivities": False}
-    plain = replace(task, **of_points, is_linear=False, is_homotopy=True)
+    plain = replace(task, estimator=None, accuracy=None, has_stability=False, has_sensitivities=False)
+    plain = replace(plain, is_linear=False, is_homotopy=True)
     for share in beginnings:
         way = replace(plain, problem=homotopy, sweep=Sweep(share * end, end), steps=HOMOTOPY_STEPS, tolerance=solver.tolerance)
         arrived = _end_of(way, advance)
