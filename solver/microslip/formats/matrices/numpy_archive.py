@@ -43,7 +43,7 @@ def _claims(wanted: Wanted) -> dict[str, int]:
     ------
     CaseError : an array is larger than the file can hold, or than its header says, or a sparse matrix has too many rows
     """
-    claimed = {}
+    claimed, has_shape = {}, True
     with zipfile.ZipFile(wanted.path) as archive:
         for member in archive.infolist():
             if member.file_size > _MOST_DEFLATED * wanted.size:
@@ -52,9 +52,13 @@ def _claims(wanted: Wanted) -> dict[str, int]:
                 version = np.lib.format.read_magic(file)
                 read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                 shape, _, kind = read(file)
-                if member.filename == "shape.npy" and kind.kind in "iu" and shape == (2,):
-                    wanted.check_rows(int(np.frombuffer(file.read(2 * kind.itemsize), kind).max()))
+                if member.filename == "shape.npy":
+                    has_shape = kind.kind in "iu" and shape == (2,)
+                    if has_shape:
+                        wanted.check_rows(int(np.frombuffer(file.read(2 * kind.itemsize), kind).max()))
             if kind.itemsize < 0 or not kind.hasobject and int(np.prod(shape, dtype=object)) * kind.itemsize > member.file_size:
                 raise wanted.error(f"{member.filename} is truncated: its header states an array of shape {shape}")
             claimed[member.filename.removesuffix(".npy")] = member.file_size
+    if "format" in claimed and not has_shape:
+        raise wanted.error("the shape of its matrix is not two whole numbers")
     return claimed
