@@ -145,8 +145,9 @@ tolerance = 1e-12
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_a_disc_from_one_sector(comm, shared_path):
-    """[cyclic]: the numbers of a joint are those of all sectors; identification refuses discs, in the catalogue."""
+    """[cyclic]: the numbers of a joint are those of all sectors; all modes, as their shapes stay with another contact stiffness."""
     path = on_root(comm, lambda: write_sector(shared_path, 5, DISC))
 
     def of(*keys, **more):
