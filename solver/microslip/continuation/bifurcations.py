@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..error_estimate.estimate import output_amplitude
 from ..points.bifurcation import BRANCHING, FOLD, NEIMARK_SACKER, PERIOD_DOUBLING, Bifurcation
@@ -152,6 +151,8 @@ class _Arc:
 
     def root(self, of: Callable[[Iterate], float]) -> Iterate:
         """Return the place where a function of solutions changes sign."""
+        from scipy.optimize import brentq  # slow import, seldom needed
+
         values: dict[float, float] = {}
 
         def value(t: float) -> float:

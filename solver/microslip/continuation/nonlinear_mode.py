@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import root
 
 from ..fourier.amplitudes import to_complex
 from ..fourier.harmonics import Harmonics
@@ -135,6 +134,8 @@ def damped_mode(model: ReducedModel, j: int) -> tuple[float, float]:
     def eta(x: np.ndarray) -> np.ndarray:
         value = coordinate(model.with_damping(x[1]), j, float(x[0]), none).per_load - 1.0
         return np.array([value.real, value.imag])
+
+    from scipy.optimize import root  # slow import, seldom needed
 
     solution = root(eta, start, tol=1e-14)
     if not np.linalg.norm(eta(solution.x)) < 1e-10 or solution.x[0] <= 0.0:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..error_estimate.estimate import ErrorEstimator, output_amplitude
 from ..harmonic.balance import HarmonicBalance
@@ -233,6 +232,8 @@ class _Search:
 
     def half_power_by_frequency(self, peak: _At, way: float) -> Iterate | None:
         """Return the same by steps of the frequency: near a corner the phase says little of the amplitude."""
+        from scipy.optimize import brentq  # slow import, seldom needed
+
         share, known = np.sqrt(0.5), [peak]
 
         def miss(omega: float) -> float:

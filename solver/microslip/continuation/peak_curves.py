@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.amplitudes import to_complex
@@ -216,12 +215,16 @@ def linear_peaks(of: ResponseProblem, equation: HarmonicBalance, output: int) ->
 
 def _top(size: Callable[[float], float], low: float, high: float) -> float:
     """Return where an amplitude is highest between two frequencies."""
+    from scipy.optimize import minimize_scalar  # slow import, seldom needed
+
     found = minimize_scalar(lambda w: -size(w), bounds=(low, high), method="bounded", options={"xatol": 1e-6 * (high - low)})
     return float(found.x)
 
 
 def _width(size: Callable[[float], float], omega: float, omegas: np.ndarray, sizes: np.ndarray, i: int) -> float:
     """Return the half-power width of a peak near the ``i``-th frequency of a curve; of a shorter half twice that half."""
+    from scipy.optimize import brentq  # slow import, seldom needed
+
     half, sides = size(omega) / np.sqrt(2.0), []
     for below in (np.flatnonzero(sizes[:i] < half)[-1:], i + np.flatnonzero(sizes[i:] < half)[:1]):
         if len(below):
