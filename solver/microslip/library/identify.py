@@ -31,7 +31,6 @@ from .settings import output_names, refuse_discs, refuse_statics, units_of
 
 OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # deviations where none are stated: of the largest; rad; of the frequency
 ALIKE = 0.98  # correlation beyond which numbers cannot be told apart
-STRETCHED = 0.05  # of the distance of its bounds, within which a value lies at one
 MOST_EVALUATIONS = 60
 AT_REST = ("friction", "preload", "gap")
 
