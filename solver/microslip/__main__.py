@@ -284,7 +284,13 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":
         request = verify.Request(
-            command.at, command.levels, command.harmonics, command.samples, command.steps or verify.STEPS, command.from_rest
+            command.at,
+            command.levels,
+            command.harmonics,
+            command.samples,
+            command.steps or verify.STEPS,
+            command.from_rest,
+            command.disturbed,
         )
         verify.verify(scene, comm, out, request, command.petsc)
     elif command.name == "trade":

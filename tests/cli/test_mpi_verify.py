@@ -132,6 +132,18 @@ def test_from_rest_it_comes_to_the_same(program, shared_path):
     assert int(found[1]["periods"]) > int(found[0]["periods"])
 
 
+@pytest.mark.pictures
+def test_small_disturbances_grow_as_the_multipliers_say(program, shared_path):
+    """A mass before a stop between its two folds: two stable states and one that is not, the middle one."""
+    mass = {"system": scenes.gap_mass, "levels": (0.2,), "frequencies": (1.05, 1.4), "points": 12, "harmonics": 9, "samples": 256}
+    status, out, _ = program("--disturbed", "--at", f"{1.25 / (2.0 * np.pi)!r}", "--steps", "512", **mass)
+    assert status == 0 and "as the Floquet multipliers say at 3 of 3 points" in out
+    found = rows(shared_path)
+    multipliers, factors = ([float(row[name]) for row in found] for name in ("largest_multiplier", "growth"))
+    assert sorted(factor > 1.0 for factor in factors) == [False, False, True]
+    assert factors == pytest.approx(multipliers, rel=0.04) and max(factors) == pytest.approx(max(multipliers), rel=0.02)
+
+
 @pytest.mark.ranks(1)
 def test_a_structure_without_contact_is_verified_and_run_too(comm, shared_path, capfd):
     def write():

@@ -65,6 +65,7 @@ class Command:
     samples: int | None = None
     steps: int | None = None  # time steps per period; None: the default of the command
     from_rest: bool = False
+    disturbed: bool = False
     knobs: tuple[str, ...] = ()  # settings to vary; empty: all
     levels: tuple[float, ...] = ()  # N; empty: the command chooses among the scene's
     meshes: tuple[str, ...] = ()  # files of further meshes
@@ -487,6 +488,9 @@ _OPTIONS = (
     _option("verify", "--samples", "N", "time samples of harmonic balance (default: the scene's)", type=_count),
     _option("verify", "--steps", "N", "time steps per period (default: 256)", type=_steps),
     _option("verify", "--from-rest", None, "integrate from rest, without acceleration: many periods"),
+    _option(
+        "verify", "--disturbed", None, "disturb each steady state, and compare what becomes of it with the Floquet multipliers"
+    ),
     _option("export", "--method", "NAME", "reduction method (default: the scene's, if it has finite matrices)"),
     _option("export", "--recovery", None, "also write the map from the coordinates to full fields"),
     _option("identify", "other", "MEASURED.csv", "rows of frequency, amplitude and phase, or of peaks"),

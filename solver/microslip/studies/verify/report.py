@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from ...fourier.coefficients import amplitude
 from ...observe.screen_table import screen_table
 from ...points.branch import Branch
+from ...points.multipliers import BEYOND
 from ...results.measures import segments
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, some, with_prefix
 from ...system.files import make_folder
@@ -32,6 +33,8 @@ COLUMNS = {  # columns of verify.csv: heading on the screen, and attribute of a 
     "change": ("change a period", "change"),
     "distance": ("distance", "distance"),
     "seconds": ("s", "seconds"),
+    "largest_multiplier": ("largest multiplier", "multiplier"),
+    "growth": ("growth a period", "growth"),
     "failure": ("failure", "failure"),
 }
 EXPECTED = 1e-3  # difference over the peak above which harmonics, samples or steps are insufficient
@@ -67,6 +70,8 @@ class Check:
     change: float  # change of motion or contact forces in the last period, relative to the largest
     distance: float  # distance from the steady state, relative to the motion
     seconds: float
+    multiplier: float = np.nan  # largest modulus of the Floquet multipliers by harmonic balance
+    growth: float = np.nan  # factor a period of a small disturbance, by time integration
     failure: str = ""
     loop: Loop | None = None
 
@@ -98,7 +103,9 @@ def write_verification(
 
 def table(records: Sequence[dict]) -> str:
     """Return the records as a table for the screen."""
-    names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
+    disturbed = any(not np.isnan(entry["growth"]) for entry in records)
+    shown = {"failure": any(entry["failure"] for entry in records), "largest_multiplier": disturbed, "growth": disturbed}
+    names = [name for name in COLUMNS if shown.get(name, True)]
     rows = [(entry["level_N"], [_cell(name, entry[name]) for name in names]) for entry in records]
     head = [COLUMNS[name][0] for name in names]
     title = "harmonic 1 of the first output; differences over the peak of the curve"
@@ -117,14 +124,33 @@ def verdict(checks: Sequence[Check]) -> str:
         f"time integration's own error is about {integration_error:.1e}"
     )
     if worst.with_phase <= EXPECTED:
-        return said
+        return said + of_disturbances(good)
     if worst.integration_error > 0.5 * worst.with_phase:
-        return said + ": too few steps per period for a comparison; raise --steps"
-    return said + ": harmonics or samples of harmonic balance are too few; try --harmonics and --samples"
+        return said + ": too few steps per period for a comparison; raise --steps" + of_disturbances(good)
+    return said + ": harmonics or samples of harmonic balance are too few; try --harmonics and --samples" + of_disturbances(good)
+
+
+def of_disturbances(checks: Sequence[Check]) -> str:
+    """Return a line on the points whose disturbance behaves as the multipliers say; nothing if none was disturbed.  Local."""
+    watched = [check for check in checks if not np.isnan(check.growth)]
+    if not watched:
+        return ""
+    others = [check for check in watched if (check.growth > 1.0 + BEYOND) != (check.multiplier > 1.0 + BEYOND)]
+    n_alike = len(watched) - len(others)
+    said = f"\nsmall disturbances grow or die out as the Floquet multipliers say at {n_alike} of {len(watched)} points"
+    return said + "".join(f"\n  not at {check.where}: {check.multiplier:.5f}, and {check.growth:.5f} in time" for check in others)
 
 
 def _cell(name: str, value) -> str:
-    digits = {"frequency_Hz": 7, "harmonic_balance_m": 5, "time_integration_m": 5, "level_N": 6, "seconds": 3}.get(name, 2)
+    digits = {
+        "frequency_Hz": 7,
+        "harmonic_balance_m": 5,
+        "time_integration_m": 5,
+        "level_N": 6,
+        "seconds": 3,
+        "largest_multiplier": 5,
+        "growth": 5,
+    }.get(name, 2)
     return cell(value, digits)
 
 

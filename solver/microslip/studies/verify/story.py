@@ -24,6 +24,7 @@ from ...receptance.motions import modal_motion
 from ...receptance.reduced_model import ReducedModel
 from ...scene.read import changed
 from ...system.versions import versions
+from ...transient.growth import growth
 from ...transient.march import Cycle, March
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
 from ...transient.transient_model import TransientModel, transient_model
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
 SHARES = (0.85, 0.75)  # fractions of the peak at the verified points on both sides; 0.71 bounds the half-power band
 TOLERANCE = 1e-5  # distance from the steady state, relative to the motion
+CLOSER = 1e-3  # of the tolerance, where a small disturbance is watched: else the state departs by more than that
 ACCEPTED = 1e-3  # the same, above which a point is not compared
 MOST_PERIODS, MOST_FROM_REST = 60, 3000
 STEPS = 256  # steps per period; half as many first
@@ -52,6 +54,7 @@ class Request:
     samples: int | None = None
     steps: int = STEPS
     from_rest: bool = False
+    disturbed: bool = False  # whether each steady state is disturbed, and the disturbance watched
 
 
 def verify(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
@@ -105,14 +108,17 @@ def with_requested_range(scene: Scene, request: Request) -> Scene:
             f"{scene.path}: [damping] structural: a loss factor is defined for steady vibration alone, and has no equivalent in "
             "time; verify the scene with ratio in its place, of about half the loss factor"
         )
+    scene = _as_ring(scene)
     solver = {key: value for key in ("harmonics", "samples") if (value := getattr(request, key)) is not None}
     response = {key: value for key in ("levels", "at") if (value := getattr(request, key))}
+    stability = {"stability": True} if request.disturbed else {}
     try:
-        scene = changed(scene, {"solver": solver, "response": response})
+        scene = changed(scene, {"solver": solver, "response": response | stability})
     except CaseError as problem:
-        raise CaseError(f"{' '.join(f'--{key}' for key in (*solver, *response))}: {problem}") from None
+        options = (*solver, *response, *(["disturbed"] if request.disturbed else []))
+        raise CaseError(f"{' '.join(f'--{key}' for key in options)}: {problem}") from None
     refuse_statics(scene, "verify")
-    return _as_ring(scene)
+    return scene
 
 
 def _as_ring(scene: Scene) -> Scene:
@@ -157,6 +163,7 @@ class Chosen:
     U: np.ndarray  # (n_pairs, 3, N_H) m
     p: np.ndarray  # (n_pairs, 3, N_H) N
     energy: np.ndarray  # (n_pairs,) J
+    multiplier: float  # largest modulus; NaN without stability
 
 
 def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]:
@@ -179,7 +186,10 @@ def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]
             response, U, p = (
                 Harmonics.full(values.shape[-1]).carry(values, most) for values in (point.response[0], point.U, point.p)
             )
-            chosen.append(Chosen(branch.level, point.omega, float(sizes[top]), i == nearest, response, U, p, point.energy))
+            largest = np.nan if point.multipliers is None else float(np.hypot(*point.multipliers.T).max(initial=0.0))
+            chosen.append(
+                Chosen(branch.level, point.omega, float(sizes[top]), i == nearest, response, U, p, point.energy, largest)
+            )
     return chosen
 
 
@@ -214,13 +224,17 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
     start, most = from_rest(transient, len(chosen)), MOST_FROM_REST
     if not request.from_rest:
         start, most = start_of(transient, model, chosen, request.steps), MOST_PERIODS
+    tolerance = TOLERANCE * (CLOSER if request.disturbed else 1.0)
     founds: list[Found] = []
     responses: list[np.ndarray] = []
     try:
         for n_steps in (request.steps // 2, request.steps):
-            founds.append(steady_state(March(transient, omega, level, n_steps), start, TOLERANCE, most, not request.from_rest))
+            founds.append(steady_state(March(transient, omega, level, n_steps), start, tolerance, most, not request.from_rest))
             start = founds[-1].start
             responses.append(responses_of(transient, model, omega, level, founds[-1].cycle)[:, 0])
+        factors = np.full(len(chosen), np.nan)
+        if request.disturbed:
+            factors = growth(March(transient, omega, level, request.steps // 2), founds[0].start)
     except ConvergenceError as problem:
         if len(chosen) == 1:
             return [failed_check(chosen[0], str(problem))]
@@ -238,6 +252,7 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
             change=float(founds[-1].change[i]),
             distance=float(founds[-1].distance[i]),
             seconds=seconds,
+            growth=float(factors[i]),
             failure=unsteady(founds[-1].distance[i], int(periods[i])),
             loop=loop_of(transient, point, du[:, i], founds[-1].cycle.p[:, i]) if point.is_peak else None,
         )
@@ -287,6 +302,7 @@ def compared(point: Chosen, fine: np.ndarray, coarse: np.ndarray) -> Check:
         change=np.nan,
         distance=np.nan,
         seconds=np.nan,
+        multiplier=point.multiplier,
     )
 
 
