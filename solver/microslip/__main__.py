@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, NoReturn
 
 from .guards.ending import conclude, leave, no_exit, require
 from .guards.lock import locked
-from .guards.overdue import oversee_signals, pass_on_to_first
+from .guards.overdue import oversee_signals, pass_on_to_first, repeat_early_signal
 from .messages.errors import CaseError, ResourceError, naming
 from .parallel.agree import on_root
 from .parallel.petsc import initialise, unused_options
 from .program.command_line import Command, parse
 from .system.signals import obey_signals
-from .system.start import launcher_rank, repeat_early_signal, too_little_address_space
+from .system.start import launcher_rank, too_little_address_space
 from .system.walltime import time_limit
 from .system.watchdog import show_stacks, watch, wrong_limit
 

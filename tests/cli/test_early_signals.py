@@ -35,6 +35,20 @@ def test_one_that_stops_ends_the_program_with_its_own_status(tmp_path, number):
     assert done.stderr == f"microslip: error: stopped by {number.name} before it had begun\n"
 
 
+@pytest.mark.parametrize("module", ["numpy", "pydantic"])
+def test_one_that_a_library_takes_for_a_failed_import(tmp_path, module):
+    """C code that imports NumPy reports any exception as a missing NumPy."""
+    kill = f"            os.kill(os.getpid(), {int(signal.SIGTERM)})\n"
+    swallowed = (
+        "            try:\n    "
+        + kill
+        + '            except BaseException:\n                raise ImportError("failed to import")\n'
+    )
+    script = EARLY.format(number=int(signal.SIGTERM)).replace(kill, swallowed).replace('"mpi4py"', f'"{module}"')
+    done = python("-c", script, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (5, "microslip: error: stopped by SIGTERM\n")
+
+
 def test_one_that_asks_to_save_passes(tmp_path):
     done = begun(tmp_path, signal.SIGUSR1)
     assert done.returncode == 2 and "nothing.toml" in done.stderr

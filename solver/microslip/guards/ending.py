@@ -20,7 +20,7 @@ from ..messages.errors import CaseError, Interrupted, MicroslipError, ResourceEr
 from ..parallel.agree import raise_together
 from ..parallel.petsc import refused_option
 from ..system.files import remove_folders
-from ..system.signals import Answer, conclude_signals, drop_output, ignore_signals, stop_requested
+from ..system.signals import Answer, conclude_signals, drop_output, ignore_signals, raise_stop, stop_requested
 from ..system.start import launcher_rank
 from ..system.watchdog import unwatched
 from .overdue import ABORTS, is_aborted
@@ -129,7 +129,12 @@ def expected(problem: BaseException) -> MicroslipError | None:
 
 
 def require(comm: MPI.Comm | None, problem: str | None) -> None:
-    """Raise CaseError on every rank if any rank passes a ``problem``.  Collective on ``comm``, which may be None."""
+    """Raise CaseError on every rank if any rank passes a ``problem``.  Collective on ``comm``, which may be None.
+
+    A problem after a signal that stops is its effect: a library converted it to a failed import.
+    """
+    if problem:
+        raise_stop()
     if comm is not None:
         raise_together(comm, problem, CaseError)
     elif problem:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NoReturn
 from ..messages.errors import Interrupted
 from ..system.files import remove_folders
 from ..system.signals import STOPPING, TO_FIRST, Answer, is_concluded, is_unbroken, parting_words
-from ..system.start import launcher_rank
+from ..system.start import early_signal, launcher_rank
 from ..system.watchdog import end_within
 from .lock import release_all, started
 
@@ -44,6 +44,17 @@ def pass_on_to_first(comm: MPI.Comm) -> None:
     process, start = comm.bcast((os.getpid(), started(os.getpid())))
     is_here = comm.rank > 0 and start != "" and started(process) == start
     _First.process, _First.start = (process, start) if is_here else (0, "")
+
+
+def repeat_early_signal() -> None:
+    """Send the first rank and this process the signal that came while they started, if there is one.  Local.
+
+    Once both answer it; the thread, which it has woken before, passes on no other.
+    """
+    number = early_signal()
+    if number is not None:
+        _pass_on(number)
+        os.kill(os.getpid(), number)
 
 
 def _pass_on(number: int) -> None:

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..parallel.petsc import initialise, locate
+from ..system.signals import unbroken
 from ..system.versions import dotted, loaded_libraries, mumps_version
 from ..version import __version__
 
@@ -62,8 +63,11 @@ def faults(*names: str) -> str | None:
     """
     first = PARTS[0]
     wanted = [part for part in PARTS if part.name in names or not names and not (part.is_plain and _is_there(part))]
-    if first.name == "numpy" and (fault := _fault(first)) is not None:
-        return f"numpy: {fault}"
+    if first.name == "numpy":
+        with unbroken():  # NumPy's C code would print a signal that stops as a traceback, and go on
+            fault = _fault(first)
+        if fault is not None:
+            return f"numpy: {fault}"
     lines = [f"{part.name}: {fault}" for part in wanted if (fault := _fault(part))]
     return "; ".join(lines) + "; see: microslip doctor" if lines else None
 

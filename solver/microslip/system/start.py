@@ -74,10 +74,9 @@ def stop_at_once() -> None:
             signal.signal(number, answer)
 
 
-def repeat_early_signal() -> None:
-    """Send this process the signal that stop_at_once() has put off, if there is one.  Local; once signals.py answers it."""
-    if _put_off:
-        os.kill(os.getpid(), _put_off.pop())
+def early_signal() -> int | None:
+    """Return the signal that stop_at_once() has put off, once, or None.  Local."""
+    return _put_off.pop() if _put_off else None
 
 
 def _end(number: int, frame: object) -> None:
