@@ -128,6 +128,8 @@ def test_a_run_writes_table_and_file(comm, path, program, shared_path):
         pytest.param({"key": "level", "range": (1.0, 2.0), "level": 3.0}, "leave the key level out", id="level twice"),
         pytest.param({"key": "joints.joint.normal_stiffness", "range": (0.0, 2.0)}, "at 0, where nothing", id="no stiffness"),
         pytest.param({"key": "level", "range": (1.0, 2.0), "output": "none"}, "there is no output 'none'", id="no output"),
+        pytest.param({"key": "damping.ratio", "range": (0.01, 0.02)}, "is not the only damping", id="no ratio"),
+        pytest.param({"key": "damping", "range": (0.0, 2.0)}, "at 0, where nothing", id="no damping"),
     ],
 )
 def test_a_number_that_cannot_be_followed_is_refused(path, over, says):
@@ -143,3 +145,31 @@ def test_no_peak_in_the_range_is_refused(structure):
 def test_values_that_the_law_has_not_are_refused(structure):
     with pytest.raises(CaseError, match="is no value"):
         microslip.peaks(structure, {"joints.joint.gap": (1.0, 2.0)}, level=0.8)  # a preload does not become a gap
+
+
+def test_the_peak_over_damping_of_one_mass(structure):
+    """A factor of C, here of all damping: the closed form while the mass sticks, and while it slips."""
+    (curve,) = microslip.peaks(structure, {"damping": (4.0, 0.5)}, level=0.05, values=(2.0,))
+    assert curve.unit == "times the scene's values" and curve.value[0] == 4.0 and curve.value[-1] == 0.5 and 2.0 in curve.value
+    sticks, c = ~curve.points.state.any(axis=1), C * curve.value
+    assert sticks.any() and not sticks.all() and not curve.points.failure
+    assert curve.amplitude[sticks] == pytest.approx((0.05 / (c * np.sqrt(2.0 - 0.25 * c**2)))[sticks], rel=1e-9)
+    slips = curve.amplitude > 1.2
+    assert curve.amplitude[slips] == pytest.approx([exact.jenkins_peak(0.05, 1.0, of) for of in c[slips]], rel=30.0 / 128**2)
+
+
+def test_the_peak_over_the_damping_ratio_of_all_modes(comm, shared_path):
+    """Ends at the peaks of a scene with that ratio, error bars included."""
+    level, curves = 3.0, []
+    for ratio, over in ((0.004, {"damping.ratio": (0.004, 0.006)}), (0.006, {"level": (0.5 * level, level)})):
+        system = scenes.chain() | {"zeta": ratio}
+        path = on_root(comm, lambda of=system: write_matrix_scene(shared_path, of, [level], (400.0, 800.0), outputs=[6], modes=6))
+        with microslip.build(microslip.read(path), comm) as structure:
+            curves.append(microslip.peaks(structure, over, **({} if "level" in over else {"level": level})))
+    assert curves[0][0].points.state[-1].any()
+    for k in (0, 2):  # the peak between them is lost where it meets the first
+        curve, other = (of_scene[k] for of_scene in curves)
+        assert not curve.points.failure and curve.value[-1] == pytest.approx(0.006)
+        for name in ("amplitude", "frequency"):
+            assert getattr(curve, name)[-1] == pytest.approx(getattr(other, name)[-1], rel=1e-5)
+        assert curve.error[-1] == pytest.approx(other.error[-1], rel=1e-3)

@@ -16,6 +16,7 @@ from ..points.branch import Branch, Point
 from ..points.peak import Peak
 from ..points.sweep import Sweep
 from ..receptance.motions import linear_motion, output_motion
+from ..receptance.reduced_model import ReducedModel
 from .accuracy import accuracy_of
 from .iterate import Iterate
 from .levels import ResponseProblem, linear_curve
@@ -31,7 +32,7 @@ LEAST = 1e-3  # of the level to be reached, at which a peak begins of which some
 class PeakRequest:
     """A number over which the peaks of an output are followed."""
 
-    varies: str | LawParameter  # "level" [N], or a number of the contact law
+    varies: str | LawParameter  # "level" [N], "damping" as a factor, or a number of the contact law
     range: tuple[float, float]  # in its unit, from the first to the second
     at: tuple[float, ...]  # values that must be points
     output: int
@@ -42,6 +43,8 @@ class PeakRequest:
         """The operating point at the begin of the range, but for its frequency."""
         if isinstance(self.varies, LawParameter):
             return OperatingPoint(0.0, self.level, law=((self.varies, self.range[0]),))
+        if self.varies == "damping":
+            return OperatingPoint(0.0, self.level, damping=self.range[0])
         return OperatingPoint(0.0, self.range[0])
 
 
@@ -84,7 +87,7 @@ def beginnings(of: ResponseProblem, request: PeakRequest) -> list[Peak]:
         for value in request.range:
             if not equation.allows(OperatingPoint(0.0, request.level, law=((request.varies, value),))):
                 raise CaseError(f"[[response.over]] range: {value:g} is no value that the law of these pairs has")
-    peaks = linear_peaks(of, equation.under(request.begin), request.output)
+    peaks = linear_peaks(of, equation.under(request.begin).model_at(request.begin), request.output)
     if not peaks:
         low, high = (end / (2.0 * np.pi) for end in sorted((of.sweep.start, of.sweep.stop)))
         raise CaseError(
@@ -100,9 +103,10 @@ def _follow(
     """Return the curve of one peak.  Collective."""
     at_begin, tolerance, varies = equation.under(request.begin), of.settings.tolerance, request.varies
     begin, begins, level = request.begin.level, None, 0.0 if varies == "level" else request.level
-    sticks = STUCK * slips_from(at_begin, stuck.omega)
+    damping = request.begin.damping
+    sticks = STUCK * slips_from(at_begin, stuck.omega, damping)
     if sticks < begin:
-        lead = follow_peak(at_begin, "level", Sweep(max(sticks, LEAST * begin), begin), stuck, tolerance)
+        lead = follow_peak(at_begin, "level", Sweep(max(sticks, LEAST * begin), begin), stuck, tolerance, damping=damping)
         if lead.failure is not None:
             return PeakCurve(stuck, Branch(level, failure=f"on the way up to {begin:g} N: {lead.failure}"))
         begins = _arrived(lead, ForcedResponse(at_begin, begin), request)
@@ -193,9 +197,8 @@ def _arrived(lead: Branch, problem: ForcedResponse, request: PeakRequest) -> Ite
 # -- the linear response -----------------------------------------------------------------------------------------------
 
 
-def linear_peaks(of: ResponseProblem, equation: HarmonicBalance, output: int) -> list[Peak]:
-    """Return the peaks of an output while all pairs stick, amplitudes per newton, by rising frequency.  Collective."""
-    model = equation.model
+def linear_peaks(of: ResponseProblem, model: ReducedModel, output: int) -> list[Peak]:
+    """Return the peaks of an output of a model while all pairs stick, per newton, by rising frequency.  Collective."""
     curve = of.curve if model is of.model else linear_curve(model, of.sweep)
     none = np.zeros((3 * model.n_pairs, model.N_H))
 
@@ -233,9 +236,10 @@ def _width(size: Callable[[float], float], omega: float, omegas: np.ndarray, siz
     return float(np.sum(sides) * (2.0 / len(sides))) if sides else 1e-3 * omega
 
 
-def slips_from(equation: HarmonicBalance, omega: float) -> float:
+def slips_from(equation: HarmonicBalance, omega: float, damping: float = 1.0) -> float:
     """Return the level [N] from which the first pair slips at a frequency; infinite where none does.  Collective."""
-    U = np.abs(to_complex(linear_motion(equation.model, 1.0, omega))).sum(axis=1).reshape(-1, 3)
+    model = equation.model_at(OperatingPoint(omega, 1.0, damping=damping))
+    U = np.abs(to_complex(linear_motion(model, 1.0, omega))).sum(axis=1).reshape(-1, 3)
     used = float(np.max(equation.law.utilisation(U), initial=0.0))
     used = max(equation.comm.allgather(used))
     return 1.0 / used if used > 0.0 else np.inf

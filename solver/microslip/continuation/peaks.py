@@ -49,12 +49,13 @@ class PeakOver(ProblemBase):
     While all pairs stick, the peak is that of the linear response, at the frequency ``stuck``.
     """
 
-    varies: str | LawParameter  # "level", "sigma" or a parameter of the contact law
+    varies: str | LawParameter  # "level", "damping" or a parameter of the contact law
     level: float  # N, where it does not vary
     stuck: float  # rad/s
     width: float  # rad/s, unit of the frequency: about the half-power width
     row: EnclosedRow  # over the second parameter
     begins: Iterate | None = None  # a solution to begin from; None: the linear response
+    damping: float = 1.0  # -, factor, where it does not vary
 
     @property
     def units(self) -> tuple[float, ...]:
@@ -78,12 +79,10 @@ class PeakOver(ProblemBase):
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         value, omega = parameters
-        at = OperatingPoint(omega, self.level)
-        return (
-            replace(at, law=((self.varies, value),))
-            if isinstance(self.varies, LawParameter)
-            else (replace(at, level=value) if self.varies == "level" else replace(at, sigma=value))
-        )
+        at = OperatingPoint(omega, self.level, damping=self.damping)
+        if isinstance(self.varies, LawParameter):
+            return replace(at, law=((self.varies, value),))
+        return replace(at, level=value) if self.varies == "level" else replace(at, damping=value)
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
         return {self.varies: 1.0}, {"omega": 1.0}
@@ -127,6 +126,7 @@ def follow_peak(
     accuracy: Accuracy | None = None,
     on_point: Emit = nobody,
     until: Callable[[Point], bool] = lambda point: False,
+    damping: float = 1.0,
 ) -> Branch:
     """Return the peak of an output over a number of the operating point, as one branch.  Collective.
 
@@ -135,10 +135,10 @@ def follow_peak(
     Parameters
     ----------
     equation : with the pairs' law and samples
-    varies : "level" [N], "sigma" [1/s] or a parameter of the contact law
+    varies : "level" [N], "damping" (a factor) or a parameter of the contact law
     sweep : range of that number, from an end where all pairs stick or near to it; values in ``at`` are points
     stuck : the peak of the linear response
-    level : N, where it does not vary
+    level, damping : N and factor, where they do not vary
     begins : the peak at the begin of the range, where the linear response is not near
     estimator, accuracy : error bars, destroyed at the end; the accuracy that chooses harmonics and samples
     on_point : gets each point
@@ -148,7 +148,7 @@ def follow_peak(
     -------
     branch : ``parameters`` of a point are the number and the frequency [rad/s]; why it ends early is in ``failure``
     """
-    problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, MaximumByPhase(stuck.output), begins)
+    problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, MaximumByPhase(stuck.output), begins, damping)
     task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance, estimator, accuracy)
     return follow_branch(task, MOST_POINTS, on_point, until=until)
 

@@ -147,7 +147,7 @@ class ErrorEstimator:
         used = forces if selected.all() else equation.contact_forces(U, selected, tangents=False)
         p = equation.full_force(used)
         changes = self.changes(exact, U, at, equation.full_force(forces), p)
-        truncation = self.enriched_of(equation.model).truncation(there, at.sigma)
+        truncation = self.enriched_of(equation.model).truncation(there, at.sigma, at.damping)
         n_samples = 0 if truncation.is_exact else SAMPLES_OF_MODES
         through_joint = JointChanges.nothing(
             2 * n_out, n_samples, exact.model.N_H

@@ -16,6 +16,7 @@ from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import OperatingPoint
 from ..points.sensitivities import NUMBERS
+from ..receptance.damping import Damping
 from ..receptance.motions import linear_motion, modal_motion
 from ..receptance.reduced_model import HarmonicGroup, ReducedModel
 from ..receptance.springs import damping_quotients
@@ -129,8 +130,7 @@ class ModalAdjoint:
         Local.  docs/theory.md, eq. (11.6).
         """
         modes, n = self.group.receptance.modes, self.group.harmonics.numbers
-        stated = model.stated_damping
-        C_eta = modes.damping.apply(self.eta) if stated is None else stated.modal(modes.omega_n)[:, None] * self.eta
+        C_eta = Damping(modes.stated(model.stated_damping)).apply(self.eta)
         d_eta = 1j * n * self.omega * C_eta + 1j * (n > 0) * modes.damping.apply_structural(self.eta)
         return np.einsum("qmh,mh->q", self.w.conj(), d_eta).real
 

@@ -228,7 +228,7 @@ class HarmonicBalance:
         return self.receptance(at, pairs).apply(self.gather(forces.reshape(-1, self.model.N_H)))
 
     def of_structure(self, rates: Rates) -> tuple[float, float, list[np.ndarray] | None]:
-        """Return the rates of omega, of sigma and of the stated modal damping of each group, (m, m); None: it is constant.
+        """Return the rates of omega, of sigma and of the damping of each group, (m,) or (m, m); None: it is constant.
 
         Local; collective by a stiffness: one gather.
         """
@@ -238,13 +238,15 @@ class HarmonicBalance:
             for parameter, of_value in of_springs:
                 dK[np.sort(parameter.pairs)] += of_value * self.spring_rate(parameter)
             of_damping = [stated_damping_rate(group.receptance.modes, stated, dK.ravel()) for group in self.model.groups]
+        elif rates.get("damping", 0.0):
+            of_damping = [rates["damping"] * group.receptance.modes.stated(stated) for group in self.model.groups]
         return rates.get("omega", 0.0), rates.get("sigma", 0.0), of_damping
 
     def model_at(self, at: OperatingPoint) -> ReducedModel:
         """Return the model with the damping of an operating point.  Local."""
-        if at.sigma == 0.0:
+        if at.sigma == 0.0 and at.damping == 1.0:
             return self.model
-        return self._cached("model", at.sigma, lambda: self.model.with_damping(at.sigma))
+        return self._cached("model", (at.sigma, at.damping), lambda: self.model.with_damping(at.sigma, at.damping))
 
     def linear_motion(self, at: OperatingPoint) -> np.ndarray:
         """Return U_lin of this rank's pairs, (n_owned, 3, N_H) [m].  Local; cached for the last point, therefore read-only."""

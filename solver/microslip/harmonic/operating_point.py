@@ -33,6 +33,7 @@ class OperatingPoint:
     level: float  # N, multiplies the loads
     sigma: float = 0.0  # 1/s, additional damping sigma M; negative where it excites
     law: tuple[tuple[LawParameter, float], ...] = ()  # parameters of the law with values that differ from the equation's law
+    damping: float = 1.0  # -, multiplies the viscous damping that the scene states
 
     @property
     def text(self) -> str:
@@ -40,7 +41,9 @@ class OperatingPoint:
         return f"{self.omega / 2 / np.pi:.6g} Hz ({self.omega:.6g} rad/s) at level {self.level:.4g} N"
 
 
-Rates = Mapping[str | LawParameter, float]  # d / d nu of an operating point, by "omega", "level", "sigma" or a law parameter
+Rates = Mapping[
+    str | LawParameter, float
+]  # d / d nu of an operating point, by "omega", "level", "sigma", "damping" or a law parameter
 
 
 def law_rates(rates: Rates) -> list[tuple[LawParameter, float]]:

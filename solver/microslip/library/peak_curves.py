@@ -30,6 +30,7 @@ class OverNumber:
     key: str
     unit: str
     request: PeakRequest
+    scale: float = 1.0  # of this number over the parameter of the request
 
 
 def numbers_of(prepared: Prepared) -> list[OverNumber]:
@@ -47,8 +48,14 @@ def _number(scene: Scene, pairs: ContactPairs, over: Over) -> OverNumber:
     output = 0 if over.output is None else names.index(over.output)
     level = over.level or max(scene.response.levels)
     of_joint = over.of_joint
-    if of_joint is None:
+    if over.key == "level":
         return OverNumber(over.key, units_of(scene).level, PeakRequest("level", over.range, over.at, output, level))
+    if of_joint is None:
+        stated = scene.damping if over.key == "damping.ratio" else None
+        ratio = 1.0 if stated is None or stated.ratio is None else stated.ratio
+        low, high, *at = (value / ratio for value in (*over.range, *over.at))
+        unit = FACTOR if over.key == "damping" else "1"
+        return OverNumber(over.key, unit, PeakRequest("damping", (low, high), tuple(at), output, level), ratio)
     parameter, unit = number_of_joint(scene, pairs, *of_joint)
     return OverNumber(over.key, unit, PeakRequest(parameter, over.range, over.at, output, level))
 
@@ -93,7 +100,7 @@ def _record(number: OverNumber, curve: PeakCurve, sizes: tuple[int, int, int]) -
         number.key,
         number.unit,
         linear,
-        np.array([point.parameters[0] for point in branch.points]),
+        number.scale * np.array([point.parameters[0] for point in branch.points]),
         np.array([curve.damping_ratio(point) for point in branch.points]),
         level_result(branch, sizes, STOPPED if branch.failure else COMPLETE),
     )

@@ -295,7 +295,7 @@ class SamplePeaks:
 
     def _nearest_linear(self, of: ResponseProblem, level: float, omega: float | None) -> Peak | None:
         """Return the linear peak nearest to a frequency [rad/s], by default to that of the scene itself; None without one."""
-        peaks, near = linear_peaks(of, of.at_level(level).equation, self.output), omega or self.target
+        peaks, near = linear_peaks(of, of.model, self.output), omega or self.target
         return min(peaks, key=lambda peak: abs(np.log(peak.omega / near)), default=None)
 
     # -- what a sample changes ---------------------------------------------------------------------------------------

@@ -88,6 +88,11 @@ class Damping:
         """Return the damping with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""
         return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma), self.S)
 
+    def with_more(self, C: np.ndarray) -> Damping:
+        """Return the damping plus C, (m,) or (m, m) [1/s]."""
+        more = np.diag(C) if C.ndim == 1 and self.couples_modes else C
+        return Damping((np.diag(self.C) if more.ndim > self.C.ndim else self.C) + more, self.S)
+
     def conjugated(self) -> Damping:
         """Return the damping of the complex conjugate modes."""
         return Damping(self.C.conj(), None if self.S is None else self.S.conj())
@@ -195,12 +200,14 @@ class DynamicFlexibility(Flexibility):
     def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0, d_C: np.ndarray | None = None) -> Flexibility:
         """Return the rate of c_n for the rates ``d_omega`` of omega, ``d_sigma`` of a damping sigma M at sigma = 0, ``d_C`` of C.
 
-        ``d_C`` is (m, m) for any damping; the result is then full.
+        ``d_C`` is (m,), or (m, m) for any damping; the result is then full.
         """
         terms = [self._of_omega * d_omega] if d_omega != 0.0 or (d_sigma == 0.0 and d_C is None) else []
         if d_sigma != 0.0:
-            terms.append(self._of_sigma * d_sigma)
-        if d_C is not None:
+            terms.append(self._of_damping(np.ones(len(self.squares))) * d_sigma)
+        if d_C is not None and d_C.ndim == 1:
+            terms.append(self._of_damping(d_C))
+        elif d_C is not None:
             inverse = self.inverse if self.damping.couples_modes else _full(self.c + 1.0 / self.squares[:, None])
             terms = [term if term.ndim == 3 else _full(term) for term in terms]
             terms.append(-1j * self.n_omega[:, None, None] * (inverse @ d_C @ inverse))
@@ -215,12 +222,11 @@ class DynamicFlexibility(Flexibility):
         dD = -2.0 * (n * n_omega)[:, None, None] * np.eye(len(self.squares)) + 1j * n[:, None, None] * self.damping.C
         return -self.inverse @ dD @ self.inverse
 
-    @property
-    def _of_sigma(self) -> np.ndarray:
-        """d c_n / d sigma [s3], with the shape of c_n."""
+    def _of_damping(self, d_C: np.ndarray) -> np.ndarray:
+        """Return the rate of c_n for the rates (m,) of the diagonal of C, with the shape of c_n."""
         if not self.damping.couples_modes:
-            return -1j * self.n_omega * (self.c + 1.0 / self.squares[:, None]) ** 2
-        return -1j * self.n_omega[:, None, None] * (self.inverse @ self.inverse)
+            return -1j * self.n_omega * d_C[:, None] * (self.c + 1.0 / self.squares[:, None]) ** 2
+        return -1j * self.n_omega[:, None, None] * (self.inverse @ (d_C[:, None] * self.inverse))
 
     def whole(self, q: np.ndarray, i: int) -> np.ndarray:
         """Return D_n^-1 q, complex (m, k), for the i-th harmonic: modal amplitudes under modal forces q (m, k)."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from .damping import Damping, DynamicFlexibility
+from .damping import Damping, DynamicFlexibility, StatedDamping
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +57,14 @@ class DampedModes:
         """Loss factors of structural damping, (m,) [-]."""
         return self.damping.structural_diagonal / self.omega_n**2
 
-    def with_damping(self, sigma: float) -> DampedModes:
-        """Return the same modes with sigma M [1/s] added to the damping matrix.  Local."""
-        return replace(self, damping=self.damping.plus(sigma))
+    def stated(self, stated: StatedDamping | None) -> np.ndarray:
+        """Return the viscous damping that is stated for modes, (m,), or without it the whole C, (m,) or (m, m) [1/s].  Local."""
+        return self.damping.C if stated is None else stated.modal(self.omega_n)
+
+    def with_damping(self, sigma: float, factor: float = 1.0, stated: StatedDamping | None = None) -> DampedModes:
+        """Return the same modes with the stated damping, or C, times a factor, plus sigma M [1/s].  Local."""
+        damping = self.damping.plus(sigma)
+        return replace(self, damping=damping if factor == 1.0 else damping.with_more((factor - 1.0) * self.stated(stated)))
 
     def conjugated(self) -> DampedModes:
         """Return the modes of the complex conjugate matrices, as their conjugates.  Local."""

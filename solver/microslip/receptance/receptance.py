@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..fourier.amplitudes import adjoint_times, loaded_times, matrix_times, to_complex
-from .damping import DynamicFlexibility, Flexibility
+from .damping import DynamicFlexibility, Flexibility, StatedDamping
 from .modes import DampedModes
 from .rigid_motion import RigidMotion
 from .static_response import StaticResponse
@@ -33,10 +33,10 @@ class Receptance:
     def is_complex(self) -> bool:
         return np.iscomplexobj(self.modes.R_phi) or self.static.G_static.is_complex
 
-    def with_damping(self, sigma: float) -> Receptance:
-        """Return the receptance with sigma M [1/s] added to the damping matrix."""
-        rigid = self.rigid and self.rigid.with_damping(sigma)
-        return replace(self, modes=self.modes.with_damping(sigma), rigid=rigid)
+    def with_damping(self, sigma: float, factor: float = 1.0, stated: StatedDamping | None = None) -> Receptance:
+        """Return the receptance with the stated damping, or the matrix C, times a factor, plus sigma M [1/s]."""
+        rigid = self.rigid and self.rigid.with_damping(sigma, factor, stated)
+        return replace(self, modes=self.modes.with_damping(sigma, factor, stated), rigid=rigid)
 
     def conjugated(self) -> Receptance:
         """Return the receptance of conj(K_L), conj(M) and conj(C) under conjugate load vectors: of nodal diameter N - d from d.

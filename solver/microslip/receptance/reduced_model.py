@@ -85,9 +85,10 @@ class ReducedModel(ReducedStructure):
         f = self.harmonics.carry(self.f, harmonics)
         return replace(self, f=f, harmonics=harmonics, H_recorded=self.recorded.highest)
 
-    def with_damping(self, sigma: float) -> ReducedModel:
-        """Return the same model with sigma M [1/s] added to its damping matrix; everything else is shared.  Local."""
-        return replace(self, receptances=self.receptances.mapped(lambda receptance: receptance.with_damping(sigma)))
+    def with_damping(self, sigma: float, factor: float = 1.0) -> ReducedModel:
+        """Return the same model with its stated viscous damping times a factor, plus sigma M [1/s].  Local."""
+        stated = self.stated_damping
+        return replace(self, receptances=self.receptances.mapped(lambda each: each.with_damping(sigma, factor, stated)))
 
     # -- products by harmonic group --------------------------------------------------------------------------------
 
@@ -132,7 +133,7 @@ class ReducedModel(ReducedStructure):
     def flexibility_rates(
         self, omega: float, d_omega: float, d_sigma: float, d_C: Sequence[np.ndarray] | None = None
     ) -> list[Flexibility]:
-        """Return the rates of c_n of each group, see :meth:`DynamicFlexibility.rate`; ``d_C`` has one matrix per group."""
+        """Return the rates of c_n of each group, see :meth:`DynamicFlexibility.rate`; ``d_C`` has one entry per group."""
         c_n = self.flexibilities(omega)
         if d_C is None:
             return [c.rate(d_omega, d_sigma) for c in c_n]

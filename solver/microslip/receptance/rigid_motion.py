@@ -16,6 +16,7 @@ import numpy as np
 from ..fourier.amplitudes import to_complex, to_real
 from ..fourier.harmonics import Harmonics
 from ..messages.errors import CaseError
+from .damping import StatedDamping
 
 BALANCED = 1e-6  # of the forces' sum: a smaller resultant is rounding
 
@@ -28,9 +29,11 @@ class RigidMotion:
     o: np.ndarray  # (n_outputs, n) output rows times phi_r
     C: np.ndarray  # (n, n) phi_r^T C phi_r [1/s]
 
-    def with_damping(self, sigma: float) -> RigidMotion:
-        """Return the same modes with sigma M [1/s] added to the damping matrix."""
-        return replace(self, C=self.C + sigma * np.eye(len(self.C)))
+    def with_damping(self, sigma: float, factor: float = 1.0, stated: StatedDamping | None = None) -> RigidMotion:
+        """Return the same modes with the stated damping, or C, times a factor, plus sigma M [1/s]."""
+        unit = np.eye(len(self.C))
+        of_factor = self.C if stated is None else stated.modal(np.zeros(len(self.C))) * unit
+        return replace(self, C=self.C + (factor - 1.0) * of_factor + sigma * unit)
 
     def coordinates(self, f: np.ndarray, n_omega: np.ndarray) -> np.ndarray:
         """Return q, real coefficients (n, N_H), under loads f (n_loads, N_H), whose harmonics have the frequencies n omega."""

@@ -59,9 +59,12 @@ class TruncatedModes:
     residual: np.ndarray  # (n_outputs, n_loads) Z between outputs and loads, exactly [m/N]
     coupling: StructuralCoupling | None  # by structural damping with a joint
 
-    def with_damping(self, sigma: float) -> TruncatedModes:
-        """Return the same modes with sigma M [1/s] added to the damping matrix.  Local."""
-        return self if sigma == 0.0 else replace(self, damping=replace(self.damping, alpha=self.damping.alpha + sigma))
+    def with_damping(self, sigma: float, factor: float = 1.0) -> TruncatedModes:
+        """Return the same modes with their viscous damping times a factor, plus sigma M [1/s].  Local."""
+        if sigma == 0.0 and factor == 1.0:
+            return self
+        of, beyond = self.damping, {"alpha": factor * self.damping.alpha + sigma}
+        return replace(self, damping=replace(of, **beyond, ratio=factor * of.ratio, beta=factor * of.beta))
 
     def gains(self, n_omega: np.ndarray) -> np.ndarray:
         """Return the factor of W in E_n at the frequencies n omega, (n_harmonics,) [1/s2].  Local."""
@@ -215,10 +218,13 @@ class EnrichedModel:
         """Return a structure without truncated modes as its own enriched model.  Local."""
         return cls(structure, structure.receptances.mapped(lambda _: None), True)
 
-    def truncation(self, model: ReducedModel, sigma: float = 0.0) -> Truncation:
-        """Return the truncated modes for a model's harmonics, with a damping sigma M [1/s].  Collective if a group is new."""
+    def truncation(self, model: ReducedModel, sigma: float = 0.0, factor: float = 1.0) -> Truncation:
+        """Return the truncated modes for a model's harmonics, their damping times a factor, plus sigma M [1/s].
+
+        Collective if a group is new.
+        """
         of_groups = (self.truncated.of(group.harmonics.chosen[0]) for group in model.groups)
-        return Truncation(model, tuple(each and each.with_damping(sigma) for each in of_groups))
+        return Truncation(model, tuple(each and each.with_damping(sigma, factor) for each in of_groups))
 
     def on_ranks(self, solved: ReducedStructure, comm: MPI.Comm) -> EnrichedModel:
         """Return the same model for a subset of the ranks, which solves ``solved``.  Collective on ``structure.comm``."""

@@ -426,13 +426,25 @@ def _over(scene: Scene) -> list[str]:
             mistakes.append(f"{where} output: there is no output {over.output!r}{hint(over.output, outputs)}")
         if over.key == "level":
             continue
-        joint, key = over.of_joint or ("", "")
-        known = ["level", *(f"joints.{name}.{key}" for name in sorted(names) for key in get_args(OfPoints))]
+        known = ["level", "damping", "damping.ratio"]
+        known += [f"joints.{name}.{key}" for name in sorted(names) for key in get_args(OfPoints)]
         if over.key not in known:
             mistakes.append(f"{where} key: there is no number {over.key!r}{hint(over.key, known)}")
+        elif over.key in ("damping", "damping.ratio"):
+            mistakes += [f"{where} key: {problem}" for problem in _of_damping(scene, over.key)]
         elif scene.statics is not None:
             mistakes.append(f"{where} key: with [statics] the state of rest depends on {over.key}; follow peaks over the level")
     return mistakes
+
+
+def _of_damping(scene: Scene, key: str) -> list[str]:
+    """Return mistakes: peaks over a damping that is not there, is not viscous, or is not the ratio alone."""
+    stated = {} if scene.damping is None else {name: value for name, value in scene.damping if value}
+    if stated.get("structural"):
+        return ["peaks are followed over viscous damping alone; state [damping] ratio in the place of structural"]
+    if key == "damping.ratio" and set(stated) != {"ratio"}:
+        return ["[damping] ratio is not the only damping here; take damping, a factor of all viscous damping"]
+    return []
 
 
 def _mode(scene: Scene) -> list[str]:

@@ -31,7 +31,7 @@ Method = Literal[
 class Over(Table):
     """[[response.over]]: a parameter over which the peaks of an output are followed."""
 
-    key: str = Field(description='"level", or a number of a joint as "joints.NAME.friction"')
+    key: str = Field(description='"level", "damping.ratio", "damping", or a number of a joint as "joints.NAME.friction"')
     range: tuple[NotNegative, NotNegative] = Field(description="two numbers of at least 0: begin and end of the curve")
     at: Annotated[tuple[NotNegative, ...], AfterValidator(no_duplicates)] = Field(
         (), description="a list of values within the range, each once, that become points of the curve"
@@ -48,7 +48,7 @@ class Over(Table):
             raise ValueError("range has the same number twice; a curve needs two ends")
         if self.key == "level" and self.level is not None:
             raise ValueError("level is the varied parameter; leave the key level out")
-        if low == 0.0 and (self.key == "level" or self.key.endswith("stiffness")):
+        if low == 0.0 and (self.key in ("level", "damping", "damping.ratio") or self.key.endswith("stiffness")):
             raise ValueError("range begins or ends at 0, where nothing moves or holds; state a number above 0")
         for value in self.at:
             if not low <= value <= high:
