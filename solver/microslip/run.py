@@ -71,7 +71,8 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, options: RunOptions)
         prepared = restart.prepared(log, partial(build, scene, comm, log, keeps_reference=False))
         with log.stage("response"):
             branches = follow_logged(prepared, output, options, origin, log, restart.checkpointers_of(prepared, log))
-        failed_peaks = follow_peaks_logged(prepared, output, log)
+        checkpointer_of = restart.checkpointer_of_peaks(prepared, log)
+        failed_peaks = follow_peaks_logged(prepared, output, options, log, checkpointer_of)
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
             shapes = shapes_of(prepared, branches)

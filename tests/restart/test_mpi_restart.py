@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bar_scene import write_bar
+from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
+from oracles import scenes
 
 import microslip.run as story
 from microslip.library.build import build
@@ -391,3 +393,44 @@ def test_results_that_are_incomplete_leave_complete_ones_in_place(shared_path, b
     run(scene_at(shared_path, "response.points=14"), COMM, folder, RunOptions(screen=False))
     assert (folder / "results.h5").read_bytes() != once and not (folder / "unfinished").exists()
     assert built["first"] == made["first"]
+
+
+OVER = ('response.over=[{key="level", range=[0.02, 1.0]}, {key="damping", range=[4.0, 1.0], level=0.05}]',)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n_points", [3, pytest.param(9, marks=pytest.mark.ranks(1))])
+def test_peaks_over_numbers_go_on_after_the_last_point(n_points, shared_path, monkeypatch):
+    """Stopped within a curve of peaks: levels and points before are read, and the table is that of a run without a stop."""
+    mass = scenes.jenkins_mass() | {"C": np.array([[0.02]])}
+    of_mass = partial(write_matrix_scene, shared_path, mass, [0.02], (0.5, 2.0), points=20, harmonics=1, samples=64)
+    scene = read_scene(on_root(COMM, of_mass), OVER)
+    whole, stopped = shared_path / "whole", shared_path / "stopped"
+    run(scene, COMM, whole, RunOptions(screen=False))
+    n_all = sum(len(curve.value) for curve in on_root(COMM, read_results, str(whole / "results.h5")).over)
+    saved, solved = [0], [0]
+    save = BranchFiles.save
+
+    def counted(files, task, state, points):
+        save(files, task, state, points)
+        saved[0] += len(points) * (files._folder.name.startswith("over-"))
+        if saved[0] == n_points:
+            saved[0] += 1
+            raise Interrupted("stopped by a test")
+
+    monkeypatch.setattr(BranchFiles, "save", counted)
+    with pytest.raises(Interrupted):
+        run(scene, COMM, stopped, RunOptions(screen=False))
+
+    def counts(files, task, state, points):
+        save(files, task, state, points)
+        solved[0] += len(points)
+
+    monkeypatch.setattr(BranchFiles, "save", counts)
+    run(scene, COMM, stopped, RunOptions(screen=False))
+    assert n_all - n_points <= solved[0] <= n_all - n_points + 1  # one point may have been postponed
+    first, second = (on_root(COMM, read_results, str(folder / "results.h5")).over for folder in (whole, stopped))
+    for one, other in zip(first, second, strict=True):
+        assert one.key == other.key and len(one.value) == len(other.value)
+        for name in ("value", "amplitude", "frequency", "damping"):
+            assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-7)  # the solver's tolerance

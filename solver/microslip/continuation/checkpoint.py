@@ -141,7 +141,7 @@ def _of_preconditioner(made: WholeInverse | PairsPreconditioner) -> Arrays:
         "kind": np.array(_KINDS.index(type(made))),
         "U": equation.gather(made.made_at.forces.U),
         "selected": made.made_at.forces.selected,
-        "at": np.array([at.omega, at.level, at.sigma, *(value for _, value in at.law)]),
+        "at": np.array([at.omega, at.level, at.sigma, at.damping, *(value for _, value in at.law)]),
         "harmonics": np.array(equation.harmonics.chosen),
         "n_samples": np.array(equation.n_samples),
     }
@@ -149,8 +149,8 @@ def _of_preconditioner(made: WholeInverse | PairsPreconditioner) -> Arrays:
 
 def _made_again(arrays: Arrays, problem: Problem, exact: Any = None, transposed: bool = False) -> Any:
     """Return the preconditioner made there, of the ``transposed`` one if told; ``exact`` gives a better equation.  Collective."""
-    omega, level, sigma, *values = map(float, arrays["at"])
-    at = OperatingPoint(omega, level, sigma, tuple(zip(problem.law_parameters, values)))
+    omega, level, sigma, damping, *values = map(float, arrays["at"])
+    at = OperatingPoint(omega, level, sigma, tuple(zip(problem.law_parameters, values)), damping)
     equation, owned = problem.equation.under(at), problem.equation.model.owned
     equation = equation.resolved(_harmonics(arrays["harmonics"]), int(arrays["n_samples"]))
     equation = equation.holding(arrays["held"][owned] if "held" in arrays else None)

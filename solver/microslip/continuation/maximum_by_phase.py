@@ -52,7 +52,7 @@ class _Search:
     def maximum(self) -> Correction:
         """Return the maximum, or the last solve with why there is none."""
         if self.size == 0.0:
-            return self.counted(self.corrector.correct(self.system, self.guess), "the pairs do not move: no phase")
+            return Correction(self.guess, 0, 0, float("inf"), "the pairs do not move: no phase")
         theta, about = 0.0, self.guess
         for _ in range(MOST_TRIES):
             here = self.solved(theta, about, self.system.constraints)

@@ -18,6 +18,7 @@ from ..points.sweep import Sweep
 from ..receptance.motions import linear_motion, output_motion
 from ..receptance.reduced_model import ReducedModel
 from .accuracy import accuracy_of
+from .checkpointer import NO_CHECKPOINTS, Checkpointer
 from .iterate import Iterate
 from .levels import ResponseProblem, linear_curve
 from .peaks import follow_peak, harmonics_of, iterate_of, nobody
@@ -62,8 +63,13 @@ class PeakCurve:
         return self.linear.damping * abs(self.linear.amplitude) * level / size * (self.linear.omega / point.omega) ** 2
 
 
-def peak_curves(of: ResponseProblem, request: PeakRequest, on_point: Callable[[Point], None] = nobody) -> list[PeakCurve]:
-    """Return the curve of every linear peak of an output over a number.  Collective.
+def peak_curves(
+    of: ResponseProblem,
+    request: PeakRequest,
+    on_point: Callable[[Point], None] = nobody,
+    checkpointer_of: Callable[[int], Checkpointer] = lambda peak: NO_CHECKPOINTS,
+) -> list[PeakCurve]:
+    """Return the curve of every linear peak of an output over a number, each with its checkpointer.  Collective.
 
     A curve that ends early has the reason in the ``failure`` of its branch.
 
@@ -72,7 +78,28 @@ def peak_curves(of: ResponseProblem, request: PeakRequest, on_point: Callable[[P
     CaseError : the output has no linear peak in the range of frequencies, or the law does not have the values of the range
     """
     equation = of.at_level(request.level).equation
-    return [_follow(of, request, equation, peak, on_point) for peak in beginnings(of, request)]
+    peaks = enumerate(beginnings(of, request))
+    return [_completed(of, request, equation, peak, on_point, checkpointer_of(k)) for k, peak in peaks]
+
+
+def _completed(
+    of: ResponseProblem,
+    request: PeakRequest,
+    equation: HarmonicBalance,
+    stuck: Peak,
+    on_point: Callable[[Point], None],
+    checkpointer: Checkpointer,
+) -> PeakCurve:
+    """Return the curve of one peak, from its checkpoints if it was followed to its end.  Collective."""
+    branch = checkpointer.finished()
+    if branch is None:
+        curve = _follow(of, request, equation, stuck, on_point, checkpointer)
+        if curve.branch.points:  # else the way to the first point failed, and is tried again
+            checkpointer.finish(curve.branch)
+        return curve
+    for point in branch.points:
+        on_point(point)
+    return PeakCurve(stuck, branch)
 
 
 def beginnings(of: ResponseProblem, request: PeakRequest) -> list[Peak]:
@@ -98,9 +125,14 @@ def beginnings(of: ResponseProblem, request: PeakRequest) -> list[Peak]:
 
 
 def _follow(
-    of: ResponseProblem, request: PeakRequest, equation: HarmonicBalance, stuck: Peak, on_point: Callable[[Point], None]
+    of: ResponseProblem,
+    request: PeakRequest,
+    equation: HarmonicBalance,
+    stuck: Peak,
+    on_point: Callable[[Point], None],
+    checkpointer: Checkpointer,
 ) -> PeakCurve:
-    """Return the curve of one peak.  Collective."""
+    """Return the curve of one peak, from its last checkpoint if there is one.  Collective."""
     at_begin, tolerance, varies = equation.under(request.begin), of.settings.tolerance, request.varies
     begin, begins, level = request.begin.level, None, 0.0 if varies == "level" else request.level
     damping = request.begin.damping
@@ -124,6 +156,7 @@ def _follow(
         estimator=estimator,
         accuracy=accuracy,
         on_point=on_point,
+        checkpointer=checkpointer,
     )
     branch.level = level
     return PeakCurve(stuck, branch)

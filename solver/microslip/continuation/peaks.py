@@ -20,6 +20,7 @@ from ..points.selection import AllPairs
 from ..points.sensitivities import COMMON, NUMBERS, of_size
 from ..points.sweep import Sweep
 from .accuracy import Accuracy
+from .checkpointer import NO_CHECKPOINTS, Checkpointer
 from .constraint_rows import EnclosedRow
 from .corrector import BorderedSystem
 from .follow import Emit, follow_branch
@@ -127,6 +128,7 @@ def follow_peak(
     on_point: Emit = nobody,
     until: Callable[[Point], bool] = lambda point: False,
     damping: float = 1.0,
+    checkpointer: Checkpointer = NO_CHECKPOINTS,
 ) -> Branch:
     """Return the peak of an output over a number of the operating point, as one branch.  Collective.
 
@@ -143,6 +145,7 @@ def follow_peak(
     estimator, accuracy : error bars, destroyed at the end; the accuracy that chooses harmonics and samples
     on_point : gets each point
     until : ends the branch at a point
+    checkpointer : of this branch
 
     Returns
     -------
@@ -150,7 +153,7 @@ def follow_peak(
     """
     problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, MaximumByPhase(stuck.output), begins, damping)
     task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance, estimator, accuracy)
-    return follow_branch(task, MOST_POINTS, on_point, until=until)
+    return follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until)
 
 
 def maxima(branch: Branch) -> Iterator[tuple[int, int]]:

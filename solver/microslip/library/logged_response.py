@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
-from ..continuation.checkpointer import Checkpointers
+from ..continuation.checkpointer import Checkpointer, Checkpointers
 from ..observe.level_log import LevelLog, over_lines
 from ..observe.log import RunLog
 from ..observe.not_computed import not_computed
@@ -54,12 +56,21 @@ def record_of(log: RunLog) -> RunRecord:
     return RunRecord(tuple(StageRecord(stage.name, stage.seconds, stage.memory) for stage in log.stages), tuple(log.notes))
 
 
-def follow_peaks_logged(prepared: Prepared, folder: Path, log: RunLog) -> list[str]:
-    """Follow peaks over the numbers of the scene, write and log them; return why curves ended early.  Collective."""
+def follow_peaks_logged(
+    prepared: Prepared, folder: Path, options: RunOptions, log: RunLog, checkpointer_of: Callable[[int, int], Checkpointer]
+) -> list[str]:
+    """Follow peaks over the numbers of the scene, write and log them; return why curves ended early.  Collective.
+
+    ``checkpointer_of`` returns the checkpointer of a number and of a peak of the linear response, both by their order.
+    """
     comm, curves, failures = prepared.model.comm, list[PeaksOver](), list[str]()
-    for number in numbers_of(prepared):
+    numbers = numbers_of(prepared)
+    if not numbers:
+        return []
+    stops = Stops(log, lambda: None, options.limit)  # a point is saved before it is heard of
+    for k, number in enumerate(numbers):
         with log.stage(f"peaks over {number.key}"):
-            found = followed(prepared, number)
+            found = followed(prepared, number, partial(on_root, comm, stops.point, k, 0), partial(checkpointer_of, k))
         for line in (line for curve in found for line in over_lines(curve)):
             log.note(line)
         failures += [f"peaks over {curve.key}: {curve.points.failure}" for curve in found if curve.points.failure]

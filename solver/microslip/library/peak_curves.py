@@ -8,6 +8,7 @@ from typing import Unpack
 
 import numpy as np
 
+from ..continuation.checkpointer import NO_CHECKPOINTS, Checkpointer
 from ..continuation.peak_curves import PeakCurve, PeakRequest, beginnings, peak_curves
 from ..harmonic.operating_point import LawParameter
 from ..mesh.data import ContactPairs
@@ -79,7 +80,12 @@ def refuse_without_peaks(prepared: Prepared) -> None:
         beginnings(prepared.response, number.request)
 
 
-def followed(prepared: Prepared, number: OverNumber, on_point: Callable[[Point], None] = lambda point: None) -> list[PeaksOver]:
+def followed(
+    prepared: Prepared,
+    number: OverNumber,
+    on_point: Callable[[Point], None] = lambda point: None,
+    checkpointer_of: Callable[[int], Checkpointer] = lambda peak: NO_CHECKPOINTS,
+) -> list[PeaksOver]:
     """Return the peaks over a number as results, one of each peak of the linear response.  Collective.
 
     The same on every rank.  A curve that ends early has the reason in the ``failure`` of its points.
@@ -90,7 +96,7 @@ def followed(prepared: Prepared, number: OverNumber, on_point: Callable[[Point],
     """
     model = prepared.model
     sizes = len(prepared.scene.outputs), model.n_pairs, model.recorded.n_coefficients
-    curves = peak_curves(prepared.response, number.request, on_point)
+    curves = peak_curves(prepared.response, number.request, on_point, checkpointer_of)
     return on_root(model.comm, lambda: [_record(number, curve, sizes) for curve in curves])
 
 

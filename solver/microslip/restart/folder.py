@@ -3,6 +3,7 @@
     restart/identity         the inputs of the last run
     restart/setup-KEY/       the stuck structure: stored_structure.py
     restart/level-KEY/       of; points.S, state.S.0, state.S.1, end.S of each segment S of a level
+    restart/over-KEY/        points.0, state.0.0, state.0.1, end.0 of a curve of peaks over a number
 
 Each key is a hash of everything that the part depends on (identity.py), so that any part that exists can be used.
 """
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..library.build import Structure
+from ..library.peak_curves import numbers_of
 from ..library.prepare import Prepared, prepare, put_basis
 from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
@@ -200,6 +202,17 @@ class Restart:
             return BranchFiles(comm, folder, segment, log.note, other_ranges, self._disk)
 
         self._used |= {self._level(level, n_modes) for level in prepared.response.settings.levels}
+        return checkpointer
+
+    def checkpointer_of_peaks(self, prepared: Prepared, log: RunLog) -> Callable[[int, int], Checkpointer]:
+        """Return what gives the checkpointer of a number and of a peak over it, both by their order.  Local."""
+        n_modes, numbers = prepared.structure.n_modes, numbers_of(prepared)
+
+        def checkpointer(number: int, peak: int) -> Checkpointer:
+            name = f"over-{self.identity.over(number, peak, numbers[number].request.level, n_modes)}"
+            self._used.add(name)
+            return BranchFiles(self.comm, self.path / name, 0, log.note, disk=self._disk)
+
         return checkpointer
 
     def _level(self, level: float, n_modes: int) -> str:

@@ -89,6 +89,20 @@ class Identity:
         response.pop("over", None)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
 
+    def over(self, number: int, peak: int, level: float, n_modes: int) -> str:
+        """Return the key of a curve of peaks over a number: everything except the levels and the other numbers.
+
+        ``number`` counts the tables [[response.over]], ``peak`` the peaks of the linear response; ``level`` [N] is the one at
+        which another number varies.
+        """
+        scene, response = dict(self.scene), dict(self.scene["response"])
+        for name in ("title", "wear"):
+            scene.pop(name, None)
+        for name in ("levels", "fields"):
+            response.pop(name, None)
+        table = response.pop("over")[number]
+        return self._key({**scene, "response": response, "over": table, "peak": peak, "level": level.hex(), "n_modes": n_modes})
+
     def branch(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N], independent of the range."""
         scene, response = dict(self.scene), dict(self.scene["response"])
