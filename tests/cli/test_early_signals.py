@@ -1,4 +1,4 @@
-"""Signals that come while the program imports what it needs, before it can save anything."""
+"""Signals that come while the program imports what it needs, before it can save anything, and when it has finished."""
 
 import signal
 from pathlib import Path
@@ -62,3 +62,21 @@ def test_one_to_another_rank_leaves_the_message_to_the_first(tmp_path):
     done = python("-c", start + script, ranks=2, cwd=tmp_path)
     assert done.returncode == 5, done.stderr
     assert done.stderr.count("microslip: error: stopped by SIGTERM") == done.stderr.count("microslip: error") == 1
+
+
+LATE = """
+import ctypes, os, signal
+from microslip.parallel.petsc import initialise
+from microslip.system.signals import ignore_signals
+
+PETSc, _ = initialise()
+ignore_signals()
+ctypes.CDLL(PETSc.__file__).PetscFinalize()
+for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGUSR1):
+    os.kill(os.getpid(), number)
+os._exit(0)
+"""
+
+
+def test_one_after_the_end_of_petsc_does_not_change_the_status(tmp_path):
+    assert python("-c", LATE, cwd=tmp_path).returncode == 0

@@ -1,6 +1,7 @@
 """Sensitivities of responses: files, joints against pairs, peaks and scatter; every test runs on any number of ranks."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import microslip
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
+from microslip.results.report.tables import sensitivities_table
 
 pytestmark = pytest.mark.ranks(1, 2)
 FRICTION, RATIO = "joints.joint.friction", "damping.ratio"
@@ -63,6 +65,16 @@ def test_peaks_move_as_peaks_of_other_levels_do(structure):
     assert rates["level"].amplitude == pytest.approx(by_size, rel=5e-3)
     assert rates["level"].frequency == pytest.approx(by_frequency / (2.0 * np.pi), rel=0.05)
     assert peak.by_pairs.shape == (3, 5, 2)
+
+
+def test_the_report_has_the_relative_changes_of_the_largest_point(response):
+    table, results = response.sensitivity, response.sensitivity.results
+    size = np.hypot(*results.levels[0].response[:, 0, 1:3].T)
+    at, ratio = int(np.argmax(size)), table.varied[RATIO].value
+    text = sensitivities_table(results)
+    for rate, value in ((table["mu"].amplitude[0, at, 0], results.joint.mu), (table[RATIO].amplitude[0, at, 0], ratio)):
+        assert f"<td>{np.sum(rate * value) / size[at]:+.2g} %</td>" in text
+    assert sensitivities_table(replace(results, levels=())) == ""
 
 
 def test_scatter_is_the_root_of_the_sum_of_squares(response):

@@ -45,11 +45,12 @@ def initialise(options: list[str] | None = None):
     """Initialise MPI, PETSc and SLEPc and return ``(PETSc, SLEPc)``.  Collective on all ranks.
 
     ``options`` are the options after ``--`` on the command line, already checked.  No ``.petscrc`` is read,
-    since it could execute code from the working directory.
+    since it could execute code from the working directory.  PETSc answers no signals: at its end it would give SIGTERM and
+    SIGHUP back to the system, which then end a finished run.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     locate()
-    arguments = ["microslip", "-skip_petscrc", *(options or [])]
+    arguments = ["microslip", "-skip_petscrc", "-no_signal_handler", *(options or [])]
     with handlers_unchanged():
         import petsc4py
 

@@ -186,6 +186,16 @@ def relative_of_pairs(joint: Joint, level: LevelResult, at: int, output: int = 0
     return {name: np.nan_to_num(column) * rates[NUMBERS.index(name)] / (size or 1.0) for name, column in columns.items()}
 
 
+def relative_of_common(level: LevelResult, at: int, name: str, output: int = 0) -> float:
+    """Return the relative change of an amplitude at a point with that of a number of ``COMMON`` but the frequency.  Local.
+
+    Of a level with sensitivities; the damping is varied by a factor.
+    """
+    rate = of_size_at(level, level.d_by_common)[0][at, output, COMMON.index(name)]
+    value = level.level if name == "level" else 1.0
+    return float(value * rate / (amplitude(level.response[at, output]) or 1.0))
+
+
 def write_sensitivities(folder: str, results: ResultFile, varied: Sequence[Varied]) -> None:
     """Write the table of all points and peaks; nothing where no level has sensitivities.  Local, on rank 0.
 

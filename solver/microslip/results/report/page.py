@@ -126,6 +126,8 @@ def _sections(
     )
     if results.over:
         sections.append(("over", "Peaks over a number", _over(results, figures)))
+    if of_numbers := tables.sensitivities_table(results):
+        sections.append(("sensitivities", "Sensitivities", of_numbers))
     if fields is not None:
         sections.append(("motion", "Motion", _MOTION))
     if results.joint.n_pairs and results.solved:

@@ -13,6 +13,7 @@ from ..audit import balance
 from ..fields import Fields, RunRecord
 from ..measures import counts, peak
 from ..record import STOPPED, LevelResult, ResultFile, StaticTable
+from ..sensitivities import relative_of_common, relative_of_pairs
 from ..style import level_name, with_prefix
 
 MOST_MODES = 60
@@ -99,6 +100,27 @@ def solved_peaks_table(results: ResultFile) -> str:
     heads = ("level", "output", "peak, solved for", "amplitude", "half-power width", "damping ratio", "slip or open")
     more = f'<p class="note">{len(rows) - MOST_PEAKS} more are in results.h5.</p>' if len(rows) > MOST_PEAKS else ""
     return table(heads, rows[:MOST_PEAKS]) + more if rows else ""
+
+
+def sensitivities_table(results: ResultFile) -> str:
+    """Return what 1 % of each number of a joint, and of the damping, changes the largest amplitude of a level by.
+
+    "" without sensitivities; of the first output.
+    """
+    rows = []
+    for level in results.levels:
+        at = peak(level.response)
+        if at is None or level.d_by_pairs is None:
+            continue
+        by_damping = relative_of_common(level, at, "damping")
+        of_pairs = relative_of_pairs(results.joint, level, at)
+        for i, name in enumerate(results.joint.names):
+            sums = [float(of_pairs[number][results.joint.joint == i].sum()) for number in ("mu", "N0", "k_t", "k_n")]
+            cells = [f"{value:+.2g} %" for value in (*sums, by_damping)]
+            rows.append((escape(level_name(level)), f"{level.frequency[at]:.7g} Hz", escape(name), *cells))
+    heads = ("level", "at", "joint", "friction", "preload or gap", "tangential stiffness", "normal stiffness", "damping")
+    note = "Change of the largest amplitude with 1 % more of a number, at the frequency of the point; sensitivities.csv has all."
+    return table(heads, rows) + f'<p class="note">{note}</p>' if rows else ""
 
 
 def bifurcations_table(results: ResultFile) -> str:
