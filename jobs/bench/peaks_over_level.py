@@ -32,7 +32,7 @@ def main() -> None:
     options.add_argument("--samples", type=int, default=128)
     given = options.parse_args()
     levels, ends = ([float(text) for text in words.split(",")] for words in (given.levels, given.range))
-    values = np.union1d(np.geomspace(*ends, given.values), levels)
+    values = np.union1d(np.geomspace(ends[0], ends[1], given.values), np.array(levels))
     scene, keys = microslip.read(given.scene), {"error_bars": False, "samples": given.samples}
     with microslip.build(scene, MPI.COMM_SELF) as structure:
         microslip.respond(structure, levels=levels, **keys)  # static columns of both
