@@ -67,7 +67,7 @@ HELD = [
         "support of the low face", '"bore"', '"low0"', "break the symmetry", "node 1", "along xyz, its partner 13 along nothing"
     ),
     disc("support of the dependent face", '"bore"', '"high0"', "break the symmetry", "along nothing, its partner 13 along xyz"),
-    disc("support along one axis", '["x", "y", "z"]', '["x"]', "break the symmetry", "is held along x, its partner 13 along x"),
+    disc("support along one axis", '["x", "y", "z"]', '["x"]', "break the symmetry", "is fixed along x, its partner 13 along x"),
     Case(
         "point on the dependent face",
         RUN,

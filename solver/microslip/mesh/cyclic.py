@@ -24,8 +24,8 @@ from .ties import TOUCHING, facet_size, on_facets
 
 TOLERANCE = 1e-5  # of the mesh's diagonal: default tolerance
 OF_FACETS = 0.05  # of the size of the facets: default tolerance of non-matching faces
-_WEIGHT = 1e-9  # weight of held directions in the motion of a node, below which it is 0
-_PARTLY = 0.1  # the same for a node on facets with some held nodes
+_WEIGHT = 1e-9  # weight of fixed directions in the motion of a node, below which it is 0
+_PARTLY = 0.1  # the same for a node on facets with some fixed nodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,9 +296,9 @@ def _refuse_followers(mesh: Mesh, faces: CyclicFaces, dependent: np.ndarray, wei
 
 def _refuse_other_supports(mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray) -> None:
     """Raise MeshError if supports hold a node of one face in other directions than its turned partner."""
-    size, held, is_held = abs(faces.weights), is_fixed.ravel(), is_fixed[faces.high].ravel()
-    by_held = np.asarray(size @ held[: size.shape[1]]).ravel() / np.asarray(size.sum(axis=1)).ravel()
-    wrong = np.flatnonzero(abs(by_held - is_held) > (_WEIGHT if faces.is_matched else _PARTLY))
+    size, of_high = abs(faces.weights), is_fixed[faces.high].ravel()
+    of_low = np.asarray(size @ is_fixed.ravel()[: size.shape[1]]).ravel() / np.asarray(size.sum(axis=1)).ravel()
+    wrong = np.flatnonzero(abs(of_low - of_high) > (_WEIGHT if faces.is_matched else _PARTLY))
     if len(wrong) == 0:
         return
     high, n_wrong = faces.high[wrong[0] // 3], len(np.unique(wrong // 3))
@@ -306,6 +306,6 @@ def _refuse_other_supports(mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray)
     words = ["".join(np.array(list("xyz"))[is_fixed[node]]) or "nothing" for node in (low, high)]
     raise MeshError(
         f"{mesh.path}: [[supports]] break the symmetry of [cyclic] at {n_wrong} pairs of nodes of the two faces: node "
-        f"{mesh.numbers[low]} at {place(mesh.points[low])} m is held along {words[0]}, its partner {mesh.numbers[high]} along "
-        f"{words[1]}; hold both, all around or along the axis (a direction that turns with the sectors cannot be held alone)"
+        f"{mesh.numbers[low]} at {place(mesh.points[low])} m is fixed along {words[0]}, its partner {mesh.numbers[high]} along "
+        f"{words[1]}; fix both, all around or along the axis (a direction that turns with the sectors cannot be fixed alone)"
     )
