@@ -67,7 +67,8 @@ def follow_peaks_logged(
     numbers = numbers_of(prepared)
     if not numbers:
         return []
-    stops = Stops(log, lambda: None, options.limit)  # a point is saved before it is heard of
+    saved = "the next run continues from this point"  # which its checkpointer has saved before
+    stops = Stops(log, lambda: None, options.limit, saved)
     for k, number in enumerate(numbers):
         with log.stage(f"peaks over {number.key}"):
             found = followed(prepared, number, partial(on_root, comm, stops.point, k, 0), partial(checkpointer_of, k))

@@ -26,10 +26,17 @@ class Stops:
     ----------
     save : writes the points of unfinished levels
     limit : time limit of this run; None: no limit
+    saved : what has been saved then, for the log
     """
 
-    def __init__(self, log: RunLog, save: Callable[[], None], limit: TimeLimit | None = None):
-        self._log, self._save, self._limit = log, save, limit
+    def __init__(
+        self,
+        log: RunLog,
+        save: Callable[[], None],
+        limit: TimeLimit | None = None,
+        saved: str = "results.h5 has every point until now",
+    ):
+        self._log, self._save, self._limit, self._saved = log, save, limit, saved
         self._slowest_point = self._slowest_save = 0.0  # s
         self._has_stopped = False
         if limit is not None:
@@ -69,7 +76,7 @@ class Stops:
         raise_stop()
         if save_requested():
             self._save_in_time()
-            self._log.note("saved by SIGUSR1: results.h5 has every point until now")
+            self._log.note(f"saved by SIGUSR1: {self._saved}")
         if self._limit is not None and self._limit.remaining < self.margin:
             self._save_in_time()
             self._has_stopped = True
