@@ -3,7 +3,8 @@
     python jobs/bench/sweeps.py [SCENE.toml] [--joint dovetail] [--frictions 0.1:0.6:11]
 
 Prints a line for each friction: amplitude and frequency of its peak, Newton iterations and seconds of the processor of the peak with
-its half-power width, and of the curve without peaks and error bars; then their totals.
+its half-power width, and of the curve without peaks and error bars; then their totals.  With --alone also the largest difference of
+amplitude, frequency and width to a sweep of that sample alone.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ def main() -> None:
     parser.add_argument("scene", nargs="?", type=Path, default=ROOT / "jobs" / "fan_small.toml")
     parser.add_argument("--joint", default="dovetail")
     parser.add_argument("--frictions", default="0.1:0.6:11")
+    parser.add_argument("--alone", action="store_true")
     asked = parser.parse_args()
     first, last, n = asked.frictions.split(":")
     values = np.linspace(float(first), float(last), int(n))
@@ -58,6 +60,12 @@ def main() -> None:
         f"all but the first: {totals[0]:.0f} and {totals[2]:.0f} Newton iterations, {totals[1]:.3g} and {totals[3]:.3g} s: a peak takes "
         f"{totals[0] / totals[2]:.2f} of the iterations and {totals[1] / totals[3]:.2f} of the time of a curve"
     )
+    if asked.alone:
+        alone = [microslip.sweep(structure, {key: [value]}).samples[0] for value in values]
+        for name in ("amplitude", "frequency", "width"):
+            by_itself = np.array([getattr(sample, name) for sample in alone])
+            missing, difference = np.count_nonzero(np.isnan(by_itself)), np.abs(getattr(table, name) / by_itself - 1.0)
+            print(f"{name}: {np.nanmax(difference):.1e} from that of each sample alone, {missing} of which are missing")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 
 import microslip
+from microslip.library import sample_peaks
 from microslip.library.sample_peaks import DONE, FAILED, SamplePeaks, _Problem, affine_weights
 from microslip.library.sweep import SMOOTH
 from microslip.library.varied import Varied
@@ -131,15 +132,18 @@ def test_one_sample_of_several_fails_and_the_others_go_on(mass):
         _ = table.amplitud
 
 
-def test_a_peak_along_the_curve_of_a_sample_has_its_mean_slip_held_where_that_curve_has(mass, monkeypatch):
-    """Where nothing near by leads to the peak; the scene itself has its mean slip free."""
+@pytest.mark.parametrize("is_loose", [True, False])
+def test_whether_the_mean_slip_is_held_is_decided_at_the_peak(mass, monkeypatch, is_loose):
+    """As along a curve: where most pairs slip and nothing else holds a body; here the search begins with the other state."""
     held, start_of, forced = [], SamplePeaks._start_of, _Problem.forced
     peaks = SamplePeaks(mass, Varied.of(mass.scene, [FRICTION]))
     monkeypatch.setattr(SamplePeaks, "_starts", lambda *arguments: [])
-    monkeypatch.setattr(SamplePeaks, "_start_of", lambda *arguments: (start_of(*arguments)[0], True))
+    monkeypatch.setattr(SamplePeaks, "_start_of", lambda *arguments: (start_of(*arguments)[0], not is_loose))
+    monkeypatch.setattr(sample_peaks, "is_held_by_its_joint_alone", lambda *arguments: is_loose)
     monkeypatch.setattr(_Problem, "forced", lambda problem, is_held: held.append(is_held) or forced(problem, is_held))
-    peaks.solve([1.1])
-    assert held == [False, True]  # the first is asked for its shape
+    sample = peaks.solve([1.1])
+    assert sample.status == DONE and held[-1] == is_loose and (not is_loose) in held
+    assert sample.amplitude == pytest.approx(exact.jenkins_peak(0.8, 1.1, C), rel=2e-3 if is_loose else 30.0 / 128**2)
     peaks.close()
 
 
@@ -177,3 +181,11 @@ def test_motions_are_interpolated_linearly():
     assert weights is not None and weights.sum() == pytest.approx(1.0)
     assert weights @ places[order] == pytest.approx([0.0, 0.0], abs=1e-4)
     assert affine_weights(np.array([[0.0, 0.0], [1.0, 1.0]])) is None
+
+
+def test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_from_the_scene(mass):
+    """Between the two frequencies at which one harmonic of 1 / sqrt 2 of the amplitude balances the level."""
+    table = microslip.sweep(mass, {FRICTION: [0.6, 0.8, 1.1]})
+    for limit, amplitude, width in zip(table[FRICTION], table.amplitude, table.width):
+        low, high = exact.jenkins_frequencies(amplitude / np.sqrt(2.0), 0.8, m=1.0, c=C, k=1.0, k_t=1.0, muN=limit)
+        assert 2.0 * np.pi * width == pytest.approx(high - low, rel=2e-3)

@@ -17,7 +17,8 @@ from ..harmonic.balance import HarmonicBalance
 from ..points.branch import Point
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
-from .constraint_rows import Plane, Scaling
+from .amplitude_row import AmplitudeRow
+from .constraint_rows import Constraint, Plane, Scaling
 from .corrector import BorderedSystem, Correction
 from .iterate import Iterate
 from .maximum_by_phase import APART, rotated
@@ -32,7 +33,7 @@ CLOSER = 2  # times that the angle itself is halved then
 FARTHEST = 1.0  # of that angle: a step towards the peak
 MOST_STEPS = 12
 LEAST, FAR = 0.3, 2.0  # of the motion of a guess and of the frequency of the start: solutions beyond belong to no peak here
-HALF = 1e-6  # relative error of the amplitude at which a half-power point is found
+LEAST_SHARE = 0.02  # of the amplitude: steps of this size towards a half-power point are divided no further
 NO_PEAK = "no peak of the output near the start"
 
 
@@ -138,9 +139,9 @@ class _Search:
             raise _Lost("the pairs do not move: no phase")
         return self.solved(Plane(about, normal / size, (0.0,)), guess, is_patient)
 
-    def solved(self, plane: Plane, guess: Iterate, is_patient: bool = False) -> _At:
-        """Return the solution on a plane near a guess."""
-        system = BorderedSystem(self.problem, (plane,), self.scaling, self.every)
+    def solved(self, row: Constraint, guess: Iterate, is_patient: bool = False) -> _At:
+        """Return the solution under a row, near a guess."""
+        system = BorderedSystem(self.problem, (row,), self.scaling, self.every)
         solution = self.corrector.correct(system, guess)
         self.newton += solution.newton
         if solution.failure is not None and is_patient:
@@ -164,24 +165,23 @@ class _Search:
 
     def peak(self) -> _At:
         """Return the peak; with neighbours closer by where there are none at the usual angle, beyond the end of a branch."""
+        here = self.at(self.start, 0.0, self.start, is_patient=True)
         for k in range(CLOSER + 1):
             try:
-                return self._settled(self.apart / 2.0**k)
+                return self._settled(here, self.apart / 2.0**k)
             except _Lost:
                 if k == CLOSER:
                     raise
         raise AssertionError
 
-    def _settled(self, apart: float) -> _At:
-        """Return the solution between two neighbours of equal amplitude, eq. (7.13), by secants of their difference."""
-        guess, ends = self.start, None
+    def _settled(self, here: _At, apart: float) -> _At:
+        """Return the solution between two neighbours of equal amplitude, eq. (7.13), by secants from a solution near by."""
+        ends: tuple[Iterate, Iterate] | None = None
         before: tuple[float, float] | None = None  # the last shift, and the difference before it
         for _ in range(MOST_STEPS):
-            here = self.at(guess, 0.0, guess, is_patient=True)
             self.scaling = self._scaling(here.iterate)
-            low, high = (
-                self.turned(here, way, None if ends is None else end) for way, end in zip((-apart, apart), ends or (None, None))
-            )
+            guesses = (None, None) if ends is None else ends
+            low, high = (self.turned(here, way, end, is_patient=True) for way, end in zip((-apart, apart), guesses))
             rise, bend = 0.5 * (high.size - low.size), low.size - 2.0 * here.size + high.size
             self.W = (high.iterate.parameter - low.iterate.parameter) / (2.0 * np.tan(apart))
             slope = bend if before is None else (rise - before[1]) / before[0]
@@ -190,20 +190,23 @@ class _Search:
             below, guess, above = (_along(low.iterate, here.iterate, high.iterate, shift + way) for way in (-1.0, 0.0, 1.0))
             if abs(shift) <= SETTLED:
                 return self.at(guess, 0.0, guess)
-            ends, before = (below, above), (shift, rise)
+            here, ends, before = self.at(guess, 0.0, guess, is_patient=True), (below, above), (shift, rise)
         raise _Lost(NO_PEAK)
 
-    def turned(self, here: _At, theta: float, guess: Iterate | None = None, depth: int = 0) -> _At:
-        """Return the solution at a phase from another one, by halves of the way where Newton's method fails."""
+    def turned(self, here: _At, theta: float, guess: Iterate | None = None, is_patient: bool = False, depth: int = 0) -> _At:
+        """Return the solution at a phase from another one, by halves of the way where Newton's method fails.
+
+        ``is_patient`` at the end of the last half.
+        """
         try:
             return self.at(here.iterate, theta, guess or self._as_one_mode(here.iterate, theta, 0.0))
         except _Lost:
             if depth == MOST_HALVES:
                 raise
-        middle = self.turned(here, 0.5 * theta, depth=depth + 1)
+        middle = self.turned(here, 0.5 * theta, is_patient=is_patient, depth=depth + 1)
         turned, back = rotated(middle.iterate, 0.5 * theta), rotated(here.iterate, theta)
         omega = 2.0 * middle.iterate.parameter - here.iterate.parameter
-        return self.at(here.iterate, theta, Iterate(2.0 * turned.U - back.U, (omega,), turned.harmonics))
+        return self.at(here.iterate, theta, Iterate(2.0 * turned.U - back.U, (omega,), turned.harmonics), is_patient)
 
     def _as_one_mode(self, there: Iterate, theta: float, phase: float) -> Iterate:
         """Return a motion at a phase from that at another ``phase`` from the peak, as if it were of one mode."""
@@ -213,44 +216,50 @@ class _Search:
     # -- half the power ----------------------------------------------------------------------------------------------
 
     def half_power(self, peak: _At, way: float, start: Iterate | None) -> Iterate | None:
-        """Return the solution at 1 / sqrt 2 of the amplitude of a peak, in the ``way`` of its phase; None where none is found."""
-        share, known = np.sqrt(0.5), [(0.0, peak.iterate, 1.0 - np.sqrt(0.5))]
-        theta = way * 0.25 * np.pi if start is None else self.phase_from(peak.iterate, start)
-        guess = self._guess(known, theta) if start is None else start
-        try:
-            for _ in range(2 * MOST_STEPS):
-                side = self.turned(peak, theta, guess)
-                miss = side.size / peak.size - share
-                if abs(miss) <= HALF:
-                    return side.iterate
-                known.append((theta, side.iterate, miss))
-                theta = _root(known, way)
-                guess = self._guess(known, theta)
-        except _Lost:
-            pass
-        return self.half_power_by_frequency(peak, way)
+        """Return the solution at 1 / sqrt 2 of the amplitude of a peak, in the ``way`` of its phase; None where none is found.
 
-    def half_power_by_frequency(self, peak: _At, way: float) -> Iterate | None:
-        """Return the same by steps of the frequency: near a corner the phase says little of the amplitude."""
-        from scipy.optimize import brentq  # slow import, seldom needed
-
-        share, known = np.sqrt(0.5), [peak]
-
-        def miss(omega: float) -> float:
-            near = min(known, key=lambda each: abs(each.iterate.parameter - omega))
-            known.append(self.solved(Plane.fixed_parameter(near.iterate.at(omega)), near.iterate.at(omega)))
-            return known[-1].size / peak.size - share
-
-        step, omega = 0.3 * self.W * way, peak.iterate.parameter
-        try:
-            for _ in range(MOST_STEPS):
-                if miss(omega + step) <= 0.0:
-                    root = brentq(miss, omega, omega + step, xtol=HALF * abs(self.W))
-                    return min(known, key=lambda each: abs(each.iterate.parameter - root)).iterate
-                omega, step = omega + step, 1.5 * step
-        except (_Lost, ValueError):
-            pass
+        Where Newton's method fails, from a solution at about its phase, or through larger shares of the amplitude.
+        """
+        known, half = [(0.0, peak.iterate, 1.0)], float(np.sqrt(0.5))
+        share, guess = half, start or self._as_one_mode(peak.iterate, way * 0.25 * np.pi, 0.0)
+        for _ in range(MOST_STEPS):
+            solution = self._at_share(peak, share, guess, way)
+            if solution is not None:
+                known.append(solution)
+                if share == half:
+                    return solution[1]
+                share = max(half, share - 2.0 * (known[-2][2] - share))
+            elif len(known) == 1 and (turned := self._turned_to(peak, way * 0.25 * np.pi)) is not None:
+                known.append(turned)
+            elif known[-1][2] - share < LEAST_SHARE:
+                return None
+            else:
+                share = 0.5 * (known[-1][2] + share)
+            guess = self._guess(known, self._phase_at(known, share, way))
         return None
+
+    def _turned_to(self, peak: _At, theta: float) -> tuple[float, Iterate, float] | None:
+        """Return a phase from a peak, the solution there, and its share of the amplitude of the peak."""
+        try:
+            there = self.turned(peak, theta)
+        except _Lost:
+            return None
+        return theta, there.iterate, there.size / peak.size
+
+    def _at_share(self, peak: _At, share: float, guess: Iterate, way: float) -> tuple[float, Iterate, float] | None:
+        """Return the phase of the solution at a share of the amplitude of a peak, the solution, and the share."""
+        try:
+            there = self.solved(AmplitudeRow(self.output, share * peak.size), guess).iterate
+        except _Lost:
+            return None
+        phase = self.phase_from(peak.iterate, there)
+        return (phase, there, share) if phase * way > 0.0 else None
+
+    def _phase_at(self, known: list[tuple[float, Iterate, float]], share: float, way: float) -> float:
+        """Return about the phase at a share of the amplitude, by that of one mode and the last solution.  Local."""
+        phase, _, last = known[-1]
+        of_mode = float(np.arccos(share))
+        return way * of_mode if last == 1.0 else phase * of_mode / float(np.arccos(last))
 
     def phase_from(self, reference: Iterate, there: Iterate) -> float:
         """Return the phase [rad] of a motion from a reference, both in harmonic 1.  Collective."""
@@ -267,22 +276,6 @@ class _Search:
         s, one, other = (theta - a) / (b - a), rotated(at_a, theta - a), rotated(at_b, theta - b)
         omega = at_a.parameter + s * (at_b.parameter - at_a.parameter)
         return Iterate(one.U + s * (other.U - one.U), (float(omega),), at_a.harmonics)
-
-
-def _root(known: list[tuple[float, Iterate, float]], way: float) -> float:
-    """Return the next phase towards the half-power point: by the slope of one mode, by secants, or in the middle.  Local."""
-    theta, _, miss = known[-1]
-    if len(known) == 2 and known[0][0] == 0.0:
-        return theta + float(np.clip(miss / np.sin(theta), -0.3, 0.3))
-    other, _, before = known[-2]
-    step = float(np.clip(-miss * (theta - other) / (miss - before), -0.3, 0.3)) if miss != before else 0.1 * way
-    above = [at for at, _, value in known if value > 0.0]  # nearer to the peak
-    below = [at for at, _, value in known if value <= 0.0]
-    if not below:
-        return theta + step
-    near, far = max(above, key=abs), min(below, key=abs)
-    is_slow = len(known) > 5 and abs(known[-1][2]) > 0.25 * abs(known[-3][2])
-    return theta + step if not is_slow and min(near, far) < theta + step < max(near, far) else 0.5 * (near + far)
 
 
 def _along(low: Iterate, here: Iterate, high: Iterate, t: float) -> Iterate:

@@ -150,7 +150,7 @@ def _shares(d: int, n: int, kind: str, seed: int) -> np.ndarray:
 def sobol_indices(y: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
     """Return main and total Sobol indices, (d,) both, of the samples of a design ``indices``, y (n (d + 2),).  Local.
 
-    Estimators of Saltelli (2010) and Jansen (1999), docs/theory.md, eq. (7.14).  A base sample of which one of its d + 2 has
+    Estimators of Saltelli (2010) and Jansen (1999), docs/theory.md, eq. (7.15).  A base sample of which one of its d + 2 has
     no value is left out; NaN where fewer than two are left or nothing varies.
     """
     A, B, *mixed = y.reshape(d + 2, -1)

@@ -1,8 +1,8 @@
 """Peaks of samples: other numbers in a scene, on a structure that is built again only where they need another one.
 
 The scene itself is solved first, along its curve.  Each sample begins at its peak as the samples solved so far have it, and only
-where Newton's method does not come from there to the peak the curve of the sample is followed.  The peak that is found does not
-depend on where the search began (continuation/peak_at.py).
+where Newton's method does not come from there to the peak the curve of the sample is followed.  The peak does not depend on where
+the search began (continuation/peak_at.py).
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..contact.law import OPEN, SLIP
+from ..contact.law import OPEN, SLIP, STICK
 from ..continuation.accuracy import Resolution
 from ..continuation.iterate import Iterate
 from ..continuation.levels import ResponseProblem, follow_level, linear_curve
@@ -22,7 +23,9 @@ from ..continuation.peak_at import PeakPoint, Starts, peak_near
 from ..continuation.peak_curves import linear_peaks
 from ..continuation.peaks import harmonics_of, iterate_of
 from ..continuation.point_record import HELD
+from ..continuation.ways_out import MOSTLY
 from ..error_estimate.estimate import ErrorEstimator
+from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.operating_point import LawParameter, OperatingPoint
 from ..messages.errors import CaseError, ConvergenceError
 from ..messages.words import hint
@@ -30,6 +33,7 @@ from ..observe.log import RunLog
 from ..points.branch import Branch
 from ..points.error_parts import total
 from ..points.peak import Peak
+from ..receptance.reduced_model import ReducedModel
 from ..scene.overrides import words_of
 from ..scene.schema import Scene
 from .build import Structure, build
@@ -137,7 +141,8 @@ class SamplePeaks:
         self.has_curves = has_curves
         self._built: tuple[Any, Structure] = ((), structure)
         self._prepared: tuple[Any, Prepared] | None = None
-        self.solved: list[tuple[np.ndarray, Starts]] = []
+        self.solved: list[tuple[np.ndarray, Starts, bool]] = []  # values, motions, whether the mean slip is held
+        self._loose: tuple[ReducedModel, bool] | None = None  # whether nothing but the joint holds a body of a model
         self.nominal = self._solve_nominal()
 
     def close(self) -> None:
@@ -158,17 +163,18 @@ class SamplePeaks:
         if isinstance(peak, str):
             error = ConvergenceError if branch.failure else CaseError
             raise error(f"{scene.source}: sweep: the scene itself has no peak at {level:g}: {peak}")
-        self.resolution, self.held = Resolution(peak[1], peak[2], of.settings.tolerance), held
-        linear = self._nearest_linear(of, level, peak[0].parameter)
-        self.target = peak[0].parameter if linear is None else linear.omega
+        self.resolution = Resolution(peak[1], peak[2], of.settings.tolerance)
+        near = peak[0][0].parameter
+        linear = self._nearest_linear(of, level, near)
+        self.target = near if linear is None else linear.omega
         self.grid = np.linspace(min(of.sweep.start, of.sweep.stop), max(of.sweep.start, of.sweep.stop), CURVE_POINTS)
-        sample = self._of_peak(_Problem(of, level, self.resolution), (peak[0], None, None), self.varied.nominal, branch)
+        sample = self._of_peak(_Problem(of, level, self.resolution), peak[0], self.varied.nominal, branch, held)
         if sample.status != DONE:
             raise ConvergenceError(f"{scene.source}: sweep: no peak of the scene itself at {level:g}: {sample.why}")
         return replace(sample, seconds=time.perf_counter() - began)
 
     def _start_of(self, of: ResponseProblem, level: float, branch: Branch, output: int) -> tuple[Any, bool]:
-        """Return the motion at the highest inner point of a curve, its harmonics and samples; or why there is none."""
+        """Return motions at the top and the half power of a curve, harmonics and samples, or why there is none; and if held."""
         sizes = [float(np.hypot(*point.response[output, 1:3])) for point in branch.points]
         inner = [i for i in range(1, len(sizes) - 1) if sizes[i] >= sizes[i - 1] and sizes[i] >= sizes[i + 1]]
         inner = of.model.comm.bcast(inner)
@@ -178,7 +184,14 @@ class SamplePeaks:
         top = of.model.comm.bcast(max(inner, key=lambda i: sizes[i]))
         point, problem = branch.points[top], of.at_level(level)
         harmonics = harmonics_of(branch, point, problem.equation.harmonics)
-        return (iterate_of(point, problem, harmonics), harmonics, point.samples), HELD in point.notes
+
+        def motion(i: int) -> Iterate:
+            return iterate_of(branch.points[i], problem, harmonics_of(branch, branch.points[i], harmonics)).on(harmonics)
+
+        ends = of.model.comm.bcast([half_power_of(sizes, range(top, end, way)) for end, way in ((len(sizes), 1), (-1, -1))])
+        ends = ends if of.sweep.stop > of.sweep.start else ends[::-1]
+        sides = [None if end is None else _mean(np.array([1.0 - end[2], end[2]]), [motion(i) for i in end[:2]]) for end in ends]
+        return ((motion(top), *sides), harmonics, point.samples), HELD in point.notes
 
     # -- samples -----------------------------------------------------------------------------------------------------
 
@@ -202,8 +215,8 @@ class SamplePeaks:
         if self.has_curves:
             branch = follow_level(_alone(problem.of), problem.level)
         x, newton, sample = np.array(values), 0, Sample(values, FAILED, "no sample near by")
-        for starts in self._starts(x, problem.forced(False).equation.shape):
-            sample = self._of_peak(problem, starts, x, branch)
+        for starts, held in self._starts(x, problem.forced(False).equation.shape):
+            sample = self._of_peak(problem, starts, x, branch, held)
             newton += sample.newton
             if sample.status == DONE:
                 return replace(sample, newton=newton)
@@ -212,55 +225,67 @@ class SamplePeaks:
         start, held = self._start_of(problem.of, problem.level, branch, self.output)
         if isinstance(start, str):
             return Sample(values, FAILED, f"{sample.why}; along its curve: {start}", newton=newton, is_followed=True)
-        sample = self._of_peak(problem, (start[0], None, None), x, branch, held)
+        sample = self._of_peak(problem, start[0], x, branch, held)
         return replace(sample, newton=newton + sample.newton, is_followed=True)
 
-    def _starts(self, x: np.ndarray, shape: tuple[int, int, int]) -> list[Starts]:
-        """Return motions to begin from: of the samples around one, and of the nearest one."""
-        known = [(at, starts) for at, starts in self.solved if starts[0].U.shape[:2] == shape[:2] and np.isfinite(at).all()]
+    def _starts(self, x: np.ndarray, shape: tuple[int, int, int]) -> list[tuple[Starts, bool]]:
+        """Return motions to begin from, of the samples around one and of the nearest one, and whether its mean slip is held."""
+        known = [
+            (at, starts, held) for at, starts, held in self.solved if starts[0].U.shape[:2] == shape[:2] and np.isfinite(at).all()
+        ]
         comm = self.reference.comm
         if not comm.allreduce(int(bool(known))) == comm.size:
             return []
-        places = (np.array([at for at, _ in known]) - x) / self.spread
+        places = (np.array([at for at, *_ in known]) - x) / self.spread
         order = np.argsort(np.linalg.norm(places, axis=1), kind="stable")[: 2 * len(x) + NEIGHBOURS]
-        nearest = known[order[0]][1]
+        _, nearest, held = known[order[0]]
         weights = affine_weights(places[order])
         if weights is None:
-            return [nearest]
+            return [(nearest, held)]
         around = [known[i][1] for i in order]
-        return [(_mean(weights, [each[0] for each in around]), *(_side(weights, around, k) for k in (1, 2))), nearest]
+        mean = (_mean(weights, [each[0] for each in around]), *(_side(weights, around, k) for k in (1, 2)))
+        return [(mean, held), (nearest, held)]
 
-    def _of_peak(
-        self, problem: _Problem, starts: Starts, x: np.ndarray, branch: Branch | None, held: bool | None = None
-    ) -> Sample:
+    def _of_peak(self, problem: _Problem, starts: Starts, x: np.ndarray, branch: Branch | None, held: bool) -> Sample:
         """Return the sample of the peak near some motions, and remember it for others.
 
-        ``held``: the mean slip is held by springs, by default where it is at the peak of the scene itself.
+        ``held``: the mean slip is held by springs at first; whether it is at the peak is decided there, as along a curve.
         """
         of, values = problem.of, tuple(map(float, x))
         linear = self._nearest_linear(of, problem.level, None)
-        estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
         width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
-        try:
-            peak = peak_near(
-                problem.forced(self.held if held is None else held),
-                self.output,
-                starts,
-                width,
-                problem.resolution.tolerance,
-                estimator,
-            )
-        finally:
-            if estimator is not None:
-                estimator.destroy()
+        peak = self._searched(problem, starts, width, held)
         if isinstance(peak, str):
             return Sample(values, FAILED, peak)
+        if (wanted := self._is_held_at(problem, peak)) != held:
+            other = self._searched(problem, peak.starts, width, wanted)
+            if not isinstance(other, str):
+                peak, held = replace(other, newton=peak.newton + other.newton), wanted
         low, high = sorted((of.sweep.start, of.sweep.stop))
         if not low <= peak.iterate.parameter <= high:
             f = peak.iterate.parameter / (2.0 * np.pi)
             return Sample(values, FAILED, f"its peak at {f:.6g} Hz lies outside [response] frequencies", newton=peak.newton)
-        self.solved.append((x, peak.starts))
+        self.solved.append((x, peak.starts, held))
         return self._record(problem, peak, linear, values, branch)
+
+    def _searched(self, problem: _Problem, starts: Starts, width: float, held: bool) -> PeakPoint | str:
+        """Return the peak near some motions, or why there is none."""
+        estimator = None if problem.of.enriched is None else ErrorEstimator(problem.of.enriched)
+        try:
+            return peak_near(problem.forced(held), self.output, starts, width, problem.resolution.tolerance, estimator)
+        finally:
+            if estimator is not None:
+                estimator.destroy()
+
+    def _is_held_at(self, problem: _Problem, peak: PeakPoint) -> bool:
+        """Return whether a curve has its mean slip held at a peak: most pairs slip, and nothing but the joint holds a body."""
+        comm = problem.of.model.comm
+        share = comm.bcast(float((peak.point.state != STICK).mean()))
+        if share < MOSTLY:
+            return False
+        if self._loose is None or self._loose[0] is not problem.of.model:
+            self._loose = problem.of.model, is_held_by_its_joint_alone(problem.of.model, problem.forced(False).equation.law)
+        return self._loose[1]
 
     def _record(
         self, problem: _Problem, peak: PeakPoint, linear: Peak | None, values: tuple[float, ...], branch: Branch | None
@@ -409,6 +434,15 @@ def affine_weights(places: np.ndarray) -> np.ndarray | None:
     weights = near * (A.T @ np.linalg.solve(gram, np.eye(len(A))[0]))
     weights /= weights.sum()
     return weights if np.abs(weights).sum() <= MOST_WEIGHT else None
+
+
+def half_power_of(sizes: Sequence[float], way: Sequence[int]) -> tuple[int, int, float] | None:
+    """Return the points of a curve between which its top falls to 1 / sqrt 2, and the share of the way.  Local."""
+    half = np.sqrt(0.5) * sizes[way[0]]
+    for before, after in pairwise(way):
+        if sizes[after] <= half:
+            return before, after, float((sizes[before] - half) / (sizes[before] - sizes[after]))
+    return None
 
 
 def _mean(weights: np.ndarray, motions: list[Iterate]) -> Iterate:
