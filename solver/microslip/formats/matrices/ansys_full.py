@@ -56,7 +56,7 @@ def _dofs(records: Records, start: int, n: int, wanted: Wanted) -> tuple[DofMap 
     if len(counts) != len(nodes) or counts.sum() != n or len(note) != n:
         raise wanted.error("its table of degrees of freedom does not fit its equations")
     is_free = note >= 0
-    if ((counts != 0) & (counts != len(labels))).any() or labels.max(initial=0) > 6:
+    if ((counts != 0) & (counts != len(labels))).any() or labels.max(initial=1) > 6 or labels.min(initial=1) < 1:
         return None, is_free
     has = counts != 0
     return DofMap(np.repeat(nodes[has], len(labels)).astype(np.int64), np.tile(labels, has.sum()).astype(np.int64)), is_free

@@ -67,7 +67,7 @@ def _dofs(records: Records, head: np.ndarray, n: int, wanted: Wanted) -> DofMap 
     n_modes = int(head[_N_MODES])
     if len(labels) != head[_N_DOFS] or len(rows) != n or not 0 <= n_modes <= n or (rows < 1).any():
         raise wanted.error(f"its table of degrees of freedom does not fit its {n} rows; {_EXPORT}")
-    if labels.max(initial=0) > 6:
+    if labels.max(initial=1) > 6 or labels.min(initial=1) < 1:
         return None
     nodes, places = np.divmod(rows - 1, len(labels))
     is_mode = np.arange(n) >= n - n_modes
