@@ -12,13 +12,14 @@ import numpy as np
 from mpi4py import MPI
 
 from ..receptance.columns import ActiveColumns
-from .clustered import of_wide_slip
+from .clustered import LARGE, of_wide_slip
 from .gmres import Gmres, reuse
 from .linearisation import Gatherer, Linearisation
 from .preconditioner import PairsPreconditioner, applied
 from .whole_inverse import WholeInverse
 
 MANY_KRYLOV = 50  # GMRES iterations beyond which the next adjoints are preconditioned
+MANY_IN_SMALL = 100  # the same for a joint of at most ``LARGE`` active pairs, where one costs about 70 iterations
 DIRECT = 100  # rows of the active pairs, all harmonics, up to which a factor is cheaper than GMRES
 RTOL = 1e-3  # of GMRES: error bars are much less accurate
 
@@ -87,10 +88,10 @@ class AdjointSolver:
 
     def _by_gmres(self, b: np.ndarray) -> tuple[np.ndarray, bool]:
         """Return the adjoints as :meth:`_directly`, by one GMRES solve for all quantities.  Collective."""
-        gmres = self._set_up(b.size)
+        gmres, many = self._set_up(b.size), self.many if len(self._at.forces.active) > LARGE else MANY_IN_SMALL
         for _ in range(2):
             x, outcome = gmres.solve(b.ravel(), self.preconditioner is not None)
-            if outcome.iterations > self.many or outcome.reason < 0:
+            if outcome.iterations > many or outcome.reason < 0:
                 self.preconditioner = of_wide_slip(self._at)
             if outcome.reason >= 0:
                 break
