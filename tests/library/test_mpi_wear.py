@@ -18,6 +18,8 @@ import microslip
 from microslip.library.wear import WearingJoint
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
+from microslip.results.read import read_results
+from microslip.results.report.tables import wear_table
 from microslip.statics.equilibrium import Flexibility
 from microslip.statics.worn import worn_at_rest
 from microslip.studies.wear.progress import NAME
@@ -238,6 +240,12 @@ def test_the_library_and_the_program_wear_alike(program, shared_path):
         assert [record[key] for key in ("depth_max_m", "energy_J", "amplitude")] == pytest.approx(
             [float(row[key]) for key in ("depth_max_m", "energy_J", "amplitude")], rel=1e-8
         )
+    results = on_root(COMM, read_results, str(out / "results.h5"))
+    np.testing.assert_allclose(results.wear.depth, history.depth, rtol=1e-8)
+    np.testing.assert_allclose(results.wear.normal_force, history.normal_force, rtol=1e-8)
+    lost = 100.0 * (1.0 - history.normal_force[-1].sum() / history.normal_force[0].sum())
+    last_row = wear_table(results).split("<tr>")[-1]
+    assert f"<td>{lost:.2f} %</td>" in last_row and f"{history.frequency[-1]:.7g} Hz" in last_row
 
 
 def test_constant_loads_stay_in_balance_over_the_life_of_a_joint(comm, folder):

@@ -31,6 +31,7 @@ from .record import (
     PeaksOver,
     ResultFile,
     StaticTable,
+    Wear,
 )
 
 
@@ -96,7 +97,19 @@ def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
         requested=_requested_levels(reader),
         at_rest={name: _static(reader, name) for name in STATIC_TABLES if f"statics/{name}" in reader},
         over=tuple(_over(reader, f"over/{name}", len(outputs), joint.n_pairs, motion) for name in _names(reader, "over")),
+        wear=_wear(reader, outputs, joint.n_pairs) if "wear" in reader else None,
     )
+
+
+def _wear(reader: Reader, outputs: tuple[str, ...], n_pairs: int) -> Wear:
+    """Return what a study of wear has added."""
+    law, output = (attribute(reader.group("wear"), name) for name in ("law", "output"))
+    cycles = reader.array("wear/cycles", "f8", (None,))
+    depth, N0 = (reader.array(f"wear/{name}", "f8", (len(cycles), n_pairs)) for name in ("depth", "N0"))
+    curves = (reader.array(f"wear/{name}", "f8", (len(cycles),)) for name in ("frequency", "amplitude", "damping"))
+    if output not in outputs or not np.isfinite(cycles).all():
+        raise CaseError(f"{reader.path}: 'wear' has values that no study writes; the file is damaged or was edited")
+    return Wear(law, output, cycles, depth, N0, *curves)
 
 
 def _over(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: bool) -> PeaksOver:

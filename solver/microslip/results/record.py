@@ -97,6 +97,25 @@ class PeaksOver:
         return self.amplitude / (self.points.level or self.value)
 
 
+@dataclass(frozen=True, eq=False)
+class Wear:
+    """What a joint has worn after n numbers of cycles."""
+
+    law: str
+    output: str
+    cycles: np.ndarray  # (n,)
+    depth: np.ndarray  # (n, n_pairs) m
+    N0: np.ndarray  # (n, n_pairs) N at rest; below 0 a gap, NaN without a limit
+    frequency: np.ndarray  # (n,) Hz
+    amplitude: np.ndarray  # (n,) of harmonic 1 of the output, in its unit
+    damping: np.ndarray  # (n,) -, NaN where the frequency stays
+
+    @property
+    def normal_force(self) -> np.ndarray:
+        """At rest, (n, n_pairs) [N]."""
+        return np.maximum(np.nan_to_num(self.N0), 0.0)
+
+
 _FRAME = "rows x, y (tangential), z (from body 2 into body 1)"
 
 
@@ -185,6 +204,7 @@ class ResultFile:
     requested: tuple[float, ...] = ()  # levels that the run is of [N]; none: an earlier version wrote the file
     at_rest: Mapping[str, StaticTable] = field(default_factory=dict)  # by keys of ``STATIC_TABLES``; none without [statics]
     over: tuple[PeaksOver, ...] = ()  # peaks over numbers of the scene
+    wear: Wear | None = None  # None: no study of wear has added it
 
     @property
     def solved(self) -> list[LevelResult]:

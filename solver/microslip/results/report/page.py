@@ -128,6 +128,8 @@ def _sections(
         sections.append(("over", "Peaks over a number", _over(results, figures)))
     if of_numbers := tables.sensitivities_table(results):
         sections.append(("sensitivities", "Sensitivities", of_numbers))
+    if of_wear := tables.wear_table(results):
+        sections.append(("wear", "Wear", of_wear))
     if fields is not None:
         sections.append(("motion", "Motion", _MOTION))
     if results.joint.n_pairs and results.solved:

@@ -14,9 +14,10 @@ from ..fields import Fields, RunRecord
 from ..measures import counts, peak
 from ..record import STOPPED, LevelResult, ResultFile, StaticTable
 from ..sensitivities import relative_of_common, relative_of_pairs
-from ..style import level_name, with_prefix
+from ..style import level_name, some, with_prefix
 
 MOST_MODES = 60
+MOST_CYCLES = 15
 MOST_PEAKS = 100
 _ROWS = 6  # of modes below each other
 _LARGE = 0.05  # of the amplitude: an error bar beyond is marked
@@ -121,6 +122,28 @@ def sensitivities_table(results: ResultFile) -> str:
     heads = ("level", "at", "joint", "friction", "preload or gap", "tangential stiffness", "normal stiffness", "damping")
     note = "Change of the largest amplitude with 1 % more of a number, at the frequency of the point; sensitivities.csv has all."
     return table(heads, rows) + f'<p class="note">{note}</p>' if rows else ""
+
+
+def wear_table(results: ResultFile) -> str:
+    """Return depth, preload left, and the drift of the response over numbers of cycles; "" without wear.  Local."""
+    wear = results.wear
+    if wear is None:
+        return ""
+    unit, joint = results.unit_of(results.outputs.index(wear.output)), results.joint
+    of_joints = [(name, joint.joint == i) for i, name in enumerate(joint.names)]
+    rows = []
+    for i in some(range(len(wear.cycles)), MOST_CYCLES):
+        cells = [f"{wear.cycles[i]:.4g}", quantity_text(float(wear.amplitude[i]), unit), f"{wear.frequency[i]:.7g} Hz"]
+        cells.append(f"{100.0 * wear.damping[i]:.3g} %" if np.isfinite(wear.damping[i]) else "–")
+        for _, of_joint in of_joints:
+            first, now = wear.normal_force[[0, i]][:, of_joint].sum(axis=1)
+            cells.append(quantity_text(float(wear.depth[i, of_joint].max(initial=0.0)), "m"))
+            cells.append(f"{100.0 * (1.0 - now / first):.2f} %" if first > 0.0 else "–")
+        rows.append(cells)
+    of_each = [f"{escape(name)}: {what}" for name, _ in of_joints for what in ("deepest", "preload lost")]
+    heads = ("cycles", f"amplitude of {escape(wear.output)}", "frequency", "damping", *of_each)
+    note = f"By the law {escape(wear.law)}; wear.csv has every number of cycles, wear.vtkhdf and wear_map.png every pair."
+    return table(heads, rows) + f'<p class="note">{note}</p>'
 
 
 def bifurcations_table(results: ResultFile) -> str:
