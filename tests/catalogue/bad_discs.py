@@ -182,6 +182,11 @@ DIFFER = [
 STUDIES = [
     Case("export of a disc", "export disc.toml --out out", ("[cyclic]: export", "those of a nodal diameter are complex")),
     Case(
+        "identification on a disc",
+        "identify disc.toml m.csv --out out --fit joints.root.friction=0.1:0.6",
+        ("[cyclic]: identify is for structures that are modelled in full",),
+    ),
+    Case(
         "trade of a whole disc",
         "trade disc.toml --out out",
         ("whole = true: trade measures a disc by one sector",),
@@ -195,4 +200,4 @@ STUDIES = [
     ),
 ]
 
-CASES = [*FIT, *WAVES, *HELD, *JOINTS, *DIFFER]
+CASES = [*FIT, *WAVES, *HELD, *JOINTS, *DIFFER, *STUDIES]
