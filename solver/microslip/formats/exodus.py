@@ -13,7 +13,7 @@ import numpy as np
 import scipy.io
 
 from ..messages.errors import MeshError
-from ..system.sandbox import SandboxError, read_file
+from ..system.sandbox import LibraryError, SandboxError, read_file
 from .draft import face_of
 from .hdf5 import MOST_GAIN, Storage
 from .model import KINDS, Cells, FileModel, Finding, Group
@@ -63,8 +63,8 @@ def read_exodus(path: str) -> FileModel:
         raise MeshError("it is not a NetCDF file (classic or HDF5), as Exodus files are")
     try:
         return _read(path) if head != _HDF5 else read_file(path, _read, path, gain=MOST_GAIN, returns=_PARTS)
-    except SandboxError as problem:
-        raise MeshError(f"it is truncated or damaged: {problem}") from None
+    except (SandboxError, LibraryError) as problem:
+        raise MeshError(f"it is truncated or damaged: {' '.join(str(problem).split())[:200]}") from None
 
 
 def _read(path: str) -> FileModel:
