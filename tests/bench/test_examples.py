@@ -5,15 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from discs import write_sector
 from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 from scipy.optimize import minimize_scalar
 
 import microslip
+from microslip.tables.cyclic import QUANTITIES
 
 sys.path.append(str(Path(__file__).parents[2] / "jobs" / "examples"))
 
 from damper_design import best_damper, mean_of_peaks
+from scatter_limit import Discs, scatter_at
 
 C, LEVEL = 0.02, 0.8
 
@@ -47,3 +50,20 @@ def test_its_slopes_are_differences(mass):
     )]  # fmt: skip
     assert slope == pytest.approx([(after - before) / (2.0 * h) for before, after in ends], rel=0.02)
     assert min(min(pair) for pair in ends) < value < max(max(pair) for pair in ends)
+
+
+def test_blades_without_coupling_pass_the_limit_with_the_largest_load(tmp_path):
+    """Sectors that meet in shrouds of no stiffness move each by its own load: the worst blade has the largest factor 1 + scatter z."""
+    N, n_discs, limit = 4, 5, 1.05
+    end = (
+        "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nmode = 1\nspan = [0.97, 1.03]\npoints = 20\n"
+        "[solver]\nmodes = 10\nharmonics = 1\nsamples = 32\nerror_bars = false\n"
+    )
+    scene = write_sector(tmp_path, N, end, wave={"engine_order": 1, "whole": True}, how={"shroud": True}, of_shrouds={"k_t": 1.0})
+    text = scene.read_text().replace("whole = true\n", "whole = true\nscatter = { load = 0.1, seed = 1 }\n")
+    scene.write_text("".join(line for line in text.splitlines(keepends=True) if not line.startswith("faces = ")))
+    draws = [np.random.default_rng(seed).standard_normal((len(QUANTITIES), N)) for seed in range(1, n_discs + 1)]
+    largest = np.quantile([draw[QUANTITIES.index("load")].max() for draw in draws], 0.9)
+    passed = scatter_at(Discs(scene, "load", n_discs), limit, [0.01, 0.03, 0.1], say=lambda line: None)
+    assert passed == pytest.approx((limit - 1.0) / largest, rel=0.02)
+    assert scatter_at(Discs(scene, "load", n_discs), 2.0, [0.01], say=lambda line: None) is None
