@@ -25,6 +25,7 @@ def of_point(point: Point) -> tuple[Arrays, dict[str, Any]]:
 
 def to_point(arrays: Arrays, texts: dict[str, Any]) -> Point:
     """Return the point that arrays and texts describe."""
-    numbers = {name: kind(value) for (name, kind), value in zip(_NUMBERS.items(), arrays["numbers"], strict=True)}
+    doubles = arrays["numbers"].astype(float, casting="safe")  # refuses complex numbers
+    numbers = {name: kind(value) for (name, kind), value in zip(_NUMBERS.items(), doubles, strict=True)}
     values: dict[str, Any] = {name: value for name, value in arrays.items() if name != "numbers"}
     return Point(**numbers, **values, notes=tuple(texts.get("notes", ())))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from .schema import Scene
 from .toml_text import as_toml
 
 _LARGEST_FILE = 10_000_000  # bytes
-_MOST_MISTAKES, _LONGEST = 100, 1000  # mistakes in one message; characters of each
+_LONGEST, _LONGEST_LIST = 1000, 4000  # characters of a mistake in a message, and of all of them
 _TABLE = re.compile(r"\('(.*?)',?\)")  # name of a table in tomllib's errors
 
 
@@ -117,8 +118,9 @@ def _refuse(command: str, problems: list[str]) -> None:
     if len(problems) == 1:
         raise CaseError(f"{command}: {shortened(problems[0], _LONGEST)}") from None
     if problems:
-        shown = [shortened(problem, _LONGEST) for problem in problems[:_MOST_MISTAKES]]
-        shown += [f"and {len(problems) - _MOST_MISTAKES} more"] * (len(problems) > _MOST_MISTAKES)
+        shown = [shortened(problem, _LONGEST) for problem in problems]
+        n_shown = sum(length <= _LONGEST_LIST for length in accumulate(map(len, shown)))
+        shown[n_shown:] = [f"and {len(problems) - n_shown} more"] * (n_shown < len(problems))
         raise CaseError("\n  ".join([f"{command}: {len(problems)} mistakes", *shown])) from None
 
 

@@ -152,6 +152,8 @@ def _block(lines: list[str], at: int, count: int | None) -> tuple[int, _Block]:
         end = first + -(-count // n_whole)
     elif end == len(lines) or lines[end].strip()[:1] not in ("-", "N"):
         raise MeshError(f"line {end + 1}: the block of line {at + 1} ends without -1; the file is truncated or damaged")
+    if count is not None and count < 0:
+        raise MeshError(f"line {at + 1}: {count} numbers are counted; a number of at least 0 is expected")
     if end > len(lines):
         raise MeshError(f"line {at + 1}: {count} numbers are counted, and the file ends before; it is truncated")
     return end, _Block(first + 1, lines[first:end], n_whole, whole, n_decimal, decimal)
