@@ -10,6 +10,7 @@ busy disk, runs in a background thread.
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 import struct
@@ -17,6 +18,7 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
+from operator import index
 from pathlib import Path
 from time import monotonic, perf_counter
 from typing import TypeVar
@@ -71,7 +73,7 @@ def unpack(body: bytes) -> tuple[Arrays, dict]:
         if not _KIND.fullmatch(kind):
             raise ValueError(f"{name} is no array of numbers")
         dtype = np.dtype(kind)
-        size = dtype.itemsize * int(np.prod(shape, dtype=object))
+        size = dtype.itemsize * math.prod(map(index, shape))
         arrays[name] = np.frombuffer(body[start : start + size], dtype).reshape(shape).copy()
         start += size
     return arrays, texts
