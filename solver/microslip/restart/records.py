@@ -32,7 +32,7 @@ T = TypeVar("T")
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _FRAME = struct.Struct("<QI")  # bytes of a record, their CRC-32
 _HEAD = struct.Struct("<I")  # bytes of its head
-_KIND = re.compile(r"[<>|][iufbc]\d{1,2}")  # types of arrays; texts are in the head
+_KIND = re.compile(r"[<>|](?:[iub][1248]|f8|c16)")  # types of arrays, doubles among them; texts are in the head
 # errors of decoding bytes that are not a record
 _DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError, struct.error)
 _INTERVAL = 300.0  # times the duration of an fsync: the least time between two of them
