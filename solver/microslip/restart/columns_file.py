@@ -36,13 +36,23 @@ class ColumnsFile:
         records = on_root(self.comm, read_records, self.path, share=False)
         ends = 3 * split_evenly(len(G_static.known), self.comm.size)[self.comm.rank :][:2]
         for i in range(self.comm.bcast(len(records) if records is not None else None)):
-            there = on_root(self.comm, checked_read, self.path, self._columns, records, i)
+            there = on_root(self.comm, checked_read, self.path, self._columns, records, i, len(G_static.known))
             (G_static.put if is_known else G_static.store)(there["pairs"], there["columns"][slice(*ends)])
 
-    def _columns(self, records: Sequence[bytes], i: int) -> Arrays:
-        """Return the pairs and the columns of a record."""
+    def _columns(self, records: Sequence[bytes], i: int, n_pairs: int) -> Arrays:
+        """Return the pairs and the columns of a record.
+
+        Raises
+        ------
+        ValueError : they are not columns of a joint with ``n_pairs`` pairs
+        """
         arrays, _ = unpack(records[i])
-        return {name: arrays[name] for name in ("pairs", "columns")}
+        pairs, columns = arrays["pairs"], arrays["columns"]
+        if pairs.dtype.kind != "i" or columns.dtype.kind not in "fc" or columns.shape != (3 * n_pairs, 3 * pairs.size):
+            raise ValueError("no columns of this joint")
+        if pairs.ndim != 1 or not ((pairs >= 0) & (pairs < n_pairs)).all():
+            raise ValueError("columns of pairs that the joint does not have")
+        return {"pairs": pairs, "columns": columns}
 
     def follow(self, G_static: StaticColumns) -> None:
         """Append the columns of ``G_static`` that the file lacks, now and whenever new ones are computed."""
