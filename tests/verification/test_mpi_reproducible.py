@@ -1,5 +1,6 @@
 """The same scene alone, on all ranks together and in groups of ranks: the same curves, by every method (docs/reliability.md)."""
 
+import numpy as np
 import pytest
 from bar_scene import write_bar
 from mpi4py import MPI
@@ -16,6 +17,7 @@ pytestmark = pytest.mark.ranks(2, 3)
 
 TOLERANCE = 1e-9  # of the peak, where points are solved to a residual of 1e-10; 1e-12 is found
 OF_MODES = 1e-10  # of a natural frequency
+AT = (4610.0, 4650.0, 4720.0)  # Hz: points of every curve, pairs slip there
 ON_TWO = ("receptance", "adaptive", "full", "rubin")  # test_mpi_methods.py compares all of them with full on one and two ranks
 
 
@@ -24,23 +26,38 @@ def structures(comm, tmp_path_factory):
     """The bar of one joint, on this rank alone and on all together."""
     folder = comm.bcast(tmp_path_factory.mktemp("reproducible"))
     path = on_root(comm, lambda: write_bar(folder, modes=12, harmonics=3, samples=64, tolerance=1e-10))
-    scene = changed(microslip.read(path), {"response": {"levels": (38.0,), "points": 5}})
+    scene = changed(microslip.read(path), {"response": {"levels": (38.0,), "points": 5, "at": AT}})
     with microslip.build(scene, MPI.COMM_SELF) as alone, microslip.build(scene, comm) as together:
         yield alone, together
 
 
 def assert_same(comm, found: Difference) -> None:
-    """Check on every rank, whose own result is that of all."""
+    """Check on every rank, whose own result is that of all.
+
+    Rounding may decide whether a step is repeated: then the other points lie elsewhere on the same curve.
+    """
     says = text_of(found)
-    assert all(comm.allgather(found.is_same)), says
+    assert not any(found.only) and all(level.is_whole for level in found.levels), says
     assert (
         found.structure.same_pairs
         and found.structure.modes < OF_MODES
         and found.structure.n_modes[0] == found.structure.n_modes[1]
     )
     for level in found.levels:
-        assert level.n_points[0] == level.n_points[1] > 4 and level.slip[0] == level.slip[1], says
+        has_same_points = level.n_points[0] == level.n_points[1]
+        largest = level.difference if has_same_points else level.beyond
+        assert all(comm.allgather(bool(largest <= TOLERANCE))) and min(level.n_points) > 4 and level.slip[0] == level.slip[1], (
+            says
+        )
         assert level.friction[1] == pytest.approx(level.friction[0], rel=1e-5), says
+        assert_same_at(*found.of_level(level))
+
+
+def assert_same_at(a, b) -> None:
+    """Check two curves where both have a point."""
+    (at_a, at_b), peak = (level.response[np.flatnonzero(level.asked), 0] for level in (a, b)), np.abs(a.response[:, 0]).max()
+    assert len(at_a) == len(at_b) == len(AT)
+    assert np.abs(at_b - at_a).max() <= TOLERANCE * peak
 
 
 @pytest.mark.parametrize("method", [one if one in ON_TWO else pytest.param(one, marks=pytest.mark.ranks(3)) for one in METHODS])

@@ -27,7 +27,7 @@ from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
 
 SAMPLES = 4.0  # of the contact law between the solutions, at least: corners lie one apart
-SETTLED = 2e-2  # of the angle between the solutions: a shift of the peak below which one solution more is the peak
+SETTLED = 1e-3  # rad: a shift of the peak, half of whose square is its change of the amplitude; one solution more is the peak
 MOST_HALVES = 2  # times that the way to a phase is halved where Newton's method fails
 CLOSER = 2  # times that the angle itself is halved then
 FARTHEST = 1.0  # of that angle: a step towards the peak
@@ -188,7 +188,7 @@ class _Search:
             slope = slope if slope < 0.0 else bend
             shift = float(np.clip(-rise / slope, -FARTHEST, FARTHEST)) if slope < 0.0 else FARTHEST * float(np.sign(rise))
             below, guess, above = (_along(low.iterate, here.iterate, high.iterate, shift + way) for way in (-1.0, 0.0, 1.0))
-            if abs(shift) <= SETTLED:
+            if abs(shift) * apart <= SETTLED:
                 return self.at(guess, 0.0, guess)
             here, ends, before = self.at(guess, 0.0, guess, is_patient=True), (below, above), (shift, rise)
         raise _Lost(NO_PEAK)
