@@ -10,6 +10,8 @@ from mpi4py import MPI
 from oracles import exact, scenes
 
 import microslip
+from microslip.contact.law import STICK
+from microslip.library.backbone import ModePoint, comes_to_gross_slip
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 
@@ -67,6 +69,14 @@ def structure(scene_file):
     yield build
     for each in built:
         each.close()
+
+
+@pytest.mark.parametrize("loss", (-4.0e-36, 0.0, 4.0e-36))
+def test_rounding_of_the_loss_where_nothing_slips_yet_is_no_gross_slip(loss):
+    none = np.zeros((1, 3)), np.zeros(1), np.full(1, STICK)
+    points = [ModePoint(amplitude, 1.0, -0.02, *none, friction, 0.01, 1.0) for amplitude, friction in ((1.0, loss), (1.1, -loss))]
+    assert not comes_to_gross_slip(points[:1]) and not comes_to_gross_slip(points)
+    assert all(point.damping_by_friction == 0.0 for point in points)
 
 
 def test_frequency_damping_and_friction_are_those_of_the_closed_form(structure):

@@ -27,6 +27,7 @@ from .settings import refuse_statics, units_of
 
 FARTHEST = 1e4  # times the amplitude of first slip: as far as a mode is followed where its joint comes to no gross slip
 SLIPS_FROM = 1e-3  # of the amplitude at which a pair is at its limit, where a law slips from the first motion on
+NONE = 1e-12  # damping ratio by friction below which nothing slips: rounding, of either sign
 PAST = 0.5  # of the largest damping ratio by friction, to which it has fallen where a mode is followed no further
 CHECKED = 6  # points that are solved again for their error
 BETWEEN, LOWEST = 20, 1e-3  # of synthesised responses: amplitudes from point to point, and the lowest over that of first slip
@@ -50,7 +51,8 @@ class ModePoint:
     @property
     def damping_by_friction(self) -> float:
         """The part of the damping ratio that friction makes [-]."""
-        return self.friction / self.supplied * -self.sigma / (2.0 * self.omega) if self.supplied > 0.0 else 0.0
+        ratio = self.friction / self.supplied * -self.sigma / (2.0 * self.omega) if self.supplied > 0.0 else 0.0
+        return ratio if ratio > NONE else 0.0
 
 
 @dataclass(frozen=True, eq=False)
