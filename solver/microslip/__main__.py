@@ -254,7 +254,8 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
         of_modes = modes.Request(command.count, command.speeds, command.diameters, command.orders)
         modes.modes(scene, comm, out, of_modes, command.petsc)
     elif command.name == "backbone":
-        backbone.study(scene, comm, out, backbone.Request(command.mode or 1, command.farthest, command.levels), command.petsc)
+        of_mode = backbone.Request(command.mode or 1, command.farthest, command.levels, command.fresh)
+        backbone.study(scene, comm, out, of_mode, command.petsc, on_root(comm, time_limit, command.walltime))
     elif command.name == "identify":
         identify.study(scene, comm, out, command.other, command.fit, command.petsc)
     elif command.name == "search":

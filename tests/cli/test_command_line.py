@@ -34,8 +34,10 @@ from microslip.program.command_line import Command, parse
             Command("identify", "fan.toml", other="m.csv", fit=("a=1:2", "b=3:4")),
         ),
         (
-            "backbone fan.toml --mode 2 --farthest 30 --levels 5,10 --out b -- -hb_snes_max_it 9",
-            Command("backbone", "fan.toml", Path("b"), ("-hb_snes_max_it", "9"), mode=2, farthest=30.0, levels=(5.0, 10.0)),
+            "backbone fan.toml --mode 2 --farthest 30 --levels 5,10 --fresh --out b -- -hb_snes_max_it 9",
+            Command(
+                "backbone", "fan.toml", Path("b"), ("-hb_snes_max_it", "9"), mode=2, farthest=30.0, levels=(5.0, 10.0), fresh=True
+            ),
         ),
         ("search fan.toml --at 99.4", Command("search", "fan.toml", frequency=99.4)),
         (

@@ -1,6 +1,7 @@
 """A run that was stopped anywhere goes on where it was: to the same curve, without a point computed twice; on any ranks."""
 
 import math
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.messages.errors import CaseError, ConvergenceError, Interrupted
 from microslip.observe.log import RunLog
+from microslip.observe.stops import Stops
 from microslip.parallel.agree import on_root
 from microslip.restart import identity, stored_structure
 from microslip.restart.branch_files import BranchFiles
@@ -24,6 +26,7 @@ from microslip.restart.records import pack
 from microslip.results.read import read_results
 from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
+from microslip.studies.backbone import story as backbone
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -434,3 +437,35 @@ def test_peaks_over_numbers_go_on_after_the_last_point(n_points, shared_path, mo
         assert one.key == other.key and len(one.value) == len(other.value)
         for name in ("value", "amplitude", "frequency", "damping"):
             assert getattr(other, name) == pytest.approx(getattr(one, name), rel=1e-7)  # the solver's tolerance
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n_points", [1, 7])
+def test_a_nonlinear_mode_goes_on_after_the_last_point(n_points, shared_path, monkeypatch):
+    of_mass = partial(write_matrix_scene, shared_path, scenes.jenkins_mass(), [0.4], (0.5, 2.0), harmonics=1, samples=64)
+    scene, request = read_scene(on_root(COMM, of_mass)), backbone.Request(farthest=5.0)
+    folders = shared_path / "whole", shared_path / "stopped"
+    on_root(COMM, lambda: [folder.mkdir() for folder in folders])
+    backbone.study(scene, COMM, folders[0], request)
+    of_stops, counter = Stops.point, StopsAfter(n_points)
+    with monkeypatch.context() as stopping:
+        stopping.setattr(Stops, "point", lambda stops, *point: (counter.point(*point), of_stops(stops, *point)))
+        with pytest.raises(Interrupted, match="the same command continues from there"):
+            backbone.study(scene, COMM, folders[1], request)
+    solved, save = [0], BranchFiles.save
+
+    def counts(files, task, state, points):
+        save(files, task, state, points)
+        solved[0] += len(points)
+
+    monkeypatch.setattr(BranchFiles, "save", counts)
+    backbone.study(scene, COMM, folders[1], request)
+    table = partial(np.genfromtxt, delimiter=",", skip_header=1)
+    rows, again = (on_root(COMM, table, folder / "backbone.csv") for folder in folders)
+    assert len(rows) - n_points - 1 <= solved[0] <= len(rows) - n_points + 1 and again == pytest.approx(
+        rows, rel=1e-9, nan_ok=True
+    )
+    backbone.study(scene, COMM, folders[1], request)
+    assert solved[0] <= len(rows) - n_points + 1, "a complete mode is read"
+    backbone.study(scene, COMM, folders[1], replace(request, fresh=True))
+    assert solved[0] >= 2 * len(rows) - n_points - 1

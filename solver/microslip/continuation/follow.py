@@ -293,7 +293,8 @@ def follow_branch(
         )
         for point in before:
             take(point)
-        while not state.is_done and branch.failure is None:
+        is_reached = bool(before) and until(before[-1])
+        while not (state.is_done or is_reached) and branch.failure is None:
             solution = advance(task, state, record)
             state, branch.failure = solution.state, solution.failure
             if len(branch.points) + len(since) == max_points:
@@ -304,8 +305,6 @@ def follow_branch(
             for point in since:
                 take(point)
             since.clear()
-            if is_reached:
-                break
     except BaseException:  # a signal, or a problem of one rank alone
         checkpointer.flush()
         raise

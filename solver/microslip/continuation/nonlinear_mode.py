@@ -22,6 +22,7 @@ from ..points.selection import AllPairs
 from ..points.sweep import Sweep
 from ..receptance.leading_mode import coordinate, coordinate_rate, led_by, pushed_by
 from ..receptance.reduced_model import ReducedModel
+from .checkpointer import NO_CHECKPOINTS, Checkpointer
 from .constraint_rows import Place, Scaling
 from .follow import follow_branch
 from .iterate import Iterate
@@ -150,8 +151,9 @@ def follow_mode(
     on_point: Callable[[Point], None] = lambda point: None,
     until: Callable[[Point], bool] = lambda point: False,
     steps: ArcLength = STEPS_OF_MODES,
+    checkpointer: Checkpointer = NO_CHECKPOINTS,
 ) -> Branch:
-    """Return the branch of a nonlinear mode over ln q.  Collective.
+    """Return the branch of a nonlinear mode over ln q, from its checkpoints if there are any.  Collective.
 
     Parameters
     ----------
@@ -162,8 +164,15 @@ def follow_mode(
     -------
     branch : ``parameters`` of a point are ln q, omega [rad/s] and sigma [1/s]; why it ends early is in ``failure``
     """
-    task = BranchTask(problem, AllPairs(), sweep, steps, tolerance)
-    return follow_branch(task, MOST_POINTS, on_point, until=until)
+    branch = checkpointer.finished()
+    if branch is None:
+        task = BranchTask(problem, AllPairs(), sweep, steps, tolerance)
+        branch = follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until)
+        checkpointer.finish(branch)
+        return branch
+    for point in branch.points:
+        on_point(point)
+    return branch
 
 
 def resolved_again(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,12 +11,14 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ..contact.law import STICK
+from ..continuation.checkpointer import NO_CHECKPOINTS, Checkpointer
 from ..continuation.nonlinear_mode import NonlinearMode, QuasiStaticMode, follow_mode, follow_pushes, resolved_again
 from ..fourier.amplitudes import to_complex
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import OperatingPoint
 from ..messages.errors import CaseError
+from ..parallel.agree import on_root
 from ..points.branch import Branch, Point
 from ..points.sweep import Sweep
 from ..receptance.motions import modal_motion
@@ -230,6 +233,8 @@ def backbone(
     error_bars: bool = True,
     friction: OfJoints | None = None,
     preload: OfJoints | None = None,
+    on_point: Callable[[Point], None] = lambda point: None,
+    checkpointer: Checkpointer = NO_CHECKPOINTS,
     **keys: Any,
 ) -> Backbone:
     """Return a nonlinear mode of a structure, from the amplitude of first slip to gross slip.
@@ -246,6 +251,8 @@ def backbone(
     quasi_static : whether the mode is computed by statics, too; not of a disc
     error_bars : whether some points are solved again with twice the harmonics and samples
     friction, preload, keys : as for :func:`respond`
+    on_point : is called with each point, on every rank
+    checkpointer : of the branch
 
     Raises
     ------
@@ -262,15 +269,19 @@ def backbone(
         return _line(prepared, problem, mode, notes)
     points = list[ModePoint]()
 
+    def at(point: Point) -> ModePoint:  # the motion of points from checkpoints is on rank 0
+        return on_root(prepared.model.comm, mode_point, problem, prepared.model, point)
+
     def record(point: Point) -> None:
-        points.append(mode_point(problem, prepared.model, point))
+        points.append(at(point))
+        on_point(point)
 
     def is_gross(point: Point) -> bool:
-        return farthest is None and comes_to_gross_slip([*points, mode_point(problem, prepared.model, point)])
+        return farthest is None and comes_to_gross_slip([*points, at(point)])
 
     low = float(np.log(first))
     sweep, tolerance = Sweep(low, low + float(np.log(farthest or FARTHEST))), prepared.response.settings.tolerance
-    branch = follow_mode(problem, sweep, tolerance, record, is_gross)
+    branch = follow_mode(problem, sweep, tolerance, record, is_gross, checkpointer=checkpointer)
     seconds = time.perf_counter() - start
     checks = checked(problem, branch, points, tolerance) if error_bars else ()
     quasi = None

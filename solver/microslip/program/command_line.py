@@ -394,13 +394,13 @@ _OPTIONS = (
         type=_count,
     ),
     _option(
-        ("run", "wear"),
+        ("run", "backbone", "wear"),
         "--fresh",
         None,
         "recompute everything instead of continuing an earlier run; earlier results of run move to earlier-N/",
     ),
     _option(
-        ("run", "sweep"),
+        ("run", "backbone", "sweep"),
         "--walltime",
         "T",
         "time limit: the run saves and stops before it, with status 5; 3600, 90m, 1h30m, HH:MM:SS, D-HH:MM:SS "

@@ -4,6 +4,7 @@
     restart/setup-KEY/       the stuck structure: stored_structure.py
     restart/level-KEY/       of; points.S, state.S.0, state.S.1, end.S of each segment S of a level
     restart/over-KEY/        points.0, state.0.0, state.0.1, end.0 of a curve of peaks over a number
+    restart/mode-KEY/        the same of a nonlinear mode
 
 Each key is a hash of everything that the part depends on (identity.py), so that any part that exists can be used.
 """
@@ -215,6 +216,12 @@ class Restart:
 
         return checkpointer
 
+    def checkpointer_of_mode(self, prepared: Prepared, number: int, farthest: float | None, log: RunLog) -> Checkpointer:
+        """Return the checkpointer of a nonlinear mode, which logs what it restores.  Local."""
+        name = f"mode-{self.identity.mode(number, farthest, prepared.structure.n_modes)}"
+        self._used.add(name)
+        return BranchFiles(self.comm, self.path / name, 0, log.note, disk=self._disk)
+
     def _level(self, level: float, n_modes: int) -> str:
         return f"level-{self.identity.level(level, n_modes)}"
 
@@ -241,6 +248,14 @@ class Restart:
         if output != folder:
             record |= {"place": output.name, "complete": _hash(folder / RESULTS)}
         write_record(self.path / "done", {}, record)
+        self._remove_unused()
+
+    def tidy(self) -> None:
+        """Wait for the disk, and remove unused checkpoints of other scenes; of a study, whose results are no run's."""
+        on_each(self.comm, self._wait)
+        on_root(self.comm, self._remove_unused)
+
+    def _remove_unused(self) -> None:
         for other in _parts(self.path):
             if other.name not in self._used:
                 shutil.rmtree(other, ignore_errors=True)

@@ -103,6 +103,15 @@ class Identity:
         table = response.pop("over")[number]
         return self._key({**scene, "response": response, "over": table, "peak": peak, "level": level.hex(), "n_modes": n_modes})
 
+    def mode(self, number: int, farthest: float | None, n_modes: int) -> str:
+        """Return the key of a nonlinear mode up to an amplitude: everything except levels, peaks over numbers and fields."""
+        scene, response = dict(self.scene), dict(self.scene["response"])
+        for name in ("title", "wear"):
+            scene.pop(name, None)
+        for name in ("levels", "fields", "over"):
+            response.pop(name, None)
+        return self._key({**scene, "response": response, "mode": [number, farthest], "n_modes": n_modes})
+
     def branch(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N], independent of the range."""
         scene, response = dict(self.scene), dict(self.scene["response"])

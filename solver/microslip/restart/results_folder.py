@@ -21,11 +21,11 @@ _RESULTS_FILES = re.compile(
     r"|(response\d*|peaks\d*|peaks_over\d*|states|slip_map|rom_size|energy|energy_map|sensitivity_map|error|rest)\.png"
     r"|(modes|peak_response|mode_shapes|rest|joint|(joint_)?motion_\d+)\.vtkhdf"
 )
-_PART = re.compile(r"(setup|level|over)-[0-9a-f]{24}")
+_PART = re.compile(r"(setup|level|over|mode)-[0-9a-f]{24}")
 
 
 def is_checkpoint(path: Path) -> bool:
-    """Return whether a path has the name of a stored set-up, level or curve of peaks.  Local."""
+    """Return whether a path has the name of a stored set-up, level, curve of peaks or nonlinear mode.  Local."""
     return _PART.fullmatch(path.name) is not None and path.is_dir()
 
 

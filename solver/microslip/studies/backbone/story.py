@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,10 @@ from ...library.respond import respond
 from ...library.response import Response
 from ...messages.errors import ConvergenceError
 from ...observe.log import RunLog
+from ...observe.stops import Stops, goes_on
 from ...parallel.agree import on_root
+from ...restart.cache import cache_of
+from ...restart.folder import Restart
 from ...system.versions import versions
 from .report import Forced, write_backbone
 
@@ -20,6 +24,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from ...scene.schema import Scene
+    from ...system.walltime import TimeLimit
 
 
 @dataclass(frozen=True)
@@ -29,23 +34,43 @@ class Request:
     mode: int = 1
     farthest: float | None = None  # amplitude over that of first slip; None: to gross slip
     levels: tuple[float, ...] = ()  # N, levels of forced responses; empty: none
+    fresh: bool = False  # whether checkpoints of an earlier study are left unused
 
 
-def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+def study(
+    scene: Scene,
+    comm: MPI.Comm,
+    folder: Path,
+    request: Request = Request(),  # noqa: B008  frozen
+    options: tuple[str, ...] = (),
+    limit: TimeLimit | None = None,
+) -> None:
     """Compute a nonlinear mode of a scene, and at the requested levels the forced response, synthesised and computed.
 
-    Collective on ``comm``.
+    Collective on ``comm``.  The mode continues from the checkpoints of an earlier study in the folder.
 
     Raises
     ------
     CaseError, MeshError, ResourceError : on every rank
     ConvergenceError : the mode or a curve ended early, after all files were written; on every rank
+    Interrupted : a signal or the time limit, with the points of the mode on the disk; on every rank
     """
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "backbone.log"), facts=facts) as log:
-        structure = build(scene, comm, log, keeps_reference=False)
+    restart = Restart.open(comm, folder, scene, options, request.fresh, cache_of(folder))
+    with goes_on(folder), RunLog(comm, str(folder / "backbone.log"), facts=facts) as log:
+        for note in restart.notes:
+            log.note(note)
+        prepared = restart.prepared(log, partial(build, scene, comm, log, keeps_reference=False))
+        structure, checkpointer = prepared.structure, restart.checkpointer_of_mode(prepared, request.mode, request.farthest, log)
+        stops = Stops(log, lambda: None, limit, "the next study continues from this point")  # which the checkpointer saved before
         with log.stage("nonlinear mode"):
-            result = backbone(structure, request.mode, farthest=request.farthest)
+            result = backbone(
+                structure,
+                request.mode,
+                farthest=request.farthest,
+                on_point=partial(on_root, comm, stops.point, 0, 0),
+                checkpointer=checkpointer,
+            )
         for note in result.notes:
             log.note(note)
         forced: list[Forced] = []
@@ -54,8 +79,11 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
                 response = respond(structure, levels=request.levels, peaks=True, error_bars=False)
                 forced = [beside(result, response, level) for level in request.levels]
         log.note(on_root(comm, write_backbone, result, forced, scene, folder))
+        restart.share_columns(log)
+        restart.share_factor(prepared, log)
         log.note(f"results in {folder}")
         structure.close()
+    restart.tidy()
     failed = [f"backbone: mode {result.mode} ends after {len(result.points)} points: {result.failure}"] if result.failure else []
     failed += [f"level {each.level:g}: {each.failure}" for each in forced if each.failure]
     if failed:
