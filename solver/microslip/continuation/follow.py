@@ -151,16 +151,17 @@ def _begun_beyond(leg: Leg) -> BranchState | None:
 def released(after: Accepted, steps: ArcLength) -> Accepted:
     """Return a point with the mean slip released; still regularised if Newton's method fails without.  Collective.
 
-    It is solved for from the mean of the linear motion, from which the springs may have let it drift.
+    It is solved for from the mean of the linear motion, from which the springs may have let it drift, then from theirs.
     """
     solver, now = after.state.solver.holding(None), after.now
     at_rest, mean = now.iterate.U.copy(), solver.harmonics.mean
     at_rest[..., mean] = solver.on_curve(now.iterate.parameter).U[..., mean]
-    solution, selected = solver.solve_near(replace(now.iterate, U=at_rest), now)
-    if solution.failure is not None or solver.distance(now, solution.iterate) > steps.ds_max:
-        return after
-    free = replace(now, iterate=solution.iterate, selected=selected)
-    return replace(after, state=replace(after.state, solver=solver), now=free)
+    for guess in (replace(now.iterate, U=at_rest), now.iterate):
+        solution, selected = solver.solve_near(guess, now)
+        if solution.failure is None and solver.distance(now, solution.iterate) <= steps.ds_max:
+            free = replace(now, iterate=solution.iterate, selected=selected)
+            return replace(after, state=replace(after.state, solver=solver), now=free)
+    return after
 
 
 def next_step(

@@ -27,7 +27,7 @@ from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
 
 SAMPLES = 4.0  # of the contact law between the solutions, at least: corners lie one apart
-SETTLED = 1e-3  # rad: a shift of the peak, half of whose square is its change of the amplitude; one solution more is the peak
+SETTLED = 1e-4  # rad: a shift of the peak below which one solution more is the peak
 MOST_HALVES = 2  # times that the way to a phase is halved where Newton's method fails
 CLOSER = 2  # times that the angle itself is halved then
 FARTHEST = 1.0  # of that angle: a step towards the peak
