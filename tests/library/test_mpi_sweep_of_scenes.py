@@ -8,6 +8,7 @@ from rest_scene import HEIGHT, LENGTH, WIDTH, force, scene_of
 from scene_text import table
 
 import microslip
+from microslip.continuation.point_record import HELD
 from microslip.parallel.agree import on_root
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -44,6 +45,7 @@ def test_another_friction_is_another_state_of_rest(comm, folder):
     scene = scene_of(comm, folder, force(50.0, 0.0, -1000.0), *more)
     swept = check(comm, scene, {"joints.joint.friction": [0.1]})
     assert swept.slipping[0] > 0 and swept.amplitude[0] != pytest.approx(swept.nominal.amplitude, rel=1e-3)
+    assert HELD in swept.samples[0].why and HELD not in swept.nominal.why
 
 
 @pytest.mark.slow

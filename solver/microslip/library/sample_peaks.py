@@ -59,7 +59,7 @@ class Sample:
 
     values: tuple[float, ...]
     status: str = DONE  # or FAILED, OUTSIDE: the scene does not allow the values
-    why: str = ""  # it has no peak
+    why: str = ""  # it has no peak, or the notes of its point
     amplitude: float = NAN  # of harmonic 1, in the unit of the output
     phase: float = NAN  # rad
     frequency: float = NAN  # Hz
@@ -313,6 +313,7 @@ class SamplePeaks:
                 "open": int(np.count_nonzero(point.state == OPEN)),
                 "newton": peak.newton,
                 "curve": curve,
+                "why": "; ".join(point.notes),
             }
 
         found = comm.bcast(numbers() if comm.rank == 0 else None)

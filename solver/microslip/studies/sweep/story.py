@@ -237,5 +237,5 @@ def _line(i: int, sample: Sample, n: int, of: int) -> str:
     way = ", along its curve" if sample.is_followed else ""
     return (
         f"  {n} of {of}: sample {i}: {values}: {sample.amplitude:.6g} at {sample.frequency:.7g} Hz, "
-        f"{sample.newton} Newton iterations{way}, {sample.seconds:.3g} s"
+        f"{sample.newton} Newton iterations{way}, {sample.seconds:.3g} s{'; ' * bool(sample.why)}{sample.why}"
     )
