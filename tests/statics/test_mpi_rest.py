@@ -259,8 +259,7 @@ def test_a_light_load_on_a_warm_body_presses_it_on(comm, folder):
 
 
 def test_rest_that_is_not_stable_is_named(comm, folder):
-    """A long load pulls on what hardly presses: the bar rocks on a line of pairs, or rounding leaves it no rest on the way."""
-    statics = force(0.0, 0.0, -1.0) + force(1e5, 0.0, 0.0, "bar_end") + force(-1e5, 0.0, 0.0, "bar_start")
-    said = "a stiffness matrix must not release energy; the stress at rest is part of it|no equilibrium beyond"
-    with pytest.raises((CaseError, ConvergenceError), match=said):
+    """A bar that two opposite loads compress beyond buckling."""
+    statics = force(0.0, 0.0, -1e3) + force(-2e7, 0.0, 0.0, "bar_end") + force(2e7, 0.0, 0.0, "bar_start")
+    with pytest.raises(CaseError, match="a stiffness matrix must not release energy; the stress at rest is part of it"):
         microslip.build(scene_of(comm, folder, statics), comm)
