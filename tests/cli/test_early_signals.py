@@ -54,14 +54,16 @@ def test_one_that_asks_to_save_passes(tmp_path):
     assert done.returncode == 2 and "nothing.toml" in done.stderr
 
 
-def test_one_to_another_rank_leaves_the_message_to_the_first(tmp_path):
-    """Rank 0 starts later; rank 1 waits until it can pass the signal on."""
-    script = EARLY.format(number=int(signal.SIGTERM)).replace('if name == "mpi4py"', 'if name == "mpi4py" and rank == "1"')
+@pytest.mark.parametrize("module", ["mpi4py", "pydantic"])
+def test_one_to_another_rank_leaves_the_message_to_the_first(tmp_path, module):
+    """Rank 0 starts later; rank 1 waits until it can pass the signal on, before and after it answers signals itself."""
+    script = EARLY.format(number=int(signal.SIGTERM)).replace('if name == "mpi4py"', f'if name == "{module}" and rank == "1"')
     script = script.replace("nothing.toml", str(SCENE))
     start = 'import os, time\nrank = os.environ["OMPI_COMM_WORLD_RANK"]\ntime.sleep(0.3 if rank == "0" else 0.0)\n'
     done = python("-c", start + script, ranks=2, cwd=tmp_path)
     assert done.returncode == 5, done.stderr
     assert done.stderr.count("microslip: error: stopped by SIGTERM") == done.stderr.count("microslip: error") == 1
+    assert "computed" not in done.stderr, "rank 0 was told before the run began"
 
 
 LATE = """

@@ -37,6 +37,7 @@ class _First:
     """The rank that saves, if it is another process of this machine."""
 
     process, start = 0, ""  # its number and start time; 0: none
+    last: int | None = None  # the last stop signal of this process
 
 
 def pass_on_to_first(comm: MPI.Comm) -> None:
@@ -49,16 +50,20 @@ def pass_on_to_first(comm: MPI.Comm) -> None:
 def repeat_early_signal() -> None:
     """Send the first rank and this process the signal that came while they started, if there is one.  Local.
 
-    Once both answer it; the thread, which it has woken before, passes on no other.
+    Once both answer it; the thread, which it has woken before, passes on no other.  One that this process has answered since, but
+    before it knew the first, is passed on alone.
     """
     number = early_signal()
+    to_first = _First.last if number is None else number
+    if to_first is not None:
+        _pass_on(to_first)
     if number is not None:
-        _pass_on(number)
         os.kill(os.getpid(), number)
 
 
 def _pass_on(number: int) -> None:
     """Send a signal to the first rank unless it has ended.  Local; a repeated signal has no effect there."""
+    _First.last = number
     if _First.process and started(_First.process) == _First.start:
         with suppress(ProcessLookupError):
             os.kill(_First.process, number)
