@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING, NoReturn
 
 from .guards.ending import conclude, leave, no_exit, require
 from .guards.lock import locked
-from .guards.overdue import oversee_signals, pass_on_to_first, repeat_early_signal
+from .guards.overdue import leave_signals_to_main, oversee_signals, pass_on_to_first, repeat_early_signal
 from .messages.errors import CaseError, ResourceError, naming
 from .parallel.agree import on_root
 from .parallel.petsc import initialise, unused_options
 from .program.command_line import Command, parse
-from .system.signals import obey_signals
+from .system.signals import obey_signals, unsignalled
 from .system.start import launcher_rank, too_little_address_space
 from .system.walltime import time_limit
 from .system.watchdog import show_stacks, watch, wrong_limit
@@ -68,9 +68,12 @@ def main(arguments: list[str]) -> int:
 def _world() -> MPI.Comm | None:
     """Return the communicator of all ranks, or None where mpi4py is missing."""
     try:
-        from mpi4py import MPI
+        with unsignalled():
+            from mpi4py import MPI
     except ImportError:
         return None
+    finally:
+        leave_signals_to_main()
     return MPI.COMM_WORLD
 
 

@@ -31,25 +31,77 @@ except Interrupted:
     sys.stderr.flush()
     os._exit(5)
 """
-ORDERS = """
-import os, signal
+GRID = """
+import os, random, signal, threading, time
 import scipy.sparse as sp
 from microslip.parallel import metis
 from microslip.messages.errors import Interrupted
+from microslip.system.signals import obey_signals, unsignalled
 
 def grid(n):
     alone, row = sp.eye(n), sp.diags([1.0, 1.0], [-1, 1], shape=(n, n))
-    return sp.kron(sp.kron(alone, alone), row) + sp.kron(sp.kron(alone, row), alone) + sp.kron(sp.kron(row, alone), alone)
-
-graph = sp.csr_matrix(grid(90))
-metis.nested_dissection(sp.csr_matrix(grid(3)))
-signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    return sp.csr_matrix(
+        sp.kron(sp.kron(alone, alone), row) + sp.kron(sp.kron(alone, row), alone) + sp.kron(sp.kron(row, alone), alone)
+    )
+"""
+ORDERS = (
+    GRID
+    + """
+graph = grid(90)
+assert graph.nnz > metis.LARGE
+obey_signals()
+began = time.monotonic()
 if os.fork() == 0:
     os.execlp("sh", "sh", "-c", f"sleep 1; kill -TERM {os.getppid()}")
 try:
     metis.nested_dissection(graph)
 except Interrupted as problem:
-    print(problem)
+    print(problem, time.monotonic() - began < 2.0)
+"""
+)
+MANY = (
+    GRID
+    + """
+with unsignalled():
+    threading.Thread(target=time.sleep, args=(1e6,), daemon=True).start()
+graph, weights = grid(12), np.ones(12**3)
+began = time.perf_counter()
+metis.partition(graph, 2, weights)
+seconds = time.perf_counter() - began
+receiver, sender = os.pipe()
+if os.fork() == 0:
+    os.close(sender)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    while os.read(receiver, 1):
+        until = time.perf_counter() + random.uniform(0.0, seconds)
+        while time.perf_counter() < until:
+            pass
+        os.kill(os.getppid(), signal.SIGTERM)
+    os._exit(0)
+n = 0
+for _ in range(300):
+    obey_signals()
+    try:
+        os.write(sender, b"x")
+        metis.partition(graph, 2, weights)
+        time.sleep(1.0)
+    except Interrupted:
+        n += 1
+print(n)
+"""
+).replace("import scipy.sparse", "import numpy as np\nimport scipy.sparse", 1)
+THREADS = """
+import glob, signal, time
+from microslip import __main__ as program
+from microslip.guards.overdue import oversee_signals
+
+oversee_signals()
+program._world()
+time.sleep(0.5)
+masks = []
+for status in glob.glob("/proc/self/task/*/status"):
+    masks += [int(line.split()[1], 16) for line in open(status) if line.startswith("SigBlk")]
+print(len(masks) > 2, [bool(mask >> signal.SIGTERM - 1 & 1) for mask in masks].count(False))
 """
 
 
@@ -78,4 +130,23 @@ def test_a_full_output_is_left_when_a_signal_asks_to_stop_also_after_metis():
 @pytest.mark.slow
 def test_a_signal_while_metis_works_interrupts():
     done = python("-c", ORDERS)
-    assert done.returncode == 0 and done.stdout.startswith("stopped by SIGTERM")
+    assert (done.returncode, done.stdout) == (0, "stopped by SIGTERM True\n"), done.stderr
+
+
+@pytest.mark.slow
+def test_signals_at_any_moment_of_a_small_graph_wait_until_its_end():
+    """METIS' own handler leaves it by longjmp: after some twenty signals the process waited for ever, or crashed."""
+    done = python("-c", MANY)
+    assert (done.returncode, done.stdout) == (0, "300\n"), done.stderr
+
+
+def test_no_thread_but_the_first_receives_signals():
+    assert python("-c", THREADS).stdout == "True 1\n"
+
+
+def test_a_large_graph_gets_the_same_order_from_another_process(monkeypatch):
+    graph, weights = path_graph(300), np.ones(300)
+    here = metis.nested_dissection(graph), metis.partition(graph, 3, weights)
+    monkeypatch.setattr(metis, "LARGE", 0)
+    there = metis.nested_dissection(graph), metis.partition(graph, 3, weights)
+    assert all(np.array_equal(a, b) for a, b in zip(here, there))

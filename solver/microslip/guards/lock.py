@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 from ..messages.errors import CaseError, ResourceError
 from ..parallel.agree import on_root
 from ..system.files import file_errors, make_folder
+from ..system.signals import unsignalled
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -64,7 +65,8 @@ class Lock:
         os.ftruncate(handle, 0)
         os.pwrite(handle, json.dumps(_self()).encode(), 0)
         try:
-            threading.Thread(target=self._touch, name="lock", daemon=True).start()
+            with unsignalled():
+                threading.Thread(target=self._touch, name="lock", daemon=True).start()
         except RuntimeError as problem:
             self.release()
             raise ResourceError(

@@ -30,7 +30,14 @@ ANSWER = 5.0  # s without reaction until the process ends
 LEAVING = 5.0  # s from the message to the end of the process
 _STILL = 1.0  # further s without a file being written, if the end waits for other ranks
 _ABORTING = 2.0  # s that MPI may take to end the job
+_LEAVE = b"\0"  # no signal: what wakes the thread to leave them
 ABORTS = 32  # tag of the message to rank 0 from a rank that ends all ranks
+
+
+class _Thread:
+    """The thread."""
+
+    sender: int | None = None  # of the pipe that wakes it
 
 
 class _First:
@@ -76,12 +83,25 @@ def oversee_signals() -> None:
     with suppress(RuntimeError):  # no further thread available: signals are handled late in long calls
         threading.Thread(target=_oversee, args=(receiver,), name="signals", daemon=True).start()
         signal.set_wakeup_fd(sender, warn_on_full_buffer=False)
+        _Thread.sender = sender
+
+
+def leave_signals_to_main() -> None:
+    """Let the thread receive no signals itself any more.  Local; once the main thread has left the start of MPI.
+
+    METIS would answer one in a thread of which it knows nothing (parallel/metis.py).
+    """
+    if _Thread.sender is not None:
+        os.write(_Thread.sender, _LEAVE)
 
 
 def _oversee(receiver: int) -> NoReturn:
     """Wait for a stop signal, and ensure that the process ends after it."""
     while True:
-        stopping = [number for number in os.read(receiver, 64) if number in STOPPING]
+        numbers = os.read(receiver, 64)
+        if _LEAVE[0] in numbers:
+            signal.pthread_sigmask(signal.SIG_BLOCK, (*STOPPING, signal.SIGUSR1))
+        stopping = [number for number in numbers if number in STOPPING]
         if stopping and not is_concluded():
             _pass_on(stopping[0])
             _see_to_the_end(signal.Signals(stopping[0]).name)

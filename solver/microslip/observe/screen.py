@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+from ..system.signals import unsignalled
+
 
 class Screen:
     """Lines, and one moving display.  ``interactive`` None: whether standard error is a terminal.
@@ -35,7 +37,8 @@ class Screen:
         if self._console is not None:
             self.clear()
             self._moving = self._console.status(name.strip())
-            self._moving.start()
+            with unsignalled():
+                self._moving.start()
 
     def bar(self, name: str, start: float, stop: float) -> None:
         """Show a bar from one frequency to another [Hz], below the other bars."""
@@ -44,7 +47,8 @@ class Screen:
         if not self._bars:
             self.clear()
             self._moving = self._progress()
-            self._moving.start()
+            with unsignalled():
+                self._moving.start()
         self._bars[name] = self._moving.add_task(name, total=1.0, at=""), start, stop
 
     def _progress(self):

@@ -74,6 +74,16 @@ def handlers_unchanged() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+@contextmanager
+def unsignalled() -> Iterator[None]:
+    """Let threads that start in the block receive no signals: the main thread has them all.  Local."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (*STOPPING, signal.SIGUSR1))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def save_requested() -> bool:
     """Return whether SIGUSR1 has come since the last call.  Local."""
     is_requested, _Requests.to_save = _Requests.to_save, False
@@ -160,7 +170,8 @@ def _stop(number: int, frame) -> None:
         _Requests.waits_for_first = False
         timer = threading.Timer(TO_FIRST, os.kill, (os.getpid(), number))
         timer.daemon = True
-        timer.start()
+        with unsignalled():
+            timer.start()
         return
     _Requests.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
     Answer.begun.set()
