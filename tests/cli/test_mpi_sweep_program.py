@@ -66,7 +66,7 @@ def test_parts_and_what_an_earlier_run_left_make_the_same_table(comm, scene, pro
 
     on_root(comm, cut)
     status, said, _ = program("sweep", scene, *asked, "--out", whole)
-    assert status == 0 and "3 of them are known from an earlier run" in said
+    assert status == 0 and "3 of them were computed by an earlier run" in said
     status, said, _ = program("sweep", scene, *asked, "--out", parts)
     assert status == 0 and "4 of them are known" in said
     for one, other in zip(rows_of(whole), rows_of(parts), strict=True):

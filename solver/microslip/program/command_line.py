@@ -164,9 +164,13 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
 
 
 def is_swept(text: str) -> bool:
-    """Tell whether KEY=VALUE has a list or a range in place of a value of a scene.  Local."""
-    value = text.partition("=")[2].strip()
-    return not value.startswith(("[", "{", '"', "'")) and ("," in value or (":" in value and not value[:1].isalpha()))
+    """Tell whether KEY=VALUE has a list or a range in place of a value of a scene, or is a level, no key of a scene.  Local."""
+    key, _, value = (part.strip() for part in text.partition("="))
+    return (
+        key == "level"
+        or not value.startswith(("[", "{", '"', "'"))
+        and ("," in value or (":" in value and not value[:1].isalpha()))
+    )
 
 
 def _part(text: str) -> tuple[int, int]:

@@ -57,7 +57,11 @@ class PageLayout(LayoutEngine):
         self._top = top
 
     def execute(self, fig: Figure) -> None:
-        """Place the axes of the grids of a figure."""
+        """Place the axes of the grids of a figure: twice, since axes of another size may have longer numbers at their ticks."""
+        self._place(fig)
+        self._place(fig)
+
+    def _place(self, fig: Figure) -> None:
         cells = ((ax, getattr(ax, "get_subplotspec", lambda: None)()) for ax in fig.axes)  # axes at a place have none
         with_cells = [(ax, cell) for ax, cell in cells if cell is not None]
         if not with_cells:

@@ -88,7 +88,8 @@ def _columns(rows: Any) -> dict[str, np.ndarray]:
 def on_screen(found: Identified) -> str:
     """Return the table of the numbers."""
     head = ("number", "unit", "scene", "found", "95 % from", "to", "largest correlation")
-    others = np.abs(found.correlation - np.eye(len(found.keys)))
+    others = np.abs(found.correlation)
+    np.fill_diagonal(others, -1.0)
     largest = [f"{found.correlation[i, j]:+.2f} {found.keys[j]}" for i, j in enumerate(others.argmax(axis=1))]
     rows = [
         (0, (key, found.units[i], *(f"{values[i]:.5g}" for values in (found.start, found.values, found.low, found.high)), more))
@@ -103,8 +104,8 @@ def in_words(found: Identified) -> list[str]:
         f"residuals over their deviations: {found.rms:.3g} (root mean square) with {found.dof} degrees of freedom, after "
         f"{found.evaluations} evaluations; {found.outcome}"
     ]
-    lines += [f"{key}: the data do not see it; its interval is that of the bounds" for key in found.unseen]
-    lines += [f"{a} and {b}: the data cannot tell them apart (correlation {c:+.3f})" for a, b, c in found.alike]
+    lines += [f"{key}: the data do not depend on it; its interval is that of the bounds" for key in found.unseen]
+    lines += [f"{a} and {b}: the data determine only a combination of both (correlation {c:+.3f})" for a, b, c in found.alike]
     lines += [f"{key}: at a bound; widen it, or the model lacks something" for key in found.at_bounds]
     in_files = _factors_of_files(found)
     for key, value in found.factors.items():

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from ...library.peak_curves import FACTOR
 from ...library.sample_peaks import NAN
@@ -17,6 +18,7 @@ from .statistics import Effect, percentiles
 
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
 _WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic
+_FOR_CONTOURS = 4  # samples along each key, from which lines of equal value show more than the cells
 _LABELS = {
     "amplitude": "peak of {output}",
     "frequency": "frequency of the peak",
@@ -82,10 +84,10 @@ def draw_map(table: SweepTable, scene: Titled, path: str) -> None:
         factor, label = _scaled(table, name)
         values = factor * table.on_axes(name).T
         mesh = axes.pcolormesh(_edges(x), _edges(y), np.ma.masked_invalid(values), cmap="viridis", rasterized=True)
-        if min(values.shape) > 1 and np.isfinite(values).all() and np.ptp(values) > 0.0:
+        if min(values.shape) >= _FOR_CONTOURS and np.isfinite(values).all() and np.ptp(values) > 0.0:
             lines = axes.contour(x, y, values, 5, colors="white", linewidths=0.7)
             axes.clabel(lines, fontsize=6.0, fmt="%.4g")
-        page.figure.colorbar(mesh, cax=bar, orientation="horizontal")
+        page.figure.colorbar(mesh, cax=bar, orientation="horizontal", ticks=MaxNLocator(3))
         bar.set_title(label)
         axes.grid(False)
         for values_of_axis, which in ((x, "x"), (y, "y")):

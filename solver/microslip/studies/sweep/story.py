@@ -115,7 +115,7 @@ def in_words(asked: Asked, request: Request) -> str:
         [
             f"{n} samples, {asked.design.kind} {axes}{parts}: {kinds}",
             *[f"{n_outside} of them are outside what the scene allows and are left out"] * (n_outside > 0),
-            *[f"{n_known} of them are known from an earlier run"] * (n_known > 0),
+            *[f"{n_known} of them were computed by an earlier run"] * (n_known > 0),
         ]
     )
 
