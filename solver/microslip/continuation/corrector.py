@@ -229,14 +229,18 @@ class Corrector:
         self.newton_solver.destroy()
         free(self._snes, self._J, self._x, self._r)
 
-    def correct(self, system: BorderedSystem, guess: Iterate, is_patient: bool = False) -> Correction:
+    def correct(
+        self, system: BorderedSystem, guess: Iterate, is_patient: bool = False, tolerance: float | None = None
+    ) -> Correction:
         """Solve from ``guess``.  Collective; never raises for divergence, which comes back as ``failure``.
 
-        ``is_patient`` continues as long as the residual falls, however short the steps.
+        ``is_patient`` continues as long as the residual falls, however short the steps; ``tolerance`` is that of this solve.
         """
         moved()
         self._patience = PATIENT if is_patient else PATIENCE
-        self._snes.setTolerances(max_it=max(self._max_it, MOST_PATIENT_ITERATIONS) if is_patient else self._max_it)
+        most = max(self._max_it, MOST_PATIENT_ITERATIONS) if is_patient else self._max_it
+        tolerance = tolerance or self.tolerance
+        self._snes.setTolerances(atol=tolerance, max_it=most)
         with np.errstate(all="ignore"):  # values that are not finite are a failed step, which SNES reports
             exactness = Exactness(system.scaling.weight)
             attempts = [self._solve(system, guess, exactness)]
@@ -250,9 +254,9 @@ class Corrector:
         newton, krylov = sum(attempt.newton for attempt in attempts), sum(attempt.krylov for attempt in attempts)
         residual, failure = self._snes.getFunctionNorm(), None
         if last.reason <= 0:
-            failure = f"SNES {_NAMES.get(last.reason, last.reason)}, scaled residual {residual:.1e} (bound {self.tolerance:.1e})"
+            failure = f"SNES {_NAMES.get(last.reason, last.reason)}, scaled residual {residual:.1e} (bound {tolerance:.1e})"
         gap = residual * system.scaling.U / system.scaling.weight
-        return Correction(self._unpacked(system, guess), newton, krylov, residual, failure, self.tolerance, gap)
+        return Correction(self._unpacked(system, guess), newton, krylov, residual, failure, tolerance, gap)
 
     def _solve(self, system: BorderedSystem, guess: Iterate, exactness: Exactness) -> Attempt:
         """Run SNES from ``guess``.  Collective."""

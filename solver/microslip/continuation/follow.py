@@ -11,7 +11,7 @@ from ..messages.errors import ConvergenceError
 from ..points.branch import NOTHING, Branch, Point
 from .acceptance import Accepted, accept
 from .checkpointer import NO_CHECKPOINTS, Checkpointer, Restored
-from .iterate import Iterate, PointState, interpolate
+from .iterate import Iterate, PointState, interpolate, parabola
 from .point_record import Unbalanced
 from .point_solver import PointSolver, Solution, Workspace
 from .state import BranchState
@@ -201,7 +201,8 @@ def _requested(leg: Leg, there: Iterate, selected: np.ndarray) -> tuple[BranchSt
     missed: list[str] = []
     for value in leg.task.sweep.requested_between(leg.now.iterate.parameter, there.parameter):
         harmonics = leg.state.solver.harmonics
-        between = interpolate(leg.now.iterate.on(harmonics), there.on(harmonics), value)
+        before = None if leg.state.before is None else leg.state.before.iterate
+        between = parabola(before, leg.now.iterate.on(harmonics), there.on(harmonics), value)
         try:
             solution = solved(leg, between, selected, requested=True)
         except ConvergenceError:

@@ -52,3 +52,18 @@ def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
     share = (parameter - a.parameter) / (b.parameter - a.parameter)
     remaining = (p + share * (q - p) for p, q in zip(a.parameters[1:], b.parameters[1:]))
     return Iterate(a.U + share * (b.U - a.U), (parameter, *remaining), a.harmonics)
+
+
+def parabola(before: Iterate | None, a: Iterate, b: Iterate, parameter: float) -> Iterate:
+    """Return the point between ``a`` and ``b`` of the parabola through them and the one before, as :func:`interpolate` does.
+
+    That of the chord where the swept parameter turns between the three, or there is none before.
+    """
+    chord = interpolate(a, b, parameter)
+    if before is None or not (a.parameter - before.parameter) * (b.parameter - a.parameter) > 0.0:
+        return chord
+    before, x = before.on(a.harmonics), before.parameter
+    share = (parameter - a.parameter) * (parameter - b.parameter) / ((x - a.parameter) * (x - b.parameter))
+    on_chord = interpolate(a, b, x)
+    remaining = (p + share * (q - r) for p, q, r in zip(chord.parameters[1:], before.parameters[1:], on_chord.parameters[1:]))
+    return Iterate(chord.U + share * (before.U - on_chord.U), (parameter, *remaining), a.harmonics)

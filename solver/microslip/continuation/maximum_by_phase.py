@@ -22,6 +22,7 @@ SAMPLES = 2.0  # and at least as many samples of the contact law: maxima of the 
 NEAR = 1.0  # of that distance within which the top of a parabola is taken as the maximum
 FARTHEST = 8.0  # of that distance by which a search goes on at most
 MOST_TRIES = 12
+LOOSE = 1e-5  # tolerance of the three, which only place the top: it moves by about their error over the distance
 NO_MAXIMUM = "the output has no maximum near by"
 
 
@@ -58,32 +59,36 @@ class _Search:
             here = self.solved(theta, about, self.system.constraints)
             if here.failure is not None:
                 return self.counted(here)
-            sides = [
-                self.solved(theta + way, rotated(here.iterate, way), self.fixed(here.iterate))
-                for way in (-self.apart, self.apart)
-            ]
-            failed = next((side for side in sides if side.failure is not None), None)
-            if failed is not None:
-                return self.counted(failed)
-            low, high = sides
+            held = (Plane.fixed_parameter(here.iterate),)
+            low = self.solved(theta - self.apart, self.as_one_mode(here.iterate, -self.apart), held)
+            if low.failure is not None:
+                return self.counted(low)
+            high = self.solved(theta + self.apart, opposite(low.iterate, here.iterate, self.apart), held)
+            if high.failure is not None:
+                high = self.solved(theta + self.apart, rotated(here.iterate, self.apart), held)
+            if high.failure is not None:
+                return self.counted(high)
             sizes = np.array([self.amplitude(solution.iterate) for solution in (low, here, high)])
             top = top_of(sizes)
             theta, about = theta + self.apart * top, along(low.iterate, here.iterate, high.iterate, top)
             if abs(top) <= NEAR:
-                return self.counted(self.solved(theta, about, self.system.constraints))
+                return self.counted(self.solved(theta, about, self.system.constraints, is_top=True))
         return self.counted(here, NO_MAXIMUM)
 
-    def solved(self, theta: float, guess: Iterate, constraints: tuple[Constraint, ...]) -> Correction:
+    def as_one_mode(self, there: Iterate, theta: float) -> Iterate:
+        """Return about the solution ``theta`` [rad] beyond one near the top of a resonance, as if it were of one mode.  Local."""
+        width, turned = self.system.scaling.parameters[1], rotated(there, theta)
+        value, omega = turned.parameters
+        return replace(turned, U=np.cos(theta) * turned.U, parameters=(value, omega - 0.5 * width * np.tan(theta)))
+
+    def solved(self, theta: float, guess: Iterate, constraints: tuple[Constraint, ...], is_top: bool = False) -> Correction:
         """Return the solution whose motion has the phase ``theta`` [rad] from the guess of the search, under other rows."""
         about = rotated(self.guess, theta)
         phase = Plane(about, rotated(about, 0.5 * np.pi).U / self.size, (0.0,) * len(about.parameters))
-        solution = self.corrector.correct(replace(self.system, constraints=(phase, *constraints)), guess, self.is_patient)
+        system, tolerance = replace(self.system, constraints=(phase, *constraints)), self.corrector.tolerance
+        solution = self.corrector.correct(system, guess, self.is_patient, tolerance if is_top else max(tolerance, LOOSE))
         self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
         return solution
-
-    def fixed(self, there: Iterate) -> tuple[Plane, ...]:
-        """Return the row that holds the first parameter where it is."""
-        return (Plane.fixed_parameter(there),)
 
     def amplitude(self, there: Iterate) -> float:
         """Return |a| of the output at a solution, the same on all ranks."""
@@ -105,6 +110,13 @@ def rotated(there: Iterate, theta: float) -> Iterate:
     c, s = np.cos(harmonics.above_mean * theta), np.sin(harmonics.above_mean * theta)
     U[..., harmonics.cos], U[..., harmonics.sin] = c * cos + s * sin, c * sin - s * cos
     return replace(there, U=U)
+
+
+def opposite(side: Iterate, here: Iterate, theta: float) -> Iterate:
+    """Return about the solution ``theta`` [rad] beyond ``here``, on the line from the one as far before it.  Local."""
+    turned = rotated(side, theta)
+    parameters = 2.0 * np.array(here.parameters) - side.parameters
+    return rotated(replace(here, U=2.0 * here.U - turned.U, parameters=tuple(map(float, parameters))), theta)
 
 
 def top_of(sizes: np.ndarray) -> float:
