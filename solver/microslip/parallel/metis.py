@@ -19,7 +19,7 @@ from ..system.memory import bounded_by_machine
 from ..system.signals import STOPPING, raise_stop
 
 NAME = "METIS"
-LARGE = 4_000_000  # entries of a graph, for which METIS takes 2 s: mpirun kills that long after its signal
+LARGE = 4_000_000  # entries and ten times the nodes of a graph, for which METIS takes 2 s: mpirun kills as long after its signal
 _LONGEST = 86_400  # s
 _MEMORY = 2**30, 400  # bytes, and per entry, that another process may take: ten times what METIS needs
 
@@ -43,7 +43,7 @@ def _divided(function: Callable[..., np.ndarray], graph: sp.csr_matrix, *argumen
     """Return the result of a function of METIS for a graph, here or from another process."""
     edges = graph.indptr.astype(np.int32), graph.indices.astype(np.int32)
     try:
-        if graph.nnz <= LARGE:
+        if graph.nnz + 10 * graph.shape[0] <= LARGE:
             with _undisturbed():
                 result = function(*edges, *arguments)
         else:
