@@ -32,7 +32,7 @@ except Interrupted:
     os._exit(5)
 """
 GRID = """
-import os, random, signal, threading, time
+import os, random, signal, threading, time, traceback
 import scipy.sparse as sp
 from microslip.parallel import metis
 from microslip.messages.errors import Interrupted
@@ -48,15 +48,14 @@ ORDERS = (
     GRID
     + """
 graph = grid(90)
-assert graph.nnz > metis.LARGE
+assert graph.nnz > metis.LARGE  # METIS takes more than the second until the signal
 obey_signals()
-began = time.monotonic()
 if os.fork() == 0:
     os.execlp("sh", "sh", "-c", f"sleep 1; kill -TERM {os.getppid()}")
 try:
     metis.nested_dissection(graph)
 except Interrupted as problem:
-    print(problem, time.monotonic() - began < 2.0)
+    print(problem, "sandbox" in traceback.format_exc())
 """
 )
 MANY = (
