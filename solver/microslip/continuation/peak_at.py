@@ -27,12 +27,14 @@ from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
 
 SAMPLES = 4.0  # of the contact law between the solutions, at least: corners lie one apart
-SETTLED = 1e-4  # rad: a shift of the peak below which one solution more is the peak
+SETTLED = 2e-5  # rad: a shift of the peak below which one solution more is the peak
 MOST_HALVES = 2  # times that the way to a phase is halved where Newton's method fails
 CLOSER = 2  # times that the angle itself is halved then
 FARTHEST = 1.0  # of that angle: a step towards the peak
 MOST_STEPS = 12
 LEAST, FAR = 0.3, 2.0  # of the motion of a guess and of the frequency of the start: solutions beyond belong to no peak here
+LEAST_ANGLE = 0.1  # of that angle: steps along the phase towards a half-power point are divided no further
+HALF_POWER = 0.5**0.5  # share of the amplitude of a peak
 LEAST_SHARE = 0.02  # of the amplitude: steps of this size towards a half-power point are divided no further
 NO_PEAK = "no peak of the output near the start"
 
@@ -67,7 +69,13 @@ class _Lost(Exception):
 
 
 def peak_near(
-    problem: ForcedResponse, output: int, starts: Starts, width: float, tolerance: float, estimator: ErrorEstimator | None = None
+    problem: ForcedResponse,
+    output: int,
+    starts: Starts,
+    width: float,
+    tolerance: float,
+    estimator: ErrorEstimator | None = None,
+    has_width: bool = True,
 ) -> PeakPoint | str:
     """Return the peak of an output near some motions, eq. (7.13), with its half-power width, or why there is none.  Collective.
 
@@ -76,14 +84,16 @@ def peak_near(
     starts : with the frequency as their parameter [rad/s]
     width : rad/s, unit of the frequency: about the half-power width
     estimator : of the error bar of the peak
+    has_width : whether its half-power points are wanted
     """
     workspace, harmonics = Workspace(problem.equation), problem.equation.harmonics
-    above, below = (side and side.on(harmonics) for side in starts[1:])
-    starts = starts[0].on(harmonics), above, below
+    start, *sides = (side and side.on(harmonics) for side in starts)
+    assert start is not None
     try:
-        search = _Search(problem, output, starts[0], width, tolerance, workspace)
+        search = _Search(problem, output, start, width, tolerance, workspace)
         peak = search.peak()
-        above, below = search.half_power(peak, -1.0, starts[1]), search.half_power(peak, 1.0, starts[2])
+        phases = {np.sign(search.phase_from(peak.iterate, side)): side for side in sides if side is not None}
+        above, below = (search.half_power(peak, way, phases.get(way)) if has_width else None for way in (-1.0, 1.0))
         found = replace(peak.solution, newton=search.newton)
         point, _ = point_record(problem, AllPairs(), (found, search.every), False, estimator)
         return PeakPoint(found.iterate, point, peak.size, (above, below), search.newton)
@@ -103,6 +113,15 @@ class _At:
     @property
     def iterate(self) -> Iterate:
         return self.solution.iterate
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A solution at a phase from a peak, and its share of the amplitude of the peak."""
+
+    phase: float
+    iterate: Iterate
+    share: float
 
 
 class _Search:
@@ -218,48 +237,56 @@ class _Search:
     def half_power(self, peak: _At, way: float, start: Iterate | None) -> Iterate | None:
         """Return the solution at 1 / sqrt 2 of the amplitude of a peak, in the ``way`` of its phase; None where none is found.
 
-        Where Newton's method fails, from a solution at about its phase, or through larger shares of the amplitude.
+        Where Newton's method fails, through larger shares of the amplitude, and then along the phase.
         """
-        known, half = [(0.0, peak.iterate, 1.0)], float(np.sqrt(0.5))
-        share, guess = half, start or self._as_one_mode(peak.iterate, way * 0.25 * np.pi, 0.0)
+        guess = start or self._guess([_Known(0.0, peak.iterate, 1.0)], way * 0.25 * np.pi)
+        found = self._at_share(peak, HALF_POWER, guess, way) or self._through_shares(peak, way)
+        if found is None:
+            found = self._along_phase(peak, way)
+        return None if found is None else found.iterate
+
+    def _through_shares(self, peak: _At, way: float) -> _Known | None:
+        """Return the half-power point through shares as large as Newton's method needs."""
+        known, share = [_Known(0.0, peak.iterate, 1.0)], 0.5 * (1.0 + HALF_POWER)
         for _ in range(MOST_STEPS):
-            solution = self._at_share(peak, share, guess, way)
-            if solution is not None:
-                known.append(solution)
-                if share == half:
-                    return solution[1]
-                share = max(half, share - 2.0 * (known[-2][2] - share))
-            elif len(known) == 1 and (turned := self._turned_to(peak, way * 0.25 * np.pi)) is not None:
-                known.append(turned)
-            elif known[-1][2] - share < LEAST_SHARE:
+            last = known[-1]
+            of_mode = float(np.arccos(share))
+            phase = way * of_mode if last.share == 1.0 else last.phase * of_mode / float(np.arccos(last.share))
+            found = self._at_share(peak, share, self._guess(known, phase), way)
+            if found is not None:
+                known, share = [*known, found], max(HALF_POWER, share - 2.0 * (last.share - share))
+                if found.share == HALF_POWER:
+                    return found
+            elif last.share - share < LEAST_SHARE:
                 return None
             else:
-                share = 0.5 * (known[-1][2] + share)
-            guess = self._guess(known, self._phase_at(known, share, way))
+                share = 0.5 * (last.share + share)
         return None
 
-    def _turned_to(self, peak: _At, theta: float) -> tuple[float, Iterate, float] | None:
-        """Return a phase from a peak, the solution there, and its share of the amplitude of the peak."""
-        try:
-            there = self.turned(peak, theta)
-        except _Lost:
-            return None
-        return theta, there.iterate, there.size / peak.size
+    def _along_phase(self, peak: _At, way: float) -> _Known | None:
+        """Return the half-power point from solutions along the phase, by small Newton steps, the last two of which enclose it."""
+        known, step = [_Known(0.0, peak.iterate, 1.0)], self.apart
+        while known[-1].share > HALF_POWER:
+            if len(known) > 2 * MOST_STEPS or step < LEAST_ANGLE * self.apart:
+                return None
+            theta = known[-1].phase + way * step
+            try:
+                there = self.at(peak.iterate, theta, self._guess(known, theta), is_patient=True)
+                known, step = [*known, _Known(theta, there.iterate, there.size / peak.size)], min(2.0 * step, self.apart)
+            except _Lost:
+                step *= 0.5
+        high, low = known[-2:]
+        theta = high.phase + (low.phase - high.phase) * (high.share - HALF_POWER) / (high.share - low.share)
+        return self._at_share(peak, HALF_POWER, self._guess(known, theta), way, is_patient=True)
 
-    def _at_share(self, peak: _At, share: float, guess: Iterate, way: float) -> tuple[float, Iterate, float] | None:
-        """Return the phase of the solution at a share of the amplitude of a peak, the solution, and the share."""
+    def _at_share(self, peak: _At, share: float, guess: Iterate, way: float, is_patient: bool = False) -> _Known | None:
+        """Return the solution at a share of the amplitude of a peak, in the ``way`` of its phase."""
         try:
-            there = self.solved(AmplitudeRow(self.output, share * peak.size), guess).iterate
+            there = self.solved(AmplitudeRow(self.output, share * peak.size), guess, is_patient).iterate
         except _Lost:
             return None
         phase = self.phase_from(peak.iterate, there)
-        return (phase, there, share) if phase * way > 0.0 else None
-
-    def _phase_at(self, known: list[tuple[float, Iterate, float]], share: float, way: float) -> float:
-        """Return about the phase at a share of the amplitude, by that of one mode and the last solution.  Local."""
-        phase, _, last = known[-1]
-        of_mode = float(np.arccos(share))
-        return way * of_mode if last == 1.0 else phase * of_mode / float(np.arccos(last))
+        return _Known(phase, there, share) if phase * way > 0.0 else None
 
     def phase_from(self, reference: Iterate, there: Iterate) -> float:
         """Return the phase [rad] of a motion from a reference, both in harmonic 1.  Collective."""
@@ -267,15 +294,16 @@ class _Search:
         a, b = (u[..., 0] - 1j * u[..., 1] for u in (reference.U[..., first], there.on(reference.harmonics).U[..., first]))
         return float(np.angle(self.equation.comm.allreduce(complex(np.vdot(a, b)))))
 
-    def _guess(self, known: list[tuple[float, Iterate, float]], theta: float) -> Iterate:
-        """Return a motion at a phase: between two known solutions, or from the last one as that of one mode."""
-        if len(known) < 3:
-            phase, there, _ = known[-1]
-            return self._as_one_mode(there, theta, phase)
-        (a, at_a, _), (b, at_b, _) = sorted(known[1:], key=lambda each: abs(each[0] - theta))[:2]
-        s, one, other = (theta - a) / (b - a), rotated(at_a, theta - a), rotated(at_b, theta - b)
-        omega = at_a.parameter + s * (at_b.parameter - at_a.parameter)
-        return Iterate(one.U + s * (other.U - one.U), (float(omega),), at_a.harmonics)
+    def _guess(self, known: list[_Known], theta: float) -> Iterate:
+        """Return a motion at a phase from the last solutions, as if it were of one mode that changes with tan theta."""
+        last = known[-1]
+        one = self._as_one_mode(last.iterate, theta, last.phase)
+        if len(known) < 2:
+            return one
+        first, tan = known[-2], np.tan([known[-2].phase, theta, last.phase])
+        other, s = self._as_one_mode(first.iterate, theta, first.phase), (tan[1] - tan[0]) / (tan[2] - tan[0])
+        omega = first.iterate.parameter + s * (last.iterate.parameter - first.iterate.parameter)
+        return Iterate(other.U + s * (one.U - other.U), (float(omega),), one.harmonics)
 
 
 def _along(low: Iterate, here: Iterate, high: Iterate, t: float) -> Iterate:

@@ -45,9 +45,11 @@ from .varied import Varied, as_keys, load_factors, of_joints
 
 DONE, FAILED, OUTSIDE, MISSING = "done", "failed", "outside", "missing"
 NEIGHBOURS = 3  # samples beside one for each number and the scene, of which a motion is interpolated
+MOST_BETWEEN = 12  # peaks tried on the way from the nearest sample to one that Newton's method does not reach
 MOST_WEIGHT = 3.0  # sum of the sizes of their weights, beyond which the nearest one alone is taken
 CURVE_POINTS = 201  # frequencies of the curves of samples
 UNKNOWN_WIDTH = 0.02  # of a peak over its frequency, where none of the linear response is in the range
+NO_WIDTH = "half-power width not found"
 NAN = float("nan")
 
 Law = tuple[tuple[LawParameter, float], ...]
@@ -214,12 +216,11 @@ class SamplePeaks:
         branch = None
         if self.has_curves:
             branch = follow_level(_alone(problem.of), problem.level)
-        x, newton, sample = np.array(values), 0, Sample(values, FAILED, "no sample near by")
-        for starts, held in self._starts(x, problem.forced(False).equation.shape):
-            sample = self._of_peak(problem, starts, x, branch, held)
-            newton += sample.newton
-            if sample.status == DONE:
-                return replace(sample, newton=newton)
+        x = np.array(values)
+        sample = self._from_others(problem, x, branch)
+        if sample.status == DONE:
+            return sample
+        problem, newton = self._problem(values), sample.newton
         branch = branch or follow_level(_alone(problem.of), problem.level)
         newton += sum(point.newton for point in branch.points)
         start, held = self._start_of(problem.of, problem.level, branch, self.output)
@@ -227,6 +228,47 @@ class SamplePeaks:
             return Sample(values, FAILED, f"{sample.why}; along its curve: {start}", newton=newton, is_followed=True)
         sample = self._of_peak(problem, start[0], x, branch, held)
         return replace(sample, newton=newton + sample.newton, is_followed=True)
+
+    def _from_others(self, problem: _Problem, x: np.ndarray, branch: Branch | None) -> Sample:
+        """Return the sample at ``x`` from those solved, through others half the way from the nearest one where need be."""
+        to, newton, sample = [x], 0, Sample(tuple(x), FAILED, "no sample near by")
+        for _ in range(MOST_BETWEEN):
+            is_last = len(to) == 1
+            sample = self._from_near(problem, to[-1], branch if is_last else None, has_width=is_last)
+            newton += sample.newton
+            if sample.status == DONE:
+                to.pop()
+            elif (middle := self._halfway(to[-1])) is not None:
+                to.append(middle)
+            else:
+                break
+            if not to:
+                return replace(sample, newton=newton)
+            try:
+                problem = self._problem(tuple(to[-1]))
+            except (CaseError, ConvergenceError):
+                break
+        return Sample(tuple(x), FAILED, sample.why, newton=newton)
+
+    def _from_near(self, problem: _Problem, x: np.ndarray, branch: Branch | None, has_width: bool) -> Sample:
+        """Return the sample at ``x`` from those around and from the nearest one."""
+        newton, sample = 0, Sample(tuple(x), FAILED, "no sample near by")
+        for starts, held in self._starts(x, problem.forced(False).equation.shape):
+            sample = self._of_peak(problem, starts, x, branch, held, has_width)
+            newton += sample.newton
+            if sample.status == DONE:
+                break
+        return replace(sample, newton=newton)
+
+    def _halfway(self, x: np.ndarray) -> np.ndarray | None:
+        """Return numbers half the way from the nearest sample, by factors if positive; None where that builds anew."""
+        known = [at for at, *_ in self.solved if np.isfinite(at).all()]
+        nearest = self.reference.comm.bcast(min(known, key=lambda at: np.linalg.norm((at - x) / self.spread), default=None))
+        others = [i for i in range(len(x)) if i not in self.varied.having("law", "load", "level")]
+        if nearest is None or not np.array_equal(nearest[others], x[others]):
+            return None
+        is_positive = (nearest > 0.0) & (x > 0.0)
+        return np.where(is_positive, np.sqrt(np.abs(nearest * x)), 0.5 * (nearest + x))
 
     def _starts(self, x: np.ndarray, shape: tuple[int, int, int]) -> list[tuple[Starts, bool]]:
         """Return motions to begin from, of the samples around one and of the nearest one, and whether its mean slip is held."""
@@ -246,7 +288,9 @@ class SamplePeaks:
         mean = (_mean(weights, [each[0] for each in around]), *(_side(weights, around, k) for k in (1, 2)))
         return [(mean, held), (nearest, held)]
 
-    def _of_peak(self, problem: _Problem, starts: Starts, x: np.ndarray, branch: Branch | None, held: bool) -> Sample:
+    def _of_peak(
+        self, problem: _Problem, starts: Starts, x: np.ndarray, branch: Branch | None, held: bool, has_width: bool = True
+    ) -> Sample:
         """Return the sample of the peak near some motions, and remember it for others.
 
         ``held``: the mean slip is held by springs at first; whether it is at the peak is decided there, as along a curve.
@@ -254,11 +298,11 @@ class SamplePeaks:
         of, values = problem.of, tuple(map(float, x))
         linear = self._nearest_linear(of, problem.level, None)
         width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
-        peak = self._searched(problem, starts, width, held)
+        peak = self._searched(problem, starts, width, held, has_width)
         if isinstance(peak, str):
             return Sample(values, FAILED, peak)
         if (wanted := self._is_held_at(problem, peak)) != held:
-            other = self._searched(problem, peak.starts, width, wanted)
+            other = self._searched(problem, peak.starts, width, wanted, has_width)
             if not isinstance(other, str):
                 peak, held = replace(other, newton=peak.newton + other.newton), wanted
         low, high = sorted((of.sweep.start, of.sweep.stop))
@@ -268,11 +312,11 @@ class SamplePeaks:
         self.solved.append((x, peak.starts, held))
         return self._record(problem, peak, linear, values, branch)
 
-    def _searched(self, problem: _Problem, starts: Starts, width: float, held: bool) -> PeakPoint | str:
+    def _searched(self, problem: _Problem, starts: Starts, width: float, held: bool, has_width: bool) -> PeakPoint | str:
         """Return the peak near some motions, or why there is none."""
         estimator = None if problem.of.enriched is None else ErrorEstimator(problem.of.enriched)
         try:
-            return peak_near(problem.forced(held), self.output, starts, width, problem.resolution.tolerance, estimator)
+            return peak_near(problem.forced(held), self.output, starts, width, problem.resolution.tolerance, estimator, has_width)
         finally:
             if estimator is not None:
                 estimator.destroy()
@@ -313,7 +357,7 @@ class SamplePeaks:
                 "open": int(np.count_nonzero(point.state == OPEN)),
                 "newton": peak.newton,
                 "curve": curve,
-                "why": "; ".join(point.notes),
+                "why": "; ".join((*point.notes, *([] if np.isfinite(peak.width) else [NO_WIDTH]))),
             }
 
         found = comm.bcast(numbers() if comm.rank == 0 else None)
