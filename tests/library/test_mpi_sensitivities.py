@@ -13,6 +13,7 @@ from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
 from microslip.results.report.tables import sensitivities_table
+from microslip.results.sensitivities import relative_at_peak
 
 pytestmark = pytest.mark.ranks(1, 2)
 FRICTION, RATIO = "joints.joint.friction", "damping.ratio"
@@ -65,10 +66,16 @@ def test_peaks_move_as_peaks_of_other_levels_do(structure):
     assert rates["level"].amplitude == pytest.approx(by_size, rel=5e-3)
     assert rates["level"].frequency == pytest.approx(by_frequency / (2.0 * np.pi), rel=0.05)
     assert peak.by_pairs.shape == (3, 5, 2)
+    results = of.sensitivity.results
+    frequency, of_pairs, by_damping = relative_at_peak(results.joint, results.levels[0])
+    assert 2.0 * np.pi * frequency == pytest.approx(peak.omega)
+    for found, key in ((of_pairs["mu"].sum(), FRICTION), (by_damping, RATIO)):
+        assert found == pytest.approx(rates[key].amplitude * of.sensitivity.varied[key].value / abs(peak.amplitude), rel=1e-9)
 
 
-def test_the_report_has_the_relative_changes_of_the_largest_point(response):
+def test_the_report_has_the_relative_changes_of_the_largest_point_without_peaks(response):
     table, results = response.sensitivity, response.sensitivity.results
+    results = replace(results, levels=tuple(replace(level, peaks=None) for level in results.levels))
     size = np.hypot(*results.levels[0].response[:, 0, 1:3].T)
     at, ratio = int(np.argmax(size)), table.varied[RATIO].value
     text = sensitivities_table(results)

@@ -8,6 +8,7 @@ from ..contact.iwan import limit
 from ..contact.keys import IWAN, KEYS
 from ..mesh.data import ContactPairs
 from ..results.sensitivities import Varied
+from ..scene.overrides import words_of
 from ..scene.schema import Scene
 from .settings import units_of
 
@@ -20,10 +21,20 @@ UNITS = {
     "normal_stiffness": "N/m3",
     "slip_force": "N",
 }
+OF_TABLES = {("materials", "young"): "Pa", ("materials", "density"): "kg/m3", ("damping", "ratio"): "1"}
 IN_FORCES = {"preload": "N", "tangential_stiffness": "N/m", "normal_stiffness": "N/m"}  # of pairs without an area
 FACTOR = "times the scene's values"  # the unit of a number that differs from pair to pair, or that a law or a file gives
 NUMBER_OF = LAW_NAMES | {"slip_force": "slip_force"}
 AT_REST = ("preload", "gap")  # which [statics] compute: a factor of what the pairs have at rest
+
+
+def unit_of_key(scene: Scene, key: str) -> str:
+    """Return the unit of a number of a scene; "" where it is not known.  Local."""
+    first, *_, last = words_of(key) or [""]
+    if first == "joints":
+        of_surfaces = any(joint.name == words_of(key)[1] and joint.surfaces is not None for joint in scene.joints)
+        return UNITS.get(last, "") if of_surfaces else ""
+    return OF_TABLES.get((first, last), "")
 
 
 def varied_numbers(scene: Scene, pairs: ContactPairs) -> list[Varied]:

@@ -14,6 +14,7 @@ from .build import Structure
 from .design import Design, grid
 from .peak_curves import FACTOR
 from .sample_peaks import DONE, FAILED, OUTSIDE, Sample, SamplePeaks
+from .sensitivities import unit_of_key
 from .settings import units_of
 from .varied import LEVELS, Varied
 
@@ -212,7 +213,8 @@ def table_of(
     """Return the table of samples.  Local."""
     units = units_of(scene)
     of_keys = tuple(
-        FACTOR if factor else units.level if key in LEVELS else "" for key, factor in zip(varied.keys, varied.is_factor)
+        FACTOR if factor else units.level if key in LEVELS else unit_of_key(scene, key)
+        for key, factor in zip(varied.keys, varied.is_factor)
     )
     return SweepTable(
         design, tuple(samples), nominal, scene.outputs[output].name, units.outputs[output], of_keys, omegas / (2.0 * np.pi)

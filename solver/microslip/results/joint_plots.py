@@ -19,7 +19,7 @@ from ..contact.laws import friction_limit
 from .layout import PowersOfTen
 from .measures import counts
 from .record import LevelResult, ResultFile
-from .sensitivities import relative_of_pairs
+from .sensitivities import relative_at_peak
 from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, Pages, level_name, plain, some, with_prefix
 from .unroll import Patch, patches
 
@@ -88,14 +88,19 @@ def draw_sensitivity_map(results: ResultFile) -> Pages:
     levels = [level for level in some(results.solved, MOST_PANELS) if level.d_by_pairs is not None]
     area = results.joint.area
     per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())
-    changes = [relative_of_pairs(results.joint, level, level.top)["mu"] for level in levels]
-    most = max((np.abs(change / area if per_area else change).max(initial=0.0) for change in changes), default=0.0)
+    at_peaks = [
+        (frequency, of_pairs["mu"]) for frequency, of_pairs, _ in (relative_at_peak(results.joint, level) for level in levels)
+    ]
+    most = max((np.abs(change / area if per_area else change).max(initial=0.0) for _, change in at_peaks), default=0.0)
     if most == 0.0:
         return {}
     palette, scale = matplotlib.colormaps["RdBu_r"], matplotlib.colors.Normalize(-most, most)
     blocks = [
-        (_at_peak(level, f"{change.sum():+.3g} % with 1 % of friction"), palette(scale(change / area if per_area else change)))
-        for level, change in zip(levels, changes)
+        (
+            _at(level, frequency, f"{change.sum():+.3g} % with 1 % of friction"),
+            palette(scale(change / area if per_area else change)),
+        )
+        for level, (frequency, change) in zip(levels, at_peaks)
     ]
     what = "where friction matters: change of the amplitude with the friction of each pair at the peak of each level"
     unit = "per area [1/m\u00b2]" if per_area else "[-]"
@@ -134,8 +139,13 @@ def _swatch(colour: str, label: str) -> Swatch:
 
 
 def _at_peak(level: LevelResult, says: str) -> str:
+    """Return the heading of a level's block at its highest point."""
+    return _at(level, level.frequency[level.top], says)
+
+
+def _at(level: LevelResult, frequency: float, says: str) -> str:
     """Return the heading of a level's block."""
-    return f"{level_name(level, short=True)}, {level.frequency[level.top]:.5g} Hz: {says}"
+    return f"{level_name(level, short=True)}, {frequency:.5g} Hz: {says}"
 
 
 def _of_levels(results: ResultFile) -> str:

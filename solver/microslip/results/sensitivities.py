@@ -21,6 +21,7 @@ from ..system.files import atomic_write
 from .record import Joint, LevelResult, ResultFile
 
 NAME = "sensitivities.csv"
+NEAR_TOP = 0.99  # of the amplitude of the highest point: a peak that is lower is another one
 COLUMNS = (
     Column("level_N", "level"),
     Column("of", "`point` of a curve, or `peak`"),
@@ -184,6 +185,28 @@ def relative_of_pairs(joint: Joint, level: LevelResult, at: int, output: int = 0
     size = float(amplitude(level.response[at, output]))
     rates = of_size_at(level, level.d_by_pairs)[0][at, output]
     return {name: np.nan_to_num(column) * rates[NUMBERS.index(name)] / (size or 1.0) for name, column in columns.items()}
+
+
+def relative_at_peak(joint: Joint, level: LevelResult) -> tuple[float, dict[str, np.ndarray], float]:
+    """Return the frequency [Hz] of the first output's peak, and its relative change with numbers of each pair and with damping.
+
+    Of a level with sensitivities: at the peak that was solved for, at its own frequency, or else at the highest point.
+    """
+    of_output = [peak for peak in level.peaks or () if peak.output == 0]
+    peak = max(of_output, key=lambda peak: abs(peak.amplitude), default=None)
+    size = float(amplitude(level.response[level.top, 0]))
+    if peak is None or peak.by_pairs is None or peak.by_common is None or abs(peak.amplitude) < NEAR_TOP * size:
+        return (
+            float(level.frequency[level.top]),
+            relative_of_pairs(joint, level, level.top),
+            relative_of_common(level, level.top, "damping"),
+        )
+    columns = {"mu": joint.mu, "N0": joint.N0, "k_t": joint.k_t, "k_n": joint.k_n}
+    of_pairs = {
+        name: np.nan_to_num(column) * peak.by_pairs[0, NUMBERS.index(name)] / abs(peak.amplitude)
+        for name, column in columns.items()
+    }
+    return hertz(peak.omega), of_pairs, float(peak.by_common[0, COMMON.index("damping")]) / abs(peak.amplitude)
 
 
 def relative_of_common(level: LevelResult, at: int, name: str, output: int = 0) -> float:

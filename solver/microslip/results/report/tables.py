@@ -13,7 +13,7 @@ from ..audit import balance
 from ..fields import Fields, RunRecord
 from ..measures import counts, peak
 from ..record import STOPPED, LevelResult, ResultFile, StaticTable
-from ..sensitivities import relative_of_common, relative_of_pairs
+from ..sensitivities import relative_at_peak
 from ..style import level_name, some, with_prefix
 
 MOST_MODES = 60
@@ -110,17 +110,18 @@ def sensitivities_table(results: ResultFile) -> str:
     """
     rows = []
     for level in results.levels:
-        at = peak(level.response)
-        if at is None or level.d_by_pairs is None:
+        if peak(level.response) is None or level.d_by_pairs is None:
             continue
-        by_damping = relative_of_common(level, at, "damping")
-        of_pairs = relative_of_pairs(results.joint, level, at)
+        frequency, of_pairs, by_damping = relative_at_peak(results.joint, level)
         for i, name in enumerate(results.joint.names):
             sums = [float(of_pairs[number][results.joint.joint == i].sum()) for number in ("mu", "N0", "k_t", "k_n")]
             cells = [f"{value:+.2g} %" for value in (*sums, by_damping)]
-            rows.append((escape(level_name(level)), f"{level.frequency[at]:.7g} Hz", escape(name), *cells))
+            rows.append((escape(level_name(level)), f"{frequency:.7g} Hz", escape(name), *cells))
     heads = ("level", "at", "joint", "friction", "preload or gap", "tangential stiffness", "normal stiffness", "damping")
-    note = "Change of the largest amplitude with 1 % more of a number, at the frequency of the point; sensitivities.csv has all."
+    note = (
+        "Change with 1 % more of a number: of the peak, if peaks are solved for, else of the largest amplitude at its frequency;"
+    )
+    note += " sensitivities.csv has all."
     return table(heads, rows) + f'<p class="note">{note}</p>' if rows else ""
 
 

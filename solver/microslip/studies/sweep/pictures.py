@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,6 +18,7 @@ from ...results.style import FAINT, INK, WIDTH, Page, Titled, panels, plain, wit
 from .statistics import Effect, percentiles
 
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
+PREFIXED = ("Pa", "m", "N")  # units of numbers that pictures give a prefix
 _WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic
 _FOR_CONTOURS = 4  # samples along each key, from which lines of equal value show more than the cells
 _LABELS = {
@@ -40,9 +42,19 @@ def _scaled(table: SweepTable, name: str) -> tuple[float, str]:
     return factor, f"{label} [{unit}]"
 
 
-def _key_label(table: SweepTable, key: str) -> str:
-    unit = "× that of the scene" if table.unit_of(key) == FACTOR else table.unit_of(key)
-    return f"{plain(key, 42)} [{unit}]" if unit not in ("", "1") else plain(key, 42)
+def _of_key(table: SweepTable, key: str) -> tuple[float, str]:
+    """Return the factor of a number that varies in pictures and its label with the unit."""
+    name, unit, values = plain(key, 42), table.unit_of(key), table[key]
+    if unit == FACTOR:
+        return 1.0, f"{name} [× that of the scene]"
+    unit, largest = unit.replace("m3", "m³"), np.abs(values[np.isfinite(values)]).max(initial=0.0)
+    exponent = 3 * math.floor(math.log10(largest) / 3.0) if largest > 0.0 and not _is_wide(values) else 0
+    if unit in PREFIXED and exponent:
+        factor, unit = with_prefix(values, unit)
+        return factor, f"{name} [{unit}]"
+    if not -3 <= exponent <= 3:
+        return 10.0**-exponent, f"{name} [10$^{{{exponent}}}$ {unit.removeprefix('1')}]".replace(" ]", "]")
+    return 1.0, f"{name} [{unit}]" if unit not in ("", "1") else name
 
 
 def _is_wide(values: np.ndarray) -> bool:
@@ -52,10 +64,11 @@ def _is_wide(values: np.ndarray) -> bool:
 def draw_grid(table: SweepTable, scene: Titled, path: str) -> None:
     """Draw the numbers of the peak over the one key that varies.  Local."""
     (j,) = (i for i, n in enumerate(table.design.shape) if n > 1)
-    key, x = table.design.keys[j], table.design.values[:, j]
+    key, of_key = table.design.keys[j], _of_key(table, table.design.keys[j])
+    x, at = of_key[0] * table.design.values[:, j], of_key[0] * table.nominal.values[j]
     order = np.argsort(x)
     handles = [Line2D([], [], color=_ACCENT, marker="o", ms=3.0, label="samples")]
-    inside = bool(x.min() <= table.nominal.values[j] <= x.max())
+    inside = bool(x.min() <= at <= x.max())
     handles += [Line2D([], [], color=_SECOND, marker="D", ms=4.5, lw=0, mfc="none", label="the scene itself")] * inside
     has_bars = np.isfinite(table["error"]).any()
     handles += [Patch(color=_ACCENT, alpha=0.2, lw=0, label="error bar of the amplitude")] * bool(has_bars)
@@ -68,17 +81,18 @@ def draw_grid(table: SweepTable, scene: Titled, path: str) -> None:
             axes.fill_between(x[order], y - bar, y + bar, color=_ACCENT, alpha=0.2, lw=0)
         axes.plot(x[order], y, color=_ACCENT, marker="o", ms=3.0)
         if inside:
-            axes.plot(table.nominal.values[j], factor * getattr(table.nominal, name), "D", color=_SECOND, ms=4.5, mfc="none")
+            axes.plot(at, factor * getattr(table.nominal, name), "D", color=_SECOND, ms=4.5, mfc="none")
         if _is_wide(x):
             log_scale(axes, "x")
-        axes.set(xlabel=_key_label(table, key), ylabel=label)
+        axes.set(xlabel=of_key[1], ylabel=label)
     page.save(path)
 
 
 def draw_map(table: SweepTable, scene: Titled, path: str) -> None:
     """Draw amplitude, frequency and damping of the peak over a grid of two keys.  Local."""
     says = f"peaks of {plain(table.output, 24)} over two numbers; each cell is a sample"
-    page, (x, y) = Page(scene, says, WIDTH, 3.2), table.design.coordinates
+    page, of_keys = Page(scene, says, WIDTH, 3.2), [_of_key(table, key) for key in table.design.keys]
+    x, y = (factor * values for (factor, _), values in zip(of_keys, table.design.coordinates))
     bars, cells = page.grid(2, 3, height_ratios=(1, 16)).subplots()
     for bar, axes, name in zip(bars, cells, ("amplitude", "frequency", "damping")):
         factor, label = _scaled(table, name)
@@ -93,8 +107,8 @@ def draw_map(table: SweepTable, scene: Titled, path: str) -> None:
         for values_of_axis, which in ((x, "x"), (y, "y")):
             if _is_wide(values_of_axis):
                 log_scale(axes, which)
-        axes.set(xlabel=_key_label(table, table.design.keys[0]))
-    cells[0].set(ylabel=_key_label(table, table.design.keys[1]))
+        axes.set(xlabel=of_keys[0][1])
+    cells[0].set(ylabel=of_keys[1][1])
     page.save(path)
 
 
@@ -122,9 +136,10 @@ def draw_scatter(table: SweepTable, scene: Titled, path: str) -> None:
     factor, label = _scaled(table, "amplitude")
     y, nominal = factor * table["amplitude"], factor * table.nominal.amplitude
     for axes, key, at in zip(cells, names, table.nominal.values):
-        axes.plot(table[key], y, ".", color=_ACCENT, ms=3.0)
-        axes.plot(at if np.isfinite(at) else NAN, nominal, "D", color=_SECOND, ms=4.5, mfc="none")
-        axes.set(xlabel=_key_label(table, key), ylabel=label)
+        of_key, key_label = _of_key(table, key)
+        axes.plot(of_key * table[key], y, ".", color=_ACCENT, ms=3.0)
+        axes.plot(of_key * at if np.isfinite(at) else NAN, nominal, "D", color=_SECOND, ms=4.5, mfc="none")
+        axes.set(xlabel=key_label, ylabel=label)
     axes, last = cells[len(names) : len(names) + 2]
     axes.plot(table["frequency"], y, ".", color=_ACCENT, ms=3.0)
     axes.plot(table.nominal.frequency, nominal, "D", color=_SECOND, ms=4.5, mfc="none")
