@@ -72,7 +72,9 @@ def test_noisy_data_give_them_within_their_intervals(structure, exact):
     """Of one seed; jobs/bench/identify.py counts many."""
     found = microslip.identify(structure, noisy(exact, 0), BOUNDS)
     assert found.low[0] <= 0.8 <= found.high[0] and found.low[1] <= 0.03 <= found.high[1]
-    assert found.rms == pytest.approx(1.0, abs=0.4) and np.all(found.high / found.low < 1.5)
+    assert found.rms == pytest.approx(1.0, abs=0.4) and np.all(found.high / found.low < 1.5) and found.is_explained
+    of_less = {key: 0.25 * values if key.startswith("sigma") else values for key, values in noisy(exact, 0).items()}
+    assert not microslip.identify(structure, of_less, BOUNDS).is_explained
 
 
 def test_what_data_do_not_see_is_said(structure, exact):

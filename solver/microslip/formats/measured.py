@@ -114,7 +114,7 @@ def measured_of(
     unit = of_units.pop() if of_units else "m"
     of_unit = UNITS.get(unit, {unit: 1.0})
     sizes = {f"amplitude_{name}".lower(): size for name, size in of_unit.items()}
-    spreads = {f"sigma_{name}".lower(): size for name, size in of_unit.items()}
+    spreads = {f"sigma_{of}{name}".lower(): size for of in ("", "amplitude_") for name, size in of_unit.items()}
     peaks, frequency = one_of(PEAKS), one_of(FREQUENCIES)
     of_peaks = bool(np.isfinite(peaks).any())
     if of_peaks and np.isfinite(frequency).any():

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 from scipy.stats import t as student
 
 from ..continuation.grid import solved_at, task_at
@@ -29,6 +30,7 @@ from .respond import scene_with
 from .sensitivities import varied_numbers
 from .settings import output_names, refuse_discs, refuse_statics, units_of
 
+PLAUSIBLE = 0.999  # share of measurements whose residuals are smaller, if the model is right and the deviations are as stated
 OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # deviations where none are stated: of the largest; rad; of the frequency
 ALIKE = 0.98  # correlation beyond which numbers cannot be told apart
 MOST_EVALUATIONS = 60
@@ -72,6 +74,7 @@ class Identified:
     fit: Measured  # the same rows, computed
     before: Measured  # with the values of the scene
     rms: float  # of the residuals over their deviations
+    is_explained: bool  # the residuals are not larger than stated deviations allow; True without these
     dof: int  # rows less numbers that are seen
     evaluations: int
     outcome: str  # of the least squares
@@ -328,6 +331,7 @@ def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, b
         fit=model.fit,
         before=before,
         rms=rms,
+        is_explained=not model.has_deviations or float(np.sum(done.fun**2)) <= chi2.ppf(PLAUSIBLE, dof),
         dof=dof,
         evaluations=model.evaluations,
         outcome=str(done.message),

@@ -151,7 +151,8 @@ def _number(scene: Scene, key: str) -> tuple[float, bool]:
     except CaseError as problem:
         of_file = _is_of_file(scene, words)
         if not of_file and ("unknown key" in str(problem) or "there is no" in str(problem) or "which [[" in str(problem)):
-            raise CaseError(f"{scene.source}: sweep: {key}: {str(problem).split(': ', 1)[-1]}{_near(scene, key)}") from None
+            more = "" if "nearest is" in str(problem) else _near(scene, key)
+            raise CaseError(f"{scene.source}: sweep: {key}: {str(problem).split(': ', 1)[-1]}{more}") from None
     if of_file:
         return 1.0, True
     value: Any = scene.model_dump()

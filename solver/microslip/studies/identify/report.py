@@ -104,6 +104,11 @@ def in_words(found: Identified) -> list[str]:
         f"residuals over their deviations: {found.rms:.3g} (root mean square) with {found.dof} degrees of freedom, after "
         f"{found.evaluations} evaluations; {found.outcome}"
     ]
+    if not found.is_explained:
+        lines.append(
+            "the model does not explain the data within the stated deviations: the intervals do not hold; other numbers of the "
+            "scene are wrong, the model lacks something, or the deviations are larger"
+        )
     lines += [f"{key}: the data do not depend on it; its interval is that of the bounds" for key in found.unseen]
     lines += [f"{a} and {b}: the data determine only a combination of both (correlation {c:+.3f})" for a, b, c in found.alike]
     lines += [f"{key}: at a bound; widen it, or the model lacks something" for key in found.at_bounds]
