@@ -148,7 +148,7 @@ def test_whether_the_mean_slip_is_held_is_decided_at_the_peak(mass, monkeypatch,
 @pytest.mark.parametrize(
     ("values", "says"),
     [
-        ({"joints.joint.frction": [1.0]}, 'nearest is "joints.joint.friction"'),
+        ({"joints.joint.frction": [1.0]}, 'nearest is "friction"'),
         ({"joints.jiont.friction": [1.0]}, "joint"),
         ({"level": [-1.0]}, "levels"),
         ({"level": []}, "at least one"),

@@ -8,6 +8,7 @@ end to slip.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +37,7 @@ LEAST, FAR = 0.3, 2.0  # of the motion of a guess and of the frequency of the st
 LEAST_ANGLE = 0.1  # of that angle: steps along the phase towards a half-power point are divided no further
 HALF_POWER = 0.5**0.5  # share of the amplitude of a peak
 LEAST_SHARE = 0.02  # of the amplitude: steps of this size towards a half-power point are divided no further
+LEAST_FIRST = 0.08  # the same of the first one, from the peak
 NO_PEAK = "no peak of the output near the start"
 
 
@@ -75,7 +77,7 @@ def peak_near(
     width: float,
     tolerance: float,
     estimator: ErrorEstimator | None = None,
-    has_width: bool = True,
+    wants_width: Callable[[Point], bool] = lambda point: True,
 ) -> PeakPoint | str:
     """Return the peak of an output near some motions, eq. (7.13), with its half-power width, or why there is none.  Collective.
 
@@ -84,7 +86,7 @@ def peak_near(
     starts : with the frequency as their parameter [rad/s]
     width : rad/s, unit of the frequency: about the half-power width
     estimator : of the error bar of the peak
-    has_width : whether its half-power points are wanted
+    wants_width : of the record of the peak: whether its half-power points are sought; collective
     """
     workspace, harmonics = Workspace(problem.equation), problem.equation.harmonics
     start, *sides = (side and side.on(harmonics) for side in starts)
@@ -92,10 +94,12 @@ def peak_near(
     try:
         search = _Search(problem, output, start, width, tolerance, workspace)
         peak = search.peak()
-        phases = {np.sign(search.phase_from(peak.iterate, side)): side for side in sides if side is not None}
-        above, below = (search.half_power(peak, way, phases.get(way)) if has_width else None for way in (-1.0, 1.0))
         found = replace(peak.solution, newton=search.newton)
         point, _ = point_record(problem, AllPairs(), (found, search.every), False, estimator)
+        above = below = None
+        if wants_width(point):
+            phases = {np.sign(search.phase_from(peak.iterate, side)): side for side in sides if side is not None}
+            above, below = (search.half_power(peak, way, phases.get(way)) for way in (-1.0, 1.0))
         return PeakPoint(found.iterate, point, peak.size, (above, below), search.newton)
     except _Lost as problem_text:
         return str(problem_text)
@@ -257,7 +261,7 @@ class _Search:
                 known, share = [*known, found], max(HALF_POWER, share - 2.0 * (last.share - share))
                 if found.share == HALF_POWER:
                     return found
-            elif last.share - share < LEAST_SHARE:
+            elif last.share - share < (LEAST_SHARE if len(known) > 1 else LEAST_FIRST):
                 return None
             else:
                 share = 0.5 * (last.share + share)

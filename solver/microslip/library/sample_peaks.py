@@ -8,7 +8,7 @@ the search began (continuation/peak_at.py).
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import Any
@@ -30,7 +30,7 @@ from ..harmonic.operating_point import LawParameter, OperatingPoint
 from ..messages.errors import CaseError, ConvergenceError
 from ..messages.words import hint
 from ..observe.log import RunLog
-from ..points.branch import Branch
+from ..points.branch import Branch, Point
 from ..points.error_parts import total
 from ..points.peak import Peak
 from ..receptance.reduced_model import ReducedModel
@@ -298,11 +298,11 @@ class SamplePeaks:
         of, values = problem.of, tuple(map(float, x))
         linear = self._nearest_linear(of, problem.level, None)
         width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
-        peak = self._searched(problem, starts, width, held, has_width)
+        peak = self._searched(problem, starts, width, held, lambda point: has_width and self._is_held_at(problem, point) == held)
         if isinstance(peak, str):
             return Sample(values, FAILED, peak)
-        if (wanted := self._is_held_at(problem, peak)) != held:
-            other = self._searched(problem, peak.starts, width, wanted, has_width)
+        if (wanted := self._is_held_at(problem, peak.point)) != held:
+            other = self._searched(problem, (peak.iterate, *starts[1:]), width, wanted, lambda point: has_width)
             if not isinstance(other, str):
                 peak, held = replace(other, newton=peak.newton + other.newton), wanted
         low, high = sorted((of.sweep.start, of.sweep.stop))
@@ -312,19 +312,23 @@ class SamplePeaks:
         self.solved.append((x, peak.starts, held))
         return self._record(problem, peak, linear, values, branch)
 
-    def _searched(self, problem: _Problem, starts: Starts, width: float, held: bool, has_width: bool) -> PeakPoint | str:
+    def _searched(
+        self, problem: _Problem, starts: Starts, width: float, held: bool, wants_width: Callable[[Point], bool]
+    ) -> PeakPoint | str:
         """Return the peak near some motions, or why there is none."""
         estimator = None if problem.of.enriched is None else ErrorEstimator(problem.of.enriched)
         try:
-            return peak_near(problem.forced(held), self.output, starts, width, problem.resolution.tolerance, estimator, has_width)
+            return peak_near(
+                problem.forced(held), self.output, starts, width, problem.resolution.tolerance, estimator, wants_width
+            )
         finally:
             if estimator is not None:
                 estimator.destroy()
 
-    def _is_held_at(self, problem: _Problem, peak: PeakPoint) -> bool:
+    def _is_held_at(self, problem: _Problem, point: Point) -> bool:
         """Return whether a curve has its mean slip held at a peak: most pairs slip, and nothing but the joint holds a body."""
         comm = problem.of.model.comm
-        share = comm.bcast(float((peak.point.state != STICK).mean()))
+        share = comm.bcast(float((point.state != STICK).mean()))
         if share < MOSTLY:
             return False
         if self._loose is None or self._loose[0] is not problem.of.model:
