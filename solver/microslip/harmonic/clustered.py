@@ -19,7 +19,7 @@ from scipy.linalg.lapack import zgetrs
 from ..parallel.ownership import rows_of
 from ..receptance.subdomains import bisected
 from .linearisation import Linearisation
-from .preconditioner import REGULAR, HarmonicPreconditioner, PairsPreconditioner, complex_linear
+from .preconditioner import REGULAR, HarmonicPreconditioner, Inverse, PairsPreconditioner, complex_linear
 
 LOCAL = 64  # largest number of pairs of a subdomain
 REGIONS = 32  # approximate number of regions of the coarse space
@@ -46,12 +46,12 @@ class SectorsPreconditioner(PairsPreconditioner):
         sector = at.forces.active // (at.equation.model.n_pairs // at.equation.model.n_sectors)
         of_sectors = [np.flatnonzero(sector == s) for s in np.unique(sector)]
         self.clusters = [rows_of(part) for part in bisected(at.G, of_sectors, LARGEST_SECTOR)]
-        self.local = [_factors(at, P, rows) for rows in self.clusters]  # by sector and harmonic
+        self.local = [_inverses(at, P, rows) for rows in self.clusters]  # by sector and harmonic
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
         x = np.empty_like(b)
-        for rows, factors in zip(self.clusters, self.local):
-            x[rows] = zgetrs(*factors[n], b[rows])[0]
+        for rows, inverses in zip(self.clusters, self.local):
+            x[rows] = inverses[n].times(b[rows])
         return x
 
 
@@ -64,12 +64,12 @@ class ClusteredPreconditioner(PairsPreconditioner):
         regions = bisected(at.G, [np.arange(len(P))], max(LOCAL, -(-len(P) // REGIONS)))
         self.clusters = [rows_of(cluster) for cluster in bisected(at.G, regions, LOCAL)]
         self.regions = _Regions(at, P, regions)
-        self.local = [_factors(at, P, rows) for rows in self.clusters]  # by subdomain and harmonic
+        self.local = [_inverses(at, P, rows) for rows in self.clusters]  # by subdomain and harmonic
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
         mean, rest = self.regions.solve(n, b)
-        for rows, factors in zip(self.clusters, self.local):
-            mean[rows] += zgetrs(*factors[n], rest[rows])[0]
+        for rows, inverses in zip(self.clusters, self.local):
+            mean[rows] += inverses[n].times(rest[rows])
         return mean
 
 
@@ -100,11 +100,11 @@ class _Regions:
         return motion, r - self.B_Z[n] @ y
 
 
-def _factors(at: Linearisation, P: np.ndarray, rows: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the factors of the block of B_n of one subdomain, for each harmonic.  Collective: one gather."""
+def _inverses(at: Linearisation, P: np.ndarray, rows: np.ndarray) -> list[Inverse]:
+    """Return the inverse of the block of B_n of one subdomain, for each harmonic.  Collective: one gather."""
     pairs = rows[::3] // 3
-    factors = []
+    inverses = []
     for n, G_n in enumerate(at.G.blocks(pairs)):
         G_P = np.einsum("rmi,mij->rmj", G_n.reshape(len(rows), -1, 3), P[pairs, n]).reshape(G_n.shape)
-        factors.append(scipy.linalg.lu_factor(np.eye(len(rows)) + G_P, check_finite=False))
-    return factors
+        inverses.append(Inverse(np.eye(len(rows)) + G_P))
+    return inverses
