@@ -10,11 +10,11 @@ from scipy.linalg import block_diag
 
 from microslip.continuation.grid import at_frequencies
 from microslip.fourier.amplitudes import to_complex, to_real
-from microslip.harmonic import clustered, newton_solver
+from microslip.harmonic import clustered, newton_solver, preconditioner
 from microslip.harmonic.clustered import ClusteredPreconditioner, SectorsPreconditioner, of_wide_slip
 from microslip.harmonic.gmres import Gmres
 from microslip.harmonic.linearisation import Linearisation
-from microslip.harmonic.preconditioner import REGULAR, HarmonicPreconditioner, complex_linear
+from microslip.harmonic.preconditioner import REGULAR, HarmonicPreconditioner, Inverse, complex_linear
 from microslip.points.selection import AllPairs
 from microslip.receptance.subdomains import bisected, coupling
 
@@ -57,10 +57,23 @@ def iterations(at, precondition):
 
 def test_one_cluster_is_the_whole_preconditioner(problem, monkeypatch):
     monkeypatch.setattr(clustered, "LOCAL", N_PAIRS)
+    monkeypatch.setattr(preconditioner, "SINGLE_ERROR", 0.0)  # in double precision
     at = linearised(problem)
     b = np.random.default_rng(COMM.rank).standard_normal((len(at.forces.active_owned), 3, 2 * H + 1))
     exact = HarmonicPreconditioner(at).apply(b)
     assert ClusteredPreconditioner(at).apply(b) == pytest.approx(exact, abs=1e-9 * max(1.0, np.abs(exact).max(initial=0.0)))
+
+
+def test_an_inverse_is_in_single_precision_where_that_suffices():
+    random = np.random.default_rng(1)
+    parts = random.standard_normal((2, 30, 30))
+    B, b = parts[0] + 1j * parts[1], random.standard_normal(30) + 0j
+    stiff = np.diag(np.logspace(0.0, 9.0, 30)) @ B
+    for matrix, kind, rtol in ((np.eye(30) + 0.1 * B, np.complex64, 1e-4), (stiff @ B, np.complex128, 1e-4)):
+        inverse = Inverse(matrix)
+        assert inverse.of_B.dtype == kind
+        assert matrix @ inverse.times(b) == pytest.approx(b, abs=rtol * np.linalg.norm(b))
+    assert np.isfinite(Inverse(np.zeros((3, 3), dtype=complex)).times(b[:3])).all()
 
 
 @pytest.mark.ranks(1, 2)
@@ -88,8 +101,9 @@ def test_clusters_are_of_neighbours(problem):
     assert within < 0.75 * distance.mean()
 
 
-def test_sectors_are_solved_for_exactly(problem):
+def test_sectors_are_solved_for_exactly(problem, monkeypatch):
     """The blocks of (5.5) within four sectors, of which one has 30 pairs and another none that is active."""
+    monkeypatch.setattr(preconditioner, "SINGLE_ERROR", 0.0)  # in double precision
     n, N_H = N_PAIRS // 5, 2 * H + 1
     at = linearised(problem)
     active = np.setdiff1d(np.arange(N_PAIRS), [*range(n, 2 * n), *range(2 * n, 3 * n, 2)])
