@@ -35,6 +35,16 @@ def test_indices_of_a_function_are_its_own():
     assert np.isnan(sobol_indices(np.ones(15), 3)).all()
 
 
+def test_salib_reads_samples_of_indices_in_their_order():
+    analyze = pytest.importorskip("SALib.analyze.sobol").analyze
+    design = scattered({name: Scatter(1.0, 50.0, "uniform") for name in "xy"}, 256, "indices")
+    f = np.sin(design.values[:, 0]) + design.values[:, 0] * design.values[:, 1] ** 2
+    problem = {"num_vars": 2, "names": ["x", "y"], "bounds": [[0.0, 1.0]] * 2}
+    theirs = analyze(problem, f, calc_second_order=False, num_resamples=10)
+    for ours, name in zip(sobol_indices(f, 2), ("S1", "ST")):
+        assert ours == pytest.approx(theirs[name], abs=1e-3)
+
+
 def test_indices_lie_within_their_ranges_in_most_designs():
     """Of the same function by 128 samples, 20 seeds, three numbers, main and total: at least 110 of 120 (95 % are 114)."""
     exactly, n_within = np.array([[0.3139, 0.4424, 0.0], [0.5576, 0.4424, 0.2437]]), 0

@@ -120,7 +120,8 @@ class Scatter:
 def scattered(scatter: Mapping[str, Scatter], n: int, kind: str = "sobol", seed: int = 0) -> Design:
     """Return samples of scattered numbers: Sobol points, a Latin hypercube, or those of Sobol indices.  Local.
 
-    ``indices`` are n (d + 2) samples: two sets A and B, and for each number A with the column of B (Saltelli 2010).
+    ``indices`` are n (d + 2) samples: of two sets A and B, and for each number A with the column of B (Saltelli 2010), those of
+    each base sample one after another: A, A with each column of B, B, as SALib has them.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def scattered(scatter: Mapping[str, Scatter], n: int, kind: str = "sobol", seed:
     if kind == "indices":
         A, B = share[:, :d], share[:, d:]
         mixed = [np.where(np.arange(d) == j, B, A) for j in range(d)]
-        share = np.concatenate([A, B, *mixed])
+        share = np.stack([A, *mixed, B], axis=1).reshape(-1, d)
     values = np.column_stack([each.at(share[:, j]) for j, each in enumerate(scatter.values())])
     return Design.of_columns(tuple(scatter), values, kind)
 
@@ -153,8 +154,8 @@ def sobol_indices(y: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
     Estimators of Saltelli (2010) and Jansen (1999), docs/theory.md, eq. (7.15).  A base sample of which one of its d + 2 has
     no value is left out; NaN where fewer than two are left or nothing varies.
     """
-    A, B, *mixed = y.reshape(d + 2, -1)
-    kept = np.isfinite(y.reshape(d + 2, -1)).all(axis=0)
+    A, *mixed, B = y.reshape(-1, d + 2).T
+    kept = np.isfinite(y.reshape(-1, d + 2)).all(axis=1)
     variance = np.var(np.concatenate([A[kept], B[kept]])) if kept.sum() > 1 else 0.0
     if not variance > 0.0:
         return np.full(d, np.nan), np.full(d, np.nan)
@@ -169,9 +170,9 @@ def sobol_intervals(y: np.ndarray, d: int, n_draws: int = 200) -> tuple[np.ndarr
 
     ``y`` as in :func:`sobol_indices`.  With few samples a main index can exceed the total one by as much.
     """
-    of_base, random = y.reshape(d + 2, -1), np.random.default_rng(0)
-    n = of_base.shape[1]
-    drawn = [sobol_indices(of_base[:, random.integers(n, size=n)].ravel(), d) for _ in range(n_draws)]
+    of_base, random = y.reshape(-1, d + 2), np.random.default_rng(0)
+    n = len(of_base)
+    drawn = [sobol_indices(of_base[random.integers(n, size=n)].ravel(), d) for _ in range(n_draws)]
     usable = [both for both in drawn if np.isfinite(both).all()]
     if len(usable) < 2:
         return np.full(d, np.nan), np.full(d, np.nan)
