@@ -35,6 +35,14 @@ def test_indices_of_a_function_are_its_own():
     assert np.isnan(sobol_indices(np.ones(15), 3)).all()
 
 
+def test_a_base_sample_is_followed_by_those_with_one_number_of_the_other_set():
+    of_base = scattered({name: Scatter(1.0, 50.0) for name in "xyz"}, 8, "indices").values.reshape(8, 5, 3)
+    A, *mixed, B = of_base.swapaxes(0, 1)
+    assert (A != B).all()
+    for j, AB in enumerate(mixed):
+        assert (AB[:, j] == B[:, j]).all() and (np.delete(AB, j, axis=1) == np.delete(A, j, axis=1)).all()
+
+
 def test_salib_reads_samples_of_indices_in_their_order():
     analyze = pytest.importorskip("SALib.analyze.sobol").analyze
     design = scattered({name: Scatter(1.0, 50.0, "uniform") for name in "xy"}, 256, "indices")

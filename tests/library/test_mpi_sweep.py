@@ -7,8 +7,10 @@ from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 
 import microslip
+from microslip.continuation.peak_at import _Search
 from microslip.library import sample_peaks
 from microslip.library.sample_peaks import DONE, FAILED, SamplePeaks, _Problem, affine_weights
+from microslip.library.sensitivities import unit_of_key
 from microslip.library.sweep import SMOOTH
 from microslip.library.varied import Varied
 from microslip.messages.errors import CaseError
@@ -82,6 +84,15 @@ def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, fold
             nominal = microslip.sweep(other, {FRICTION: [1.0]}).nominal
         assert sample.amplitude == pytest.approx(nominal.amplitude, rel=1e-8)
         assert sample.frequency == pytest.approx(nominal.frequency, rel=1e-8)
+        assert not sample.is_followed
+
+
+def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, monkeypatch):
+    table = microslip.sweep(mass, {STIFFNESS: [0.01, 10.0]})
+    monkeypatch.setattr(sample_peaks, "MOST_BETWEEN", 1)
+    directly = microslip.sweep(mass, {STIFFNESS: [0.01, 10.0]})
+    assert any(sample.is_followed for sample in directly.samples) and not any(sample.is_followed for sample in table.samples)
+    assert table.amplitude == pytest.approx(directly.amplitude, rel=1e-8)
 
 
 @pytest.mark.parametrize("mu", [1.0, 1e3])
@@ -187,3 +198,20 @@ def test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_fro
     for limit, amplitude, width in zip(table[FRICTION], table.amplitude, table.width):
         low, high = exact.jenkins_frequencies(amplitude / np.sqrt(2.0), 0.8, m=1.0, c=C, k=1.0, k_t=1.0, muN=limit)
         assert 2.0 * np.pi * width == pytest.approx(high - low, rel=2e-3)
+
+
+@pytest.mark.parametrize("way_out", ["_through_shares", "_along_phase"])
+def test_half_power_points_are_those_of_the_closed_form_by_each_way(mass, monkeypatch, way_out):
+    def half_power(search, peak, way, start):
+        found = getattr(search, way_out)(peak, way)
+        return None if found is None else found.iterate
+
+    monkeypatch.setattr(_Search, "half_power", half_power)
+    test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_from_the_scene(mass)
+
+
+@pytest.mark.ranks(1)
+def test_units_of_numbers(bar):
+    scene, units = microslip.read(bar), {"preload": "Pa", "friction": "1", "normal_stiffness": "N/m3", "gap": "m"}
+    assert {name: unit_of_key(scene, f"joints.joint.{name}") for name in units} == units
+    assert unit_of_key(scene, "materials.steel.young") == "Pa" and unit_of_key(scene, "solver.modes") == ""

@@ -181,10 +181,14 @@ def relative_of_pairs(joint: Joint, level: LevelResult, at: int, output: int = 0
     """
     if level.d_by_pairs is None:
         return {}
-    columns = {"mu": joint.mu, "N0": joint.N0, "k_t": joint.k_t, "k_n": joint.k_n}
     size = float(amplitude(level.response[at, output]))
-    rates = of_size_at(level, level.d_by_pairs)[0][at, output]
-    return {name: np.nan_to_num(column) * rates[NUMBERS.index(name)] / (size or 1.0) for name, column in columns.items()}
+    return _relative(joint, of_size_at(level, level.d_by_pairs)[0][at, output], size or 1.0)
+
+
+def _relative(joint: Joint, rates: np.ndarray, size: float) -> dict[str, np.ndarray]:
+    """Return the relative changes by name from the derivatives (n_numbers, n_pairs) of an amplitude."""
+    columns = {"mu": joint.mu, "N0": joint.N0, "k_t": joint.k_t, "k_n": joint.k_n}
+    return {name: np.nan_to_num(column) * rates[NUMBERS.index(name)] / size for name, column in columns.items()}
 
 
 def relative_at_peak(joint: Joint, level: LevelResult) -> tuple[float, dict[str, np.ndarray], float]:
@@ -201,12 +205,9 @@ def relative_at_peak(joint: Joint, level: LevelResult) -> tuple[float, dict[str,
             relative_of_pairs(joint, level, level.top),
             relative_of_common(level, level.top, "damping"),
         )
-    columns = {"mu": joint.mu, "N0": joint.N0, "k_t": joint.k_t, "k_n": joint.k_n}
-    of_pairs = {
-        name: np.nan_to_num(column) * peak.by_pairs[0, NUMBERS.index(name)] / abs(peak.amplitude)
-        for name, column in columns.items()
-    }
-    return hertz(peak.omega), of_pairs, float(peak.by_common[0, COMMON.index("damping")]) / abs(peak.amplitude)
+    size = abs(peak.amplitude)
+    by_damping = float(peak.by_common[0, COMMON.index("damping")]) / size
+    return hertz(peak.omega), _relative(joint, peak.by_pairs[0], size), by_damping
 
 
 def relative_of_common(level: LevelResult, at: int, name: str, output: int = 0) -> float:
