@@ -45,6 +45,7 @@ def shared_path(tmp_path):
 PICTURES = (
     "compare.report.draw_comparison",
     "modes.campbell.draw_campbell",
+    "modes.disc_at_speed.draw_interference",  # before that of `disc`, which it imports by name
     "modes.disc.draw_interference",
     "modes.report.draw_shapes",
     "sweep.report.draw_effects",

@@ -230,7 +230,7 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
     from .studies.batch import run_scenes
 
     limit = on_root(comm, time_limit, command.walltime)
-    options = run.RunOptions(command.petsc, command.groups, fresh=command.fresh, limit=limit)
+    options = run.RunOptions(command.petsc, command.groups, command.divide, fresh=command.fresh, limit=limit)
     if len(scenes) > 1:
         out = Path("results") if command.out is None else command.out
         return out, run_scenes(scenes, comm, out, options)

@@ -133,10 +133,11 @@ def test_from_rest_it_comes_to_the_same(program, shared_path):
 
 
 @pytest.mark.pictures
+@pytest.mark.ranks(1)  # one pair: a second rank would only wait
 def test_small_disturbances_grow_as_the_multipliers_say(program, shared_path):
     """A mass before a stop between its two folds: two stable states and one that is not, the middle one."""
     mass = {"system": scenes.gap_mass, "levels": (0.2,), "frequencies": (1.05, 1.4), "points": 12, "harmonics": 9, "samples": 256}
-    status, out, _ = program("--disturbed", "--at", f"{1.25 / (2.0 * np.pi)!r}", "--steps", "512", **mass)
+    status, out, _ = program("--disturbed", "--at", f"{1.25 / (2.0 * np.pi)!r}", "--steps", "256", **mass)
     assert status == 0 and "as the Floquet multipliers say at 3 of 3 points" in out
     found = rows(shared_path)
     multipliers, factors = ([float(row[name]) for row in found] for name in ("largest_multiplier", "growth"))

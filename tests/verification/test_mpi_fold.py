@@ -5,6 +5,9 @@ import pytest
 from mpi4py import MPI
 from verification import fold
 
+from microslip.continuation import stepping
+from microslip.continuation.ways_out import across_the_corner
+
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 
@@ -24,3 +27,20 @@ def test_both_directions_pass_two_turning_points_on_the_same_branch(name, shared
     assert fold.difference(case, up, down) < 1e-8
     assert max(fold.amplitudes(up)) == pytest.approx(max(fold.amplitudes(down)), rel=2e-3)
     assert np.unique(np.concatenate([point.state for point in up.points])).tolist() == ([1, 2] if name == "softening" else [2])
+
+
+@pytest.mark.parametrize("name", fold.FOLDS)
+def test_usual_steps_after_any_failure_stay_on_the_branch(name, shared_path, monkeypatch):
+    """As they are tried where a corner is near: with every failed step as if it were one, the same solutions."""
+    case, taken = fold.FOLDS[name], []
+
+    def counted(stuck):
+        for on in across_the_corner(stuck):
+            taken.append(on)
+            yield on
+
+    up = fold.followed(case, "up", shared_path, COMM, points=15)
+    monkeypatch.setattr(stepping, "SHORT", np.inf)
+    monkeypatch.setattr(stepping, "across_the_corner", counted)
+    again = fold.followed(case, "up", shared_path, COMM, points=15)
+    assert taken and fold.difference(case, up, again) < 1e-8 and len(fold.turning_points(again)) == 2

@@ -71,7 +71,7 @@ def parts_of(task: BranchTask, state: BranchState) -> dict[str, Part]:
     for name in _POINTS:
         point = getattr(state, name)
         if point is not None:
-            parts[name] = Part(point, partial(_of_point, solver.equation, point))
+            parts[name] = Part(point, partial(point_arrays, solver.equation, point))
     newton = solver.workspace.newton_solver(solver.equation, solver.resolution)
     adjoint, forward = (task.estimator.adjoint_solver, task.estimator.forward_solver) if task.estimator else (None, None)
     for name, solver_of in (("newton", newton), ("adjoint", adjoint), ("forward", forward)):
@@ -91,7 +91,7 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     parts = start.memory.calm.keys()
     calm, patience = (dict(zip(parts, map(int, counts))) for counts in arrays["counts"].reshape(2, -1))
     memory = Memory(arrays.get("peak"), calm, patience)
-    points = {name: _point(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
+    points = {name: point_state(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
     newton = workspace.newton_solver(solver.equation, solver.resolution)
     made = _made_again(under("newton", arrays), solver.problem) if "newton/U" in arrays else None
     newton.restore(made, bool(wants_preconditioner))
@@ -109,7 +109,7 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
 # -- a point -------------------------------------------------------------------------------------------------------
 
 
-def _of_point(equation: HarmonicBalance, point: PointState) -> Arrays:
+def point_arrays(equation: HarmonicBalance, point: PointState) -> Arrays:
     """Return a point's arrays.  Collective."""
     there = point.iterate
     return {
@@ -122,7 +122,7 @@ def _of_point(equation: HarmonicBalance, point: PointState) -> Arrays:
     }
 
 
-def _point(arrays: Arrays, owned: slice) -> PointState:
+def point_state(arrays: Arrays, owned: slice) -> PointState:
     """Return the point of some arrays.  Local."""
     parameters = tuple(map(float, arrays["parameters"]))
     there = Iterate(arrays["U"][owned].copy(), parameters, _harmonics(arrays["harmonics"]))

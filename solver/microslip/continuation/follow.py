@@ -314,7 +314,12 @@ def follow_branch(
         workspace.destroy()
         if task.estimator is not None:
             task.estimator.destroy()
-    branch.is_linear, branch.solver, accuracy = state.solver.is_linear, workspace.solver, task.accuracy
+    return with_facts(branch, task, state)
+
+
+def with_facts(branch: Branch, task: BranchTask, state: BranchState) -> Branch:
+    """Return a branch that ended at a state with what holds for all its points.  Local."""
+    branch.is_linear, branch.solver, accuracy = state.solver.is_linear, state.solver.workspace.solver, task.accuracy
     if accuracy is not None and "solver" not in accuracy.keeps:
         branch.closes_to = max(branch.closes_to, accuracy.target)
     branch.odd = accuracy is not None and not branch.is_linear and all(n % 2 for n in accuracy.coarsest.harmonics.chosen)

@@ -72,16 +72,19 @@ class ResponseProblem:
         """Return the problem that is continued at a level [N].  Local."""
         return ForcedResponse(HarmonicBalance.of_all(self.model, self.law, self.settings.samples), level)
 
+    def task(self, level: float) -> BranchTask:
+        """Return the branch of a level [N] over the whole range, without error bars and accuracy.  Local."""
+        return BranchTask(self.at_level(level), self.selection, self.sweep, self.steps, self.settings.tolerance)
+
     def frequencies_of(self, level: float) -> tuple[Branch, list[float]]:
         """Return the curve of a level [N], followed once through the range without error bars, and its frequencies [rad/s].
 
         Collective.  Each frequency lies further in the direction of the sweep than those before; of a constant response they are
         the ends of the range.
         """
-        problem, ends = self.at_level(level), [self.sweep.start, self.sweep.stop]
-        task = BranchTask(problem, self.selection, self.sweep, self.steps, self.settings.tolerance)
+        task, ends = self.task(level), [self.sweep.start, self.sweep.stop]
         branch = follow_branch(task, most_points(self.settings.points))
-        return branch, ends if problem.is_constant and branch.points else going_on(branch.points, self.sweep.direction)
+        return branch, ends if task.problem.is_constant and branch.points else going_on(branch.points, self.sweep.direction)
 
 
 def response_problem(
@@ -252,7 +255,12 @@ def follow_level(
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
     Newton does not pass in one direction, often lie on one side only.
     """
-    branch = _whole_branch(of, level, on_point, checkpointers)
+    return with_peaks(of, whole_branch(of, level, on_point, checkpointers))
+
+
+def with_peaks(of: ResponseProblem, branch: Branch) -> Branch:
+    """Return the branch of a level with its peaks and bifurcations, if requested.  Collective."""
+    level = branch.level
     if of.settings.peaks and not of.model.harmonics.is_constant:
         branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance, of.settings.sensitivities)
     if of.settings.stability:
@@ -260,7 +268,7 @@ def follow_level(
     return branch
 
 
-def _whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers) -> Branch:
+def whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers) -> Branch:
     """Return the branch of a level, of two segments where the first ends early.  Collective."""
     branch = _kept_or_followed(of, level, on_point, checkpointers)
     if branch.failure is None or of.model.harmonics.is_constant or len(branch.points) >= most_points(of.settings.points):
@@ -288,21 +296,27 @@ def _follow_one_way(
     of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int, checkpointer: Checkpointer
 ) -> Branch:
     """Follow a level in one direction, with the requested accuracy; without pairs nothing is solved.  Collective."""
-    problem, settings, steps = of.at_level(level), of.settings, of.steps
+    task, n_points = task_of(of, level), of.settings.points
+    if of.model.n_pairs > 0:
+        return follow_branch(task, most_points(n_points), on_point, segment, checkpointer)
+    if task.problem.is_constant:
+        task, n_points = replace(task, sweep=replace(of.sweep, at=())), 1
+    branch = linear_branch(task, of.curve, n_points, on_point)
+    checkpointer.save(task, None, branch.points)
+    return branch
+
+
+def task_of(of: ResponseProblem, level: float) -> BranchTask:
+    """Return the branch of a level [N] over the whole range, with the requested accuracy.  Collective."""
+    settings, task = of.settings, of.task(level)
     adjoints = exact_adjoints(of.model) if settings.sensitivities else None
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched, adjoints)
-    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, has_stability=settings.stability)
-    task = replace(task, has_sensitivities=settings.sensitivities)
+    task = replace(task, estimator=estimator, has_stability=settings.stability, has_sensitivities=settings.sensitivities)
     if of.model.n_pairs == 0:
-        n_points = settings.points
-        if problem.is_constant:
-            task, n_points = replace(task, sweep=replace(of.sweep, at=())), 1
-        branch = linear_branch(task, of.curve, n_points, on_point)
-        checkpointer.save(task, None, branch.points)
-        return branch
-    linear = is_linear(problem.equation, level, of.curve)
-    accuracy = accuracy_of(settings, problem.equation, linear) if estimator else None
+        return task
+    equation, steps = task.problem.equation, task.steps
+    linear = is_linear(equation, level, of.curve)
+    accuracy = accuracy_of(settings, equation, linear) if estimator else None
     if accuracy is not None and accuracy.chooses_steps:
         steps = ArcLength(**asdict(steps_for(accuracy.target)) | stated_steps(settings, of.curve))
-    task = replace(task, steps=steps, accuracy=accuracy, is_linear=linear)
-    return follow_branch(task, most_points(settings.points), on_point, segment, checkpointer)
+    return replace(task, steps=steps, accuracy=accuracy, is_linear=linear)

@@ -12,8 +12,9 @@ from .point_solver import PointSolver, Solution
 from .predictor import linear_step, predict
 from .resonances import passed_over, stay_stuck
 from .steps import ArcLength
-from .ways_out import Stuck, left, ways_on
+from .ways_out import Stuck, across_the_corner, left, ways_on
 
+SHORT = 0.1  # of the usual step: a failure of a shorter one, behind others, is that of a corner
 PASSED = "a resonance may lie between the point before and this one, too sharp for the shortest step"
 
 
@@ -79,6 +80,7 @@ def step(
     """
     earlier, before, now = earlier and solver.carried(earlier), solver.carried(before), solver.carried(now)
     stuck, passing = Stuck("ahead", solver, steps, may_hold, earlier=earlier, before=before, now=now), None
+    is_short = ds < SHORT * steps.ds
     while True:
         guess, plane = predict(solver, earlier, before, now, ds)
         solution, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
@@ -93,6 +95,10 @@ def step(
             return Stepped(solver, (solution, selected), ds)
         if share is not None:
             passing = Stepped(solver, (solution, selected), ds, (PASSED,))  # taken if no shorter one leads on
+        if is_short and share is None:
+            for on in across_the_corner(stuck):
+                return Stepped(on.solver, on.solved, on.ds or ds)
+            is_short = False
         ds *= share or 0.5
         if ds < steps.ds_min and passing is not None:
             return passing
@@ -100,7 +106,7 @@ def step(
             stuck = replace(stuck, where="sliding")
         if ds < steps.ds_min or stuck.where == "sliding":
             for on in ways_on(stuck):
-                return Stepped(on.solver, on.solved, 8.0 * steps.ds_min, on.notes)
+                return Stepped(on.solver, on.solved, on.ds or 8.0 * steps.ds_min, on.notes)
             raise ConvergenceError(message(solver, now.iterate.parameter, solution, steps))
 
 

@@ -19,6 +19,7 @@ from .iterate import Iterate, PointState
 from .point_solver import PointSolver, Solution
 from .predictor import difference, predict
 from .problems import DampingHomotopy, LevelHomotopy, Problem
+from .resonances import passed_over
 from .state import BranchState
 from .steps import ArcLength
 from .task import Advance, BranchTask
@@ -28,6 +29,7 @@ FROM_LEVEL, FROM_DAMPING = (1e-2, 1e-4), (1e-1, 1e-3)  # of the parameter at the
 MOST_NEWTON = 1500  # iterations on one homotopy; those that arrive take some hundreds
 MOST_POINTS = 1000
 CORNERS = 4.0 ** np.arange(1, 5)  # shortest steps beyond a sharp corner at which the branch is sought
+USUAL = 1.0, 0.5, 1.5  # usual steps that lead across a corner too near for shorter ones
 TENTHS = 0.1 ** np.arange(4)  # of a step, at which the branch is sought by many small Newton steps
 BACK = 0.05  # rad between a step and the way back, below which it is that
 FARTHEST = 4.0  # lengths of a requested step that it may have: on the plane normal to it, a turn of 75 degrees
@@ -74,6 +76,7 @@ class WayOn:
     solver: PointSolver  # of the next point
     solved: Solution | None = None
     notes: tuple[str, ...] = ()
+    ds: float | None = None  # of the step that led there; None: next to the shortest
 
     @property
     def solution(self) -> Solution:
@@ -184,6 +187,19 @@ def _end_of(way: BranchTask, advance: Advance) -> BranchState | None:
 
 
 # -- ahead of a point: corners, where a sample of a pair begins or ends to slip ------------------------------------
+
+
+def across_the_corner(stuck: Stuck) -> Iterator[WayOn]:
+    """Solve ahead by usual steps: where a corner is very near, the shorter ones end at it.  Collective."""
+    solver, (before, now) = stuck.solver, stuck.last_two
+    if solver.problem.maximum is not None:
+        return
+    for ds in stuck.steps.ds * np.array(USUAL):
+        guess, plane = predict(solver, stuck.earlier, before, now, ds)
+        solution = solver.solve(guess, plane, now.size, now.selected, now.force)
+        there = solution[0].iterate
+        if solution[0].failure is None and not left(solver, before, now, there, ds) and passed_over(solver, now, there) is None:
+            yield WayOn(solver, solution, ds=ds)
 
 
 def just_ahead(stuck: Stuck) -> Iterator[WayOn]:
@@ -326,6 +342,7 @@ WAYS_OUT = (
     WayOut("first", with_mean_slip_regularised, of_homotopies=False),
     WayOut("first", patiently, FIRST.format("found by small Newton steps")),
     WayOut("first", over_damping, FIRST.format("reached over further damping"), of_homotopies=False),
+    WayOut("ahead", across_the_corner),
     WayOut("ahead", just_ahead),
     WayOut("ahead", beyond_sharp_corner),
     WayOut("ahead", patiently_ahead),

@@ -11,7 +11,7 @@ from ..continuation.levels import ResponseProblem, follow_levels, levels_of_slip
 from ..observe.log import RunLog
 from ..observe.observer import Observer, Observers
 from ..points.branch import Branch
-from .side_by_side import follow_side_by_side
+from .side_by_side import follow_divided, follow_side_by_side
 
 _AT_ONCE = 1e-6  # of the highest level: from there on means from the first newton on
 
@@ -23,6 +23,7 @@ def follow(
     log: RunLog | None = None,
     checkpointers: Checkpointers = no_checkpoints,
     keeps_motion: bool = True,
+    divides: bool = False,
 ) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0, if it is to be kept.
 
@@ -37,8 +38,9 @@ def follow(
     all_observers, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
     if (slip := levels_of_slip(response)) is not None:
         log.note(_in_words(*slip, max(response.settings.levels)))
-    if not in_turn(response, n_groups):
-        return follow_side_by_side(response, n_groups, all_observers, log, checkpointers)
+    if not in_turn(response, n_groups, divides):
+        in_groups = follow_divided if divides else follow_side_by_side
+        return in_groups(response, n_groups, all_observers, log, checkpointers)
     branches = follow_levels(response, all_observers.notify, checkpointers)
     for columns in response.model.static_columns:
         log.note(f"static columns: of {columns.known.sum()} of {n_pairs} pairs, in {columns.batches} batches")
@@ -58,8 +60,10 @@ def _in_words(first: float, half: float, highest: float) -> str:
     return summary if highest > first else f"{summary}; the highest level is {highest:g} N, where nothing does"
 
 
-def in_turn(response: ResponseProblem, n_groups: int) -> bool:
+def in_turn(response: ResponseProblem, n_groups: int, divides: bool = False) -> bool:
     """Return whether all ranks follow one level after the other.  Local."""
+    if divides and response.model.n_pairs > 0:
+        return False
     return min(n_groups, len(response.settings.levels)) == 1
 
 

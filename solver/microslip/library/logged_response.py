@@ -40,6 +40,7 @@ class RunOptions:
 
     petsc: tuple[str, ...] = ()  # options of PETSc
     n_groups: int | None = None  # of ranks, for the levels; None: chosen by the program
+    divides: bool = False  # whether the groups share each level, instead of having levels of their own
     screen: bool = True  # or files alone
     fresh: bool = False  # recompute; earlier results move to ``earlier-N/``
     limit: TimeLimit | None = None  # at which the run stops with the results so far
@@ -87,13 +88,15 @@ def follow_logged(
     response, units = prepared.response, units_of(prepared.scene)
     refuse_without_peaks(prepared)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
-    n_groups = options.n_groups or groups_that_pay(response, prepared.structure.n_dof)
+    n_groups = options.n_groups or (
+        response.model.comm.size if options.divides else groups_that_pay(response, prepared.structure.n_dof)
+    )
     writer = writer_of(prepared, folder, options.petsc, replace(origin, n_groups=n_groups))
     levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, options.limit)
     try:
         with stops.in_force():
-            branches = follow(response, [levels, writer, stops], n_groups, log, checkpointers, keeps_motion=False)
-        if not in_turn(response, n_groups) or writer.table_is_gone():
+            branches = follow(response, [levels, writer, stops], n_groups, log, checkpointers, False, options.divides)
+        if not in_turn(response, n_groups, options.divides) or writer.table_is_gone():
             writer.put_in_order(branches)
     finally:
         writer.close()
@@ -105,7 +108,7 @@ def follow_logged(
         on_root(prepared.model.comm, write_by_sector, by_sector, folder, share=False)
         for level in by_sector or ():
             log.note(level.in_words())
-    known = known_columns(response) if in_turn(response, n_groups) else None
+    known = known_columns(response) if in_turn(response, n_groups, options.divides) else None
     log.note(
         "\n  ".join(["not computed, and why, or what it would change:", *not_computed(extent_of(prepared), branches, known)])
     )

@@ -90,6 +90,7 @@ def respond(
     preload: OfJoints | None = None,
     observers: Iterable[Observer] = (),
     n_groups: int = 1,
+    divides: bool = False,
     **keys: Unpack[Keys],
 ) -> Response:
     """Return the response of a structure: with the settings of its scene, except those given.
@@ -111,6 +112,7 @@ def respond(
         forces [N]
     observers : are notified of levels and points on rank 0, as they are computed
     n_groups : groups of ranks that follow levels in parallel
+    divides : whether each level is divided into parts, which the groups follow at the same time
     keys : of [response], [solver], [continuation] and [damping], as in a scene: those of :class:`Keys`
 
     Raises
@@ -120,7 +122,7 @@ def respond(
     ResourceError : not enough memory; on every rank
     """
     prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys)
-    return Response(prepared, follow(prepared.response, observers, n_groups), notes)
+    return Response(prepared, follow(prepared.response, observers, n_groups, divides=divides), notes)
 
 
 def prepared_with(

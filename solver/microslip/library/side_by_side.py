@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -9,13 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..continuation.checkpointer import Checkpointers, no_checkpoints
-from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip
+from ..continuation.divided import PARTS, beginning, coarse_curve, follow_part, joined, places
+from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip, whole_branch, with_peaks
 from ..observe.log import RunLog
 from ..observe.observer import Observers
-from ..parallel.agree import on_root
-from ..parallel.rank_groups import Counter, Reports, dealt, split
+from ..parallel.rank_groups import Groups, results_of, split
 from ..points.branch import NOTHING, Branch
-from ..system.watchdog import unwatched
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -58,23 +58,72 @@ def follow_side_by_side(
     with log.stage("static columns of all pairs"):
         of_ranks = of.on_ranks(groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
-    counter, reports = Counter(groups.world), Reports(groups, observers.hear)
 
-    def notify(*news) -> None:
-        on_root(groups.comm, reports.notify, *news)
+    def whole_level(number: int, notify: Callable[..., None]) -> None:
+        notify("level_started", number, groups.where)
+        branch = follow_level(of_ranks, levels[number], partial(notify, "point", number), checkpointers)
+        notify("level_finished", number, replace(branch, points=[]))
 
-    with reports.shared_failure():
-        for task in dealt(groups, counter, len(levels)):
-            number = highest_first[task]
-            notify("level_started", number, groups.where)
-            branch = follow_level(of_ranks, levels[number], partial(notify, "point", number), checkpointers)
-            notify("level_finished", number, replace(branch, points=[]))
-        with unwatched():
-            on_root(groups.comm, reports.finish)
-    reports.free()
-    counter.free()
+    results_of(groups, [partial(whole_level, number) for number in highest_first], observers.hear)
     groups.comm.Free()
     return _shared(groups.world, observers.branches)
+
+
+def follow_divided(
+    of: ResponseProblem, n_groups: int, observers: Observers, log: RunLog, checkpointers: Checkpointers = no_checkpoints
+) -> list[Branch]:
+    """Return the branches of all levels, in their order, each divided into parts that the groups follow at the same time.
+
+    Collective.  Parameters, motion and errors as of :func:`follow_side_by_side`, but for the number of groups, which may be any.
+    A level whose parts do not join is followed again as a whole, by all ranks.
+    """
+    comm, levels = of.model.comm, of.settings.levels
+    groups = split(comm, n_groups)
+    log.note(f"each level divided among {groups.n} groups of {_sizes(groups.limits)}")
+    with log.stage("static columns of all pairs"):
+        of_ranks = of.on_ranks(groups.comm)
+    branches = []
+    for number, level in enumerate(levels):
+        checkpointer = checkpointers(comm, level, 0)
+        observers.notify("level_started", number, groups.where)
+        branch = checkpointer.finished()
+        if branch is not None:
+            for point in branch.points:
+                observers.notify("point", number, point)
+        else:
+            branch = _divided(of_ranks, level, groups, partial(observers.hear, "point", number))
+            if branch is None:
+                log.note("  its parts do not join: followed as a whole")
+                observers.branches[number].points.clear()
+                observers.notify("level_started", number)
+                branch = whole_branch(of, level, partial(observers.notify, "point", number), checkpointers)
+            else:
+                observers.branches[number].points[:] = branch.points  # in their order
+                checkpointer.save(of.task(level), None, branch.points)
+                checkpointer.finish(branch)
+        branches.append(with_peaks(of, branch))
+        observers.notify("level_finished", number, branch)
+    groups.comm.Free()
+    return branches
+
+
+def _divided(of_ranks: ResponseProblem, level: float, groups: Groups, on_point: Callable[..., None]) -> Branch | None:
+    """Return a level [N] joined from its parts; None where they do not join.  Collective on ``groups.world``."""
+    (curve,) = groups.world.bcast(results_of(groups, [lambda notify: coarse_curve(of_ranks, level)])) or [[]]
+    begun = [
+        lambda notify, i=i: beginning(of_ranks, level, curve, i)  # type: ignore[misc]
+        for i in places(curve, PARTS * groups.n)
+    ]
+    found = groups.world.bcast(results_of(groups, begun))
+    beginnings = [None, *(begin for begin in found if begin is not None)]
+
+    def part(k: int, notify: Callable[..., None]) -> Branch:
+        return follow_part(of_ranks, level, beginnings, k, notify)
+
+    parts = results_of(groups, [partial(part, k) for k in range(len(beginnings))], on_point)
+    branch = joined(parts) if groups.world.rank == 0 else None
+    is_joined = groups.world.bcast(branch is not None)
+    return _shared(groups.world, [branch or Branch(level)])[0] if is_joined else None
 
 
 def _sizes(limits: np.ndarray) -> str:

@@ -7,15 +7,18 @@ non-blocking; rank 0 receives them whenever it reports itself, and at the end un
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from ..messages.errors import CaseError, Interrupted, MicroslipError
+from ..system.watchdog import unwatched
+from .agree import on_root
 from .ownership import split_evenly
 
 _REPORT, _END = 1, 2  # tags: from a root to rank 0, and back
@@ -211,3 +214,37 @@ class Reports:
         """Send without blocking; a request stores its message until it is sent."""
         self._sent = [request for request in self._sent if not request.Test()]
         self._sent.append(self._world.isend(what, rank, tag))
+
+
+Task = Callable[[Callable[..., None]], Any]  # collective on a group; gets a function that sends a message to rank 0
+
+
+def nothing(*news: Any) -> None:
+    """Take no notice of a message."""
+
+
+def results_of(groups: Groups, tasks: Sequence[Task], hear: Callable[..., None] = nothing) -> list[Any]:
+    """Return on rank 0 the results of tasks, in their order; each group takes the next task whenever it is free.
+
+    Collective on ``groups.world``; the list is empty on other ranks.  The result of a task is that of the group's root;
+    ``hear`` is called on rank 0 with the messages of the tasks.
+
+    Raises
+    ------
+    MicroslipError : the error that ended a group, on the ranks of all groups
+    """
+    results: dict[int, Any] = {}
+
+    def receive(kind: str, *news: Any) -> None:
+        results.update([news]) if kind == "result" else hear(*news)
+
+    counter, reports = Counter(groups.world), Reports(groups, receive)
+    with reports.shared_failure():
+        for number in dealt(groups, counter, len(tasks)):
+            result = tasks[number](partial(on_root, groups.comm, reports.notify, "news"))
+            on_root(groups.comm, reports.notify, "result", number, result)
+        with unwatched():
+            on_root(groups.comm, reports.finish)
+    reports.free()
+    counter.free()
+    return [results[number] for number in sorted(results)]

@@ -59,6 +59,7 @@ class Command:
     more: tuple[str, ...] = ()  # further scenes to run
     settings: tuple[str, ...] = ()  # KEY=VALUE, overrides keys of the scene
     groups: int | None = None  # number of groups of ranks; None: the fastest number
+    divide: bool = False  # whether the groups of a run share each level
     walltime: float | None = None  # s, time limit of a run; None: from the scheduler
     at: tuple[float, ...] = ()  # Hz, frequencies to verify; empty: around each peak
     harmonics: int | None = None  # harmonics to verify; None: as in the scene
@@ -396,6 +397,13 @@ _OPTIONS = (
         "split the ranks into G groups that solve levels in parallel (default: the fastest number); "
         "with several scenes each group solves scenes (default: 1)",
         type=_count,
+    ),
+    _option(
+        "run",
+        "--divide",
+        None,
+        "divide each level into parts that the groups follow at the same time (default with it: a group for each rank), for few "
+        "long levels on many ranks",
     ),
     _option(
         ("run", "backbone", "wear"),

@@ -56,7 +56,7 @@ def _run(scene: Scene, groups: Groups, folder: Path, options: RunOptions) -> int
     is_alone, began = groups.n == 1, time.perf_counter()
     if groups.is_root and not is_alone:
         print(f"{scene.name}: begun on {groups.where}", flush=True)
-    options = replace(options, n_groups=None if is_alone else 1, screen=is_alone)
+    options = replace(options, n_groups=None if is_alone else 1, divides=options.divides and is_alone, screen=is_alone)
     status = conclude_part(groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options))
     if groups.is_root and not is_alone:
         how = "done" if status == 0 else f"ended with status {status}"
