@@ -7,6 +7,7 @@ import pytest
 from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import scenes
+from oracles.time_integration import steady_state
 
 import microslip
 from microslip.continuation.other_solutions import continued, curve_through, solutions_at
@@ -71,3 +72,38 @@ def test_the_curve_through_a_solution_is_followed_both_ways(scene):
         assert min(np.linalg.norm(one.point.response[0, 1:3] - motion) for motion in there) < 1e-6
     assert {point.segment for point in branch.points} == {0, 1}
     structure.close()
+
+
+@pytest.mark.pictures
+@pytest.mark.ranks(1)
+def test_isolated_branches_of_half_the_frequency_before_a_frictional_stop(shared_path, program, monkeypatch):
+    """The loads have harmonic 2 alone, and the curve misses the stop; two closed branches strike it once in two periods of them.
+
+    They are the same motion, half a period apart; its stable part is a steady state in time integration, too.
+    """
+    omega, level = 1.15, 1.2
+    system = scenes.gap_mass() | {"loads": [{"vector": [0.4, 0.2, 1.0], "harmonic": 2, "phase": 0.0}]}
+    path = write_matrix_scene(shared_path, system, (level,), (1.0, 1.5), harmonics=6, samples=128, points=12)
+    out, found = shared_path / "out", []
+    monkeypatch.setattr(story, "search", lambda *given, **keys: found.append(microslip.search(*given, **keys)) or found[0])
+    status, said, err = program("search", path, "--at", repr(omega / 2.0 / np.pi), "--starts", "50", "--continue", "--out", out)
+    assert (status, err) == (0, "")
+    with open(out / "search.csv") as file:
+        missed, *struck = csv.DictReader(file)
+    assert missed["stable"] == "1" and float(missed["2_m"]) < 1e-12 and missed["found"] == "curve"
+    assert {one["found"] for one in struck} == {"deflation"}
+    unstable, stable = ([one for one in struck if one["stable"] == here] for here in "01")
+    assert unstable and stable and len(struck) > 2
+    for one in (unstable, stable):
+        sizes, phases = ([float(row[name]) for row in one] for name in ("2_m", "2_phase_rad"))
+        assert sizes == pytest.approx([sizes[0]] * len(one), rel=1e-6) and sizes[0] > 0.5
+        assert [abs(phase - phases[0]) for phase in phases[1:]] == pytest.approx([np.pi] * (len(one) - 1), abs=1e-6)
+    assert said.count("the curve through it is closed and passes") == len(struck) and "ends within" not in said
+    curves = np.genfromtxt(out / "curves.csv", delimiter=",", names=True)
+    frequency = curves["frequency_Hz"] * 2.0 * np.pi
+    assert 1.0 < frequency.min() < 1.05 and 1.25 < frequency.max() < 1.3  # within the range: nothing leads to them
+    response = found[0].solutions[-1].response
+    n = np.arange(1, 7)
+    start = response[:, 0] + response[:, 1::2].sum(axis=1), omega * response[:, 2::2] @ n, np.zeros((1, 2))
+    marched = steady_state(system, omega, level, n_steps=256, harmonics=6, tolerance=1e-4, coarse=1, start=start)
+    assert np.abs(marched.u_hat - response)[:, :3].max() < 1e-2 * np.abs(response[:, 1:3]).max()

@@ -196,7 +196,7 @@ class _Search:
 def continued(of: ResponseProblem, level: float, solution: Solution, has_stability: bool) -> Branch:
     """Return the curve through a solution, followed both ways to the ends of the range or back to its frequency.  Collective.
 
-    Segment 0 leads to higher frequencies.  ``failure`` says why a way ends within the range.
+    Segment 0 leads to higher frequencies.  ``failure`` says why a way ends elsewhere within the range.
     """
     there, point = solution.iterate, solution.point
     equation = of.at_level(level).equation.resolved(there.harmonics, point.samples)
@@ -210,6 +210,7 @@ def continued(of: ResponseProblem, level: float, solution: Solution, has_stabili
         task = BranchTask(problem, AllPairs(), Sweep(omega, end), steps, of.settings.tolerance, has_stability=has_stability)
         branch = follow_branch(task, most_points(of.settings.points), segment=segment)
         whole.points += branch.points
-        failures += [branch.failure] if branch.failure else []
+        returns = len(branch.points) > 1 and branch.points[-1].omega == omega
+        failures += [branch.failure] if branch.failure and not returns else []
     whole.failure = "; ".join(failures) or None
     return whole

@@ -17,6 +17,8 @@ from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, plain, with_pr
 from ...system.files import make_folder
 from ..records import cell, write_csv
 
+FAINTEST = 1e-6  # of the largest amplitude, below which another one is zero but for rounding: no logarithmic axis
+SAME = 1e-4  # of a response: the difference up to which another one is the same solution
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
 _SOURCES = {"curve": "along the curve", "level": "over the level", "deflation": "by deflation"}
 _STABLE = {True: "stable", False: "unstable", None: "\u2013"}
@@ -37,7 +39,7 @@ def write_search(result: Search, scene: Titled, folder: Path) -> str:
         write_csv(str(folder / "curves.csv"), followed[0], followed)
     with matplotlib.rc_context(RC):
         draw(result, scene, str(folder / "search.png"))
-    return "\n".join([on_screen(result), in_words(result), *ended(result)])
+    return "\n".join([on_screen(result), in_words(result), *returning(result), *ended(result)])
 
 
 def record(result: Search, one: SolutionAt) -> dict[str, Any]:
@@ -108,6 +110,33 @@ def in_words(result: Search) -> str:
     return f"{which} found at {at}, with {result.starts} starts: {more}"
 
 
+def returning(result: Search) -> list[str]:
+    """Return for each followed curve that comes back to the frequency of the search, at which solutions it does."""
+    lines, at = [], f"{result.frequency:g} Hz"
+    for i, one in enumerate(result.solutions, 1):
+        ends = returns(one.curve, result.frequency) if one.curve is not None else []
+        places = sorted({place(result, end) for end in ends})
+        if len(ends) == 2 and len(places) == 1:
+            lines.append(f"solution {i}: the curve through it is closed and passes {at} at {places[0]}, too")
+        elif ends:
+            lines.append(f"solution {i}: the curve through it turns back to {at}, at {' and '.join(places)}")
+    return lines
+
+
+def place(result: Search, response: np.ndarray) -> str:
+    """Return the solution that a response at the frequency of the search is, in words."""
+    for k, one in enumerate(result.solutions, 1):
+        if np.linalg.norm(response - one.response) <= SAME * np.linalg.norm(response):
+            return f"solution {k}"
+    return f"a solution not in the table, of {np.hypot(*response[0, 1:3]):.4g} {result.units[0]}"
+
+
+def returns(curve: FollowedCurve, frequency: float) -> list[np.ndarray]:
+    """Return the responses with which the segments of a curve come back to the frequency at which they begin."""
+    last = [np.flatnonzero(curve.segment == segment)[-1] for segment in np.unique(curve.segment)]
+    return [curve.response[i] for i in last if np.isclose(curve.frequency[i], frequency, rtol=1e-12)]
+
+
 def ended(result: Search) -> list[str]:
     """Return why followed curves end within the range."""
     return [
@@ -140,7 +169,8 @@ def draw(result: Search, scene: Titled, path: str) -> None:
     for one in result.solutions:
         axes.plot(result.frequency, one.amplitude[0] * factor, "o", color=INK, ms=4.5, mfc=_filled(one.stable), zorder=4)
     axes.set(xlabel="frequency [Hz]", ylabel=f"amplitude [{unit}]")
-    log_scale(axes, "y")
+    if shown.min() > FAINTEST * shown.max():
+        log_scale(axes, "y")
     page.save(path)
 
 
