@@ -34,6 +34,7 @@ CLOSER = 2  # times that the angle itself is halved then
 FARTHEST = 1.0  # of that angle: a step towards the peak
 MOST_STEPS = 12
 LEAST, FAR = 0.3, 2.0  # of the motion of a guess and of the frequency of the start: solutions beyond belong to no peak here
+MOST = 100.0  # of the motion of a guess: beyond it the mean slip, which nothing determines where all pairs slip, has drifted
 LEAST_ANGLE = 0.1  # of that angle: steps along the phase towards a half-power point are divided no further
 HALF_POWER = 0.5**0.5  # share of the amplitude of a peak
 LEAST_SHARE = 0.02  # of the amplitude: steps of this size towards a half-power point are divided no further
@@ -172,8 +173,8 @@ class _Search:
             self.newton += solution.newton
         if solution.failure is not None:
             raise _Lost(solution.failure)
-        shrinks = self.solver.norm(solution.iterate.U) < LEAST * self.solver.norm(guess.U)
-        if shrinks or not 1.0 / FAR < solution.iterate.parameter / self.start.parameter < FAR:
+        before, size = (self.solver.norm(there.U) for there in (guess, solution.iterate))
+        if not LEAST * before <= size <= MOST * before or not 1.0 / FAR < solution.iterate.parameter / self.start.parameter < FAR:
             raise _Lost("the solution at this phase lies elsewhere")
         return _At(solution, self.amplitude(solution.iterate))
 
