@@ -1,13 +1,16 @@
 """microslip.sweep: peaks of samples against a closed form and against structures of their own; on any number of ranks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bar_scene import write_bar
 from matrix_scenes import write_matrix_scene
+from mpi4py import MPI
 from oracles import exact, scenes
 
 import microslip
-from microslip.continuation.peak_at import _Search
+from microslip.continuation.peak_at import _Lost, _Search
 from microslip.library import sample_peaks
 from microslip.library.sample_peaks import DONE, FAILED, SamplePeaks, _Problem, affine_weights
 from microslip.library.sensitivities import unit_of_key
@@ -93,6 +96,32 @@ def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, m
     directly = microslip.sweep(mass, {STIFFNESS: [0.01, 10.0]})
     assert any(sample.is_followed for sample in directly.samples) and not any(sample.is_followed for sample in table.samples)
     assert table.amplitude == pytest.approx(directly.amplitude, rel=1e-8)
+
+
+def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatch):
+    """Where all pairs slip, free of springs, Newton's method may end anywhere in the mean."""
+    found, peak = [], _Search.peak
+
+    def with_drift(search):
+        here, correct = peak(search), search.corrector.correct
+
+        def drifts(system, guess, *more):
+            solution = correct(system, guess, *more)
+            U = solution.iterate.U.copy()
+            U[:, 0, 0] = 1e4 * comm.allreduce(np.abs(U).max(initial=0.0), op=MPI.MAX)
+            return replace(solution, iterate=replace(solution.iterate, U=U))
+
+        with monkeypatch.context() as patched:
+            patched.setattr(search.corrector, "correct", drifts)
+            with pytest.raises(_Lost, match="lies elsewhere"):
+                search.at(here.iterate, 0.0, here.iterate)
+        found.append(here)
+        return here
+
+    monkeypatch.setattr(_Search, "peak", with_drift)
+    with microslip.build(microslip.read(bar), comm) as structure:
+        microslip.sweep(structure, {FRICTION: [0.06]})
+    assert found
 
 
 @pytest.mark.parametrize("mu", [1.0, 1e3])
