@@ -56,8 +56,8 @@ def simulate(scene, level: float) -> None:
             _, in_turn = timed(lambda: follow_level(of, level))
             curve, coarse = timed(lambda: coarse_curve(of, level))
             begun = [timed(partial(beginning, of, level, curve, i)) for i in places(curve, PARTS * n_groups)]
-            beginnings = [None, *(begin for begin, _ in begun if begin is not None)]
-            parts = [timed(partial(follow_part, of, level, beginnings, k)) for k in range(len(beginnings))]
+            beginnings = [begin for begin, _ in begun if begin is not None]
+            parts = [timed(partial(follow_part, of, level, beginnings, k)) for k in range(len(beginnings) + 1)]
             first, then = ([seconds for _, seconds in tasks] for tasks in (begun, parts))
             n_points = sum(len(part.points) for part, _ in parts)
             gain = in_turn / (coarse + dealt(first, n_groups) + dealt(then, n_groups))

@@ -92,10 +92,8 @@ def test_a_level_whose_parts_do_not_join_is_followed_as_a_whole(comm, bar, monke
 def test_the_program_divides_levels_and_continues_with_those_not_complete(program, comm, shared_path, monkeypatch):
     path = on_root(comm, lambda: write_bar(shared_path, harmonics=1))
     settings = "--set", "response.levels=[30.0, 38.0]"
-    begun = []
 
     def second_fails(of, level, *more):
-        begun.append(level)
         if level == 38.0:
             raise microslip.CaseError("a problem at the second level")
         return coarse_curve(of, level, *more)

@@ -12,10 +12,12 @@ from oracles.time_integration import steady_state
 import microslip
 from microslip.continuation.other_solutions import continued, curve_through, solutions_at
 from microslip.library.prepare import prepare
+from microslip.library.search import FollowedCurve
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.points.multipliers import is_stable
 from microslip.studies.search import story
+from microslip.studies.search.report import returns
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -72,6 +74,14 @@ def test_the_curve_through_a_solution_is_followed_both_ways(scene):
         assert min(np.linalg.norm(one.point.response[0, 1:3] - motion) for motion in there) < 1e-6
     assert {point.segment for point in branch.points} == {0, 1}
     structure.close()
+
+
+@pytest.mark.ranks(1)
+def test_a_way_that_ends_where_it_begins_does_not_come_back():
+    """The first way is one point alone; the second one comes back."""
+    response = np.arange(4.0).reshape(4, 1, 1)
+    curve = FollowedCurve(np.array([0.2, 0.2, 0.3, 0.2]), response, np.array([0, 1, 1, 1]), None, None)
+    assert [float(one) for one in returns(curve, 0.2)] == [3.0]
 
 
 @pytest.mark.pictures

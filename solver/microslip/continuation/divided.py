@@ -29,7 +29,7 @@ from .steps import ArcLength
 from .task import BranchTask
 from .ways_out import MOSTLY, regularised
 
-PARTS = 2  # a group of ranks, of a level
+PARTS = 2  # of a level, for each group of ranks
 STEP = 0.1  # effort of a step beside that of the pairs that slide, as a share of them
 LONGER = 4.0  # times the steps of the curve are those of the coarse one
 TURN, EASY = 0.5, 8  # rad between two of its steps, and Newton iterations, at which their length is kept
@@ -145,15 +145,15 @@ class Part(Branch):
 def follow_part(
     of: ResponseProblem,
     level: float,
-    beginnings: Sequence[Beginning | None],
+    beginnings: Sequence[Beginning],
     k: int,
     on_point: Callable[[Point], None] = lambda point: None,
 ) -> Part:
-    """Return a part of a level [N], from the ``k``-th beginning until it passes a later one.  Collective.
+    """Return the ``k``-th part of a level [N], until it passes the beginning of a later one.  Collective.
 
-    The first one, None, is the start of the range.
+    Part 0 begins at the start of the range, part k at ``beginnings[k - 1]``.
     """
-    task, branch, begin = task_of(of, level), Part(level), beginnings[k]
+    task, branch = task_of(of, level), Part(level)
     workspace, is_root = task.workspace(), of.model.comm.rank == 0
 
     def take(points: Sequence[Point]) -> None:
@@ -163,15 +163,15 @@ def follow_part(
 
     try:
         state = task.start(workspace)
-        if begin is not None:
-            state = from_arrays(task, begin.state, workspace)
-            take([begin.point])
+        if k > 0:
+            state = from_arrays(task, beginnings[k - 1].state, workspace)
+            take([beginnings[k - 1].point])
         while not state.is_done and branch.failure is None and branch.leads_to is None:
             before, advanced = state.now, advance(task, state)
             state, branch.failure, points = advanced.state, advanced.failure, advanced.points
             branch.leads_to = passed(state.solver, before, state.now, beginnings, k)
             if branch.leads_to is not None and before is not None:  # requested points may lie before it
-                ends = before.iterate.parameter, _begin(beginnings, branch.leads_to).of(state.solver).iterate.parameter
+                ends = before.iterate.parameter, beginnings[branch.leads_to - 1].of(state.solver).iterate.parameter
                 points = [point for point in points[:-1] if min(ends) < point.omega < max(ends)]
             take(points)
             if len(branch.points) >= most_points(of.settings.points):
@@ -183,19 +183,17 @@ def follow_part(
 
 
 def passed(
-    solver: PointSolver, a: PointState | None, b: PointState | None, beginnings: Sequence[Beginning | None], k: int
+    solver: PointSolver, a: PointState | None, b: PointState | None, beginnings: Sequence[Beginning], k: int
 ) -> int | None:
-    """Return the first beginning after the ``k``-th that the step from ``a`` to ``b`` passes; None if there is none.  Collective.
+    """Return the first part after the ``k``-th whose beginning the step from ``a`` to ``b`` passes, None if there is none.
 
-    The step passes the plane at a beginning, and its chord lies near to it there.
+    Collective.  The step passes the plane at the beginning, and its chord lies near to it there.
     """
     if a is None or b is None:
         return None
     a, b = solver.carried(a), solver.carried(b)
-    for m in range(k + 1, len(beginnings)):
-        if beginnings[m] is None:
-            continue
-        back, there = _begin(beginnings, m).last_two(solver)
+    for m, begin in enumerate(beginnings[k:], k + 1):
+        back, there = begin.last_two(solver)
         d_U, d_nu, length = difference(solver, back, there, there.size)
         plane = plane_at(solver, there, d_U, d_nu, length)
         from_a, from_b = (_side(solver, plane, there, end) for end in (a, b))
@@ -216,12 +214,6 @@ def _side(solver: PointSolver, plane: Plane, about: PointState, there: PointStat
     d_U = (there.iterate.U - about.iterate.U) / about.size
     along = solver.comm.allreduce(float(np.vdot(plane.n_U, d_U)))
     return along + float(np.dot(plane.n_nu, solver.d_nu(about.iterate, there.iterate)))
-
-
-def _begin(beginnings: Sequence[Beginning | None], m: int) -> Beginning:
-    begin = beginnings[m]
-    assert begin is not None, "parts lead to beginnings that were found"
-    return begin
 
 
 def _destroy(task: BranchTask, workspace: Workspace) -> None:

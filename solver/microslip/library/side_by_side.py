@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..continuation.checkpoint import Arrays
 from ..continuation.checkpointer import Checkpointers, no_checkpoints
-from ..continuation.divided import PARTS, beginning, coarse_curve, follow_part, joined, places
+from ..continuation.divided import PARTS, Beginning, Part, beginning, coarse_curve, follow_part, joined, places
 from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip, whole_branch, with_peaks
 from ..observe.log import RunLog
 from ..observe.observer import Observers
@@ -109,21 +110,24 @@ def follow_divided(
 
 def _divided(of_ranks: ResponseProblem, level: float, groups: Groups, on_point: Callable[..., None]) -> Branch | None:
     """Return a level [N] joined from its parts; None where they do not join.  Collective on ``groups.world``."""
-    (curve,) = groups.world.bcast(results_of(groups, [lambda notify: coarse_curve(of_ranks, level)])) or [[]]
-    begun = [
-        lambda notify, i=i: beginning(of_ranks, level, curve, i)  # type: ignore[misc]
-        for i in places(curve, PARTS * groups.n)
-    ]
-    found = groups.world.bcast(results_of(groups, begun))
-    beginnings = [None, *(begin for begin in found if begin is not None)]
+    world = groups.world
 
-    def part(k: int, notify: Callable[..., None]) -> Branch:
+    def curve_of_level(notify: Callable[..., None]) -> list[Arrays]:
+        return coarse_curve(of_ranks, level)
+
+    def begin(i: int, notify: Callable[..., None]) -> Beginning | None:
+        return beginning(of_ranks, level, curve, i)
+
+    def part(k: int, notify: Callable[..., None]) -> Part:
         return follow_part(of_ranks, level, beginnings, k, notify)
 
-    parts = results_of(groups, [partial(part, k) for k in range(len(beginnings))], on_point)
-    branch = joined(parts) if groups.world.rank == 0 else None
-    is_joined = groups.world.bcast(branch is not None)
-    return _shared(groups.world, [branch or Branch(level)])[0] if is_joined else None
+    (curve,) = world.bcast(results_of(groups, [curve_of_level]))
+    begun = world.bcast(results_of(groups, [partial(begin, i) for i in places(curve, PARTS * groups.n)]))
+    beginnings = [one for one in begun if one is not None]
+    parts = results_of(groups, [partial(part, k) for k in range(len(beginnings) + 1)], on_point)
+    branch = joined(parts) if world.rank == 0 else None
+    is_joined = world.bcast(branch is not None)
+    return _shared(world, [branch or Branch(level)])[0] if is_joined else None
 
 
 def _sizes(limits: np.ndarray) -> str:

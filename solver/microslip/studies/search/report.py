@@ -133,8 +133,9 @@ def place(result: Search, response: np.ndarray) -> str:
 
 def returns(curve: FollowedCurve, frequency: float) -> list[np.ndarray]:
     """Return the responses with which the segments of a curve come back to the frequency at which they begin."""
-    last = [np.flatnonzero(curve.segment == segment)[-1] for segment in np.unique(curve.segment)]
-    return [curve.response[i] for i in last if np.isclose(curve.frequency[i], frequency, rtol=1e-12)]
+    ways = [np.flatnonzero(curve.segment == segment) for segment in np.unique(curve.segment)]
+    ends = [way[-1] for way in ways if len(way) > 1]
+    return [curve.response[i] for i in ends if np.isclose(curve.frequency[i], frequency, rtol=1e-12, atol=0.0)]
 
 
 def ended(result: Search) -> list[str]:
