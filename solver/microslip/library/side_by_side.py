@@ -80,7 +80,7 @@ def follow_divided(
     """
     comm, levels = of.model.comm, of.settings.levels
     groups = split(comm, n_groups)
-    log.note(f"each level divided among {groups.n} groups of {_sizes(groups.limits)}")
+    log.note(f"each level divided among {groups.n} group{'s' * (groups.n > 1)} of {_sizes(groups.limits)}")
     with log.stage("static columns of all pairs"):
         of_ranks = of.on_ranks(groups.comm)
     branches = []
