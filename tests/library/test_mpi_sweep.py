@@ -103,7 +103,8 @@ def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatc
     found, peak = [], _Search.peak
 
     def with_drift(search):
-        here, correct = peak(search), search.corrector.correct
+        here, corrector = peak(search), search.solver.workspace.corrector(search.equation, search.solver.resolution)
+        correct = corrector.correct
 
         def drifts(system, guess, *more):
             solution = correct(system, guess, *more)
@@ -112,7 +113,7 @@ def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatc
             return replace(solution, iterate=replace(solution.iterate, U=U))
 
         with monkeypatch.context() as patched:
-            patched.setattr(search.corrector, "correct", drifts)
+            patched.setattr(corrector, "correct", drifts)
             with pytest.raises(_Lost, match="lies elsewhere"):
                 search.at(here.iterate, 0.0, here.iterate)
         found.append(here)
@@ -229,7 +230,7 @@ def test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_fro
         assert 2.0 * np.pi * width == pytest.approx(high - low, rel=2e-3)
 
 
-@pytest.mark.parametrize("way_out", ["_through_shares", "_along_phase"])
+@pytest.mark.parametrize("way_out", ["_through_shares", "_along_phase", "_along_branch"])
 def test_half_power_points_are_those_of_the_closed_form_by_each_way(mass, monkeypatch, way_out):
     def half_power(search, peak, way, start):
         found = getattr(search, way_out)(peak, way)

@@ -1,5 +1,6 @@
 """microslip.sweep of a scene with [statics] and of a disc, against structures of their own."""
 
+import numpy as np
 import pytest
 from blocks import stacked
 from discs import write_sector
@@ -9,6 +10,8 @@ from scene_text import table
 
 import microslip
 from microslip.continuation.point_record import HELD
+from microslip.library.sample_peaks import SamplePeaks, half_power_of
+from microslip.library.varied import Varied
 from microslip.parallel.agree import on_root
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -39,11 +42,34 @@ def folder(comm, tmp_path_factory):
     return path
 
 
+def sliding(comm, folder, samples=SHARPER):
+    """Return a bar pressed onto the ground, of which most pairs slip at a friction of 0.1, but not at its own.  Collective."""
+    more = ("levels = [5.0]", "levels = [20.0]"), ("span = [0.9, 1.1]", "span = [0.8, 1.1]"), ("samples = 64", samples)
+    return scene_of(comm, folder, force(50.0, 0.0, -1000.0), *more, ("harmonics = 3", "harmonics = 1"))
+
+
+@pytest.mark.ranks(2)
+def test_a_sample_that_slides_as_a_whole_is_held_from_the_start_and_has_the_width_of_its_curve(comm, folder, monkeypatch):
+    searched, searches = [], SamplePeaks._searched
+    with microslip.build(sliding(comm, folder, "samples = 64"), comm) as structure:
+        peaks = SamplePeaks(structure, Varied.of(structure.scene, ["joints.joint.friction"]))
+        monkeypatch.setattr(SamplePeaks, "_searched", lambda *args: searched.append(args[4]) or searches(*args))
+        sample = peaks.solve([0.1])
+        peaks.close()
+        points = microslip.respond(structure, friction=0.1, error_bars=False).branches[0].points
+    assert searched[0] and HELD in sample.why
+    sizes, omega = [float(np.hypot(*point.response[0, 1:3])) for point in points], [point.omega for point in points]
+    top, ends = int(np.argmax(sizes)), []
+    for way in (range(top, len(sizes)), range(top, -1, -1)):
+        before, after, share = half_power_of(sizes, way)
+        ends.append(omega[before] + share * (omega[after] - omega[before]))
+    assert 2.0 * np.pi * sample.width == pytest.approx(abs(ends[0] - ends[1]), rel=0.02)
+
+
 @pytest.mark.slow
 @pytest.mark.ranks(2)
 def test_another_friction_is_another_state_of_rest(comm, folder):
-    more = ("levels = [5.0]", "levels = [20.0]"), ("span = [0.9, 1.1]", "span = [0.8, 1.1]"), ("samples = 64", SHARPER)
-    scene = scene_of(comm, folder, force(50.0, 0.0, -1000.0), *more)
+    scene = sliding(comm, folder)
     swept = check(comm, scene, {"joints.joint.friction": [0.1]})
     assert swept.slipping[0] > 0 and swept.amplitude[0] != pytest.approx(swept.nominal.amplitude, rel=1e-3)
     assert HELD in swept.samples[0].why and HELD not in swept.nominal.why

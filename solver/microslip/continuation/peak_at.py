@@ -13,19 +13,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..contact.law import STICK
 from ..error_estimate.estimate import ErrorEstimator, output_amplitude
 from ..harmonic.balance import HarmonicBalance
+from ..messages.errors import ConvergenceError
 from ..points.branch import Point
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
+from .acceptance import accept
 from .amplitude_row import AmplitudeRow
 from .constraint_rows import Constraint, Plane, Scaling
 from .corrector import BorderedSystem, Correction
-from .iterate import Iterate
+from .follow import advance
+from .iterate import Iterate, interpolate
 from .maximum_by_phase import APART, rotated
 from .point_record import point_record
 from .point_solver import PointSolver, Workspace
-from .problems import ForcedResponse
+from .problems import ForcedResponse, Problem
+from .steps import ArcLength
+from .task import BranchTask
+from .ways_out import MOSTLY
 
 SAMPLES = 4.0  # of the contact law between the solutions, at least: corners lie one apart
 SETTLED = 2e-5  # rad: a shift of the peak below which one solution more is the peak
@@ -36,6 +43,9 @@ MOST_STEPS = 12
 LEAST, FAR = 0.3, 2.0  # of the motion of a guess and of the frequency of the start: solutions beyond belong to no peak here
 MOST = 100.0  # of the motion of a guess: beyond it the mean slip, which nothing determines where all pairs slip, has drifted
 LEAST_ANGLE = 0.1  # of that angle: steps along the phase towards a half-power point are divided no further
+WIDTHS = 10.0  # from a peak, within which the branch reaches its half-power point
+SHORTEST, EASY = 4096.0, 8  # the first step of this branch over the shortest one, Newton iterations at which their length is kept
+MOST_POINTS = 60  # of this branch
 HALF_POWER = 0.5**0.5  # share of the amplitude of a peak
 LEAST_SHARE = 0.02  # of the amplitude: steps of this size towards a half-power point are divided no further
 LEAST_FIRST = 0.08  # the same of the first one, from the peak
@@ -141,7 +151,6 @@ class _Search:
         self.apart = max(APART, SAMPLES * 2.0 * np.pi / self.equation.n_samples)
         sweep = Sweep(start.parameter, start.parameter + width)
         self.solver = PointSolver(problem, AllPairs(), sweep, tolerance, workspace)
-        self.corrector = workspace.corrector(self.equation, self.solver.resolution)
         self.scaling = self._scaling(start)
         self.W = -width / 2.0  # rad/s of the frequency for each unit of the tangent of the phase
 
@@ -163,13 +172,14 @@ class _Search:
             raise _Lost("the pairs do not move: no phase")
         return self.solved(Plane(about, normal / size, (0.0,)), guess, is_patient)
 
-    def solved(self, row: Constraint, guess: Iterate, is_patient: bool = False) -> _At:
-        """Return the solution under a row, near a guess."""
-        system = BorderedSystem(self.problem, (row,), self.scaling, self.every)
-        solution = self.corrector.correct(system, guess)
+    def solved(self, row: Constraint, guess: Iterate, is_patient: bool = False, problem: Problem | None = None) -> _At:
+        """Return the solution under a row, near a guess, with the mean slip free or held as in a ``problem``."""
+        system = BorderedSystem(problem or self.problem, (row,), self.scaling, self.every)
+        corrector = self.solver.workspace.corrector(self.equation, self.solver.resolution)
+        solution = corrector.correct(system, guess)
         self.newton += solution.newton
         if solution.failure is not None and is_patient:
-            solution = self.corrector.correct(system, guess, is_patient)
+            solution = corrector.correct(system, guess, is_patient)
             self.newton += solution.newton
         if solution.failure is not None:
             raise _Lost(solution.failure)
@@ -177,6 +187,14 @@ class _Search:
         if not LEAST * before <= size <= MOST * before or not 1.0 / FAR < solution.iterate.parameter / self.start.parameter < FAR:
             raise _Lost("the solution at this phase lies elsewhere")
         return _At(solution, self.amplitude(solution.iterate))
+
+    def released(self, there: Iterate) -> ForcedResponse:
+        """Return the problem without springs on the mean slip where too few pairs slip in a motion, as along a curve."""
+        if self.equation.held is None:
+            return self.problem
+        state = self.equation.contact_forces(there.U, self.every, tangents=False).state
+        moving, n_pairs = self.equation.comm.allreduce(int(np.count_nonzero(state != STICK))), self.equation.model.n_pairs
+        return self.problem if moving >= MOSTLY * n_pairs else self.problem.with_equation(self.equation.holding(None))
 
     def amplitude(self, there: Iterate) -> float:
         """Return |a| of harmonic 1 of the output, the same on all ranks."""
@@ -242,12 +260,15 @@ class _Search:
     def half_power(self, peak: _At, way: float, start: Iterate | None) -> Iterate | None:
         """Return the solution at 1 / sqrt 2 of the amplitude of a peak, in the ``way`` of its phase; None where none is found.
 
-        Where Newton's method fails, through larger shares of the amplitude, and then along the phase.
+        Where Newton's method fails, along the branch where the mean slip is held at the peak, else through larger shares of the
+        amplitude and then along the phase.
         """
         guess = start or self._guess([_Known(0.0, peak.iterate, 1.0)], way * 0.25 * np.pi)
-        found = self._at_share(peak, HALF_POWER, guess, way) or self._through_shares(peak, way)
-        if found is None:
-            found = self._along_phase(peak, way)
+        found = self._at_share(peak, HALF_POWER, guess, way)
+        if found is None and self.equation.held is not None:
+            found = self._along_branch(peak, way)
+        elif found is None:
+            found = self._through_shares(peak, way) or self._along_phase(peak, way)
         return None if found is None else found.iterate
 
     def _through_shares(self, peak: _At, way: float) -> _Known | None:
@@ -284,10 +305,39 @@ class _Search:
         theta = high.phase + (low.phase - high.phase) * (high.share - HALF_POWER) / (high.share - low.share)
         return self._at_share(peak, HALF_POWER, self._guess(known, theta), way, is_patient=True)
 
-    def _at_share(self, peak: _At, share: float, guess: Iterate, way: float, is_patient: bool = False) -> _Known | None:
-        """Return the solution at a share of the amplitude of a peak, in the ``way`` of its phase."""
+    def _along_branch(self, peak: _At, way: float) -> _Known | None:
+        """Return the half-power point along the branch from the peak, between the last two points of it."""
+        reach = -way * WIDTHS * 2.0 * abs(self.W)
+        sweep = Sweep(peak.iterate.parameter - reach, peak.iterate.parameter + reach)
+        steps = ArcLength(ds=self.apart, ds_min=self.apart / SHORTEST, ds_max=2.0 * self.apart, turn=self.apart, easy=EASY)
+        task = BranchTask(self.problem, AllPairs(), sweep, steps, self.solver.tolerance)
         try:
-            there = self.solved(AmplitudeRow(self.output, share * peak.size), guess, is_patient).iterate
+            first = accept(task, task.start(self.solver.workspace), (peak.solution, self.every))
+            before = self._as_one_mode(peak.iterate, -way * self.apart, 0.0)
+            state = first.state.after(replace(first.now, iterate=before), first.now, 0.25 * self.apart)
+        except ConvergenceError:
+            return None
+        for _ in range(MOST_POINTS):
+            advanced = advance(task, state)
+            state, self.newton = advanced.state, self.newton + advanced.newton
+            if state.is_done or advanced.failure is not None or state.before is None or state.now is None:
+                return None
+            last_two = self.equation.comm.bcast((state.before.amplitude[self.output], state.now.amplitude[self.output]))
+            high, low = map(abs, last_two)
+            if low <= HALF_POWER * peak.size:
+                harmonics, share = self.equation.harmonics, (high - HALF_POWER * peak.size) / (high - low)
+                a, b = (there.iterate.on(harmonics) for there in (state.before, state.now))
+                guess = interpolate(a, b, a.parameter + share * (b.parameter - a.parameter))
+                return self._at_share(peak, HALF_POWER, guess, way, is_patient=True, problem=state.solver.problem)
+        return None
+
+    def _at_share(
+        self, peak: _At, share: float, guess: Iterate, way: float, is_patient: bool = False, problem: Problem | None = None
+    ) -> _Known | None:
+        """Return the solution at a share of the amplitude of a peak, in the ``way`` of its phase."""
+        row = AmplitudeRow(self.output, share * peak.size)
+        try:
+            there = self.solved(row, guess, is_patient, problem or self.released(guess)).iterate
         except _Lost:
             return None
         phase = self.phase_from(peak.iterate, there)

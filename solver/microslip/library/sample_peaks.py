@@ -253,7 +253,8 @@ class SamplePeaks:
     def _from_near(self, problem: _Problem, x: np.ndarray, branch: Branch | None, has_width: bool) -> Sample:
         """Return the sample at ``x`` from those around and from the nearest one."""
         newton, sample = 0, Sample(tuple(x), FAILED, "no sample near by")
-        for starts, held in self._starts(x, problem.forced(False).equation.shape):
+        for starts, is_held in self._starts(x, problem.forced(False).equation.shape):
+            held = is_held or self._is_held_at(problem, self._state(problem, starts[0]))
             sample = self._of_peak(problem, starts, x, branch, held, has_width)
             newton += sample.newton
             if sample.status == DONE:
@@ -298,13 +299,19 @@ class SamplePeaks:
         of, values = problem.of, tuple(map(float, x))
         linear = self._nearest_linear(of, problem.level, None)
         width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
-        peak = self._searched(problem, starts, width, held, lambda point: has_width and self._is_held_at(problem, point) == held)
+
+        def wants_width(point: Point) -> bool:
+            return has_width and self._is_held_at(problem, point.state) == held
+
+        peak = self._searched(problem, starts, width, held, wants_width)
         if isinstance(peak, str):
             return Sample(values, FAILED, peak)
-        if (wanted := self._is_held_at(problem, peak.point)) != held:
-            other = self._searched(problem, (peak.iterate, *starts[1:]), width, wanted, lambda point: has_width)
+        wanted = self._is_held_at(problem, peak.point.state)
+        for hold in (wanted, held) if wanted != held else ():  # as it was where Newton's method fails
+            other = self._searched(problem, (peak.iterate, *starts[1:]), width, hold, lambda point: has_width)
             if not isinstance(other, str):
-                peak, held = replace(other, newton=peak.newton + other.newton), wanted
+                peak, held = replace(other, newton=peak.newton + other.newton), hold
+                break
         low, high = sorted((of.sweep.start, of.sweep.stop))
         if not low <= peak.iterate.parameter <= high:
             f = peak.iterate.parameter / (2.0 * np.pi)
@@ -325,10 +332,16 @@ class SamplePeaks:
             if estimator is not None:
                 estimator.destroy()
 
-    def _is_held_at(self, problem: _Problem, point: Point) -> bool:
-        """Return whether a curve has its mean slip held at a peak: most pairs slip, and nothing but the joint holds a body."""
+    def _state(self, problem: _Problem, motion: Iterate) -> np.ndarray:
+        """Return the state of all pairs in a motion under the law of a sample, on rank 0.  Collective."""
+        equation = problem.forced(False).equation
+        U = motion.on(equation.harmonics).U
+        return equation.gather(equation.contact_forces(U, equation.every_pair, tangents=False).state)
+
+    def _is_held_at(self, problem: _Problem, state: np.ndarray) -> bool:
+        """Return whether a curve has its mean slip held there: most pairs slip, and nothing but the joint holds a body."""
         comm = problem.of.model.comm
-        share = comm.bcast(float((point.state != STICK).mean()))
+        share = comm.bcast(float((state != STICK).mean()))
         if share < MOSTLY:
             return False
         if self._loose is None or self._loose[0] is not problem.of.model:
