@@ -4,8 +4,11 @@
     python meshes/fan_sector.py --size paper --n-blades 24 --out meshes/fan_disc_paper.msh
     python jobs/bench/disc_costs.py [--alone jobs/fan_paper.toml] [--disc jobs/fan_disc_paper.toml] [--diameters 0,3,6] [--count 9]
 
+    python jobs/bench/disc_costs.py --points 5,10,15
+
 Each is a process of its own: assembly, factor, modes with the proof, one table and its pictures.  Prints processor time and peak
-memory, and those of the disc over those of the sector alone; targets are those of all nodal diameters.
+memory, and those of the disc over those of the sector alone; targets are those of all nodal diameters.  With --points, of response
+curves in the same harmonics, samples and requested points, without error bars: Newton iterations and processor time of a point.
 """
 
 from __future__ import annotations
@@ -14,8 +17,11 @@ import argparse
 import os
 import sys
 import tempfile
+import time
 
 from page_tables import table
+
+import microslip
 
 TARGETS = {"processor time, s": 3.0, "peak memory, MiB": 1.5}
 
@@ -32,13 +38,40 @@ def measured(scene: str, *more: str) -> dict[str, float]:
     return dict(zip(TARGETS, (used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0), strict=True))
 
 
+def points_of(path: str, levels: list[float]) -> list[list[float]]:
+    """Return points, Newton iterations and processor time [ms] of a point on the curves of a scene, static columns known."""
+    keys = ["solver.modes=9", "solver.harmonics=3", "solver.samples=96", "response.points=60", "solver.error_bars=false"]
+    rows = []
+    with microslip.build(microslip.read(path, keys)) as structure:
+        for level in levels:
+            microslip.respond(structure, levels=level)
+            start = time.process_time()
+            curve = microslip.respond(structure, levels=level).results.levels[0]
+            ms = 1e3 * (time.process_time() - start) / len(curve.newton)
+            rows.append([len(curve.newton), curve.newton.sum() / len(curve.newton), ms])
+    return rows
+
+
+def compare_points(alone: str, disc: str, levels: list[float]) -> None:
+    """Print the cost of points of both scenes at some levels [N]."""
+    both = zip(levels, points_of(alone, levels), points_of(disc, levels), strict=True)
+    rows = [
+        [f"{level:g}", *(f"{a:.3g}, {b:.3g}" for a, b in zip(*costs, strict=True)), f"{costs[1][2] / costs[0][2]:.2f}", "2.5"]
+        for level, *costs in both
+    ]
+    print("\n".join(table(["level, N", "points", "iterations of each", "ms of each", "ratio", "target"], rows)))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--alone", default="jobs/fan_paper.toml", help="scene of the sector by itself (%(default)s)")
     parser.add_argument("--disc", default="jobs/fan_disc_paper.toml", help="scene of the disc (%(default)s)")
     parser.add_argument("--diameters", default="", help="nodal diameters, 0,3,6 (all)")
     parser.add_argument("--count", default="9", help="modes of each (%(default)s)")
+    parser.add_argument("--points", default="", help="levels [N] of curves whose points are compared, 5,10,15")
     asked = parser.parse_args()
+    if asked.points:
+        return compare_points(asked.alone, asked.disc, [float(level) for level in asked.points.split(",")])
     alone = measured(asked.alone, "--count", asked.count)
     chosen = ["--diameters", asked.diameters] if asked.diameters else []
     disc = measured(asked.disc, "--count", asked.count, *chosen)

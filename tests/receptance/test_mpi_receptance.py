@@ -319,6 +319,9 @@ def test_groups_of_other_harmonics_are_made_when_they_are_needed():
     assert [group.harmonics.chosen for group in wider.groups] == [(1, 4), (3,), (5,)] and made == [1, 0, 2]
     assert [list(group.columns) for group in wider.groups] == [[0, 1, 4, 5], [2, 3], [6, 7]]
     assert wider.groups[0].receptance is only.groups[0].receptance is model.receptance_of(10)
+    loaded = wider.groups[0].receptance.modes
+    assert [list(each) for each in wider.loaded_modes] == [list(loaded.omega_n), list(loaded.zeta)]
+    assert len(replace(wider, f=0.0 * wider.f).loaded_modes[0]) == 0
     damped = wider.with_damping(0.3)
     assert damped.receptance_of(3).static is wider.receptance_of(3).static and made == [1, 0, 2]
 

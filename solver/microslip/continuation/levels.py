@@ -138,7 +138,7 @@ def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> L
     known to be linear, nor one of a constant motion: it is left to the solver.
     """
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
-    omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
+    omega = model.comm.bcast(linear_frequencies(*ends, *model.loaded_modes))
     none = np.zeros((3 * model.n_pairs, model.N_H))
     response = np.array([output_motion(model, 1.0, w, none) for w in omega])
     motions = [linear_motion(model, 1.0, w) for w in omega] if model.n_pairs else list(response)

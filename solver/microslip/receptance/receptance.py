@@ -54,6 +54,8 @@ class Receptance:
 
     def linear_motion(self, f: np.ndarray, c: Flexibility, rows: slice) -> np.ndarray:
         """Return the motion of some rows of the pairs under loads f alone, all pairs stuck, (n_rows, N_H) [m]."""
+        if not f.any():  # of a disc most groups have no load
+            return np.zeros((len(self.static.du_static[rows]), f.shape[-1]))
         eta = c.apply(self.modal_forces(f))
         return matrix_times(self.static.du_static[rows], f) + loaded_times(self.modes.R_phi[rows], eta)
 
@@ -63,6 +65,8 @@ class Receptance:
 
     def output_motion(self, f: np.ndarray, p: np.ndarray, c: DynamicFlexibility) -> np.ndarray:
         """Return o u, (n_outputs, N_H) [m]."""
+        if not (f.any() or p.any()):
+            return np.zeros((len(self.modes.o), f.shape[-1]))
         dynamic = matrix_times(self.modes.o, c.apply(self.modal_forces(f, p)))
         elastic: np.ndarray = matrix_times(self.static.out_static, f) - matrix_times(self.static.out_R, p) + dynamic
         return elastic if self.rigid is None else elastic + self.rigid.o @ self.rigid.coordinates(f, c.n_omega)

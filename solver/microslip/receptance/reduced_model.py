@@ -116,6 +116,13 @@ class ReducedModel(ReducedStructure):
         return np.concatenate([group.receptance.modes.zeta for group in self.groups])
 
     @property
+    def loaded_modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Natural frequencies [rad/s] and damping ratios of the groups with loads, (n,) each.  Collective as :attr:`omega_n`."""
+        loaded = [group.receptance.modes for group in self.groups if self.f[:, group.columns].any()]
+        none = [np.zeros(0)]
+        return np.concatenate([m.omega_n for m in loaded] or none), np.concatenate([m.zeta for m in loaded] or none)
+
+    @property
     def n_modes(self) -> int:
         """The largest number of modes of a harmonic."""
         return max(len(group.receptance.modes.omega_n) for group in self.groups)
