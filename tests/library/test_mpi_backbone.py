@@ -46,6 +46,25 @@ def two_masses():
     )
 
 
+def on_a_stop():
+    """Return a mass that does not reach a stop with friction at rest."""
+    return scenes.make_system(
+        "stop",
+        np.eye(2),
+        np.array([[2.0, -0.5], [-0.5, 2.0]]),
+        [[0, -1, 1, -1, -1, -1]],
+        mu=0.3,
+        N0=-0.5,
+        k_t=1.0,
+        k_n=1.0,
+        C=0.02 * np.eye(2),
+        loads=[{"vector": [1.0, 1.0], "harmonic": 1, "phase": 0.0}],
+        output=[1.0, 0.0],
+        omega=(0.5, 2.0),
+        levels={},
+    )
+
+
 @pytest.fixture
 def scene_file(shared_path):
     """Return what writes a scene and returns its path.  Collective."""
@@ -136,6 +155,16 @@ def test_statics_and_masings_rules_are_the_secant_and_the_loop(structure):
     assert quasi.damping[quasi.amplitude > 1.0] == pytest.approx(by_friction + 0.01 / omega, rel=1e-2)
 
 
+def test_a_mode_that_moves_no_pair_but_for_rounding_is_a_line(structure):
+    """Two alike masses on a spring between them and a joint: their symmetric mode does not move it."""
+    system = two_masses()
+    system["K"], system["C"] = np.array([[1.3, -0.3], [-0.3, 1.3]]), 0.02 * np.eye(2)
+    system["pair_dofs"] = [[0, -1, -1, 1, -1, -1]]
+    modes = [microslip.backbone(structure(system), mode=mode, farthest=4.0) for mode in (1, 2)]
+    assert [np.isfinite(mode.first_slip) for mode in modes] == [False, True]
+    assert "moves no pair of a joint" in modes[0].notes[-1]
+
+
 def test_a_mode_that_moves_no_pair_is_a_line(structure):
     mode = microslip.backbone(structure(two_masses()), mode=2)
     assert mode.points == () and np.isinf(mode.first_slip)
@@ -159,6 +188,7 @@ def test_a_harmonic_that_meets_another_mode_is_said(structure):
     [
         (one_mass(), 2, "there is no mode 2: 1 were computed"),
         (one_mass(mu=np.zeros(1)), 1, "no pair has friction"),
+        (on_a_stop(), 1, "open at rest or without a preload"),
         (one_mass(loads=[{"vector": [1.0], "harmonic": n, "phase": 0.0} for n in (0, 1)]), 1, "[[loads]] with harmonic = 0"),
     ],
 )

@@ -54,6 +54,16 @@ def structure(comm, path):
         yield built
 
 
+def test_a_peak_over_friction_goes_down_to_small_values(structure):
+    """Steps that would lead to negative friction are shortened."""
+    (curve,) = microslip.peaks(structure, {"joints.joint.friction": (3.0, 0.02)}, level=0.8)
+    assert not curve.points.failure and curve.value[-1] == 0.02 and curve.value.min() >= 0.02
+    slips = curve.points.state.any(axis=1)
+    np.testing.assert_allclose(
+        curve.amplitude[slips], [amplitude(0.8, limit) for limit in curve.value[slips]], rtol=30.0 / 128**2
+    )
+
+
 def test_the_peak_over_the_level_is_the_closed_form(structure):
     (curve,) = microslip.peaks(structure, {"level": LEVELS}, values=(0.4, 0.8))
     assert not curve.points.failure and curve.value[-1] == LEVELS[1] and len(curve.value) < 100
@@ -114,7 +124,7 @@ def test_a_run_writes_table_and_file(comm, path, program, shared_path):
     assert len(rows) == sum(len(curve.value) for curve in results.over)
     assert float(rows[0]["amplitude_m"]) == pytest.approx(results.over[0].amplitude[0], rel=1e-12)
     log = (shared_path / "out" / "run.log").read_text()
-    assert "peak of output 1 over level, 0.02 to 5 N" in log and "a pair slips from" in log
+    assert "peak of output 1 over level, 0.02 to 5 N" in log and "points at which a pair slips: " in log
 
 
 @pytest.mark.parametrize(

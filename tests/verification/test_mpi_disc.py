@@ -46,6 +46,17 @@ def built(write, folder, *args, **how):
     return build(read_scene(on_root(COMM, lambda: write(folder, *args, **how))), COMM)
 
 
+@pytest.mark.parametrize("order", [3, -2])
+def test_a_wave_in_the_other_direction_takes_as_many_modes_as_its_mirror_image(shared_path, order):
+    """Its harmonic 1 has the conjugate matrices of nodal diameter 2, of which the modes are computed."""
+    by_accuracy = end(1, harmonics=3, error_bars=True).replace("modes = 1\n", "accuracy = 0.01\n")
+    waves = [built(write_sector, shared_path, 5, by_accuracy, wave={"engine_order": h}) for h in (order, 2)]
+    numbers = [[len(wave.per_group.of(n).omega_n) for n in (1, 2, 3)] for wave in waves]
+    assert [wave.group for wave in waves] == [3, 2] and numbers[0] == numbers[1]
+    peaks = [max(np.hypot(*point.response[0, 1:3]) for point in respond(wave).branches[0].points) for wave in waves]
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-2)
+
+
 @pytest.mark.parametrize(("N", "kind"), [(3, "hex8"), (5, "hex8"), (6, "hex8"), (5, "hex20")])
 def test_modes_of_all_nodal_diameters_are_those_of_the_ring(shared_path, N, kind):
     sector, ring = built(write_sector, shared_path, N, end(12), kind), built(write_ring, shared_path, N, end(8 * N), kind)

@@ -266,7 +266,8 @@ class Corrector:
         self._is_first = True
         self._snes.solve(None, self._x)
         reason, norm = self._snes.getConvergedReason(), self._snes.getFunctionNorm()
-        if reason <= 0 and norm <= self._snes.getTolerances()[1]:  # an iteration beyond the tolerance made no progress
+        is_of_this_solve = self._snes.getIterationNumber() > 0  # where the first residual is not finite, SNES has the last norm
+        if reason <= 0 and is_of_this_solve and norm <= self._snes.getTolerances()[1]:  # beyond the tolerance no progress is left
             reason = PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
         return Attempt(reason, self._snes.getIterationNumber(), self._snes.getLinearSolveIterations())
 

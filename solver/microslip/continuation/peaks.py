@@ -195,7 +195,7 @@ def peak_about(
         corrector = workspace.corrector(equation, solver.resolution)
         solution = Maximum(output, 0, forward, (before, after)).correct(corrector, system, start)
         there, newton, within = (start, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
-        width = half_power_width(branch, output, i, float(np.hypot(*point.response[output, 1:3])))
+        width = half_power_width(branch, output, i, there.parameter, float(np.hypot(*point.response[output, 1:3])))
         derivatives = about_a_peak(solver, there, output, width, within) if sensitivities else (None, None)
     finally:
         workspace.destroy()
@@ -203,7 +203,7 @@ def peak_about(
     amplitudes = output_amplitude(equation.model_at(at), at, equation.full_force(forces))
     cos, sin = amplitudes[[output, equation.model.n_outputs + output]]
     slipping = int(np.count_nonzero(equation.gather(forces.state) != STICK))
-    half_power = half_power_width(branch, output, i, float(np.hypot(cos, sin)))
+    half_power = half_power_width(branch, output, i, at.omega, float(np.hypot(cos, sin)))
     return Peak(output, at.omega, complex(cos, -sin), half_power, within, slipping, newton, point.segment, *derivatives)
 
 
@@ -269,19 +269,20 @@ def harmonics_of(branch: Branch, point: Point, otherwise: Harmonics) -> Harmonic
     return otherwise if otherwise.highest == point.harmonics else Harmonics.up_to(point.harmonics)
 
 
-def half_power_width(branch: Branch, output: int, i: int, amplitude: float) -> float:
-    """Return the width [rad/s] of a peak at the ``i``-th point, between the places of the curve at 1 / sqrt 2 of its amplitude.
+def half_power_width(branch: Branch, output: int, i: int, omega: float, amplitude: float) -> float:
+    """Return the width [rad/s] of a peak about the ``i``-th point, between the places of the curve at 1 / sqrt 2 of it.
 
-    Local.  Between points 1 / |a|^2 is taken along a straight line.  NaN where the curve ends or rises before it is so low.
+    Local.  From the peak, at ``omega``, on, (|a*|^2 / |a|^2 - 1)^1/2 is taken along straight lines between the points, as it is
+    proportional to the distance from the resonance of one mode.  NaN where the curve ends or rises before it is so low.
     """
     sides = []
     for way in (-1, 1):
-        k, before = i + way, (branch.points[i].omega, 1.0)
+        k, before = i + way, (omega, 0.0)
         while 0 <= k < len(branch.points) and branch.points[k].segment == branch.points[i].segment:
             lower = float(np.hypot(*branch.points[k].response[output, 1:3]))
-            here = branch.points[k].omega, (amplitude / lower) ** 2 if lower > 0.0 else np.inf
-            if here[1] >= 2.0:
-                share = (2.0 - before[1]) / (here[1] - before[1])
+            here = branch.points[k].omega, np.sqrt(max((amplitude / lower) ** 2 - 1.0, 0.0)) if lower > 0.0 else np.inf
+            if here[1] >= 1.0:
+                share = (1.0 - before[1]) / (here[1] - before[1])
                 sides.append(before[0] + share * (here[0] - before[0]))
                 break
             if here[1] < before[1] and k != i + way:

@@ -29,6 +29,7 @@ from .respond import OfJoints, prepared_with
 from .settings import refuse_statics, units_of
 
 FARTHEST = 1e4  # times the amplitude of first slip: as far as a mode is followed where its joint comes to no gross slip
+ROUNDING = 1e-10  # of the largest motion of a pair in any mode
 SLIPS_FROM = 1e-3  # of the amplitude at which a pair is at its limit, where a law slips from the first motion on
 NONE = 1e-12  # damping ratio by friction below which nothing slips: rounding, of either sign
 PAST = 0.5  # of the largest damping ratio by friction, to which it has fallen where a mode is followed no further
@@ -266,6 +267,11 @@ def backbone(
     problem = NonlinearMode.of(equation, mode - 1)
     first = first_slip(prepared, mode - 1)
     if not np.isfinite(first):
+        if moved_by(prepared, mode - 1).any():
+            raise CaseError(
+                f"{structure.scene.path}: backbone: all pairs that mode {mode} moves are open at rest or without a preload: "
+                "nothing sticks at small amplitudes, so that there is no mode to begin from; state a preload"
+            )
         return _line(prepared, problem, mode, notes)
     points = list[ModePoint]()
 
@@ -314,7 +320,7 @@ def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
             "it out (loads that vibrate do no harm: they do not act)"
         )
     if not np.isfinite(prepared.response.law.utilisation(np.ones((pairs.n_pairs, 3)))).any():
-        raise CaseError(f"{where}: no pair has friction: nothing sticks, and no amplitude is the first to slip")
+        raise CaseError(f"{where}: no pair has friction and a preload: nothing sticks, and no amplitude is the first to slip")
 
 
 def first_slip(prepared: Prepared, j: int) -> float:
@@ -322,15 +328,20 @@ def first_slip(prepared: Prepared, j: int) -> float:
 
     Exact for a preload without shear; infinite where the mode moves no pair.
     """
-    k, _ = prepared.model.index_of(1)
-    moved = np.abs(prepared.model.groups[k].receptance.modes.R_phi[:, j]).reshape(-1, 3)
-    moved = np.where(moved > 1e-12 * moved.max(initial=0.0), moved, 0.0)
-    law = prepared.response.law
+    moved, law = moved_by(prepared, j), prepared.response.law
     with np.errstate(divide="ignore"):
         at_limit = 1.0 / law.utilisation(moved)
     most = law.slip_safety(moved)
     usual = float(np.min(at_limit[at_limit > 0.0], initial=np.inf))
     return float(max(np.min(most, initial=np.inf), SLIPS_FROM * usual)) if np.isfinite(usual) else np.inf
+
+
+def moved_by(prepared: Prepared, j: int) -> np.ndarray:
+    """Return the motion of all pairs in mode j, (n_pairs, 3) [kg^-1/2]; 0 where it is rounding beside any mode's.  Local."""
+    k, _ = prepared.model.index_of(1)
+    R_phi = np.abs(prepared.model.groups[k].receptance.modes.R_phi)
+    moved = R_phi[:, j].reshape(-1, 3)
+    return np.where(moved > ROUNDING * R_phi.max(initial=0.0), moved, 0.0)
 
 
 def supply(problem: NonlinearMode, point: Point) -> float:

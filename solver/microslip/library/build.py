@@ -222,6 +222,11 @@ def stuck_structure(parts: Assembled, log: RunLog) -> Structure:
     return groups.of(1)
 
 
+def conjugate_of(d: int, n_sectors: int) -> int | None:
+    """Return the sector index with the conjugate matrices; None for nodal diameters 0 and N / 2, which are real.  Local."""
+    return None if 2 * d % n_sectors == 0 else n_sectors - d
+
+
 def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunLog) -> Structure:
     """Return the structure of a disc at the sector index d, 0 to sectors - 1.  Collective where it is new.
 
@@ -236,7 +241,9 @@ def of_diameter(parts: Assembled, d: int, groups: PerGroup[Structure], log: RunL
         return groups.of_group(n - d).of_conjugate(d)
     log.note(f"nodal diameter {d}")
     system = system if d == 0 else system.sectors.system(d)
-    return _stuck(replace(parts, rest=replace(parts.rest, system=system)), log, groups=groups, group=d)
+    return _stuck(
+        replace(parts, rest=replace(parts.rest, system=system)), log, groups=groups, group=d, conjugate=conjugate_of(d, n)
+    )
 
 
 def whole_disc(parts: Assembled, log: RunLog) -> WholeStructure:

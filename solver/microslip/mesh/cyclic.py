@@ -25,7 +25,7 @@ from .ties import TOUCHING, facet_size, on_facets
 TOLERANCE = 1e-5  # of the mesh's diagonal: default tolerance
 OF_FACETS = 0.05  # of the size of the facets: default tolerance of non-matching faces
 _WEIGHT = 1e-9  # weight of fixed directions in the motion of a node, below which it is 0
-_PARTLY = 0.1  # the same for a node on facets with some fixed nodes
+_PARTLY = 0.1  # the same for nodes on facets: share that may be free below a fixed node, and must be below a free one
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +298,9 @@ def _refuse_other_supports(mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray)
     """Raise MeshError if supports hold a node of one face in other directions than its turned partner."""
     size, of_high = abs(faces.weights), is_fixed[faces.high].ravel()
     of_low = np.asarray(size @ is_fixed.ravel()[: size.shape[1]]).ravel() / np.asarray(size.sum(axis=1)).ravel()
-    wrong = np.flatnonzero(abs(of_low - of_high) > (_WEIGHT if faces.is_matched else _PARTLY))
+    # a free node beside the end of a support lies on facets some of whose nodes are fixed
+    allowed = _WEIGHT if faces.is_matched else np.where(of_high, _PARTLY, 1.0 - _PARTLY)
+    wrong = np.flatnonzero(abs(of_low - of_high) > allowed)
     if len(wrong) == 0:
         return
     high, n_wrong = faces.high[wrong[0] // 3], len(np.unique(wrong // 3))

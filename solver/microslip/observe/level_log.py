@@ -121,12 +121,12 @@ def over_lines(curve: PeaksOver) -> list[str]:
     if len(value) == 0:
         return [f"{head}: no point: {points.failure}"]
     ends = (f"{curve.frequency[i]:.7g} Hz, {curve.amplitude[i]:.4e}, damping {curve.damping[i]:.3g}" for i in (0, -1))
-    seconds = f"{points.seconds.sum():.3g} s"
-    lines = [f"{head}, {value[0]:.4g} to {value[-1]:.4g} {curve.unit}: {len(value)} points in {seconds}; {' -> '.join(ends)}"]
+    seconds, unit = f"{points.seconds.sum():.3g} s", "" if curve.unit == "1" else f" {curve.unit}"
+    lines = [f"{head}, {value[0]:.4g} to {value[-1]:.4g}{unit}: {len(value)} points in {seconds}; {' -> '.join(ends)}"]
     for name, moves in (("slips", points.state == SLIP), ("is open", points.state == OPEN)):
-        first = np.flatnonzero(moves.any(axis=1))
-        lines += [f"  a pair {name} from {value[first[0]]:.4g} {curve.unit}"] if len(first) else []
-    lines += [f"  {note}: {value[i]:.6g} {curve.unit}" for i, note in enumerate(points.notes) if note]
+        there = value[moves.any(axis=1)]
+        lines += [f"  points at which a pair {name}: {there.min():.4g} to {there.max():.4g}{unit}"] if len(there) else []
+    lines += [f"  {note}: {value[i]:.6g}{unit}" for i, note in enumerate(points.notes) if note]
     return [*lines, f"  ended early: {points.failure}"] if points.failure else lines
 
 

@@ -47,6 +47,10 @@ class PerGroup(Generic[T]):
             self._computed[group] = self._make(group)
         return self._computed[group]
 
+    def knows(self, group: Hashable) -> bool:
+        """Return whether the value of a group is computed.  Local."""
+        return group in self._computed
+
     def of(self, n: int) -> T:
         """Return the value of the group of harmonic n.  Collective if it is not computed yet."""
         return self.of_group(self.group_of(n))

@@ -70,7 +70,7 @@ def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
         is_all = n_found < n_batch or n_found == n_dof
         if mode < n_found or is_all or is_last:
             batch = stuck.using(n_found)
-            bound = truncation_bound(batch, settings)
+            bound = _bound(batch, settings)
             n_modes, why = stuck.comm.bcast(picked(bound, batch.omega_n, is_all, is_last, settings))
             if n_modes and (n_modes == n_found or not verify):
                 return stuck.using(n_modes), why
@@ -79,6 +79,13 @@ def _fewest(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]:
                 return chosen, why
     modes = stuck.lowest_modes(n_found, search=search)
     return stuck.with_modes(modes), f"modes: {n_found}, the most the program picks by itself"
+
+
+def _bound(stuck: StuckStructure, settings: ReductionSettings) -> TruncationBound:
+    """Return the bounds of the modes of a structure for the harmonics of its group and of the conjugate one.  Collective."""
+    structures = stuck.with_harmonics_of(settings.excitation.harmonics.above_mean) or [stuck]
+    bounds = [truncation_bound(structure, settings) for structure in structures]
+    return TruncationBound(*(np.max([getattr(b, part) for b in bounds], axis=0) for part in ("direct", "joint")))
 
 
 def batches(n_dof: int, mode: int) -> Iterator[tuple[int, bool]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -107,6 +107,7 @@ class StuckStructure:
     rigid: RigidMotion | None = None  # of a structure without supports, with the damping of its dampers only
     groups: PerGroup[StuckStructure] | None = None  # of all harmonics; None: this structure for every harmonic
     group: Hashable = only_group(0)  # the group of this structure
+    conjugate: Hashable | None = None  # the group with the conjugate matrices; None: none, or this one
     is_conjugate: bool = False  # whether the matrices and the factor are those of the conjugate group
     results: dict[Hashable, Any] = field(default_factory=dict, repr=False)  # cached results of this structure, by key
 
@@ -145,7 +146,21 @@ class StuckStructure:
         groups = self.groups
         if groups is None:
             return PerGroup.single(self)
-        return PerGroup(lambda group: self if group == self.group else groups.of_group(group), groups.group_of, groups.groups)
+
+        def of(group: Hashable) -> StuckStructure:
+            if group == self.group:
+                return self
+            if group == self.conjugate and not groups.knows(group):  # it would be made of this one, which is being made itself
+                return self.of_conjugate(group)
+            return groups.of_group(group)
+
+        return PerGroup(of, groups.group_of, groups.groups)
+
+    def with_harmonics_of(self, harmonics: Iterable[int]) -> list[StuckStructure]:
+        """Return this structure and that of the conjugate matrices, as far as a harmonic belongs to them.  Local."""
+        wanted = set(map(self.per_group.group_of, harmonics))
+        both = [self] if self.group in wanted else []
+        return [*both, self.of_conjugate(self.conjugate)] if self.conjugate is not None and self.conjugate in wanted else both
 
     @property
     def computed_groups(self) -> dict[Hashable, StuckStructure]:
@@ -380,6 +395,7 @@ class StuckStructure:
             statics=self.statics.conjugated(),
             factored=OnDemand(factored, is_stored=False),
             group=group,
+            conjugate=self.group,
             is_conjugate=not self.is_conjugate,
             results={},
         )

@@ -342,7 +342,8 @@ def _hash(path: Path) -> str:
 def _differences_from(path: Path, identity: Identity, last: Identity) -> list[str]:
     """Return notes on the set-up of the last run in this folder, and on the differences of its inputs."""
     differences = identity.differences(last)
-    has_setup = (path / f"setup-{identity.setup}" / "model").is_file()
+    folder = path / f"setup-{identity.setup}"
+    has_setup = (folder / "model").is_file() or any(folder.glob("diameter-*/model"))
     setup = "its set-up is reused" if has_setup else "its set-up cannot be reused"
     if not differences:
         return [

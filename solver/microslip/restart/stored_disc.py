@@ -14,7 +14,16 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..library.build import Assembled, Structure, assembled, correct_soft_modes, factor_of, of_diameter, without_reference
+from ..library.build import (
+    Assembled,
+    Structure,
+    assembled,
+    conjugate_of,
+    correct_soft_modes,
+    factor_of,
+    of_diameter,
+    without_reference,
+)
 from ..library.settings import reduction_settings
 from ..linear.joint_springs import Linearised
 from ..modes.eigen import Modes
@@ -72,7 +81,8 @@ class StoredDisc:
         is_new = structure is None
         if structure is None:
             structure, modes = self._cached(d) or (of_diameter(self._parts, d, self._groups, self.log), None)
-        structure = replace(structure, group=d, groups=self._groups)  # type: ignore[arg-type]  # the groups are structures
+        of_disc = {"group": d, "groups": self._groups, "conjugate": conjugate_of(d, n_sectors)}
+        structure = replace(structure, **of_disc)  # type: ignore[arg-type]  # the groups are structures
         if is_new:
             self._write(d, structure, modes)
         self._written[d] = extent_of(structure)

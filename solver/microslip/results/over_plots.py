@@ -15,6 +15,7 @@ from .style import FAINT, INK, LINEAR, WIDTH, Page, Pages, plain, with_prefix
 
 _WIDE = 10.0  # ratio of the numbers, or of the amplitudes, beyond which their axis is logarithmic
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+OF_LINEAR = ("tangential_stiffness", "normal_stiffness")  # numbers of a joint that change the linear response
 _MARKS = (("a pair slips or is open", "o"), ("half of the pairs do", "s"), ("all pairs do", "D"), ("a pair is open", "^"))
 
 
@@ -79,7 +80,12 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
 
 
 def _draw_linear(axes, curve: PeaksOver, factor: float, per_factor: float) -> None:
-    """Draw the peak of the linear response into all panels, that of the amplitude as far as the curve goes."""
+    """Draw the peak of the linear response into all panels, that of the amplitude as far as the curve goes.
+
+    None over numbers that it depends on, damping and contact stiffness: it is known at the begin of the range alone.
+    """
+    if curve.key.rsplit(".", 1)[-1] in OF_LINEAR or curve.key.startswith("damping"):
+        return
     linear, levels = curve.linear, np.full_like(curve.value, curve.points.level) if curve.points.level else curve.value
     line = factor * abs(linear.amplitude) * levels
     values = (

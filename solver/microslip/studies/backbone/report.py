@@ -39,9 +39,11 @@ class Forced:
 
     @property
     def peak(self) -> float:
-        """The largest computed amplitude of the first output."""
-        of_points = float(np.abs(self.amplitude[:, 0]).max(initial=0.0))
-        return max([of_points, *(abs(peak.amplitude) for peak in self.peaks if peak.output == 0)])
+        """The computed peak of the first output that lies next to the phase resonance; without any the largest amplitude."""
+        peaks = [peak for peak in self.peaks if peak.output == 0]
+        if peaks and np.isfinite(self.by_mode.resonance):
+            return abs(min(peaks, key=lambda peak: abs(peak.omega / (2.0 * np.pi) - self.by_mode.resonance)).amplitude)
+        return float(np.abs(self.amplitude[:, 0]).max(initial=0.0))
 
     @property
     def error(self) -> float:
@@ -67,7 +69,8 @@ def write_backbone(result: Backbone, forced: Sequence[Forced], scene: Titled, fo
                 draw_forced(result, forced, scene, str(folder / "synthesis.png"))
     if forced:
         lines = synthesis_records(result, forced)
-        write_csv(str(folder / "synthesis.csv"), lines[0], lines)
+        if lines:
+            write_csv(str(folder / "synthesis.csv"), lines[0], lines)
     return "\n".join([*on_screen(result), *in_words(result), *map(_forced_in_words, forced)])
 
 

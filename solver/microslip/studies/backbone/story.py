@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from ...system.walltime import TimeLimit
 
 
+WIDTHS = 3.0  # half-power widths on each side of the mode, in which forced responses are computed
+
+
 @dataclass(frozen=True)
 class Request:
     """Options of the command line."""
@@ -76,7 +79,9 @@ def study(
         forced: list[Forced] = []
         if request.levels and result.points:
             with log.stage("forced responses"):
-                response = respond(structure, levels=request.levels, peaks=True, error_bars=False)
+                response = respond(
+                    structure, levels=request.levels, frequencies=band(result, scene), peaks=True, error_bars=False
+                )
                 forced = [beside(result, response, level) for level in request.levels]
         log.note(on_root(comm, write_backbone, result, forced, scene, folder))
         restart.share_columns(log)
@@ -88,6 +93,14 @@ def study(
     failed += [f"level {each.level:g}: {each.failure}" for each in forced if each.failure]
     if failed:
         raise ConvergenceError("\n".join(failed) + f"\nwhat was computed is in {folder}")
+
+
+def band(result: Backbone, scene: Scene) -> tuple[float, float] | None:
+    """Return the range of the forced responses [Hz], about the mode; None where that of the scene is about this mode.  Local."""
+    if scene.response.mode == result.mode:
+        return None
+    met, far = [result.linear_frequency, *result.frequency], WIDTHS * 2.0 * max(result.linear_damping, *result.damping)
+    return min(met) * (1.0 - far), max(met) * (1.0 + far)
 
 
 def beside(result: Backbone, response: Response, level: float) -> Forced:
