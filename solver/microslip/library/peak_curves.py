@@ -12,6 +12,7 @@ from ..continuation.checkpointer import NO_CHECKPOINTS, Checkpointer
 from ..continuation.peak_curves import PeakCurve, PeakRequest, beginnings, peak_curves
 from ..harmonic.operating_point import LawParameter
 from ..mesh.data import ContactPairs
+from ..messages.errors import CaseError
 from ..parallel.agree import on_root
 from ..points.branch import Point
 from ..results.record import COMPLETE, STOPPED, PeaksOver, level_result
@@ -39,7 +40,7 @@ def numbers_of(prepared: Prepared) -> list[OverNumber]:
 
     Raises
     ------
-    CaseError : a joint of this name has no pairs
+    CaseError : a joint of this name has no pairs, or no gap where that is to vary
     """
     return [_number(prepared.scene, prepared.pairs, over) for over in prepared.scene.response.over]
 
@@ -58,6 +59,11 @@ def _number(scene: Scene, pairs: ContactPairs, over: Over) -> OverNumber:
         unit = FACTOR if over.key == "damping" else "1"
         return OverNumber(over.key, unit, PeakRequest("damping", (low, high), tuple(at), output, level), ratio)
     parameter, unit = number_of_joint(scene, pairs, *of_joint)
+    if of_joint[1] == "gap" and (pairs.N0[parameter.pairs] > 0.0).all():
+        raise CaseError(
+            f"{scene.path}: [[response.over]] {over.key}: all pairs of this joint are pressed together at rest and have no gap; "
+            f"vary joints.{of_joint[0]}.preload"
+        )
     return OverNumber(over.key, unit, PeakRequest(parameter, over.range, over.at, output, level))
 
 
