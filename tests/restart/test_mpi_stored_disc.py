@@ -64,6 +64,22 @@ def test_another_friction_takes_all_nodal_diameters_from_the_cache(shared_path, 
     np.testing.assert_allclose(cached, without, atol=1e-6 * np.abs(without).max())
 
 
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("order", [1, 3])
+def test_modes_from_the_cache_are_picked_as_in_a_first_run(shared_path, program, monkeypatch, order):
+    """Each nodal diameter those that its harmonics need; order 3 of 5 sectors turns in the other direction."""
+    end = END.replace("modes = 12", "accuracy = 0.01").replace("error_bars = false\n", "")
+    scene = on_root(COMM, lambda: write_sector(shared_path, 5, end, friction=0.05, wave={"engine_order": order}))
+    monkeypatch.setenv("MICROSLIP_CACHE", str(shared_path / "cache"))
+    run(program, scene, shared_path / "first")
+    changed = ("--set", "joints.root.friction=0.06")
+    *_, cached = run(program, scene, shared_path / "second", *changed)
+    monkeypatch.setenv("MICROSLIP_CACHE", "off")
+    *_, without = run(program, scene, shared_path / "third", *changed)
+    picked = [re.findall(r"modes: \d+, picked|modes: all \d+", log) for log in (cached, without)]
+    assert "of an earlier run" in cached and "of an earlier run" not in without and picked[0] == picked[1]
+
+
 def test_a_run_that_lost_its_end_goes_on_with_the_same_numbers(shared_path, program, monkeypatch):
     monkeypatch.setenv("MICROSLIP_CACHE", "off")
     scene, folder = on_root(COMM, lambda: write_sector(shared_path, 5, END, friction=0.05)), shared_path / "run"

@@ -81,13 +81,18 @@ class StoredDisc:
         is_new = structure is None
         if structure is None:
             structure, modes = self._cached(d) or (of_diameter(self._parts, d, self._groups, self.log), None)
-        of_disc = {"group": d, "groups": self._groups, "conjugate": conjugate_of(d, n_sectors)}
-        structure = replace(structure, **of_disc)  # type: ignore[arg-type]  # the groups are structures
+        structure = self._of_disc(structure, d)
         if is_new:
             self._write(d, structure, modes)
         self._written[d] = extent_of(structure)
         stored.columns.follow(structure.statics.G_static)
         return structure
+
+    def _of_disc(self, structure: Structure, d: int) -> Structure:
+        """Return a structure as that of a sector index of the disc.  Local."""
+        assert self.scene.cyclic is not None, "a disc"
+        conjugate = conjugate_of(d, self.scene.cyclic.sectors)
+        return replace(structure, group=d, groups=self._groups, conjugate=conjugate)  # type: ignore[arg-type]  # of structures
 
     def _stored(self, d: int) -> StoredStructure:
         return StoredStructure(self.comm, self.path / f"diameter-{d}", disk=self.disk)
@@ -121,7 +126,8 @@ class StoredDisc:
             return None
         self.log.note(f"nodal diameter {d}: the structure is that of an earlier run, in {files.path}")
         files.columns.restore(structure.statics.G_static, is_known=False)
-        structure, why = choose_modes(replace(structure, pairs=pairs), reduction_settings(self.scene))
+        structure = self._of_disc(replace(structure, pairs=pairs), d)
+        structure, why = choose_modes(structure, reduction_settings(self.scene))
         self.log.note(why)
         return structure, files.path / record[1]["modes"]
 
@@ -139,7 +145,7 @@ class StoredDisc:
     def _write(self, d: int, structure: Structure, modes: Path | None = None) -> None:
         """Store the structure of a nodal diameter in this folder and in the cache; ``modes`` is a file that has its modes."""
         modes = modes if structure.factored.value is None else None
-        alone, stored = replace(structure, groups=None, group=only_group(0)), self._stored(d)
+        alone, stored = replace(structure, groups=None, group=only_group(0), conjugate=None), self._stored(d)
         stored.write(
             alone, None, modes, {"joints": joints_of(self.scene), "notes": [], "is_at_rest": self.scene.statics is not None}
         )

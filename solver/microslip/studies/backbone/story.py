@@ -100,7 +100,7 @@ def band(result: Backbone, scene: Scene) -> tuple[float, float] | None:
     if scene.response.mode == result.mode:
         return None
     met, far = [result.linear_frequency, *result.frequency], WIDTHS * 2.0 * max(result.linear_damping, *result.damping)
-    return min(met) * (1.0 - far), max(met) * (1.0 + far)
+    return min(met) / (1.0 + far), max(met) * (1.0 + far)
 
 
 def beside(result: Backbone, response: Response, level: float) -> Forced:
