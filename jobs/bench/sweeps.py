@@ -56,10 +56,11 @@ def main() -> None:
             f"{of_curve:13.0f} {time_of_curve:7.3g} {seconds / time_of_curve:6.2f}{'  along its curve' * sample.is_followed}",
             flush=True,
         )
-    print(
-        f"all but the first: {totals[0]:.0f} and {totals[2]:.0f} Newton iterations, {totals[1]:.3g} and {totals[3]:.3g} s: a peak takes "
-        f"{totals[0] / totals[2]:.2f} of the iterations and {totals[1] / totals[3]:.2f} of the time of a curve"
-    )
+    if len(values) > 1:
+        print(
+            f"all but the first: {totals[0]:.0f} and {totals[2]:.0f} Newton iterations, {totals[1]:.3g} and {totals[3]:.3g} s: a peak takes "
+            f"{totals[0] / totals[2]:.2f} of the iterations and {totals[1] / totals[3]:.2f} of the time of a curve"
+        )
     if asked.alone:
         alone = [microslip.sweep(structure, {key: [value]}).samples[0] for value in values]
         for name in ("amplitude", "frequency", "width"):

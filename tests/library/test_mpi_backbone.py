@@ -1,6 +1,8 @@
 """microslip.backbone: from a scene to frequency and damping over amplitude, files and messages; on any number of ranks."""
 
 import csv
+from dataclasses import replace
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -14,6 +16,8 @@ from microslip.contact.law import STICK
 from microslip.library.backbone import ModePoint, comes_to_gross_slip
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
+from microslip.studies.backbone.report import Forced
+from microslip.studies.backbone.story import band
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -163,6 +167,24 @@ def test_a_mode_that_moves_no_pair_but_for_rounding_is_a_line(structure):
     modes = [microslip.backbone(structure(system), mode=mode, farthest=4.0) for mode in (1, 2)]
     assert [np.isfinite(mode.first_slip) for mode in modes] == [False, True]
     assert "moves no pair of a joint" in modes[0].notes[-1]
+
+
+@pytest.mark.ranks(1)
+def test_forced_responses_are_computed_about_the_mode():
+    """Three half-power widths beyond its frequencies, and above 0 however much it is damped."""
+    mode = SimpleNamespace(mode=2, linear_frequency=3.0, frequency=np.array([3.0, 2.5]), damping=np.array([0.01, 0.2]))
+    mode.linear_damping = 0.01
+    scenes_of = [SimpleNamespace(response=SimpleNamespace(mode=number)) for number in (2, 1, None)]
+    assert [band(mode, scene) for scene in scenes_of] == [None, *[pytest.approx((2.5 / 2.2, 3.0 * 2.2))] * 2]
+
+
+@pytest.mark.ranks(1)
+def test_the_computed_peak_beside_a_mode_is_the_next_one():
+    peaks = [SimpleNamespace(output=0, omega=2.0 * np.pi * f, amplitude=a) for f, a in ((1.0, 5.0), (3.1, 2.0j))]
+    by_mode = SimpleNamespace(resonance=3.0, peak=np.array([1.9]))
+    forced = Forced(1.0, by_mode, np.ones(2), np.array([[5.0], [2.0]]), peaks, None)
+    assert (forced.peak, forced.error) == (2.0, pytest.approx(-0.05))
+    assert replace(forced, peaks=[]).peak == 5.0
 
 
 def test_a_mode_that_moves_no_pair_is_a_line(structure):

@@ -9,6 +9,9 @@ from oracles import exact, scenes
 
 import microslip
 from microslip.continuation import follow
+from microslip.continuation.peak_curves import PeakRequest, beginnings
+from microslip.harmonic.operating_point import LawParameter
+from microslip.library.prepare import prepare
 from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
@@ -155,6 +158,9 @@ def test_no_peak_in_the_range_is_refused(structure):
 def test_values_that_the_law_has_not_are_refused(structure):
     with pytest.raises(CaseError, match="have no gap; vary joints.joint.preload"):
         microslip.peaks(structure, {"joints.joint.gap": (1.0, 2.0)}, level=0.8)
+    negative = PeakRequest(LawParameter("mu", np.array([0]), np.array([1.0])), (2.0, -1.0), (), 0, 0.8)
+    with pytest.raises(CaseError, match="-1 is no value"):
+        beginnings(prepare(structure, structure.scene).response, negative)
 
 
 def test_the_peak_over_damping_of_one_mass(structure):

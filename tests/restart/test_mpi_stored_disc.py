@@ -86,6 +86,7 @@ def test_a_run_that_lost_its_end_goes_on_with_the_same_numbers(shared_path, prog
     at, response, _ = run(program, scene, folder)
     on_root(COMM, lambda: [(folder / name).unlink() for name in ("results.h5", "frf.csv")] and None)
     again, same, log = run(program, scene, folder)
+    assert "continues from the checkpoints in" in log and "has no set-up yet" not in log
     assert "nodal diameter 1: the structure is that of this folder" in log and "factor of the stuck structure" not in log
     np.testing.assert_array_equal(again, at)
     np.testing.assert_array_equal(same, response)

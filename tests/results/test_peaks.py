@@ -15,6 +15,7 @@ from microslip.restart.results_folder import is_results_file
 from microslip.results import style
 from microslip.results.curve_plots import draw_response
 from microslip.results.mat import write_mat
+from microslip.results.over_plots import has_linear
 from microslip.results.peak_plots import draw_peaks, resonances
 from microslip.results.read import read_results
 from microslip.results.report import tables
@@ -121,3 +122,8 @@ def test_the_report_has_them_as_figures_and_table(results):
     assert [len(trace["x"]) for trace in marks] == [1, 2, 2] and marks[2]["y"] == pytest.approx([8.0, 4.0])
     text = tables.solved_peaks_table(results)
     assert text.count("<tr>") == 1 + 8 and "98.2 Hz" in text and "0.9 %" in text
+
+
+@pytest.mark.parametrize("key", ["damping", "damping.ratio", "joints.root.normal_stiffness", "joints.root.tangential_stiffness"])
+def test_numbers_of_the_stuck_structure_have_no_line_of_it(key):
+    assert not has_linear(key) and has_linear("level") and has_linear("joints.damping.friction")

@@ -37,7 +37,7 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
         [Line2D([], [], color=_COLOURS[i % 6], label=f"peak {i + 1}") for i in range(len(curves))] if len(curves) > 1 else []
     )
     handles += [Line2D([], [], ls="", marker=m, ms=4.5, mfc="white", mec=INK, label=f"from here {text}") for text, m in marked]
-    handles.append(Line2D([], [], **LINEAR, label="all pairs stick"))
+    handles += [Line2D([], [], **LINEAR, label="all pairs stick")] if has_linear(curves[0].key) else []
     says = f"peak of {name} over {'the level' if first.key == 'level' else plain(first.key, 50)}{of_level}"
     page = Page(results, f"{says}; damping ratio of one mode with this amplitude per unit of the level", WIDTH, 4.4, handles)
     axes = page.grid(2, 2).subplots(sharex=True)
@@ -66,7 +66,7 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
                         zorder=4,
                     )
         ax.set_ylabel(text)
-    for curve in curves:
+    for curve in curves if has_linear(curves[0].key) else ():
         _draw_linear(axes, curve, factor, per_factor)
     wide = [max(abs(curve.value)) > _WIDE * min(abs(curve.value)) for curve in curves]
     sizes = np.concatenate([curve.amplitude for curve in curves])
@@ -79,13 +79,13 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
     return page
 
 
-def _draw_linear(axes, curve: PeaksOver, factor: float, per_factor: float) -> None:
-    """Draw the peak of the linear response into all panels, that of the amplitude as far as the curve goes.
+def has_linear(key: str) -> bool:
+    """Return whether the linear response is the same over a number, as it is not over damping and contact stiffness.  Local."""
+    return key.rsplit(".", 1)[-1] not in OF_LINEAR and not key.startswith("damping")
 
-    None over numbers that it depends on, damping and contact stiffness: it is known at the begin of the range alone.
-    """
-    if curve.key.rsplit(".", 1)[-1] in OF_LINEAR or curve.key.startswith("damping"):
-        return
+
+def _draw_linear(axes, curve: PeaksOver, factor: float, per_factor: float) -> None:
+    """Draw the peak of the linear response into all panels, that of the amplitude as far as the curve goes."""
     linear, levels = curve.linear, np.full_like(curve.value, curve.points.level) if curve.points.level else curve.value
     line = factor * abs(linear.amplitude) * levels
     values = (
