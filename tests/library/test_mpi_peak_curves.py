@@ -82,6 +82,42 @@ def test_the_peak_over_the_level_is_the_closed_form(structure):
     assert curve.damping[-1] < 0.02 < 0.1 < curve.damping.max()
 
 
+def test_peaks_of_modes_that_hardly_move_the_joint(comm, shared_path):
+    """A mirror-symmetric chain with its joint in the middle: half of the modes do not move it, all peaks are those of curves."""
+    n, levels = 6, (0.5, 3.0)
+    K = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    K[2:4, 2:4] += 0.5 * np.array([[-1.0, 1.0], [1.0, -1.0]])
+    first = np.eye(n)[0]
+    system = scenes.make_system(
+        "mirror", np.eye(n), K, [[2, -1, -1, 3, -1, -1]], mu=1.0, N0=1.0, k_t=0.5, k_n=0.0, zeta=0.01,
+        loads=[{"vector": first, "harmonic": 1, "phase": 0.0}], output=first, omega=(0.3, 1.9), levels={},
+    )  # fmt: skip
+
+    def write():
+        return write_matrix_scene(
+            shared_path, system, levels, system["omega"], outputs=[0], points=300, harmonics=1, samples=128, error_bars=False
+        )
+
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+        curves = microslip.peaks(structure, {"level": (0.02, levels[1])}, values=levels)
+        response = microslip.respond(structure, peaks=True)
+    assert len(curves) == 5 and not any(curve.points.failure for curve in curves)
+    for level, branch in zip(levels, response.branches):
+        there = [curve.value == level for curve in curves]
+        amplitudes = [float(curve.amplitude[at][0]) for curve, at in zip(curves, there)]
+        assert [at.sum() for at in there] == [1] * 5
+        assert amplitudes == pytest.approx([abs(peak.amplitude) for peak in branch.peaks], rel=1e-3)  # corners of 128 samples
+
+
+def test_a_peak_over_friction_begins_where_the_pair_slides(structure):
+    """From far beyond the first slip, down over the level and up over friction to the stuck pair."""
+    (curve,) = microslip.peaks(structure, {"joints.joint.friction": (0.1, 3.0)}, level=0.8)
+    assert not curve.points.failure and curve.value[-1] == 3.0
+    slips = curve.points.state.any(axis=1) & (curve.amplitude > 1.2)
+    exact_peaks = [amplitude(0.8, limit) for limit in curve.value[slips]]
+    np.testing.assert_allclose(curve.amplitude[slips], exact_peaks, rtol=30.0 / 128**2)
+
+
 @pytest.mark.ranks(1)
 def test_a_requested_value_without_a_solution_is_noted_and_the_curve_goes_on(structure, monkeypatch):
     solved = follow.solved

@@ -21,12 +21,12 @@ from ..points.branch import Point
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
 from .acceptance import accept
-from .amplitude_row import AmplitudeRow
 from .constraint_rows import Constraint, Plane, Scaling
 from .corrector import BorderedSystem, Correction
 from .follow import advance
 from .iterate import Iterate, interpolate
 from .maximum_by_phase import APART, rotated
+from .output_rows import AmplitudeRow
 from .point_record import point_record
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, Problem

@@ -10,6 +10,7 @@ import numpy as np
 from ..contact.law import STICK
 from ..error_estimate.estimate import ErrorEstimator, output_amplitude
 from ..error_estimate.sensitivities import sensitivities_of
+from ..fourier.amplitudes import to_complex
 from ..fourier.harmonics import Harmonics
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.balance import HarmonicBalance
@@ -36,6 +37,7 @@ from .task import BranchTask
 STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  # each point takes 10 to 20 iterations
 MOST_POINTS = 1000
 BESIDE, FARTHER = 1e-3, 0.05  # of its half-power width, at which derivatives are taken on both sides of a peak: of size; of place
+TURNED = 0.25 * np.pi  # rad, of the motion of pairs over the half-power width of a peak of the mode that moves them
 FARTHER_BY = 50.0 ** (1.0 / 3.0)  # from one to the other, so that each solution leads to the next
 
 
@@ -151,9 +153,21 @@ def follow_peak(
     -------
     branch : ``parameters`` of a point are the number and the frequency [rad/s]; why it ends early is in ``failure``
     """
-    problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, MaximumByPhase(stuck.output), begins, damping)
+    row = MaximumByPhase(stuck.output, not turns(equation, stuck, damping))
+    problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, row, begins, damping)
     task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance, estimator, accuracy)
     return follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until)
+
+
+def turns(equation: HarmonicBalance, stuck: Peak, damping: float) -> bool:
+    """Tell whether the linear motion of the pairs turns along a peak, as that of one mode does by a quarter of a cycle.
+
+    Collective.
+    """
+    columns = equation.harmonics.columns(1)
+    at = [OperatingPoint(stuck.omega + half, 1.0, damping=damping) for half in (-0.5 * stuck.width, 0.5 * stuck.width)]
+    below, above = (to_complex(equation.linear_motion(point).reshape(-1, equation.model.N_H)[:, columns]) for point in at)
+    return abs(np.angle(equation.comm.allreduce(complex(np.vdot(above, below))))) > TURNED
 
 
 def maxima(branch: Branch) -> Iterator[tuple[int, int]]:

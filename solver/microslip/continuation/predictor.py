@@ -28,14 +28,18 @@ def predict(
         guess = solver.on_curve(now.iterate.parameter + direction * linear_step(solver, now, ds))
         return guess, Plane.fixed_parameter(guess)
     d_U, d_nu, length = difference(solver, before, now, now.size)
-    ahead_U, ahead_nu = ds / length * d_U, ds / length * d_nu
+    line_U, line_nu = ds / length * d_U, ds / length * d_nu
+    ahead_U, ahead_nu = line_U, line_nu
     if earlier is not None and not before.sticks and ds < FAR_AHEAD * length:
         e_U, e_nu, e_length = difference(solver, earlier, before, now.size)
         share = ds * (ds + length) / (length + e_length)  # Newton's divided differences in the arc length
-        ahead_U += share * (d_U / length - e_U / e_length)
-        ahead_nu += share * (d_nu / length - e_nu / e_length)
+        ahead_U = line_U + share * (d_U / length - e_U / e_length)
+        ahead_nu = line_nu + share * (d_nu / length - e_nu / e_length)
+    is_by_parameter = solver.problem.maximum is not None and ds > BY_PARAMETER
+    if is_by_parameter and ahead_nu[0] * d_nu[0] <= 0.0:  # a value that was passed has the solution that was there
+        ahead_U, ahead_nu = line_U, line_nu
     guess = solver.beside(now.iterate, ahead_U, ahead_nu)
-    if solver.problem.maximum is not None and ds > BY_PARAMETER:
+    if is_by_parameter:
         return guess, Plane.fixed_parameter(guess)
     normal = d_U / (now.size * length)
     normal[..., solver.harmonics.mean] = 0.0

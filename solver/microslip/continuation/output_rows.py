@@ -1,4 +1,4 @@
-"""The row of the system that states the amplitude of an output (docs/theory.md, section 7, eq. (7.14))."""
+"""Rows of the system that state harmonic 1 of an output (docs/theory.md, section 7, eq. (7.14), (7.16))."""
 
 from __future__ import annotations
 
@@ -14,37 +14,44 @@ DIFFERENCE = 1e-4  # of the unit of a parameter, over which rates under given fo
 
 
 @dataclass(frozen=True, eq=False)
-class AmplitudeRow:
-    """|a| / ``size`` - 1 = 0 for harmonic 1 of an output, eq. (7.14); singular where the amplitude has a maximum."""
+class _OutputRow:
+    """A row of cosine and sine (2,) [m] of harmonic 1 of an output, which follow from the contact forces."""
 
     output: int
-    size: float
+    size: float  # m
     takes_linearisation: ClassVar[bool] = True
 
+    def of(self, a: np.ndarray) -> float:
+        """Return the row.  Local."""
+        raise NotImplementedError
+
+    def rate(self, a: np.ndarray) -> np.ndarray:
+        """Return its derivatives by the output, (2,) [1/m].  Local."""
+        raise NotImplementedError
+
     def of_motion(self, U: np.ndarray, scaling: Scaling) -> float:
-        """Return 0: the amplitude follows from the contact forces.  Local."""
+        """Return 0: the output follows from the contact forces.  Local."""
         return 0.0
 
     def value(self, of_motion: float, place: Place) -> float:
         """Return the row.  Collective."""
-        return place.linear.equation.comm.bcast(float(np.hypot(*self._amplitude(place, place.nu))) / self.size - 1.0)
+        return place.linear.equation.comm.bcast(self.of(self._output(place, place.nu)))
 
     def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
         """Return its derivatives.  Collective: a broadcast."""
         linear, scaling = place.linear, place.scaling
         equation, forces = linear.equation, linear.forces
-        model, a = equation.model_at(linear.at), self._amplitude(place, place.nu)
-        unit = a / (np.hypot(*a) * self.size)
-        by_forces = -np.tensordot(unit, sensitivity(model, linear.at.omega)[self._rows(model.n_outputs)], 1)
+        model, rate = equation.model_at(linear.at), self.rate(self._output(place, place.nu))
+        by_forces = -np.tensordot(rate, sensitivity(model, linear.at.omega)[self._rows(model.n_outputs)], 1)
         owned = by_forces[model.owned_rows].reshape(equation.shape)[forces.active_owned]
         by_motion = np.zeros(equation.shape)
         columns = np.matmul(owned.reshape(len(owned), 1, linear.P.shape[1]), linear.P)
         by_motion[forces.active_owned] = scaling.U * columns.reshape(owned.shape)
         steps = DIFFERENCE * np.eye(len(place.nu))
-        by_nu = [unit @ (self._amplitude(place, place.nu + h) - self._amplitude(place, place.nu - h)) for h in steps]
+        by_nu = [rate @ (self._output(place, place.nu + h) - self._output(place, place.nu - h)) for h in steps]
         return by_motion, equation.comm.bcast(np.array(by_nu) / (2.0 * DIFFERENCE))
 
-    def _amplitude(self, place: Place, nu: np.ndarray) -> np.ndarray:
+    def _output(self, place: Place, nu: np.ndarray) -> np.ndarray:
         """Return cosine and sine of the output under the forces of a place, at scaled parameters.  Local."""
         linear = place.linear
         at = place.operating_point(tuple(map(float, nu * place.scaling.parameters)))
@@ -53,3 +60,26 @@ class AmplitudeRow:
 
     def _rows(self, n_outputs: int) -> list[int]:
         return [self.output, n_outputs + self.output]
+
+
+class AmplitudeRow(_OutputRow):
+    """|a| / ``size`` - 1 = 0, eq. (7.14); singular where the amplitude has a maximum."""
+
+    def of(self, a: np.ndarray) -> float:
+        return float(np.hypot(*a)) / self.size - 1.0
+
+    def rate(self, a: np.ndarray) -> np.ndarray:
+        return a / (np.hypot(*a) * self.size)
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseRow(_OutputRow):
+    """Im(a exp(-i phase)) / ``size`` = 0, eq. (7.16), with a = cosine - i sine."""
+
+    phase: float  # rad
+
+    def of(self, a: np.ndarray) -> float:
+        return float(self.rate(a) @ a)
+
+    def rate(self, a: np.ndarray) -> np.ndarray:
+        return -np.array([np.sin(self.phase), np.cos(self.phase)]) / self.size
