@@ -165,8 +165,9 @@ def _take_property(content: Content, command: Command) -> None:
     label = command.field(i).upper()
     if label in ("UVID", "UMID"):  # names of Workbench's materials
         return
-    number = int(command.number(i + 1))
-    value, position = command.number(i + 3 if command.word == "MPDATA" else i + 2), command.number(i + 2)
+    number, position = int(command.number(i + 1)), command.number(i + 2)
+    first = i + 3 if command.word == "MPDATA" else i + 2
+    value = command.number(first)
     known = content.properties.setdefault(number, {})
     where, part = command.where, "materials"
     is_taken = label in (*PLAIN, *OTHER_AXES)
@@ -177,9 +178,11 @@ def _take_property(content: Content, command: Command) -> None:
     elif is_taken:
         known[label] = value
         content.stated[number, label] = command
-        if command.word == "MP" and any(command.number(k) for k in range(3, 7)):
-            effect = f"{label} of material {number} depends on the temperature; its value at 0 would be taken"
-            content.findings.add("MP", where, effect, part=part)
+        further = [command.number(k) for k in range(first + 1, len(command.fields)) if command.field(k)]
+        if any(further) if command.word == "MP" else any(other != value for other in further):
+            at = "0" if command.word == "MP" else "its first temperature"
+            effect = f"{label} of material {number} depends on the temperature; its value at {at} would be taken"
+            content.findings.add(command.word, where, effect, part=part)
     elif label in ("DMPR", "BETD", "ALPD", "DMPS"):
         effect = f"damping of material {number}; state [damping]"
         content.findings.add(command.word, where, effect, False, part)
