@@ -71,7 +71,7 @@ def test_the_error_falls_with_the_square_of_the_jump():
     for n in (20, 40, 80):
         state = WornState(0.0, np.zeros(1), np.zeros(1), by_formula(np.zeros(1)), CYCLES / n)
         for _ in range(n):
-            state = replace(wear_on(by_formula, JumpControl(CYCLES, 1.0, 0.9), state), jump=CYCLES / n)
+            state = replace(wear_on(by_formula, JumpControl(CYCLES, 2e-6, 0.04), state), jump=CYCLES / n)
         errors.append(abs(state.depth[0] - (N0 - logistic(CYCLES)) / K) / DEPTH)
     ratios = np.array(errors[:-1]) / errors[1:]
     print(f"orders {np.log2(ratios)}")
@@ -87,6 +87,21 @@ def test_the_tolerance_bounds_the_error(tolerance):
     assert abs(found - exact).max() < tolerance * found[-1]
     assert all(state.error <= tolerance * max(state.depth[0], 1e-5) for state in states)
     assert len(states) < 4.0 / np.sqrt(tolerance) + 10
+
+
+def test_a_joint_that_loses_its_preload_wears_to_its_end():
+    """The preload falls to zero exponentially; a midpoint beyond it, where nothing slides, is no rest."""
+    per_cycle = 0.1
+
+    def evaluate(depth):
+        return Slid(per_cycle / PER_ENERGY * np.maximum(1.0 - depth, 0.0))
+
+    control = JumpControl(1e6, most=0.05, tolerance=1e-2)
+    states = worn(control, evaluate)
+    for state in states:
+        assert abs(1.0 - state.depth[0] - np.exp(-per_cycle * state.cycles)) < 1e-2
+    assert states[-1].cycles == 1e6 and len(states) < 60
+    assert abs(1.0 - states[-1].depth[0]) < 1e-5
 
 
 def test_no_jump_is_deeper_than_asked():

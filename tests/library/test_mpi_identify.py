@@ -91,6 +91,26 @@ def test_what_data_do_not_see_is_said(structure, exact):
     assert found[RATIO] == pytest.approx(0.02, rel=1e-3)
 
 
+def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, shared_path):
+    """The normal stiffness of one mass that moves tangentially alone: a column of zeros in the Jacobian."""
+    load = {"vector": [1.0], "harmonic": 1}
+    system = scenes.make_system(
+        "mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]],
+        mu=1.0, N0=1.0, k_t=1.0, k_n=1.0, zeta=0.015, loads=[load], output=[1.0], omega=(0.9, 1.6), levels={},
+    )  # fmt: skip
+    at, fits = tuple(np.linspace(1.0, 1.5, 8) / (2.0 * np.pi)), {FRICTION: (0.2, 4.0), RATIO: (0.001, 0.1)}
+    write = lambda: write_matrix_scene(shared_path, system, [0.3], (0.9, 1.6), points=16, harmonics=1, samples=128)
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+        response = microslip.respond(structure, at=at, ratio=0.01, error_bars=False).level(0.3)
+        asked = response.asked.astype(bool)
+        a = response.response[asked, 0, 1] - 1j * response.response[asked, 0, 2]
+        rows = {"frequency_Hz": at, "amplitude_m": np.abs(a), "phase_rad": np.angle(a)}
+        without = microslip.identify(structure, rows, fits)
+        beside = microslip.identify(structure, rows, fits | {"joints.joint.normal_stiffness": (0.1, 10.0)})
+    assert beside.unseen == ("joints.joint.normal_stiffness",) and beside.is_converged
+    assert beside.evaluations < 15 and beside.values[:2] == pytest.approx(without.values, rel=1e-6)
+
+
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_peaks_can_be_fitted(structure):

@@ -34,6 +34,7 @@ PLAUSIBLE = 0.999  # share of measurements whose residuals are smaller, if the m
 OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # deviations where none are stated: of the largest; rad; of the frequency
 ALIKE = 0.98  # correlation beyond which numbers cannot be told apart
 MOST_EVALUATIONS = 60
+WEAK = 1e-3  # deviations, of a row that holds each number at its start: a rank for what the data do not see; over its bounds
 AT_REST = ("friction", "preload", "gap")
 
 
@@ -78,6 +79,7 @@ class Identified:
     dof: int  # rows less numbers that are seen
     evaluations: int
     outcome: str  # of the least squares
+    is_converged: bool  # otherwise the last values are no least squares, and their intervals mean nothing
     scene: Any = field(repr=False)  # with the values put in, as far as it states them as single numbers
     factors: Mapping[str, float] = field(default_factory=dict)  # numbers that it does not: times what files or laws state
 
@@ -122,17 +124,18 @@ def identify(
     if not np.isfinite(model.residuals(begin)).all():
         raise ConvergenceError(f"identify: with the values of the scene {model.failure}")
     before = model.fit
+    weak = np.diag(WEAK / (edges[1] - edges[0]))
     done = least_squares(
-        model.residuals,
+        lambda x: np.concatenate([model.residuals(x), weak @ (x - begin)]),
         begin,
-        model.jacobian,
+        lambda x: np.concatenate([model.jacobian(x), weak]),
         bounds=tuple(edges),
         x_scale="jac",
         xtol=1e-9,
         ftol=1e-10,
         max_nfev=MOST_EVALUATIONS,
     )
-    model.residuals(done.x)
+    done.fun, done.jac = model.residuals(done.x), model.jacobian(done.x)
     return identified(model, done, begin, edges, before)
 
 
@@ -335,6 +338,7 @@ def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, b
         dof=dof,
         evaluations=model.evaluations,
         outcome=str(done.message),
+        is_converged=done.status > 0,
         scene=scene,
         factors=factors,
     )

@@ -12,6 +12,8 @@ from ..messages.errors import ConvergenceError
 
 SAFETY, LONGEST, SHORTEST = 0.9, 2.0, 0.2  # of the next jump over the one that would just fit; over the last one
 MOST_JUMPS = 2000
+STABLE = 0.5  # most change of a rate within half a jump, over the largest rate: beyond twice that the rule is unstable
+NEGLIGIBLE = 0.1  # of the allowed error: where all remaining cycles add less than that, one jump leads to their end
 
 
 class Cycle(Protocol):
@@ -55,17 +57,21 @@ class WornState(Generic[C]):
 def wear_on(evaluate: Callable[[np.ndarray], C], control: JumpControl, state: WornState[C]) -> WornState[C]:
     """Return a joint after a jump of cycles.  Collective if ``evaluate``, the cycle at a depth (n_pairs,) [m], is.
 
-    docs/theory.md, eq. (18.5) and eq. (18.6): a jump in one piece and in two halves.
+    docs/theory.md, eq. (18.5) and eq. (18.6): a jump in one piece and in two halves, within the limit of stability.
     """
     rate, remaining = state.cycle.rate, control.cycles - state.cycles
-    jump = min(state.jump, control.most / rate.max(), remaining)
+    is_last = remaining * rate.max() <= NEGLIGIBLE * control.tolerance * max(float(state.depth.max()), control.most)
+    jump = remaining if is_last else min(state.jump, control.most / rate.max(), remaining)
     while True:
         halfway = evaluate(state.depth + 0.5 * jump * rate)
-        error = 0.5 * jump * float(np.abs(halfway.rate - rate).max())
+        change = float(np.abs(halfway.rate - rate).max())
+        error = 0.5 * jump * change
         depth = state.depth + jump * halfway.rate
         allowed = control.tolerance * max(float(depth.max()), control.most)
         fits = SAFETY * np.sqrt(allowed / error) if error > 0.0 else LONGEST
-        if error <= allowed:
+        if change > 0.0 and not is_last:
+            fits = min(fits, SAFETY * STABLE * rate.max() / change)
+        if fits >= SAFETY:
             break
         jump *= max(fits, SHORTEST)
     reached = control.cycles if jump == remaining else state.cycles + jump

@@ -100,7 +100,11 @@ def on_screen(found: Identified) -> str:
 
 def in_words(found: Identified) -> list[str]:
     """Return what is to be said of an identification, in lines."""
-    lines = [
+    lines = [] if found.is_converged else [
+        f"least squares has not converged within {found.evaluations} evaluations: values and intervals are those of the last one; "
+        "fit fewer numbers, narrow their bounds or begin nearer"
+    ]  # fmt: skip
+    lines += [
         f"residuals over their deviations: {found.rms:.3g} (root mean square) with {found.dof} degrees of freedom, after "
         f"{found.evaluations} evaluations; {found.outcome}"
     ]

@@ -9,7 +9,7 @@ from ...formats.measured import read_measured
 from ...library.build import build
 from ...library.identify import identify
 from ...library.settings import output_names, refuse_discs, refuse_statics, units_of
-from ...messages.errors import CaseError
+from ...messages.errors import CaseError, ConvergenceError
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...system.versions import versions
@@ -41,6 +41,8 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
         log.note(on_root(comm, write_identified, found, scene, folder))
         log.note(f"results in {folder}")
         structure.close()
+    if not found.is_converged:
+        raise ConvergenceError(f"identify: least squares has not converged; what was computed is in {folder}")
 
 
 def bounds_of(text: str) -> tuple[str, tuple[float, float]]:
