@@ -99,7 +99,10 @@ def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, s
         mu=1.0, N0=1.0, k_t=1.0, k_n=1.0, zeta=0.015, loads=[load], output=[1.0], omega=(0.9, 1.6), levels={},
     )  # fmt: skip
     at, fits = tuple(np.linspace(1.0, 1.5, 8) / (2.0 * np.pi)), {FRICTION: (0.2, 4.0), RATIO: (0.001, 0.1)}
-    write = lambda: write_matrix_scene(shared_path, system, [0.3], (0.9, 1.6), points=16, harmonics=1, samples=128)
+
+    def write():
+        return write_matrix_scene(shared_path, system, [0.3], (0.9, 1.6), points=16, harmonics=1, samples=128)
+
     with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
         response = microslip.respond(structure, at=at, ratio=0.01, error_bars=False).level(0.3)
         asked = response.asked.astype(bool)

@@ -163,6 +163,20 @@ def test_samples_are_those_of_separate_structures(comm, bar):
             assert table[name][i] == pytest.approx(getattr(nominal, name), rel=bound, nan_ok=True), name
 
 
+def test_a_stated_accuracy_raises_the_harmonics_of_a_sample(comm, shared_path):
+    """The scene itself needs three harmonics, a sample with less friction more; the truth by 15."""
+    level, friction = 10.0, 0.3
+    path = on_root(
+        comm, lambda: write_matrix_scene(shared_path, scenes.chain(), [level], (400.0, 700.0), outputs=[6], accuracy=1e-3)
+    )
+    with microslip.build(microslip.read(path), comm) as structure:
+        (sample,) = microslip.sweep(structure, {"joints.joint.friction": [friction]}).samples
+        fine = {"harmonics": 15, "samples": 2048, "error_bars": False, "friction": {"joint": friction * structure.pairs.mu}}
+        (peak,) = microslip.respond(structure, peaks=True, **fine).peaks[level]
+    assert sample.error < 2e-3 * sample.amplitude  # 3.6e-3 with the harmonics of the scene itself
+    assert sample.amplitude == pytest.approx(abs(peak.amplitude), rel=1e-3)
+
+
 def test_one_sample_of_several_fails_and_the_others_go_on(mass):
     table = microslip.sweep(mass, {FRICTION: [0.8, -1.0, 1.2]})  # a factor, which no scene checks
     assert [sample.status for sample in table.samples] == [DONE, FAILED, DONE]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from .point_record import Unbalanced, point_record, with_sensitivities, with_sta
 from .point_solver import PointSolver, Solution
 from .state import BranchState
 from .task import BranchTask
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
 UNBALANCED = 5e-6  # of the forces beyond which a point is not one, at a tolerance of 1e-8
@@ -65,7 +69,7 @@ def accept(
                 raise
             solution, solver = better
             continue
-        ratios, memory = judged(solver, accuracy, memory, point)
+        ratios, memory = judged(solver.comm, accuracy, memory, point)
         finer, memory = accuracy.finer(solver.resolution, ratios, memory) if accuracy else (None, memory)
         better = solve_with(solver, finer, solution, force_at(solver, solution[0], point)) if finer else None
         if not better:
@@ -125,14 +129,16 @@ def solve_sharper(
     return solve_with(solver, sharper, solution)
 
 
-def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point: Point) -> tuple[dict[str, float], Memory]:
-    """Return the errors of a point by harmonics, samples and tolerance, relative to the allowed ones.  Collective."""
+def judged(
+    comm: MPI.Comm, accuracy: Accuracy | None, memory: Memory, point: Point, outputs: slice = slice(None)
+) -> tuple[dict[str, float], Memory]:
+    """Return the errors of outputs at a point by harmonics, samples and tolerance, relative to the allowed ones.  Collective."""
     if accuracy is None or point.error is None:
         return {}, memory
     amplitudes, error = np.hypot(point.response[:, 1::2], point.response[:, 2::2]).max(axis=1), point.error
     if accuracy.is_corrected and point.error_corrected is not None:
         error = parts_of_corrected(error, point.error_corrected)
-    return solver.comm.bcast(accuracy.ratios(amplitudes, error, memory))
+    return comm.bcast(accuracy.ratios(amplitudes[outputs], error[outputs], memory))
 
 
 def check_forces(solver: PointSolver, solution: Correction, point: Point) -> None:

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..contact.law import OPEN, SLIP, STICK
-from ..continuation.accuracy import Resolution
+from ..continuation.acceptance import judged
+from ..continuation.accuracy import Memory, Resolution, accuracy_of
 from ..continuation.iterate import Iterate
 from ..continuation.levels import ResponseProblem, follow_level, linear_curve
 from ..continuation.peak_at import PeakPoint, Starts, peak_near
@@ -49,6 +50,7 @@ MOST_BETWEEN = 12  # peaks tried on the way from the nearest sample to one that 
 MOST_WEIGHT = 3.0  # sum of the sizes of their weights, beyond which the nearest one alone is taken
 CURVE_POINTS = 201  # frequencies of the curves of samples
 UNKNOWN_WIDTH = 0.02  # of a peak over its frequency, where none of the linear response is in the range
+MISSED = 2.0  # times a stated accuracy, from which the error bar of a peak is noted
 NO_WIDTH = "half-power width not found"
 NAN = float("nan")
 
@@ -101,7 +103,7 @@ class _Problem:
     resolution: Resolution
 
     def forced(self, held: bool):
-        """Return the forced response of the sample in the resolution of all samples.  Local."""
+        """Return the forced response of the sample in its resolution.  Local."""
         problem = self.of.at_level(self.level)
         equation = problem.equation.resolved(self.resolution.harmonics, self.resolution.n_samples)
         return problem.with_equation(equation.holding(np.zeros((equation.n_owned, 2)) if held else None))
@@ -312,6 +314,8 @@ class SamplePeaks:
             if not isinstance(other, str):
                 peak, held = replace(other, newton=peak.newton + other.newton), hold
                 break
+        if has_width:
+            problem, peak = self._refined(problem, peak, width, held)
         low, high = sorted((of.sweep.start, of.sweep.stop))
         if not low <= peak.iterate.parameter <= high:
             f = peak.iterate.parameter / (2.0 * np.pi)
@@ -331,6 +335,22 @@ class SamplePeaks:
         finally:
             if estimator is not None:
                 estimator.destroy()
+
+    def _refined(self, problem: _Problem, peak: PeakPoint, width: float, held: bool) -> tuple[_Problem, PeakPoint]:
+        """Return the peak with as many harmonics and samples as a stated accuracy needs there, and the problem with these."""
+        comm, output, memory = problem.of.model.comm, slice(self.output, self.output + 1), Memory()
+        accuracy = accuracy_of(problem.of.settings, problem.forced(held).equation)
+        while accuracy is not None:
+            ratios, memory = judged(comm, accuracy, memory, peak.point, output)
+            finer, memory = accuracy.finer(problem.resolution, ratios, memory)
+            if finer is None:
+                break
+            better = replace(problem, resolution=finer)
+            other = self._searched(better, peak.starts, width, held, lambda point: True)
+            if isinstance(other, str):
+                break
+            problem, peak = better, replace(other, newton=peak.newton + other.newton)
+        return problem, peak
 
     def _state(self, problem: _Problem, motion: Iterate) -> np.ndarray:
         """Return the state of all pairs in a motion under the law of a sample, on rank 0.  Collective."""
@@ -361,6 +381,10 @@ class SamplePeaks:
                 per_level = abs(linear.amplitude) * problem.level / size * (linear.omega / point.omega) ** 2
                 damping = linear.damping * per_level
             curve = () if branch is None or not self.has_curves else amplitudes_at(branch, self.output, self.grid)
+            error = NAN if point.error is None else float(total(point.error[self.output]))
+            notes = list(point.notes)
+            if (target := problem.of.settings.accuracy) is not None and error > MISSED * target * size:
+                notes.append(f"error bar of {error / size:.2g} of the peak, [solver] accuracy = {target:g}")
             return {
                 "amplitude": size,
                 "phase": float(np.arctan2(-sin, cos)),
@@ -369,12 +393,12 @@ class SamplePeaks:
                 "damping": damping,
                 "friction_J": float(point.friction),
                 "damping_J": float(point.damping),
-                "error": NAN if point.error is None else float(total(point.error[self.output])),
+                "error": error,
                 "slipping": int(np.count_nonzero(point.state == SLIP)),
                 "open": int(np.count_nonzero(point.state == OPEN)),
                 "newton": peak.newton,
                 "curve": curve,
-                "why": "; ".join((*point.notes, *([] if np.isfinite(peak.width) else [NO_WIDTH]))),
+                "why": "; ".join((*notes, *([] if np.isfinite(peak.width) else [NO_WIDTH]))),
             }
 
         found = comm.bcast(numbers() if comm.rank == 0 else None)

@@ -101,7 +101,7 @@ def on_screen(found: Identified) -> str:
 def in_words(found: Identified) -> list[str]:
     """Return what is to be said of an identification, in lines."""
     lines = [] if found.is_converged else [
-        f"least squares has not converged within {found.evaluations} evaluations: values and intervals are those of the last one; "
+        f"least squares has not converged within {found.evaluations} evaluations: values and intervals are those of the last; "
         "fit fewer numbers, narrow their bounds or begin nearer"
     ]  # fmt: skip
     lines += [
