@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matrix_scenes import write_matrix_scene
-from oracles import scenes
+from oracles import exact, scenes
+from scipy.optimize import minimize_scalar
 
 import microslip
 from microslip.messages.errors import CaseError
@@ -54,6 +55,41 @@ def test_a_joint_is_the_sum_of_its_pairs_and_friction_that_of_other_responses(st
     slope = (amplitude(1.0 + h) - amplitude(1.0 - h)) / (2.0 * h)
     assert table[FRICTION].amplitude[0, i] == pytest.approx(slope, abs=1e-5 * np.abs(slope).max())
     assert len(mu) and RATIO in table and "level" in table and "joints.joint.normal_stiffness" in table
+
+
+@pytest.mark.ranks(1)
+def test_frequency_and_phase_of_a_peak_follow_the_closed_form(tmp_path):
+    """One mass on a Jenkins element, one harmonic, many samples: derivatives of its closed form by damping and friction."""
+    level, zeta = 0.8, 0.01
+    load = {"vector": [1.0], "harmonic": 1}
+    system = scenes.make_system(
+        "mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]],
+        mu=1.0, N0=1.0, k_t=1.0, k_n=0.0, zeta=zeta, loads=[load], output=[1.0], omega=(0.5, 2.0), levels={},
+    )  # fmt: skip
+
+    def exact_peak(ratio, limit):
+        c = 2.0 * np.sqrt(2.0) * ratio
+        X = exact.jenkins_peak(level, limit, c)
+        a, b, _ = exact.jenkins_harmonic(X, 1.0, limit)
+
+        def dynamic(w):
+            return (1.0 + a / X - w * w) * X, c * w * X + b
+
+        w = minimize_scalar(lambda w: np.hypot(*dynamic(w)), bounds=(0.9, 1.5), method="bounded", options={"xatol": 1e-12}).x
+        return np.array([w / (2.0 * np.pi), -np.arctan2(*dynamic(w)[::-1])])
+
+    path = write_matrix_scene(tmp_path, system, [level], (0.5, 2.0), points=40, harmonics=1, samples=4096, error_bars=False)
+    with microslip.build(microslip.read(path)) as one_mass:
+        of = microslip.respond(one_mass, sensitivities=True, peaks=True, tolerance=1e-12)
+    ((_, rates),) = of.sensitivity.of_peaks(level)
+    h = 1e-2
+    for key, ends in (
+        (RATIO, [exact_peak(zeta * (1.0 + way), 1.0) / zeta for way in (-h, h)]),
+        (FRICTION, [exact_peak(zeta, 1.0 + way) for way in (-h, h)]),
+    ):
+        by_frequency, by_phase = (ends[1] - ends[0]) / (2.0 * h)
+        assert rates[key].frequency == pytest.approx(by_frequency, rel=3e-3)
+        assert rates[key].phase == pytest.approx(by_phase, abs=2e-3 * by_frequency * 40.0)  # the phase turns by 40 rad a Hz
 
 
 @pytest.mark.ranks(1)

@@ -38,6 +38,7 @@ STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  
 MOST_POINTS = 1000
 BESIDE, FARTHER = 1e-3, 0.05  # of its half-power width, at which derivatives are taken on both sides of a peak: of size; of place
 TURNED = 0.25 * np.pi  # rad, of the motion of pairs over the half-power width of a peak of the mode that moves them
+MANY_SAMPLES = 1024  # from which the error of the place, of second order in that distance, is above that of the corners
 FARTHER_BY = 50.0 ** (1.0 / 3.0)  # from one to the other, so that each solution leads to the next
 
 
@@ -259,9 +260,11 @@ def about_a_peak(
         sides, way = (low, high), way * FARTHER_BY
     if middle is None or not brackets:
         return None, None
-    (rising, falling), far = brackets[0], brackets[-1]
+    rising, falling = brackets[0]
     share = rising[0, -1] / (rising[0, -1] - falling[0, -1])
-    shift = (far[1][0] - far[0][0]) / (far[0][0, -1] - far[1][0, -1])
+    near, shift = ((high[0] - low[0]) / (low[0, -1] - high[0, -1]) for low, high in (brackets[-2:] * 2)[:2])
+    if solver.equation.n_samples >= MANY_SAMPLES:
+        shift += (near - shift) * FARTHER_BY**2 / (FARTHER_BY**2 - 1.0)
     at_peak = middle if within == 0.0 else (1.0 - share) * rising + share * falling
     d = np.stack([at_peak[0], at_peak[1] + at_peak[1, -1] * shift, shift / (2.0 * np.pi)])
     d[:, -1] = 0.0
