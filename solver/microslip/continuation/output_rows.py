@@ -1,4 +1,4 @@
-"""Rows of the system that state harmonic 1 of an output (docs/theory.md, section 7, eq. (7.14), (7.16))."""
+"""Rows of the system that state harmonic 1 of an output (docs/theory.md, section 7, eq. (7.14))."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class AmplitudeRow(_OutputRow):
 
 @dataclass(frozen=True, eq=False)
 class PhaseRow(_OutputRow):
-    """Im(a exp(-i phase)) / ``size`` = 0, eq. (7.16), with a = cosine - i sine."""
+    """Im(a exp(-i phase)) / ``size`` = 0 in place of eq. (7.9), with a = cosine - i sine."""
 
     phase: float  # rad
 
