@@ -198,6 +198,18 @@ def test_a_rigid_element_of_leading_grid_points_alone(tmp_path):
     assert not any(finding.changes for finding in found.findings)
 
 
+def test_a_mean_of_grid_points_that_lead_others_is_a_finding(tmp_path):
+    """An RBE3 over a grid point of an RBE2 is not modelled, whether nodes of solids belong to it or not."""
+    model = plain()
+    a, b, c, d = map(int, model.numbers[:4])
+    grid = ("GRID,5000,,0.1,0.0,0.03", "GRID,5001,,0.3,0.2,-0.1", f"RBE2,901,5000,123456,{a},{b},{c}")
+    for others, effect, n in ((f",{d}", "a mean of 2 grid points, 1 of them", 2), ("", "a mean of 1 grid points, 1 of them", 1)):
+        found = read_model(written(tmp_path, model, *grid, f"RBE3,902,,5001,123456,1.0,123,5000{others}"))
+        (finding,) = (finding for finding in found.findings if finding.word == "RBE3")
+        assert finding.effect == f"{effect} of no solid, as 5000 (which leads others)" and finding.changes
+        assert len(found.connected) == n
+
+
 def test_an_equation_with_a_rotation_of_a_solid_is_left_out(tmp_path):
     model = plain()
     a, b = map(int, model.numbers[:2])

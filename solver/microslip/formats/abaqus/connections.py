@@ -122,8 +122,12 @@ def _add_point(model: InputModel, node: int, nodes: np.ndarray, group: str, conn
     name, is_solid = "", model.grouped.of_solids[nodes]
     others = nodes[(nodes != node) & ~is_solid].tolist() if connection == "rigid" else []
     model.coupled += [(node, int(other), f"*{card.keyword}, {card.where}") for other in others]
-    nodes = nodes[(nodes != node) & is_solid]
     word, number = f"*{card.keyword}", model.mesh.numbers[node]
+    n_loose = np.count_nonzero((nodes != node) & ~is_solid)
+    nodes = nodes[(nodes != node) & is_solid]
+    if connection == "distributing" and n_loose and len(nodes):
+        effect = f"the reference node {number} is a mean with {n_loose} nodes of no solid, which do not count here"
+        model.findings.add(word, card.where, effect, True, "points")
     if others and not len(nodes) and not model.grouped.of_solids[node]:
         model.leading.setdefault(node, card)
         return
