@@ -269,6 +269,41 @@ def test_points_tied_by_equations_are_one_rigid_body(names):
     np.testing.assert_allclose(found, exact, rtol=1e-8)
 
 
+def joined(*parts):
+    """Return equations between points, each number of an equation once."""
+    names = tuple(dict.fromkeys(name for part in parts for name in part.points))
+    at = [-1 - np.array([names.index(name) for name in part.points])[-1 - part.nodes] for part in parts]
+    number = np.concatenate([part.equation + 6 * i for i, part in enumerate(parts)])
+    axes, values = (np.concatenate([getattr(part, key) for part in parts]) for key in ("axes", "coefficients"))
+    return Equations(number, np.concatenate(at), axes, values, tuple(f"row {i}" for i in range(6 * len(parts))), points=names)
+
+
+@pytest.mark.parametrize("corner", [False, True])
+def test_a_point_that_leads_points_alone_is_one_rigid_body_with_them(corner):
+    """Halves on two points that follow a third without nodes, with a mass: as the third leading all nodes itself.
+
+    With ``corner``, one of the two leads a single node, and its rotations are those of the third.
+    """
+    hub = Point(name="hub", position=(0.3, -0.2, 1.4), group="lower", mass=2000.0, inertia=(100.0, 200.0, 300.0))
+    second = SECOND.with_keys(group="corner") if corner else SECOND
+    groups = HALVES | {"corner": lambda x: np.linalg.norm(x - [1.0, 1.0, 2.0], axis=1) < 1e-9}
+    groups["both"] = lambda x: groups["lower"](x) | groups[second.group](x)
+    low, high = box("hex8", (1, 1, 1)), box("hex8", (1, 1, 1), origin=(0.0, 0.0, 1.0))
+    halves = mesh_of(("low", "hex8", *low), ("high", "hex8", *high), groups=groups)
+    rows = joined(*(rigidly(hub, each, (each.name, "hub")) for each in (FIRST, second)))
+    given = settings({"low": "low", "high": "high"}, [("base", "xyz")])
+    chain = given.with_keys(points=(hub.with_keys(connection="equations"), FIRST, second))
+    K, M, _ = dense(replace(halves, equations=rows), with_equations(chain))
+    K_1, M_1, _ = dense(halves, given.with_keys(points=(hub.with_keys(group="both"),)))
+    found, exact = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K_1, M_1)))
+    np.testing.assert_allclose(found, exact, rtol=1e-8, atol=1e-8 * exact[-1])
+
+
+def test_a_point_connected_by_no_equation_is_refused():
+    with pytest.raises(MeshError, match="no equation of the model file names it"):
+        dense(block(), case_of(points=(KNOB.with_keys(connection="equations"),)))
+
+
 def test_equations_of_points_that_the_scene_lacks_are_refused():
     mesh = replace(block(), equations=rigidly(FIRST, SECOND, ("second", "first")))
     with pytest.raises(MeshError, match="an equation of the file is between points, and the scene has no point 'second'"):

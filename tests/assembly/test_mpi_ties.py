@@ -1,5 +1,6 @@
 """Ties and points: exact fields, rigid motions, merged meshes, resultants, masses on springs; on any number of ranks."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +38,7 @@ def stack(low="hex20", high="hex20", n_low=(2, 2, 1), n_high=(2, 2, 1)):
 
         return claim
 
-    groups = {"base": at(0.0), "low_top": at(1.0, False), "high_bottom": at(1.0, True), "top": at(2.0)}
+    groups = {"base": at(0.0), "interface": at(1.0), "low_top": at(1.0, False), "high_bottom": at(1.0, True), "top": at(2.0)}
     return mesh_of(("low", low, *lower), ("high", high, *upper), groups=groups)
 
 
@@ -571,3 +572,50 @@ def test_what_a_spring_holds_is_held_and_a_tie_holds_what_it_ties():
     strained = np.abs(multiply(free.K, free.rigid_owned)).max(initial=0.0)
     assert free.rigid_owned.shape[1] == 6 and strained <= 1e-11 * max(comm.allgather(diagonal_owned(free.K).max(initial=0.0)))
     system_of(mesh, tied(mesh, GLUE, points=(point.with_keys(stiffness=(1.0, 1.0, 1.0)),)))
+
+
+ON_TOP = ("low_top", "high_bottom")
+LOW, HIGH = (Point(name=name, position=(0.5, 0.5, 1.0), group=name) for name in ON_TOP)
+BASED = ("base", "xyz")
+
+
+def jointed(supports, *points, n_high=(2, 2, 1), **keys):
+    """Return the notes of two boxes on each other with a joint, the points in ``supports`` held.  Collective."""
+    of_groups, of_points = [s for s in supports if not isinstance(s, Support)], [s for s in supports if isinstance(s, Support)]
+    mesh = stack("hex8", "hex8", n_high=n_high)
+    case = tied(mesh, supports=of_groups, points=points, joints=[joint(surfaces=ON_TOP, **keys)])
+    return system_of(mesh, case.with_keys(supports=(*case.supports, *of_points))).notes
+
+
+def held(*names):
+    return [Support(point=name, fix=("x", "y", "z", "rx", "ry", "rz")) for name in names]
+
+
+@pytest.mark.parametrize(
+    "supports, points",
+    [
+        ([BASED, *held("low_top", "high_bottom")], (LOW, HIGH)),
+        ([BASED, ("low_top", "xyz"), *held("high_bottom")], (HIGH,)),
+        ([BASED], (Point(name="both", position=(0.3, 0.2, 1.7), group="interface"),)),
+    ],
+)
+def test_a_joint_whose_sides_cannot_move_relative_to_each_other_is_refused(supports, points):
+    """Rows of R T vanish: both sides on fixed points, one on a support, both on one free point."""
+    for more in ({}, {"n_high": (3, 2, 1), "pairing": "mortar"}):
+        with pytest.raises(CaseError, match=r"joint 'joint': the two sides of all its \d+ pairs cannot move relative to each"):
+            jointed(supports, *points, **more)
+
+
+@pytest.mark.parametrize(
+    "supports, points, words",
+    [
+        ([BASED, ("low_top", "z"), ("high_bottom", "z")], (), "9 of its 9 pairs cannot open: .* normal relative motion"),
+        ([BASED, ("low_top", "xy"), ("high_bottom", "xy")], (), "9 of its 9 pairs cannot slip: .* tangential relative motion"),
+        ([BASED, *held("low_top")], (LOW,), None),
+        ([BASED], (LOW, HIGH), None),
+        ([BASED, ("high_bottom", "z")], (), None),
+    ],
+)
+def test_directions_in_which_pairs_cannot_move_are_reported(supports, points, words):
+    notes = comm.bcast(jointed(supports, *points))
+    assert len(re.findall(words, " ".join(notes))) == 1 if words else not any("cannot" in note for note in notes)

@@ -784,6 +784,21 @@ def test_a_damaged_cyclic_sector_is_refused(tmp_path, card, said):
         read(tmp_path, CUBE + TWICE + STEEL + card)
 
 
+def test_a_reference_node_that_leads_reference_nodes_alone(tmp_path):
+    """It is a point without nodes of its own, wherever its card stands; one that leads none is a finding."""
+    more = "*NODE\n97, 0.5, 0.5, 5.0\n98, 0.5, 0.5, 4.0\n96, 0.0, 0.0, 9.0\n*NSET, NSET=FOOT\n1, 2, 3, 4\n"
+    more += "*KINEMATIC COUPLING, REF NODE=97\n98, 1, 6\n*KINEMATIC COUPLING, REF NODE=98\n99, 1, 6\n"
+    hub = "*COUPLING, CONSTRAINT NAME=hub, REF NODE=99, SURFACE=CROWN\n*KINEMATIC\n"
+    model = read(tmp_path, CUBE + TWICE + more + hub)
+    found = {point.name: (point.connection, point.group) for point in model.connected}
+    group = found["hub"][1]
+    assert found == {"hub": ("rigid", group), "node 97": ("equations", group), "node 98": ("equations", group)}
+    assert len(model.equations.where) == 12 and not any("COUPLING" in finding.word for finding in model.findings)
+    model = read(tmp_path, CUBE + TWICE + more)
+    effects = [finding.effect for finding in model.findings if finding.changes]
+    assert "the reference node 98 leads no node of a solid, nor a reference node that leads some" in effects
+
+
 def test_equations_and_couplings_of_reference_nodes(tmp_path):
     """Terms of a reference node are those of its point, rotations too; one in another's coupling follows it as a rigid body."""
     more = "*NODE\n98, 0.5, 0.5, 4.0\n*NSET, NSET=ALL2\n5, 6, 7, 8, 98\n"

@@ -225,17 +225,21 @@ def test_a_leading_node_has_the_mass_and_the_supports_of_the_file(tmp_path):
     assert [support.fix for support in found.supports if support.point == point.name] == [("z", "rx")]
 
 
-def test_rigid_regions_follow_each_other_and_equations_turn(tmp_path):
+@pytest.mark.parametrize(
+    "members, connection", [(lambda c: (f"CERIG,5001,{c}",), "rigid"), (lambda _: (), "equations")], ids=["nodes", "points alone"]
+)
+def test_rigid_regions_follow_each_other_and_equations_turn(tmp_path, members, connection):
     model = plain()
     a, b, c = map(int, model.numbers[:3])
-    more = ("CERIG,5000,BAR_BOTTOM", f"CERIG,5001,{c}", "CERIG,5001,5000", "CE,1,0,5000,ROTX,1,5001,ROTX,-1")
+    more = ("CERIG,5000,BAR_BOTTOM", *members(c), "CERIG,5001,5000", "CE,1,0,5000,ROTX,1,5001,ROTX,-1")
     lines = cdb(model, more).splitlines()
     end = lines.index("N,R5.3,LOC,       -1,")
     lines[end:end] = [f"{n:9d}{0:9d}{0:9d}{0.02:21.13E}{y:21.13E}{0.1:21.13E}" for n, y in ((5000, 0.0), (5001, 0.3))]
     size = f"NBLOCK,6,SOLID,{model.numbers[-1]},{len(model.points)}"
     text = "\n".join(lines).replace(size, f"NBLOCK,6,SOLID,5001,{len(model.points) + 2}")
     found = read_model(written(tmp_path, text=text))
-    assert sorted(point.name for point in found.connected) == ["CERIG node 5000", "CERIG node 5001"]
+    connections = {point.name: point.connection for point in found.connected}
+    assert connections == {"CERIG node 5000": "rigid", "CERIG node 5001": connection}
     assert len(found.equations.where) == 7 and found.equations.axes[-2:].tolist() == [3, 3]
 
 

@@ -178,6 +178,38 @@ def test_rigid_elements_follow_each_other_and_equations_turn(tmp_path):
     assert np.abs(chain @ moves.reshape(6, -1).T).max() < 1e-15 and np.linalg.matrix_rank(chain) == 6
 
 
+def test_a_rigid_element_of_leading_grid_points_alone(tmp_path):
+    """RBE2s over RBE2s lead no node themselves: points connected by equations only."""
+    model = plain()
+    a, b, c, d = map(int, model.numbers[:4])
+    more = ("GRID,5000,,0.1,0.0,0.03", "GRID,5001,,0.3,0.2,-0.1", "GRID,5002,,0.0,0.5,0.0", "GRID,5003,,0.0,0.7,0.0")
+    more += ("RBE2,900,5003,123456,5002", "RBE2,903,5002,123456,5000,5001")
+    more += (f"RBE2,901,5000,123456,{a},{b}", f"RBE2,902,5001,123456,{c},{d}", "CONM2,904,5003,,2.0")
+    found = read_model(written(tmp_path, model, *more))
+    points = {point.name: (point.connection, point.group, point.mass) for point in found.connected}
+    first, second = ("RBE2 901", "RBE2 902")
+    assert points == {
+        first: ("rigid", first, 0.0),
+        second: ("rigid", second, 0.0),
+        "RBE2 903": ("equations", first, 0.0),
+        "RBE2 900": ("equations", first, 2.0),
+    }
+    assert found.groups[first].nodes.tolist() == [0, 1] and len(found.equations.where) == 18
+    assert not any(finding.changes for finding in found.findings)
+
+
+def test_a_mean_of_grid_points_that_lead_others_is_a_finding(tmp_path):
+    """An RBE3 over a grid point of an RBE2 is not modelled, whether nodes of solids belong to it or not."""
+    model = plain()
+    a, b, c, d = map(int, model.numbers[:4])
+    grid = ("GRID,5000,,0.1,0.0,0.03", "GRID,5001,,0.3,0.2,-0.1", f"RBE2,901,5000,123456,{a},{b},{c}")
+    for others, effect, n in ((f",{d}", "a mean of 2 grid points, 1 of them", 2), ("", "a mean of 1 grid points, 1 of them", 1)):
+        found = read_model(written(tmp_path, model, *grid, f"RBE3,902,,5001,123456,1.0,123,5000{others}"))
+        (finding,) = (finding for finding in found.findings if finding.word == "RBE3")
+        assert finding.effect == f"{effect} of no solid, as 5000 (which leads others)" and finding.changes
+        assert len(found.connected) == n
+
+
 def test_an_equation_with_a_rotation_of_a_solid_is_left_out(tmp_path):
     model = plain()
     a, b = map(int, model.numbers[:2])

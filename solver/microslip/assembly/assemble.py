@@ -21,7 +21,7 @@ from .base_motion import with_base_motion
 from .check import check_elements
 from .constrained import constrained
 from .constraints import check_supports, constrain
-from .fixed_pairs import fixed_by_nodes, notes_on_fixed
+from .fixed_pairs import notes_on_pairs
 from .maps import base_map, load_map, next_pair_map, orders_of, output_map, pair_map
 from .nodal_forces import NodalForces, nodal_forces
 from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
@@ -111,7 +111,7 @@ class WholeMesh:
     outputs: list[OutputRow]
     links: Links  # dependences by ties, points and equations
     loose: tuple[np.ndarray, tuple[np.ndarray, ...]]  # tied parts by number, and those held by joints alone
-    notes: tuple[str, ...]  # on a structure without supports, on pairs that supports fix on both sides
+    notes: tuple[str, ...]  # on a structure without supports, on pairs whose sides cannot move relative to each other
     free: np.ndarray  # (6, n) combinations of rigid-body motions that nothing holds
 
 
@@ -120,7 +120,7 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
 
     Raises
     ------
-    MeshError, CaseError : a part that nothing holds, supports, loads or outputs without a node, a joint fixed on both sides
+    MeshError, CaseError : a part that nothing holds, supports, loads or outputs without a node, a joint whose sides cannot move
     """
     links = find_links(mesh, tables)
     is_fixed = fixed_places(mesh, tables, links)
@@ -142,7 +142,7 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         loose=loose_bodies(part, len(part_names), mesh, tables.supports, links),
         notes=(
             *(() if is_supported else (FREE,)),
-            *notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(tables.path)),
+            *notes_on_pairs(pairs, links, is_fixed, str(tables.path)),
             *(left_free(free) if is_supported else ()),
         ),
         free=free,

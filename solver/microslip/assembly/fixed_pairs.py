@@ -1,4 +1,4 @@
-"""Contact pairs whose both sides supports fix: they never move, and a joint of such pairs alone is a mistake in the scene."""
+"""Contact pairs whose sides cannot move relative to each other; a joint of such pairs alone is a mistake in the scene."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..mesh.data import ContactPairs
+from ..mesh.links import Links
 from ..messages.errors import CaseError
+from .maps import next_pair_map, pair_map
 
 FEW = 0.1  # share of a joint's pairs up to which they are the edge of a clamped body, and no warning
+_NOTHING = 1e-12  # largest entry of a row of R that vanishes, relative to the largest one of its two sides
+_CAUSES = "supports, couplings or equations"
 
 
 def fixed_by_nodes(pairs: ContactPairs, is_fixed: np.ndarray) -> np.ndarray:
@@ -26,27 +30,110 @@ def fixed_by_rows(R: sp.csr_matrix) -> np.ndarray:
     return np.diff(R.indptr).reshape(-1, 3).sum(axis=1) == 0
 
 
-def notes_on_fixed(pairs: ContactPairs, is_fixed: np.ndarray, source: str) -> tuple[str, ...]:
-    """Return one note for each joint of which some pairs are fixed on both sides, ``is_fixed`` (n_pairs,) bool.  Local.
+def fixed_directions(pairs: ContactPairs, links: Links, is_fixed: np.ndarray) -> np.ndarray:
+    """Return along which axes of its frame a pair has no relative displacement, (n_pairs, 3) bool.  Local.
+
+    These are the rows of R T that vanish, T of eq. (2.5) with supports, couplings and equations.  ``is_fixed`` is (n_places, 3).
+    The displacement of a second side in the next sector of a disc counts as independent of the first side.
+    """
+    n_dof, dof = 3 * links.n_places, np.arange(3 * links.n_nodes).reshape(-1, 3)
+    leads = ~is_fixed.ravel()
+    leads[links.dependent] = False
+    m = len(links.dependent)
+    follows = sp.csr_matrix((np.ones(m), (links.dependent, np.arange(m))), (n_dof, m))
+    T = ((sp.identity(n_dof) + follows @ links.weights) @ sp.diags(leads.astype(float))).tocsr()
+    maps = [pair_map(pairs, dof, n_dof)]
+    if links.cyclic is not None:
+        maps.append(next_pair_map(pairs, links.cyclic.turn, dof, n_dof))
+    size = np.sum([_largest(R @ T) for R in maps], axis=0)
+    scale = np.sum([_largest(abs(R) @ abs(T)) for R in maps], axis=0)
+    return (size <= _NOTHING * scale).reshape(-1, 3)
+
+
+def _largest(matrix: sp.csr_matrix) -> np.ndarray:
+    """Return the largest magnitude of each row.  Local."""
+    return abs(matrix).max(axis=1).toarray().ravel()
+
+
+def notes_on_pairs(pairs: ContactPairs, links: Links, is_fixed: np.ndarray, source: str) -> tuple[str, ...]:
+    """Return the notes on pairs of a mesh that cannot move, open or slip; ``is_fixed`` is (n_places, 3) bool.  Local, rank 0.
 
     Raises
     ------
-    CaseError : all pairs of a joint are fixed on both sides
+    CaseError : no pair of a joint can move
+    """
+    if not pairs.n_pairs:
+        return ()
+    directions, by_supports = fixed_directions(pairs, links, is_fixed), fixed_by_nodes(pairs, is_fixed[: links.n_nodes])
+    notes = notes_on_fixed(pairs, directions.all(axis=1) | by_supports, source, by_supports)
+    return (*notes, *notes_on_directions(pairs, directions))
+
+
+def notes_on_fixed(
+    pairs: ContactPairs, is_fixed: np.ndarray, source: str, by_supports: np.ndarray | None = None
+) -> tuple[str, ...]:
+    """Return one note for each joint of which some pairs cannot move, ``is_fixed`` (n_pairs,) bool.  Local.
+
+    ``by_supports`` (n_pairs,) bool are those without a free DOF on either side, by default all that are fixed.
+
+    Raises
+    ------
+    CaseError : no pair of a joint can move
     """
     notes = []
-    for name in dict.fromkeys(pairs.joint):
-        of_joint = np.array([joint == name for joint in pairs.joint])
+    for name, of_joint in _joints(pairs):
         n, n_fixed = int(of_joint.sum()), int((is_fixed & of_joint).sum())
+        is_plain = by_supports is None or not (is_fixed & ~by_supports & of_joint).any()
         if n_fixed == n:
-            raise CaseError(
-                f"{source}: joint {name!r}: [[supports]] fix both sides of all its {n} pairs, so that none of them can move; "
-                "a joint needs a free side: take its surfaces out of the supports (of supports from the model file: state "
-                "[[supports]] in the scene, they replace those of the file)"
-            )
+            raise CaseError(f"{source}: joint {name!r}: {_refusal(n) if is_plain else _refusal_of_links(n)}")
         if n_fixed:
             warning = "WARNING: " if n_fixed > FEW * n else ""
-            notes.append(
-                f"{warning}joint {name!r}: supports fix both sides of {n_fixed} of its {n} pairs ({100 * n_fixed / n:.0f} %); "
-                "these pairs never slip or separate"
+            counts = f"{n_fixed} of its {n} pairs"
+            share = f"({100 * n_fixed / n:.0f} %); these pairs never slip or separate"
+            held = (
+                f"supports fix both sides of {counts}"
+                if is_plain
+                else f"the two sides of {counts} cannot move relative to each other"
             )
+            notes.append(f"{warning}joint {name!r}: {held} {share}" + ("" if is_plain else f" ({_CAUSES})"))
     return tuple(notes)
+
+
+def notes_on_directions(pairs: ContactPairs, is_fixed: np.ndarray) -> tuple[str, ...]:
+    """Return a note for each joint of which more than a few pairs cannot open, or cannot slip.  Local.
+
+    ``is_fixed`` is (n_pairs, 3) bool, along x, y and z of the frames; pairs that cannot move at all are not counted.
+    """
+    x, y, z = is_fixed.T
+    notes = []
+    for name, of_joint in _joints(pairs):
+        n = int(of_joint.sum())
+        for which, verb, motion in ((z & ~(x & y), "open", "normal"), (x & y & ~z, "slip", "tangential")):
+            count = int((which & of_joint).sum())
+            if count > FEW * n:
+                notes.append(
+                    f"joint {name!r}: {count} of its {n} pairs cannot {verb}: {_CAUSES} fix their {motion} relative motion"
+                )
+    return tuple(notes)
+
+
+def _joints(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:
+    """Return the name of each joint and which pairs it has, (n_pairs,) bool.  Local."""
+    names = np.array(pairs.joint, dtype=object)
+    return [(name, names == name) for name in dict.fromkeys(pairs.joint)]
+
+
+def _refusal(n: int) -> str:
+    return (
+        f"[[supports]] fix both sides of all its {n} pairs, so that none of them can move; a joint needs a free side: take its "
+        "surfaces out of the supports (of supports from the model file: state [[supports]] in the scene, they replace those of "
+        "the file)"
+    )
+
+
+def _refusal_of_links(n: int) -> str:
+    return (
+        f"the two sides of all its {n} pairs cannot move relative to each other: {_CAUSES} (of the scene or of the model file) "
+        "hold both sides, or make one follow the other; a joint needs a side that moves: take its surfaces out of them, or leave "
+        "the joint out"
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -148,19 +148,30 @@ class Draft:
         self.leaders[node] = Point.of_file(name=name, position=position, group=self.group(name, nodes), connection=connection)
 
     def chain(self, word: str) -> None:
-        """Couple a leading node that belongs to another rigid body ``word`` to that body, by equations between their points."""
+        """Couple a leading node that belongs to another rigid body ``word`` to that body, by equations between their points.
+
+        A body of leading nodes alone is a point without nodes of its own.
+        """
+        follows: dict[int, list[int]] = {}
         for node, point in self.leaders.items():
             nodes = self.groups[point.group].nodes
             followers = [n for n in nodes.tolist() if n in self.leaders and n != node and not self.of_solids[n]]
             if not followers or point.connection != "rigid":
                 continue
-            solid = np.setdiff1d(nodes, followers)
-            if not len(solid):
-                self.findings.add(
-                    word, point.name or "", "a rigid body of nodes that lead others, without any of a solid", part="points"
-                )
+            follows[node] = followers
+            self.groups[point.group].nodes = np.setdiff1d(nodes, followers)
+        with_nodes = {
+            node: point.group for node, point in self.leaders.items() if self.of_solids[self.groups[point.group].nodes].any()
+        }
+        for node, followers in follows.items():
+            point = self.leaders[node]
+            group = group_below(node, follows, with_nodes)
+            if group is None:
+                effect = "a rigid body of nodes that lead others, and none of these leads a node of a solid"
+                self.findings.add(word, point.name or "", effect, part="points")
                 continue
-            self.groups[point.group].nodes = solid
+            if group != point.group:
+                self.leaders[node] = point.with_keys(group=group, connection="equations")
             for other in followers:
                 arm = self.points[other] - self.points[node]
                 self.terms.follow_rigidly(self.leaders[other].name, point.name, arm, f"{point.name}, which leads another")
@@ -220,6 +231,19 @@ class Draft:
             at = self.terms.point(self.leaders[node].name) if is_point else node
             made += [(at, i + 3 * turns, float(value * row[i])) for i in range(3)]
         self.terms.add(made, where if where.startswith(word) else f"{word}, {where}")
+
+
+def group_below(node: int, follows: Mapping[int, Sequence[int]], groups: Mapping[int, str]) -> str | None:
+    """Return the group of nodes of a leading node, or of the nearest one that follows it; None if there is none.  Local.
+
+    ``follows`` are the leading nodes that follow a leading node, ``groups`` those of the leading nodes with nodes of their own.
+    """
+    reached = [node]
+    for at in reached:  # grows while it is read
+        if at in groups:
+            return groups[at]
+        reached += [other for other in follows.get(at, ()) if other not in reached]
+    return None
 
 
 def grounded(point: Point, component: int, stiffness: float) -> Point:

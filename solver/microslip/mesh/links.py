@@ -18,7 +18,7 @@ from .cyclic import CyclicFaces, check_joints_beside, cyclic_faces, followers
 from .data import Mesh
 from .equations import solve_equations, translations
 from .locate import find_node
-from .reference_points import of_distributing, of_rigid
+from .reference_points import of_distributing, of_equations, of_rigid
 from .ties import Follower, check_joints, of_tie
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
@@ -194,7 +194,7 @@ def _ties_and_points(mesh: Mesh, tables: StructureTables) -> Links:
         with faults.collected():
             check_joints(mesh, tables, followers)
     for i, point in enumerate(tables.points):
-        connected = of_rigid if point.connection == "rigid" else of_distributing
+        connected = {"rigid": of_rigid, "distributing": of_distributing, "equations": of_equations}[point.connection]
         with faults.collected():
             followers.append(connected(mesh, point, len(mesh.points) + 2 * i, n_places))
     with faults.collected():

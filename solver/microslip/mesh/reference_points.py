@@ -24,7 +24,8 @@ _SLENDER = 1e-8  # ratio of smallest to largest second moment below which the no
 def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
     """Return the dependence of the nodes of a group on a point as a rigid body: docs/theory.md, eq. (2.7)."""
     nodes = mesh.node_groups[point.group]
-    _second_moments(mesh, point.group, nodes, np.ones(len(nodes)) / len(nodes), _what(mesh, point))
+    if not _is_turned(mesh, point):
+        _second_moments(mesh, point.group, nodes, np.ones(len(nodes)) / len(nodes), _what(mesh, point))
     arms = mesh.points[nodes] - np.array(point.position)
     blocks = np.concatenate([np.tile(np.eye(3), (len(nodes), 1, 1)), -_cross(arms)], axis=2).reshape(-1, 6)
     columns = np.arange(3 * at, 3 * at + 6)
@@ -49,6 +50,36 @@ def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Followe
     weights.eliminate_zeros()
     note = f"point {point.name!r} follows the mean of {len(nodes)} nodes of {point.group!r}"
     return Follower(f"point {point.name!r}", np.arange(3 * at, 3 * at + 6), weights, _star(nodes), note)
+
+
+def _is_turned(mesh: Mesh, point: Point) -> bool:
+    """Return whether equations of the model file have independent terms of all three rotations of a point."""
+    equations = mesh.equations
+    if equations is None or point.name not in equations.points:
+        return False
+    turns = (equations.nodes == -1 - equations.points.index(point.name)) & (equations.axes >= 3)
+    rows = np.zeros((len(equations.where), 3))
+    np.add.at(rows, (equations.equation[turns], equations.axes[turns] - 3), equations.coefficients[turns])
+    return bool(np.linalg.matrix_rank(rows) == 3)
+
+
+def of_equations(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
+    """Return no dependence: equations of the model file connect the point, which counts as one of the body of its group.
+
+    Local, rank 0.
+
+    Raises
+    ------
+    MeshError : no equation of the file has the point
+    """
+    if mesh.equations is None or point.name not in mesh.equations.points:
+        raise MeshError(
+            f'{_what(mesh, point)} has connection = "equations", and no equation of the model file names it; connect it as '
+            '"rigid" or "distributing"'
+        )
+    none, weights = np.zeros(0, dtype=np.int64), sp.csr_matrix((0, 3 * n_places))
+    note = f"point {point.name!r} has no nodes of its own: equations of the file connect it"
+    return Follower(f"point {point.name!r}", none, weights, _star(mesh.node_groups[point.group]), note)
 
 
 def forces_of_moment(mesh: Mesh, group: str, moment: Sequence[float], what: str) -> np.ndarray:

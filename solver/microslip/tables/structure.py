@@ -281,8 +281,10 @@ class Point(Table):
     name: Name = Field(description="a name that loads, supports and outputs use, without comma, quote or slash")
     position: Vector = Field(description="three coordinates [x, y, z] in m")
     group: str = Field(min_length=1, description="the name of a group in the mesh")
-    connection: Literal["rigid", "distributing"] = Field(
-        "rigid", description='"rigid": the nodes follow the point; or "distributing": it follows their mean'
+    connection: Literal["rigid", "distributing", "equations"] = Field(
+        "rigid",
+        description='"rigid": the nodes follow the point; "distributing": it follows their mean; or "equations": equations '
+        "of the model file alone connect it",
     )
     weights: Literal["area", "equal"] = Field(
         "area", description='the weights of that mean, "area" of each node, or "equal" for all of them'

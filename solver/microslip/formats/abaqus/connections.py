@@ -8,7 +8,7 @@ from ...messages.errors import MeshError
 from ...messages.words import hint
 from ...tables.constant_loads import Bolt
 from ...tables.structure import Point, Tie
-from ..draft import vector
+from ..draft import group_below, vector
 from ..model import Finding
 from .cards import Card, number, values_of
 from .findings import PART
@@ -34,6 +34,7 @@ def take_connections(model: InputModel) -> None:
             coupling = None
         elif card.keyword in _TAKEN:
             _TAKEN[card.keyword](model, scope, card)
+    _add_leading(model)
 
 
 def surface_of(model: InputModel, scope: Scope, word: str, where: str) -> str:
@@ -118,13 +119,21 @@ def _single(model: InputModel, scope: Scope, word: str, card: Card) -> int:
 
 def _add_point(model: InputModel, node: int, nodes: np.ndarray, group: str, connection: str, card: Card) -> None:
     """Add a point at a node, connected to other nodes; not at a node of a solid, nor twice at a node."""
-    name, is_solid = card.parameters.get("CONSTRAINTNAME", ""), model.grouped.of_solids[nodes]
+    name, is_solid = "", model.grouped.of_solids[nodes]
     others = nodes[(nodes != node) & ~is_solid].tolist() if connection == "rigid" else []
     model.coupled += [(node, int(other), f"*{card.keyword}, {card.where}") for other in others]
-    nodes = nodes[(nodes != node) & is_solid]
     word, number = f"*{card.keyword}", model.mesh.numbers[node]
+    n_loose = np.count_nonzero((nodes != node) & ~is_solid)
+    nodes = nodes[(nodes != node) & is_solid]
+    if connection == "distributing" and n_loose and len(nodes):
+        effect = f"the reference node {number} is a mean with {n_loose} nodes of no solid, which do not count here"
+        model.findings.add(word, card.where, effect, True, "points")
+    if others and not len(nodes) and not model.grouped.of_solids[node]:
+        model.leading.setdefault(node, card)
+        return
     if model.grouped.of_solids[node] or not len(nodes):
-        why = "is a node of a solid itself" if len(nodes) else "holds no node of a solid"
+        mean = "is the mean of nodes of no solid" if connection == "distributing" else "holds no node of a solid"
+        why = "is a node of a solid itself" if len(nodes) else mean
         model.findings.add(word, card.where, f"the reference node {number} {why}: nothing here follows it", True, "points")
         return
     if node in model.points:
@@ -135,10 +144,34 @@ def _add_point(model: InputModel, node: int, nodes: np.ndarray, group: str, conn
             return
         name, nodes = first.name, np.union1d(nodes, model.grouped.nodes_of(first.group))
         group = f"{first.group} and {group}"
+    _set_point(model, node, name or card.parameters.get("CONSTRAINTNAME", ""), model.grouped.node_group(group, nodes), connection)
+
+
+def _set_point(model: InputModel, node: int, name: str, group: str, connection: str) -> None:
+    """Set the point at a node, named after the node if its name is empty or that of another."""
     taken = {point.name for other, point in model.points.items() if other != node}
-    name = name if name and name not in taken else f"node {number}"
-    group, position = model.grouped.node_group(group, nodes), vector(model.mesh.points[node])
-    model.points[node] = Point.of_file(name=plain(name), position=position, group=group, connection=connection)
+    name = plain(name if name and name not in taken else f"node {model.mesh.numbers[node]}")
+    position = vector(model.mesh.points[node])
+    model.points[node] = Point.of_file(name=name, position=position, group=group, connection=connection)
+
+
+def _add_leading(model: InputModel) -> None:
+    """Add the points at reference nodes that lead other reference nodes alone, once all of these are known."""
+    follows: dict[int, list[int]] = {}
+    for leader, node, _ in model.coupled:
+        follows.setdefault(leader, []).append(node)
+    groups = {node: point.group for node, point in model.points.items()}
+    for node, card in model.leading.items():
+        if node in model.points:
+            continue
+        group = group_below(node, follows, groups)
+        if group is None:
+            effect = (
+                f"the reference node {model.mesh.numbers[node]} leads no node of a solid, nor a reference node that leads some"
+            )
+            model.findings.add(f"*{card.keyword}", card.where, effect, True, "points")
+        else:
+            _set_point(model, node, card.parameters.get("CONSTRAINTNAME", ""), group, "equations")
 
 
 def plain(name: str) -> str:

@@ -80,6 +80,7 @@ class InputModel:
     points: dict[int, Point] = field(default_factory=dict)  # by their node
     turns: dict[int, int] = field(default_factory=dict)  # node that holds the rotations of a point: node of the point
     coupled: list[tuple[int, int, str]] = field(default_factory=list)  # leading node, following node on no solid, place
+    leading: dict[int, Card] = field(default_factory=dict)  # reference nodes that lead others and, so far, no node of a solid
     masses: list[Mass] = field(default_factory=list)
     springs: list[Spring] = field(default_factory=list)
     terms: Terms = field(default_factory=Terms)

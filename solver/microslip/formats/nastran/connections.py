@@ -18,6 +18,7 @@ def take_connections(content: Content) -> None:
             _take_rigid(content, number, element)
         elif element.type == "RBE3":
             _take_distributing(content, number, element)
+    _leave_out_means(content)
     content.chain("RBE2")
     for number, mass in content.cards.masses.items():
         if mass.type == "CONM2":
@@ -53,6 +54,21 @@ def _take_distributing(content: Content, number: int, element: Any) -> None:
     else:
         content.lead(name, node, content.find([int(n) for part in element.Gijs for n in part], name), "distributing")
         content.leaders[node] = content.leaders[node].with_keys(weights="equal")
+
+
+def _leave_out_means(content: Content) -> None:
+    """Add a finding for each mean of grid points that belong to no solid; without any of a solid it is no point."""
+    for node, point in list(content.leaders.items()):
+        nodes = content.groups[point.group].nodes
+        loose = nodes[~content.of_solids[nodes]]
+        if point.connection == "distributing" and len(loose):
+            leads = " (which leads others)" if int(loose[0]) in content.leaders else ""
+            effect = (
+                f"a mean of {len(nodes)} grid points, {len(loose)} of them of no solid, as {content.numbers[loose[0]]}{leads}"
+            )
+            content.findings.add("RBE3", point.name or "", effect, part="points")
+            if len(loose) == len(nodes):
+                del content.leaders[node]
 
 
 def _take_mass(content: Content, number: int, mass: Any) -> None:

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from ...assembly.check import check_elements
 from ...assembly.constraints import check_supports
-from ...assembly.fixed_pairs import fixed_by_nodes, notes_on_fixed
+from ...assembly.fixed_pairs import notes_on_pairs
 from ...assembly.nodal_forces import nodal_forces
 from ...assembly.output_rows import output_row
 from ...formats.model import FileModel
@@ -98,7 +98,7 @@ def _of_links(scene: Scene, mesh: Mesh, pairs: ContactPairs | None, links: Links
         is_fixed = fixed_places(mesh, scene, links)
         check_supports(mesh, links, is_fixed)
         if pairs is not None:
-            notes_on_fixed(pairs, fixed_by_nodes(pairs, is_fixed[: len(mesh.points)]), str(scene.path))
+            notes_on_pairs(pairs, links, is_fixed, str(scene.path))
     if pairs is not None and links.cyclic is None:
         with faults.collected():
             check_fixed(*connected_parts(mesh, scene.body_of), mesh, scene.supports, pairs, links)
