@@ -33,7 +33,6 @@ class MaximumByPhase:
     """The amplitude of harmonic 1 of an output is at its maximum over the frequency, the first parameter fixed, eq. (7.9)."""
 
     output: int
-    per_level: float  # of the linear peak, amplitude over level
     is_of_output: bool = False  # the phase is that of the output, not that of the pairs' motion
 
     def correct(self, corrector: Corrector, system: BorderedSystem, guess: Iterate, is_patient: bool = False) -> Correction:
@@ -96,9 +95,7 @@ class _Search:
 
     def as_one_mode(self, there: Iterate, theta: float) -> Iterate:
         """Return about the solution ``theta`` [rad] beyond one near the top of a resonance, as if it were of one mode.  Local."""
-        level = self.system.problem.at(there.parameters).level
-        wider = self.row.per_level * level / abs(self.output(there))  # by its damping, eq. (7.10)
-        width, turned = self.system.scaling.parameters[1] * wider, self.turned(there, theta)
+        width, turned = self.system.scaling.parameters[1], self.turned(there, theta)
         value, omega = turned.parameters
         size = 1.0 if self.row.is_of_output else np.cos(theta)
         return replace(turned, U=size * turned.U, parameters=(value, omega - 0.5 * width * np.tan(theta)))

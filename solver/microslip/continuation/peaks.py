@@ -154,7 +154,7 @@ def follow_peak(
     -------
     branch : ``parameters`` of a point are the number and the frequency [rad/s]; why it ends early is in ``failure``
     """
-    row = MaximumByPhase(stuck.output, abs(stuck.amplitude), not turns(equation, stuck, damping))
+    row = MaximumByPhase(stuck.output, not turns(equation, stuck, damping))
     problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, row, begins, damping)
     task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance, estimator, accuracy)
     return follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until)
