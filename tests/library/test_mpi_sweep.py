@@ -183,11 +183,20 @@ def test_samples_are_those_of_separate_structures(comm, bar):
 
 
 def test_one_sample_of_several_fails_and_the_others_go_on(mass):
-    table = microslip.sweep(mass, {FRICTION: [0.8, -1.0, 1.2]})  # a factor, which no scene checks
+    table = microslip.sweep(mass, {STIFFNESS: [1.0, 1e3, 1.2]})  # the second peak lies beyond the range
     assert [sample.status for sample in table.samples] == [DONE, FAILED, DONE]
-    assert len(table.failures) == 1 and "sample 1 (joints.joint.friction = -1)" in table.failures[0]
+    assert len(table.failures) == 1 and "sample 1 (joints.joint.tangential_stiffness = 1000)" in table.failures[0]
     with pytest.raises(AttributeError):
         _ = table.amplitud
+
+
+@pytest.mark.parametrize(
+    "key, value, says",
+    [("friction", -1.0, "mu in pairs.csv must not be negative"), ("preload", 0.0, "n0 in pairs.csv must be above 0")],
+)
+def test_factors_that_the_file_of_pairs_does_not_allow_are_refused_before_a_solve(mass, key, value, says):
+    with pytest.raises(CaseError, match=rf"scene\.toml: joints\.joint\.{key} = {value:g}: the factor of {says}"):
+        microslip.sweep(mass, {f"joints.joint.{key}": [1.0, value]})
 
 
 @pytest.mark.parametrize("is_loose", [True, False])
