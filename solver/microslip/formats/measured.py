@@ -138,9 +138,8 @@ def measured_of(
         name = next(iter(given))
         bare = name.split("_")[0] in ("frequency", "amplitude", "phase", "peak", "sigma") and name not in known
         more = f"; the outputs are in {unit}: state the unit in the name" if bare else ""
-        raise CaseError(
-            f'{where}: the column "{_spelled(name)[:40]}" is unknown{hint(_spelled(name), list(map(_spelled, known)))}{more}; {_expected(unit)}'
-        )
+        near = hint(_spelled(name), list(map(_spelled, known)))
+        raise CaseError(f'{where}: the column "{_spelled(name)[:40]}" is unknown{near}{more}; {_expected(unit)}')
     return _checked(measured, where, levels, unit)
 
 

@@ -153,15 +153,8 @@ def refuse_bounds(scene: Any, bounds: Mapping[str, tuple[float, float]]) -> None
     ------
     CaseError : as :func:`identify`; joints and numbers of a model file are not known here
     """
-    keys = [
-        *(
-            f"joints.{joint.name}.{number}"
-            for joint in scene.joints
-            for number in NUMBER_OF
-            if number in numbers_of_law(joint.law)
-        ),
-        damping_key(scene),
-    ]
+    numbers = [(joint.name, number) for joint in scene.joints for number in NUMBER_OF if number in numbers_of_law(joint.law)]
+    keys = [*(f"joints.{name}.{number}" for name, number in numbers), damping_key(scene)]
     joints = {joint.name: joint for joint in scene.joints}
     if not bounds:
         raise CaseError(f"identify: numbers to fit are missing; there are {listed(keys)}")
