@@ -10,7 +10,7 @@ from oracles import scenes
 
 from microslip.parallel.agree import on_root
 
-FRICTION = "joints.joint.friction"
+FRICTION, STIFFNESS = "joints.joint.friction", "joints.joint.tangential_stiffness"
 
 
 @pytest.fixture
@@ -96,12 +96,12 @@ def test_indices_curves_and_numbers_one_by_one(comm, scene, program, shared_path
 @pytest.mark.ranks(1, 2)
 def test_a_sample_that_fails_ends_with_status_3_after_the_others(comm, scene, program, shared_path):
     table, out = shared_path / "samples.csv", shared_path / "out"
-    on_root(comm, lambda: table.write_text(f"# factors\n{FRICTION}, level\n0.9, 0.4\n-1, 0.4\n1.0, -2\n"))
+    on_root(comm, lambda: table.write_text(f"# factors\n{STIFFNESS}, level\n0.9, 0.4\n1e3, 0.4\n1.0, -2\n-1, 0.4\n"))
     status, _, err = program("sweep", scene, "--table", table, "--out", out)
-    assert status == 2 and "1 of 3 samples are outside what the scene allows" in err and "levels" in err
+    assert status == 2 and "2 of 4 samples are outside what the scene allows" in err and "levels" in err
     status, said, err = program("sweep", scene, "--table", table, "--outside", "skip", "--out", out)
-    assert status == 3 and "1 of 3 samples have no peak" in err and "sample 1" in err
-    assert [row["status"] for row in rows_of(out)] == ["done", "failed", "outside"]
+    assert status == 3 and "1 of 4 samples have no peak" in err and "sample 1" in err
+    assert [row["status"] for row in rows_of(out)] == ["done", "failed", "outside", "outside"]
 
 
 @pytest.mark.ranks(1, 2)
@@ -138,6 +138,7 @@ def test_what_makes_no_sense_is_refused(scene, program, shared_path, options, sa
         ("level\n", "there is no sample in it"),
         ("level\n1.0,2.0\n", "sample 1 has 2 cells"),
         ("level\nhigh\n", "expected a finite number, found 'high'"),
+        ("level;joints.joint.friction\n0.4;1\n", "separated by semicolons, not by commas"),
         ("", "the columns have no names"),
     ],
 )

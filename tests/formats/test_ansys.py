@@ -440,6 +440,13 @@ def test_elements_of_unknown_types_are_named_with_their_count(tmp_path):
         read_model(written(tmp_path, text=text))
 
 
+def test_solids_with_an_option_that_is_not_available_are_named_with_it(tmp_path):
+    text = re.sub(r"^ET,(\d+),\d+\nKEYOP,\d+,2,\d+", r"ET,\1,185\nKEYOP,\1,2,1", cdb(plain()), flags=re.MULTILINE)
+    says = r"6 of type 185, SOLID185 with KEYOPT\(2\) = 1 .*which is not available here"
+    with pytest.raises(MeshError, match=f"none of its elements are solids .*: {says}"):
+        read_model(written(tmp_path, text=text))
+
+
 @pytest.mark.parametrize("file, volume", [("hexarchivefile", 5.0), ("tetarchivefile", None), ("sector_archive_file", None)])
 def test_files_of_mapdl_archive_are_read(file, volume):
     found = read_model(getattr(mapdl_archive.examples, file))

@@ -13,6 +13,7 @@ from microslip.formats.read import read_model
 from microslip.library.complete import complete, held_by
 from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import scene_of
+from microslip.studies.check.model_content import passed_over
 
 pytest.importorskip("pyNastran")
 DATA = Path(__file__).parents[1] / "data"
@@ -319,7 +320,27 @@ def test_defaults_of_grid_points_hold_them_and_a_set_that_is_not_asked_for_is_sa
     found = read_model(written(tmp_path, text=text))
     held = {axis: set().union(*(found.groups[s.group].nodes for s in found.supports if axis in s.fix)) for axis in "xy"}
     assert held == {"x": set(model.sets["PLATE_BASE"]), "y": set(range(len(model.points)))}
-    assert ["names no set; the only set, 1" in one.effect for one in found.findings if one.word == "SPC"] == [True]
+    says = "the case control names no set: Nastran would leave out set 1, the only one; it is taken over here"
+    assert [(one.effect, one.is_taken, one.changes) for one in found.findings if one.word == "SPC"] == [(says, True, False)]
+    assert passed_over(found.findings) == [f"taken over SPC 1: SPC: {says}"]
+
+
+@pytest.mark.parametrize("case, kind", [("SPC = 1", "MPC"), ("MPC = 7", "SPC")])
+def test_sets_of_a_kind_that_the_case_control_does_not_name_are_left_out(tmp_path, case, kind):
+    a, b = plain().numbers[:2]
+    text = bdf(plain(), (f"MPC,7,{a},1,1.0,{b},1,-1.0",)).replace("SPC = 1\n", f"{case}\n")
+    found = read_model(written(tmp_path, text=text))
+    assert (found.equations is None, found.supports == ()) == (kind == "MPC", kind == "SPC")
+    number = 7 if kind == "MPC" else 1
+    says = f"the case control names no {kind} set, and Nastran leaves set {number} out, too"
+    assert [(one.word, one.effect, one.changes) for one in found.findings] == [(kind, says, False)]
+
+
+def test_subcases_that_name_other_sets_are_answered(tmp_path):
+    a, b = plain().numbers[:2]
+    text = bdf(plain(), (f"MPC,7,{a},1,1.0,{b},1,-1.0",)).replace("SPC = 1\n", "SUBCASE 1\nSPC = 1\nSUBCASE 2\nMPC = 7\n")
+    found = read_model(written(tmp_path, text=text))
+    assert found.supports and found.equations is not None and found.findings == ()
 
 
 def test_a_mean_of_equal_weights_is_taken_over_as_such(tmp_path):

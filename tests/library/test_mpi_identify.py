@@ -11,6 +11,7 @@ from oracles import scenes
 
 import microslip
 from microslip.formats.measured import measured_of, read_measured
+from microslip.library.identify import refuse_bounds
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 
@@ -77,6 +78,19 @@ def test_noisy_data_give_them_within_their_intervals(structure, exact):
     assert not microslip.identify(structure, of_less, BOUNDS).is_explained
 
 
+@pytest.mark.ranks(1)
+def test_deviations_of_phases_that_are_not_stated_follow_from_the_residuals(structure, exact):
+    """Amplitudes have theirs stated; phases are ten times as uncertain as without a statement."""
+    columns = noisy(exact, 0)
+    columns.pop("sigma_phase_rad")
+    few = microslip.identify(structure, columns, BOUNDS)
+    noise = 0.3 * np.random.default_rng(1).standard_normal(len(columns["phase_rad"]))
+    much = microslip.identify(structure, columns | {"phase_rad": exact["phase_rad"] + noise}, BOUNDS)
+    assert few.is_explained and much.is_explained
+    assert np.all(np.log(much.high / much.low) > 1.5 * np.log(few.high / few.low))
+    assert much.low[1] <= 0.03 <= much.high[1]
+
+
 def test_what_data_do_not_see_is_said(structure, exact):
     """While all pairs stick there is no friction; friction and preload make one limit where no pair opens."""
     columns = {name: values[: len(FREQUENCY)] for name, values in noisy(exact, 3).items()} | {
@@ -140,6 +154,8 @@ def test_peaks_can_be_fitted(structure):
 def test_wrong_numbers_are_refused(structure, exact, bounds, text):
     with pytest.raises(CaseError, match=text):
         microslip.identify(structure, exact, bounds)
+    with pytest.raises(CaseError, match=text):
+        refuse_bounds(structure.scene, bounds)  # before the structure is built
 
 
 @pytest.mark.parametrize(
@@ -147,7 +163,7 @@ def test_wrong_numbers_are_refused(structure, exact, bounds, text):
     [
         ("", "a header and at least one row"),
         ("1,2\n3,4\n", "unknown"),
-        ("frequency,amplitude_m\n80,1e-6\n", 'column "frequency" is unknown.*frequency_hz'),
+        ("frequency,amplitude_m\n80,1e-6\n", 'column "frequency" is unknown; nearest is "frequency_Hz"'),
         ("frequency_Hz,amplitude\n80,1e-6\n", "state the unit in the name"),
         ("frequency_Hz,amplitude_N\n80,1e-6\n", "unknown.*the outputs are in m"),
         ("frequency_Hz,level_N\n80,5\n", "neither an amplitude nor a phase"),

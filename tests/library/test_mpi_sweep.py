@@ -77,6 +77,25 @@ def test_a_stuck_peak_has_the_width_and_damping_of_its_mode(mass):
     assert (table.friction_J == 0.0).all() and (table.slipping == 0).all()
 
 
+def test_a_structure_without_joints_has_its_linear_peaks(comm, folder):
+    def without_joint():
+        path = one_mass(folder / "no joint")
+        path.write_text(
+            path.read_text().replace('[[joints]]\nname = "joint"\npairs = "pairs.csv"\nfriction_limit = "circle"\n', "")
+        )
+        return path
+
+    with microslip.build(microslip.read(on_root(comm, without_joint)), comm) as structure:
+        table = microslip.sweep(structure, {"level": [0.5, 3.0]}, curves=True)
+    zeta = 0.5 * C
+    assert table.amplitude == pytest.approx([level / (2.0 * zeta * np.sqrt(1.0 - zeta**2)) for level in (0.5, 3.0)], rel=1e-6)
+    assert 2.0 * np.pi * table.frequency == pytest.approx([np.sqrt(1.0 - 2.0 * zeta**2)] * 2, rel=1e-5)
+    assert 2.0 * np.pi * table.width == pytest.approx([C] * 2, rel=1e-3)
+    assert table.damping_J == pytest.approx(np.pi * C * table.amplitude**2, rel=3e-4) and (table.friction_J == 0.0).all()
+    tops = np.nanmax(table.curves, axis=1)  # at the frequencies of the grid
+    assert tops[1] == pytest.approx(6.0 * tops[0]) and (tops < table.amplitude).all() and tops[0] > 0.5 * table.amplitude[0]
+
+
 def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, folder, mass):
     """From a factor of 1/100 to 10: all modes are there, so that the update is exact."""
     values = [0.01, 0.5, 10.0]
@@ -178,11 +197,20 @@ def test_a_stated_accuracy_raises_the_harmonics_of_a_sample(comm, shared_path):
 
 
 def test_one_sample_of_several_fails_and_the_others_go_on(mass):
-    table = microslip.sweep(mass, {FRICTION: [0.8, -1.0, 1.2]})  # a factor, which no scene checks
+    table = microslip.sweep(mass, {STIFFNESS: [1.0, 1e3, 1.2]})  # the second peak lies beyond the range
     assert [sample.status for sample in table.samples] == [DONE, FAILED, DONE]
-    assert len(table.failures) == 1 and "sample 1 (joints.joint.friction = -1)" in table.failures[0]
+    assert len(table.failures) == 1 and "sample 1 (joints.joint.tangential_stiffness = 1000)" in table.failures[0]
     with pytest.raises(AttributeError):
         _ = table.amplitud
+
+
+@pytest.mark.parametrize(
+    "key, value, says",
+    [("friction", -1.0, "mu in pairs.csv must not be negative"), ("preload", 0.0, "n0 in pairs.csv must be above 0")],
+)
+def test_factors_that_the_file_of_pairs_does_not_allow_are_refused_before_a_solve(mass, key, value, says):
+    with pytest.raises(CaseError, match=rf"scene\.toml: joints\.joint\.{key} = {value:g}: the factor of {says}"):
+        microslip.sweep(mass, {f"joints.joint.{key}": [1.0, value]})
 
 
 @pytest.mark.parametrize("is_loose", [True, False])

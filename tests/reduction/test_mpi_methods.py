@@ -10,6 +10,7 @@ from dense_model import forced
 from matrix_scenes import write_matrix_scene
 from oracles import harmonic_balance, scenes
 
+import microslip
 from microslip.continuation.grid import at_frequencies
 from microslip.library.settings import excitation, reduction_settings
 from microslip.linear.dense import gram, multiply
@@ -259,6 +260,27 @@ def test_fewer_modes_than_rigid_body_modes_are_refused(comm, shared_path):
         ):
             reduced(scene, structure, method, **BASES[method])
     structure.linearised.destroy()
+
+
+@pytest.mark.parametrize("method", list(METHODS))
+def test_every_method_has_the_linear_response_of_a_structure_without_joints(comm, shared_path, method):
+    def without_joint():
+        loads = [{"vector": np.array([0.0, 1.0]), "harmonic": 1}]
+        system = scenes.make_system(
+            "two masses", np.eye(2), [[3.0, -1.0], [-1.0, 2.0]], [[0, -1, -1, -1, -1, -1]], mu=1.0, N0=1.0, k_t=1.0, k_n=0.0,
+            C=0.02 * np.eye(2), loads=loads, output=[0.0, 1.0], omega=(0.5, 2.0), levels={},
+        )  # fmt: skip
+        more = {"points": 20, "modes": 2, "harmonics": 1, "error_bars": False}
+        path = write_matrix_scene(shared_path, system, [1.0], (0.5, 2.0), method=method, **more)
+        text = path.read_text()
+        path.write_text(text[: text.index("[[joints]]")] + text[text.index("[[loads]]") :])
+        return path
+
+    with microslip.build(microslip.read(on_root(comm, without_joint)), comm) as structure:
+        curve = microslip.respond(structure)["1"]
+    omega = 2.0 * np.pi * curve.frequency[0]
+    exact = [np.linalg.solve([[3.0 - w**2 + 0.02j * w, -1.0], [-1.0, 2.0 - w**2 + 0.02j * w]], [0.0, 1.0])[1] for w in omega]
+    assert curve.amplitude[0] == pytest.approx(np.abs(exact), rel=1e-8)
 
 
 @pytest.mark.ranks(1, 2)

@@ -23,6 +23,9 @@ UNIVERSAL = (".unv", ".uff", ".uf")  # endings of universal files
 LEVELS = {"level_n": 1.0, "level_kn": 1e3, "level": 1.0}
 
 
+_SPELLED = {"hz": "Hz", "khz": "kHz", "n": "N", "kn": "kN"}  # units, in names that are compared in small letters
+
+
 @dataclass(frozen=True, eq=False)
 class Measured:
     """n measured rows, of points of curves or of peaks; NaN where a row does not have a number."""
@@ -103,7 +106,7 @@ def measured_of(
     def one_of(kind: Mapping[str, float]) -> np.ndarray:
         names = [name for name in kind if name in given]
         if len(names) > 1:
-            raise CaseError(f"{where}: {listed(names, 'and')} state the same; keep one")
+            raise CaseError(f"{where}: {listed(list(map(_spelled, names)), 'and')} state the same; keep one")
         return kind[names[0]] * numbers(names[0]) if names else np.full(n, np.nan)
 
     named = given.pop("output", None)
@@ -135,7 +138,8 @@ def measured_of(
         name = next(iter(given))
         bare = name.split("_")[0] in ("frequency", "amplitude", "phase", "peak", "sigma") and name not in known
         more = f"; the outputs are in {unit}: state the unit in the name" if bare else ""
-        raise CaseError(f'{where}: the column "{name[:40]}" is unknown{hint(name, known)}{more}; {_expected(unit)}')
+        near = hint(_spelled(name), list(map(_spelled, known)))
+        raise CaseError(f'{where}: the column "{_spelled(name)[:40]}" is unknown{near}{more}; {_expected(unit)}')
     return _checked(measured, where, levels, unit)
 
 
@@ -162,6 +166,12 @@ def _expected(unit: str = "m") -> str:
     )
 
 
+def _spelled(name: str) -> str:
+    """Return the name of a column in small letters with its unit as it is written."""
+    head, line, unit = name.rpartition("_")
+    return f"{head}{line}{_SPELLED.get(unit, unit)}"
+
+
 def _outputs(named: Sequence[Any], outputs: Sequence[str], where: str) -> np.ndarray:
     names = [str(name).strip() for name in named]
     for name in names:
@@ -182,7 +192,7 @@ def _numbers(values: Sequence[Any], name: str, where: str, lines: Sequence[int])
             column[i] = np.inf
         if np.isinf(column[i]):
             line = f", line {lines[i]}" if len(lines) else ""
-            raise CaseError(f'{where}{line}: {name} = "{str(value)[:20]}" is not a finite number')
+            raise CaseError(f'{where}{line}: {_spelled(name)} = "{str(value)[:20]}" is not a finite number')
     return column
 
 

@@ -142,7 +142,7 @@ class FileStep:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """An entry of the file that is not taken over."""
+    """An entry of the file that is not taken over, or not as its program does."""
 
     word: str  # name for the user, also in [model] ignore: "*CONTACT PAIR", "CELAS2", "CONM1"
     where: str  # "line 12", "bolts.inc, line 3"
@@ -153,6 +153,7 @@ class Finding:
     part: str = ""
     surfaces: tuple[str, ...] = ()  # groups that the entry connects: a joint or tie of the scene between them replaces it
     is_glued: bool = False  # whether the entry is a tie of the groups
+    is_taken: bool = False  # whether it is taken over all the same, where its program would leave it out
 
 
 @dataclass(frozen=True)

@@ -188,7 +188,7 @@ def _refuse_findings(scene: Scene, model: FileModel, file_parts: set[str]) -> li
         )
     answered -= set(ignored.values())
     left_out = [each for each in findings if each.word not in answered and frozenset(each.surfaces) not in of_file]
-    return [f"{each.where}: {each.word} is left out: {each.effect}" for each in left_out]
+    return [f"{each.where}: {each.word}{'' if each.is_taken else ' is left out'}: {each.effect}" for each in left_out]
 
 
 def _bare(word: str) -> str:

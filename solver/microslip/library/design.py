@@ -53,6 +53,11 @@ class Design:
         return self.kind == "grid"
 
     @property
+    def is_random(self) -> bool:
+        """Whether the samples are of a distribution, which percentiles describe."""
+        return self.kind not in ("grid", "one by one")
+
+    @property
     def axes(self) -> tuple[str, ...]:
         """The names of the axes: of a grid the keys."""
         return self.keys if self.is_grid else ("sample",)

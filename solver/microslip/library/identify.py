@@ -27,7 +27,7 @@ from ..results.sensitivities import Varied, peak_rates
 from .build import Structure
 from .prepare import Prepared, prepare
 from .respond import scene_with
-from .sensitivities import varied_numbers
+from .sensitivities import NUMBER_OF, damping_key, numbers_of_law, varied_numbers
 from .settings import output_names, refuse_discs, refuse_statics, units_of
 
 PLAUSIBLE = 0.999  # share of measurements whose residuals are smaller, if the model is right and the deviations are as stated
@@ -97,7 +97,8 @@ def identify(
     """Return the numbers within ``bounds`` that explain a measurement best.
 
     Collective on ``structure.comm``; the same on every rank.  Least squares of amplitudes, phases and frequencies of peaks over
-    their standard deviations, docs/theory.md, eq. (11.8); without stated ones intervals follow from the residuals.
+    their standard deviations, docs/theory.md, eq. (11.8); where none are stated they follow from the residuals, of each of the
+    three alone.
 
     Parameters
     ----------
@@ -148,6 +149,36 @@ def _rows_of(scene: Any, measured: Any) -> Measured:
     return read_measured(Path(measured), *of, scene.response.frequencies)
 
 
+def refuse_bounds(scene: Any, bounds: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse numbers and bounds that the scene alone shows to be wrong, before its structure is built.  Local.
+
+    Raises
+    ------
+    CaseError : as :func:`identify`; joints and numbers of a model file are not known here
+    """
+    numbers = [(joint.name, number) for joint in scene.joints for number in NUMBER_OF if number in numbers_of_law(joint.law)]
+    keys = [*(f"joints.{name}.{number}" for name, number in numbers), damping_key(scene)]
+    joints = {joint.name: joint for joint in scene.joints}
+    if not bounds:
+        raise CaseError(f"identify: numbers to fit are missing; there are {listed(keys)}")
+    for key, ends in bounds.items():
+        name, _, number = key.removeprefix("joints.").rpartition(".")
+        is_of_file = scene.model.mesh is not None and key.startswith("joints.") and name not in joints and number in NUMBER_OF
+        if key not in keys and not is_of_file:
+            raise CaseError(f"identify: there is no number {key!r}{hint(key, keys)}; there are {listed(keys)}")
+        value = scene.damping.ratio if key == "damping.ratio" else getattr(joints.get(name), number, None)
+        value = 1.0 if name in joints and joints[name].pairs is not None else value  # a factor
+        _check_bounds(key, *ends, float(value) if isinstance(value, float) and value > 0.0 else None)
+
+
+def _check_bounds(key: str, low: float, high: float, value: float | None) -> None:
+    """Raise CaseError unless bounds are of at least 0, rise, and hold the value of the scene where it is known."""
+    if 0.0 <= low < high < np.inf and (value is None or low <= value <= high):
+        return
+    about = " about the scene's value" if value is None else f" about the scene's value, {value:g},"
+    raise CaseError(f"identify: {key} = {low:g}:{high:g}: bounds of at least 0{about} are expected, the lower one first")
+
+
 def _fitted(scene: Any, structure: Structure, bounds: Mapping[str, tuple[float, float]]) -> list[Fitted]:
     """Return the numbers to fit.  CaseError as :func:`identify`."""
     known = {each.key: each for each in varied_numbers(scene, structure.pairs) if each.key not in ("level", "damping")}
@@ -160,10 +191,7 @@ def _fitted(scene: Any, structure: Structure, bounds: Mapping[str, tuple[float, 
         low, high = map(float, ends)
         value = known[key].value
         assert value is not None, "only the level has none"
-        if not (0.0 <= low < high < np.inf and low <= value <= high):
-            raise CaseError(
-                f"identify: {key} = {low:g}:{high:g}: bounds of at least 0 about the scene's value, {value:g}, are expected"
-            )
+        _check_bounds(key, low, high, value)
         if scene.statics is not None and key.rsplit(".", 1)[-1] in AT_REST:
             raise CaseError(f"identify: {key} changes the state of rest with [statics]; fit stiffness and damping alone")
         fitted.append(Fitted(known[key], low, high))
@@ -180,15 +208,15 @@ class _Model:
     def __init__(self, structure: Structure, scene: Any, rows: Measured, fitted: Sequence[Fitted]):
         self.structure, self.scene, self.rows, self.fitted = structure, scene, rows, list(fitted)
         self.evaluations, self.failure = 0, ""
-        self.has_deviations = bool(np.isfinite(rows.deviation).all() or np.isfinite(rows.deviation_of_phase).all())
+        stated = np.stack([rows.deviation, rows.deviation_of_phase, rows.deviation_of_frequency])
         largest = np.array([np.nanmax(rows.amplitude[rows.output == k], initial=0.0) for k in rows.output])
-        self.deviations = np.stack([
-            np.where(np.isfinite(rows.deviation), rows.deviation, OF_AMPLITUDE * largest),
-            np.where(np.isfinite(rows.deviation_of_phase), rows.deviation_of_phase, OF_PHASE),
-            np.where(np.isfinite(rows.deviation_of_frequency), rows.deviation_of_frequency, OF_FREQUENCY * rows.frequency),
-        ])  # fmt: skip
+        usual = np.stack([OF_AMPLITUDE * largest, np.full(rows.n, OF_PHASE), OF_FREQUENCY * rows.frequency])
+        self.deviations = np.where(np.isfinite(stated), stated, usual)
         target = np.stack([rows.amplitude, rows.phase, rows.frequency if rows.of_peaks else np.full(rows.n, np.nan)])
         self.target, self.counts = target, np.isfinite(target)
+        self.is_stated = np.isfinite(stated)[self.counts]  # (n_residuals,) bool, the deviation
+        kind = np.nonzero(self.counts)[0]
+        self.unstated = [rows for k in range(3) if (rows := ~self.is_stated & (kind == k)).any()]  # (n_residuals,) bool each
         self._known: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self.fit = rows
 
@@ -297,12 +325,19 @@ def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, b
     """Return what least squares found, with intervals: docs/theory.md, eq. (11.9)."""
     J, fitted, keys = done.jac, model.fitted, tuple(each.varied.key for each in model.fitted)
     rms = float(np.sqrt(np.mean(done.fun**2)))
-    noise = 1.0 if model.has_deviations else max(rms, 1e-12)
-    effect = np.linalg.norm(J, axis=0) * (edges[1] - edges[0])
-    is_seen = effect > noise
+    noise, variance = np.ones(len(done.fun)), np.ones(len(done.fun))  # of the residuals
+    for rows in model.unstated:
+        noise[rows] = max(float(np.sqrt(np.mean(done.fun[rows] ** 2))), 1e-12)
+    effect = np.linalg.norm(J / noise[:, None], axis=0) * (edges[1] - edges[0])
+    is_seen = effect > 1.0
     dof = max(len(done.fun) - int(is_seen.sum()), 1)
-    scale = 1.0 if model.has_deviations else float(np.sum(done.fun**2)) / dof
-    covariance = scale * np.linalg.pinv(J[:, is_seen].T @ J[:, is_seen], hermitian=True)
+    J_seen = J[:, is_seen]
+    inverse = np.linalg.pinv(J_seen.T @ J_seen, hermitian=True)
+    free = 1.0 - np.einsum("ij,jk,ik->i", J_seen, inverse, J_seen)  # degrees of freedom of each residual
+    for rows in model.unstated:
+        variance[rows] = np.sum(done.fun[rows] ** 2) / max(float(free[rows].sum()), 1.0)
+    covariance = inverse @ (J_seen.T * variance) @ J_seen @ inverse
+    of_stated = float(np.sum(done.fun[model.is_stated] ** 2)), max(float(free[model.is_stated].sum()), 1.0)
     deviation = np.full(len(keys), np.inf)
     deviation[is_seen] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     correlation = np.eye(len(keys))
@@ -334,7 +369,7 @@ def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, b
         fit=model.fit,
         before=before,
         rms=rms,
-        is_explained=not model.has_deviations or float(np.sum(done.fun**2)) <= chi2.ppf(PLAUSIBLE, dof),
+        is_explained=not model.is_stated.any() or of_stated[0] <= chi2.ppf(PLAUSIBLE, of_stated[1]),
         dof=dof,
         evaluations=model.evaluations,
         outcome=str(done.message),

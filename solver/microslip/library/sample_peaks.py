@@ -18,12 +18,13 @@ import numpy as np
 from ..contact.law import OPEN, SLIP, STICK
 from ..continuation.acceptance import judged
 from ..continuation.accuracy import Memory, Resolution, accuracy_of
+from ..continuation.corrector import Correction
 from ..continuation.iterate import Iterate
 from ..continuation.levels import ResponseProblem, follow_level, linear_curve
 from ..continuation.peak_at import PeakPoint, Starts, peak_near
 from ..continuation.peak_curves import linear_peaks
 from ..continuation.peaks import harmonics_of, iterate_of
-from ..continuation.point_record import HELD
+from ..continuation.point_record import HELD, point_record
 from ..continuation.ways_out import MOSTLY
 from ..error_estimate.estimate import ErrorEstimator
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
@@ -34,6 +35,7 @@ from ..observe.log import RunLog
 from ..points.branch import Branch, Point
 from ..points.error_parts import total
 from ..points.peak import Peak
+from ..points.selection import AllPairs
 from ..receptance.reduced_model import ReducedModel
 from ..scene.overrides import words_of
 from ..scene.schema import Scene
@@ -172,7 +174,11 @@ class SamplePeaks:
         linear = self._nearest_linear(of, level, near)
         self.target = near if linear is None else linear.omega
         self.grid = np.linspace(min(of.sweep.start, of.sweep.stop), max(of.sweep.start, of.sweep.stop), CURVE_POINTS)
-        sample = self._of_peak(_Problem(of, level, self.resolution), peak[0], self.varied.nominal, branch, held)
+        problem = _Problem(of, level, self.resolution)
+        if of.model.n_pairs == 0:
+            sample = self._of_linear(problem, self.varied.nominal, branch)
+        else:
+            sample = self._of_peak(problem, peak[0], self.varied.nominal, branch, held)
         if sample.status != DONE:
             raise ConvergenceError(f"{scene.source}: sweep: no peak of the scene itself at {level:g}: {sample.why}")
         return replace(sample, seconds=time.perf_counter() - began)
@@ -219,6 +225,8 @@ class SamplePeaks:
         if self.has_curves:
             branch = follow_level(_alone(problem.of), problem.level)
         x = np.array(values)
+        if problem.of.model.n_pairs == 0:
+            return self._of_linear(problem, x, branch)
         sample = self._from_others(problem, x, branch)
         if sample.status == DONE:
             return sample
@@ -321,7 +329,24 @@ class SamplePeaks:
             f = peak.iterate.parameter / (2.0 * np.pi)
             return Sample(values, FAILED, f"its peak at {f:.6g} Hz lies outside [response] frequencies", newton=peak.newton)
         self.solved.append((x, peak.starts, held))
-        return self._record(problem, peak, linear, values, branch)
+        return self._record(problem, peak.point, peak.width, peak.newton, linear, values, branch)
+
+    def _of_linear(self, problem: _Problem, x: np.ndarray, branch: Branch | None) -> Sample:
+        """Return the sample of a structure without pairs: the linear peak nearest to that of the scene itself.  Collective."""
+        values, linear = tuple(map(float, x)), self._nearest_linear(problem.of, problem.level, None)
+        if linear is None:
+            return Sample(values, FAILED, "its linear response has no peak in [response] frequencies")
+        forced = problem.forced(False)
+        equation, at = forced.equation, (linear.omega,)
+        there = Iterate(equation.linear_motion(forced.at(at)), at, equation.harmonics)
+        solution = Correction(there, 0, 0, 0.0, None), equation.every_pair
+        estimator = None if problem.of.enriched is None else ErrorEstimator(problem.of.enriched)
+        try:
+            point, _ = point_record(forced, AllPairs(), solution, False, estimator)
+        finally:
+            if estimator is not None:
+                estimator.destroy()
+        return self._record(problem, point, linear.width, 0, linear, values, branch)
 
     def _searched(
         self, problem: _Problem, starts: Starts, width: float, held: bool, wants_width: Callable[[Point], bool]
@@ -369,9 +394,16 @@ class SamplePeaks:
         return self._loose[1]
 
     def _record(
-        self, problem: _Problem, peak: PeakPoint, linear: Peak | None, values: tuple[float, ...], branch: Branch | None
+        self,
+        problem: _Problem,
+        point: Point,
+        width: float,  # rad/s
+        newton: int,
+        linear: Peak | None,
+        values: tuple[float, ...],
+        branch: Branch | None,
     ) -> Sample:
-        point, comm = peak.point, problem.of.model.comm
+        comm = problem.of.model.comm
 
         def numbers() -> dict[str, Any]:
             cos, sin = point.response[self.output, 1:3]
@@ -389,16 +421,16 @@ class SamplePeaks:
                 "amplitude": size,
                 "phase": float(np.arctan2(-sin, cos)),
                 "frequency": point.omega / (2.0 * np.pi),
-                "width": peak.width / (2.0 * np.pi),
+                "width": width / (2.0 * np.pi),
                 "damping": damping,
                 "friction_J": float(point.friction),
                 "damping_J": float(point.damping),
                 "error": error,
                 "slipping": int(np.count_nonzero(point.state == SLIP)),
                 "open": int(np.count_nonzero(point.state == OPEN)),
-                "newton": peak.newton,
+                "newton": newton,
                 "curve": curve,
-                "why": "; ".join((*notes, *([] if np.isfinite(peak.width) else [NO_WIDTH]))),
+                "why": "; ".join((*notes, *([] if np.isfinite(width) else [NO_WIDTH]))),
             }
 
         found = comm.bcast(numbers() if comm.rank == 0 else None)

@@ -45,11 +45,16 @@ def varied_numbers(scene: Scene, pairs: ContactPairs) -> list[Varied]:
     return [*of_joints, level, *_damping(scene)]
 
 
+def numbers_of_law(law: str) -> tuple[str, ...]:
+    """Return the numbers that joints of a law state.  Local."""
+    return *KEYS[law].needed, *KEYS[law].further
+
+
 def _of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> list[Varied]:
     """Return a number of a joint; none where its law, or its pairs, do not have it."""
     of = np.flatnonzero(np.array(pairs.joint) == name)
     law, joint = pairs.laws[of[0]], next((joint for joint in scene.joints if joint.name == name), None)
-    if key not in (*KEYS[law].needed, *KEYS[law].further):
+    if key not in numbers_of_law(law):
         return []
     column = np.maximum(np.nan_to_num(_column(pairs, key)[of]), 0.0)
     if not column.any():
@@ -75,6 +80,11 @@ def _column(pairs: ContactPairs, key: str) -> np.ndarray:
 
 def _of_law(pairs: ContactPairs) -> dict[str, np.ndarray]:
     return {"slip_force": pairs.law_columns.get("slip_force", np.full(pairs.n_pairs, np.nan))}
+
+
+def damping_key(scene: Scene) -> str:
+    """Return the key of the damping that varies: of a ratio alone, or of all damping.  Local."""
+    return _damping(scene)[0].key
 
 
 def _damping(scene: Scene) -> list[Varied]:

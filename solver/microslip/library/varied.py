@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..contact.laws import LAWS
 from ..messages.errors import CaseError
 from ..messages.words import hint
 from ..scene.overrides import words_of
@@ -28,6 +29,7 @@ from .settings import n_sectors_of
 Kind = Literal["level", "law", "rest", "settings", "load", "build"]
 LEVELS = ("level", "response.level", "response.levels")
 OF_LOADS = ("scale", "pressure", "phase")
+_OF_FILE = {"friction": "mu", "preload": "n0", "gap": "g0", "tangential_stiffness": "kt", "normal_stiffness": "kn"}
 _AT_REST = ("friction", "preload")  # of a joint, before the loads of [statics] act
 
 
@@ -76,8 +78,10 @@ class Varied:
 
         Raises
         ------
-        CaseError : the scene does not allow a value
+        CaseError : the scene, or the file of a joint, does not allow a value
         """
+        for i in np.flatnonzero(self.is_factor):
+            _check_factor(self.scene, self.keys[i], float(values[i]))
         chosen = [i for i in (self.having(*kinds) if kinds else range(len(self.keys))) if not self.is_factor[i]]
         return with_settings(self.scene, [setting(self.keys[i], values[i]) for i in chosen]) if chosen else self.scene
 
@@ -175,6 +179,16 @@ def _is_of_file(scene: Scene, words: list[str]) -> bool:
         return False
     joint = next((joint for joint in scene.joints if joint.name == words[1]), None)
     return joint is not None and joint.pairs is not None
+
+
+def _check_factor(scene: Scene, key: str, value: float) -> None:
+    """Raise CaseError for a factor with which the numbers in the file of a joint are not allowed there.  Local."""
+    _, name, number = words_of(key)
+    joint = next(joint for joint in scene.joints if joint.name == name)
+    is_above_0 = number == "preload" or _OF_FILE[number] in LAWS[joint.law].above_0
+    if value < 0.0 or (value == 0.0 and is_above_0):
+        must = "must be above 0" if is_above_0 else "must not be negative"
+        raise CaseError(f"{scene.source}: {key} = {value:g}: the factor of {_OF_FILE[number]} in {joint.pairs} {must}")
 
 
 def _stated(scene: Scene, name: str, number: str) -> float | None:

@@ -108,6 +108,8 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     docs/theory.md, eq. (8.1).  The third value is the smallest energy of a retained combination of columns, relative to the
     largest.
     """
+    if not len(K_r):  # no columns: a structure without joints
+        return np.empty(0), np.empty((0, 0)), 1.0
     energy = np.maximum(np.diag(K_r), 0.0)
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
     values, Q = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))

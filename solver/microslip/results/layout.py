@@ -115,7 +115,8 @@ def _title(ax: Axes, where: str) -> float:
 
 
 def _label(axis: Axis) -> float:
-    return _LABEL_GAP + _LINE * axis.label.get_fontsize() * POINT if axis.label.get_text() else 0.0
+    text = axis.label.get_text()
+    return _LABEL_GAP + _LINE * (1 + text.count("\n")) * axis.label.get_fontsize() * POINT if text else 0.0
 
 
 def _size(axis: Axis) -> float:

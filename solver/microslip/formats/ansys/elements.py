@@ -16,7 +16,7 @@ from .materials import orientation_of
 from .shapes import faces, solids, tetrahedra
 from .types import EFFECTS, Solid, solid_of
 
-_UNKNOWN = "not known to this program"
+_UNKNOWN, _MISSING = "not known to this program", "which is not available here"
 
 
 def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dict[str, Body], dict[str, Orientation]]:
@@ -70,17 +70,19 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
 
 
 def _refuse_without_solids(content: Content, kind: np.ndarray) -> None:
-    """Raise MeshError if no element is a solid and some types are unknown; ``kind`` (n,): numbers of the types."""
+    """Raise MeshError if no element is a solid that is available, and some types are not; ``kind`` (n,): numbers of the types."""
     numbers, counts = np.unique(kind, return_counts=True)
-    n_of: dict[int, int] = {}
+    n_of: dict[tuple[int, str], int] = {}
     for number, n in zip(numbers.tolist(), counts.tolist(), strict=True):
         element = content.types.get(number, 0)
-        if solid_of(element, content.keys.get(number, {})) is not None:
+        solid = solid_of(element, content.keys.get(number, {}))
+        if isinstance(solid, Solid):
             return
-        n_of[element] = n_of.get(element, 0) + n
-    if not n_of.keys() - {*EFFECTS, *CONTACT, TARGET, 21}:
+        effect = EFFECTS.get(element, (_UNKNOWN,))[0] if solid is None else f"{solid}, {_MISSING}"
+        n_of[element, effect] = n_of.get((element, effect), 0) + n
+    if not {element for element, _ in n_of} - {*EFFECTS, *CONTACT, TARGET, 21}:
         return  # known types have findings with their effects
-    types = [f"{n} of type {element}, {EFFECTS.get(element, (_UNKNOWN,))[0]}" for element, n in n_of.items()]
+    types = [f"{n} of type {element}, {effect}" for (element, effect), n in n_of.items()]
     raise MeshError(f"none of its elements are solids that this program has: {'; '.join(types)}")
 
 
@@ -135,6 +137,6 @@ def _report_type(content: Content, number: int, type_number: int, why: str | Non
         return  # springs and masses: _attached
     effect, changes = EFFECTS.get(type_number, (_UNKNOWN, True))
     if why is not None:
-        effect, changes = f"{why}, which is not available here", True
+        effect, changes = f"{why}, {_MISSING}", True
     word = f"element type {type_number}" if type_number else "element without ET"
     content.findings.add(word, f"{n} elements of ET {number}", effect, changes)

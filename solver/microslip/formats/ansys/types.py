@@ -22,7 +22,7 @@ def solid_of(number: int, keys: dict[int, int]) -> Solid | str | None:
     """
     if number == 185:
         if keys.get(2, 0) == 1:
-            return "SOLID185 with KEYOPT(2) = 1, uniform reduced integration with hourglass control"
+            return "SOLID185 with KEYOPT(2) = 1 (not 0, 2 or 3), uniform reduced integration with hourglass control"
         if keys.get(2, 0) in (2, 3):
             return Solid(8, "full")
         differs = "SOLID185 with KEYOPT(2) = 0 integrates the volumetric strain at one point (B-bar); here at 2x2x2 points"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..draft import Draft
+from ..model import Finding
 
 
 @dataclass(eq=False)
@@ -19,6 +20,9 @@ class Content(Draft):
 
     def left_out(self, card: str, number: int, effect: str, part: str = "", changes: bool = True) -> None:
         self.findings.add(card, f"{card} {number}", effect, changes, part)
+
+    def taken_over(self, card: str, number: int, effect: str, part: str) -> None:
+        self.findings.take(Finding(word=card, where=f"{card} {number}", effect=effect, changes=False, part=part, is_taken=True))
 
     @property
     def mass_factor(self) -> float:

@@ -37,21 +37,27 @@ def _hold(fixed: np.ndarray, content: Content, nodes: Any, components: str, wher
 
 
 def _chosen(content: Content, word: str, part: str, sets: dict, added: dict) -> list[Any]:
-    """Return the cards of the set named by the case control; without a name those of the only set, with a note."""
-    deck, wanted = content.cards.case_control_deck, set()
-    for subcase in deck.subcases.values() if deck is not None else ():
-        if word in subcase.params:
-            wanted.add(int(subcase.params[word][0]))
+    """Return the cards of the set named by the case control.
+
+    Where it names a set of the other kind (SPC, MPC) alone, none, as Nastran; where it names neither, those of the only set.
+    """
+    deck, everything = content.cards.case_control_deck, {*sets, *added}
+    subcases = [] if deck is None else [subcase.params for subcase in deck.subcases.values()]
+    wanted = {int(params[word][0]) for params in subcases if word in params}
+    if not wanted and any(kind in params for params in subcases for kind in ("SPC", "MPC")):
+        for number in sorted(everything):
+            effect = f"the case control names no {word} set, and Nastran leaves set {number} out, too"
+            content.left_out(word, number, effect, part, changes=False)
+        return []
     if len(wanted) > 1:
         effect = f"the case control names several sets; the first, {min(wanted)}, is taken"
         content.left_out(word, min(wanted), effect, part)
-    everything = {*sets, *added}
     if not wanted and len(everything) > 1:
         content.left_out(word, min(everything), "several sets and no case control that names one", part)
     number = min(wanted or everything or {0})
     if not wanted and len(everything) == 1 and deck is not None:
-        effect = f"the case control names no set; the only set, {number}, is taken"
-        content.left_out(word, number, effect, part, changes=False)
+        effect = f"the case control names no set: Nastran would leave out set {number}, the only one; it is taken over here"
+        content.taken_over(word, number, effect, part)
     members = [member for card in added.get(number, ()) for member in card.sets] if number in added else [number]
     return [card for member in members for card in sets.get(member, ())]
 

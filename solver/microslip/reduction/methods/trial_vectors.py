@@ -53,8 +53,10 @@ def derivative_forces(K_J: np.ndarray, r: np.ndarray, omega_n: np.ndarray) -> np
 def main_directions(forces: np.ndarray, flexibility: np.ndarray, n_wanted: int) -> np.ndarray:
     """Return the ``n_wanted`` main directions of ``forces``, (3 n_pairs, m), in terms of the strain energy f^T G f.  Local.
 
-    With G = L L^T these are the left singular vectors of L^T F, mapped back by L^-T.
+    With G = L L^T these are the left singular vectors of L^T F, mapped back by L^-T.  A structure without joints has none.
     """
+    if not len(flexibility):
+        return np.empty((0, 0))
     values, Q = np.linalg.eigh(0.5 * (flexibility + flexibility.T))
     is_independent = values > DEPENDENT * values[-1]
     root = Q[:, is_independent] * np.sqrt(values[is_independent])

@@ -164,13 +164,14 @@ def _joint(joint: Joint, units: Units) -> str:
 
 def passed_over(findings: tuple[Finding, ...]) -> list[str]:
     """Return a line for each finding; findings that change the answer come first.  Local."""
-    counts = Counter((finding.word, finding.effect, finding.changes) for finding in findings)
-    first: dict[tuple[str, str, bool], str] = {}
+    headed = [("to answer" if each.changes else "taken over" if each.is_taken else "left out", each) for each in findings]
+    counts = Counter((each.word, each.effect, heading) for heading, each in headed)
+    first: dict[tuple[str, str, str], str] = {}
     lines = []
-    for finding in findings:
-        first.setdefault((finding.word, finding.effect, finding.changes), finding.where)
-    for heading, changes in (("to answer", True), ("left out", False)):
-        keys = [key for key in counts if key[2] is changes]
+    for heading, each in headed:
+        first.setdefault((each.word, each.effect, heading), each.where)
+    for heading in ("to answer", "taken over", "left out"):
+        keys = [key for key in counts if key[2] == heading]
         rows = [f"{first[key]}: {key[0]}: {key[1]}{f' ({counts[key]} times)' if counts[key] > 1 else ''}" for key in keys]
         lines += table(heading, rows)
     return lines

@@ -149,7 +149,7 @@ def _with_pairs(found: Identified, folder: Path) -> dict[str, Any]:
 
 
 def draw_fit(found: Identified, scene: Any, path: str) -> None:
-    """Draw measured amplitudes, the fit and the response with the values of the scene, a panel for each output.  Local."""
+    """Draw measured amplitudes and phases, the fit and the scene as it was, a row of panels for each output.  Local."""
     measured, levels = found.measured, np.unique(found.measured.level)
     outputs, units = np.unique(measured.output), units_of(scene)
     colours = level_colours(len(levels))
@@ -159,19 +159,27 @@ def draw_fit(found: Identified, scene: Any, path: str) -> None:
         Line2D([], [], color=INK, label="fit"),
         Line2D([], [], color=FAINT, ls="--", label="scene as it was"),
     ]
+    shown = [name for name in ("amplitude", "phase") if np.isfinite(getattr(measured, name)).any()] or ["amplitude"]
     page = Page(found.scene, "measured and fitted responses", WIDTH, 2.9 * len(outputs), handles)
-    axes = page.grid(len(outputs), 1).subplots(squeeze=False)[:, 0]
-    for ax, k in zip(axes, outputs):
+    cells = page.grid(len(outputs), len(shown)).subplots(squeeze=False)
+    for ax, k, name in ((ax, k, name) for row, k in zip(cells, outputs) for ax, name in zip(row, shown)):
         sizes = np.concatenate([each.amplitude[measured.output == k] for each in (measured, found.fit)])
         factor, unit = with_prefix(sizes[np.isfinite(sizes)], units.outputs[k])
+        label = f"{plain(output_names(scene)[k], 24)} [{unit}]"
+        if name == "phase":
+            factor, label = 180.0 / np.pi, f"phase of {plain(output_names(scene)[k], 24)} [°]"
         style = {"marker": "D", "ms": 4.0} if measured.of_peaks else {}
         for colour, level in zip(colours, levels):
             rows = np.flatnonzero((measured.output == k) & (measured.level == level))
             rows = rows[np.argsort(measured.frequency[rows])]
-            ax.plot(found.before.frequency[rows], factor * found.before.amplitude[rows], color=FAINT, ls="--", lw=0.9)
-            ax.plot(found.fit.frequency[rows], factor * found.fit.amplitude[rows], color=colour, **style)
-            ax.plot(measured.frequency[rows], factor * measured.amplitude[rows], "o", color=colour, ms=3.5, mfc="white")
-        ax.set(xlabel="frequency [Hz]", ylabel=f"{plain(output_names(scene)[k], 24)} [{unit}]")
+            before, fit, points = (getattr(each, name)[rows] for each in (found.before, found.fit, measured))
+            if name == "phase":
+                fit = np.unwrap(fit)
+                before, points = (fit + np.angle(np.exp(1j * (phase - fit))) for phase in (before, points))
+            ax.plot(found.before.frequency[rows], factor * before, color=FAINT, ls="--", lw=0.9)
+            ax.plot(found.fit.frequency[rows], factor * fit, color=colour, **style)
+            ax.plot(measured.frequency[rows], factor * points, "o", color=colour, ms=3.5, mfc="white")
+        ax.set(xlabel="frequency [Hz]", ylabel=label)
     page.save(path)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ...formats.measured import read_measured
 from ...library.build import build
-from ...library.identify import identify
+from ...library.identify import identify, refuse_bounds
 from ...library.settings import output_names, refuse_discs, refuse_statics, units_of
 from ...messages.errors import CaseError, ConvergenceError
 from ...observe.log import RunLog
@@ -29,6 +29,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
     CaseError, MeshError, ConvergenceError, ResourceError : on every rank
     """
     bounds = dict(map(bounds_of, fit))
+    refuse_bounds(scene, bounds)
     refuse_statics(scene, "identify")
     refuse_discs(scene, "identify", "is for structures that are modelled in full")
     of, response = (output_names(scene), units_of(scene).outputs), scene.response

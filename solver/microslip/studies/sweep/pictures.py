@@ -20,6 +20,7 @@ from .statistics import Effect, percentiles
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
 PREFIXED = ("Pa", "m", "N")  # units of numbers that pictures give a prefix
 _WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic
+_LETTERS, _LETTERS_OF_HALF = 26, 44  # of a label under a third or a quarter, and under half of a page
 _FOR_CONTOURS = 4  # samples along each key, from which lines of equal value show more than the cells
 _LABELS = {
     "amplitude": "peak of {output}",
@@ -57,6 +58,19 @@ def _of_key(table: SweepTable, key: str) -> tuple[float, str]:
     return 1.0, f"{name} [{unit}]" if unit not in ("", "1") else name
 
 
+def _in_lines(label: str, most: int) -> str:
+    """Return the label of a key in lines of at most ``most`` letters where it has places to break: the last dot, the unit."""
+    key, bracket, unit = label.partition(" [")
+    first, dot, last = key.rpartition(".")
+    lines = [""]
+    for part in (first + dot, last, bracket + unit):
+        if lines[-1] and len(lines[-1] + part) > most:
+            lines.append(part.strip())
+        else:
+            lines[-1] += part
+    return "\n".join(lines)
+
+
 def _is_wide(values: np.ndarray) -> bool:
     return bool(values.min() > 0.0 and values.max() > _WIDE * values.min())
 
@@ -84,7 +98,7 @@ def draw_grid(table: SweepTable, scene: Titled, path: str) -> None:
             axes.plot(at, factor * getattr(table.nominal, name), "D", color=_SECOND, ms=4.5, mfc="none")
         if _is_wide(x):
             log_scale(axes, "x")
-        axes.set(xlabel=of_key[1], ylabel=label)
+        axes.set(xlabel=_in_lines(of_key[1], _LETTERS_OF_HALF), ylabel=label)
     page.save(path)
 
 
@@ -107,8 +121,8 @@ def draw_map(table: SweepTable, scene: Titled, path: str) -> None:
         for values_of_axis, which in ((x, "x"), (y, "y")):
             if _is_wide(values_of_axis):
                 log_scale(axes, which)
-        axes.set(xlabel=of_keys[0][1])
-    cells[0].set(ylabel=of_keys[1][1])
+    cells[1].set(xlabel=of_keys[0][1])  # once, for all three: it may be longer than a cell is wide
+    cells[0].set(ylabel=_in_lines(of_keys[1][1], _LETTERS))
     page.save(path)
 
 
@@ -123,14 +137,14 @@ def _edges(values: np.ndarray) -> np.ndarray:
 
 
 def draw_scatter(table: SweepTable, scene: Titled, path: str) -> None:
-    """Draw the peak over each number, over its frequency, and how it is distributed.  Local."""
+    """Draw the peak over each number, over its frequency, and, of random samples, how it is distributed.  Local."""
     names = table.design.keys[:10]
-    rows, columns = panels(len(names) + 2)
+    rows, columns = panels(len(names) + 1 + table.design.is_random)
     handles = [
         Line2D([], [], color=_ACCENT, marker=".", lw=0, label="samples"),
         Line2D([], [], color=_SECOND, marker="D", ms=4.5, lw=0, mfc="none", label="the scene itself"),
-        Line2D([], [], color=INK, ls="--", lw=0.9, label="percentiles 5, 50, 95"),
     ]
+    handles += [Line2D([], [], color=INK, ls="--", lw=0.9, label="percentiles 5, 50, 95")] * table.design.is_random
     page = Page(scene, f"peaks of {plain(table.output, 24)} of {int(table.is_done.sum())} samples", WIDTH, 2.1 * rows, handles)
     cells = np.atleast_1d(page.grid(rows, columns).subplots()).ravel()
     factor, label = _scaled(table, "amplitude")
@@ -139,17 +153,19 @@ def draw_scatter(table: SweepTable, scene: Titled, path: str) -> None:
         of_key, key_label = _of_key(table, key)
         axes.plot(of_key * table[key], y, ".", color=_ACCENT, ms=3.0)
         axes.plot(of_key * at if np.isfinite(at) else NAN, nominal, "D", color=_SECOND, ms=4.5, mfc="none")
-        axes.set(xlabel=key_label, ylabel=label)
-    axes, last = cells[len(names) : len(names) + 2]
+        axes.set(xlabel=_in_lines(key_label, _LETTERS), ylabel=label)
+    axes, *others = cells[len(names) :]
     axes.plot(table["frequency"], y, ".", color=_ACCENT, ms=3.0)
     axes.plot(table.nominal.frequency, nominal, "D", color=_SECOND, ms=4.5, mfc="none")
     axes.set(xlabel=_scaled(table, "frequency")[1], ylabel=label)
-    known = np.sort(y[np.isfinite(y)])
-    last.step(known, np.arange(1, len(known) + 1) / len(known), where="post", color=_ACCENT)
-    for p, value, *_ in percentiles(known):
-        last.plot([value, value], [0.0, p / 100.0], color=INK, ls="--", lw=0.9)
-    last.set(xlabel=label, ylabel="share of the samples below", ylim=(0.0, 1.02))
-    for axes in cells[len(names) + 2 :]:
+    if table.design.is_random:
+        last, *others = others
+        known = np.sort(y[np.isfinite(y)])
+        last.step(known, np.arange(1, len(known) + 1) / len(known), where="post", color=_ACCENT)
+        for p, value, *_ in percentiles(known):
+            last.plot([value, value], [0.0, p / 100.0], color=INK, ls="--", lw=0.9)
+        last.set(xlabel=label, ylabel="share of the samples below", ylim=(0.0, 1.02))
+    for axes in others:
         axes.set_axis_off()
     page.save(path)
 
@@ -188,11 +204,14 @@ def draw_indices(indices: Sequence[dict], scene: Titled, path: str) -> None:
     cells = page.grid(1, len(shown)).subplots(sharey=True)
     place = -np.arange(len(indices), dtype=float)
     for axes, name in zip(cells, shown):
+        ends = [0.0, 1.0]
         for kind, shift, colour in (("main", 0.2, _ACCENT), ("total", -0.2, _SECOND)):
             index, within = ([row[f"{name}_{kind}{end}"] for row in indices] for end in ("", "_within"))
+            middle, half = np.nan_to_num(index), np.nan_to_num(within)
+            ends += [*(middle - half), *(middle + half)]
             line = {"ecolor": INK, "elinewidth": 0.7}
-            axes.barh(place + shift, np.nan_to_num(index), height=0.36, color=colour, xerr=np.nan_to_num(within), error_kw=line)
-        axes.set(xlabel=f"of the {name}", xlim=(min(0.0, *(row[f"{name}_main"] for row in indices)), 1.0))
+            axes.barh(place + shift, middle, height=0.36, color=colour, xerr=half, error_kw=line)
+        axes.set(xlabel=f"of the {name}", xlim=(min(ends) - 0.04 * np.ptp(ends), max(ends) + 0.04 * np.ptp(ends)))
         axes.grid(False, axis="y")
     cells[0].set_yticks(place, [plain(row["key"], 36) for row in indices])
     page.save(path)

@@ -130,7 +130,7 @@ def _on_screen(table: SweepTable) -> str:
 
 
 def _percentiles_in_words(table: SweepTable) -> list[str]:
-    if table.design.is_grid or table.design.kind == "one by one" or table.is_done.sum() < _LEAST:
+    if not table.design.is_random or table.is_done.sum() < _LEAST:
         return []
     lines = []
     for name in SMOOTH:

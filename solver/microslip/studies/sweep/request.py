@@ -150,6 +150,8 @@ def read_table(path: str) -> Design:
                 lines = [line for line in csv.reader(row for row in file if row.strip() and not row.lstrip().startswith("#"))]
         except (UnicodeDecodeError, csv.Error) as problem:
             raise CaseError(f"--table {path}: no CSV file ({problem}); {expected}") from None
+    if lines and ";" in lines[0][0]:
+        raise CaseError(f"--table {path}: values are separated by semicolons, not by commas; {expected}")
     keys = [key.strip() for key in lines[0]] if lines else []
     if not keys or any(_is_number(key) or not key for key in keys):
         raise CaseError(f"--table {path}: the columns have no names; {expected}")
