@@ -54,7 +54,12 @@ COMMANDS = [
     ),
     line("--set of a key as a table", "run lap.toml --out out --set model.mesh.x=1", "mesh is a key, not a table"),
     line("--set in a model file", "check bar.inp --set model.scale=2", "bar.inp is a model file; keys belong to a scene"),
-    line("identification of what is not there", "identify lap.toml none.csv --out out --fit joints.lap.friction=0.01:10", "none.csv", "No such file"),
+    line(
+        "identification of what is not there",
+        "identify lap.toml none.csv --out out --fit joints.lap.friction=0.01:10",
+        "none.csv",
+        "No such file",
+    ),
     line("identification without bounds", "identify lap.toml m.csv --out out --fit friction", "expected KEY=LOW:HIGH"),
     line(
         "a measurement without columns",
