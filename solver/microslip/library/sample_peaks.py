@@ -52,7 +52,7 @@ MOST_BETWEEN = 12  # peaks tried on the way from the nearest sample to one that 
 MOST_WEIGHT = 3.0  # sum of the sizes of their weights, beyond which the nearest one alone is taken
 CURVE_POINTS = 201  # frequencies of the curves of samples
 UNKNOWN_WIDTH = 0.02  # of a peak over its frequency, where none of the linear response is in the range
-MISSED = 2.0  # times a stated accuracy, from which the error bar of a peak is noted
+BAR_NOTED = 2.0  # times a stated accuracy, from which the error bar of a peak is noted
 NO_WIDTH = "half-power width not found"
 NAN = float("nan")
 
@@ -415,7 +415,7 @@ class SamplePeaks:
             curve = () if branch is None or not self.has_curves else amplitudes_at(branch, self.output, self.grid)
             error = NAN if point.error is None else float(total(point.error[self.output]))
             notes = list(point.notes)
-            if (target := problem.of.settings.accuracy) is not None and error > MISSED * target * size:
+            if (target := problem.of.settings.accuracy) is not None and error > BAR_NOTED * target * size:
                 notes.append(f"error bar of {error / size:.2g} of the peak, [solver] accuracy = {target:g}")
             return {
                 "amplitude": size,
