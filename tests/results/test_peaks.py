@@ -7,10 +7,12 @@ import matplotlib
 import numpy as np
 import pytest
 import scipy.io
+from hypothesis import given
+from hypothesis import strategies as st
 from synthetic_results import branch, two_flanks, write
 
 from microslip.messages.errors import CaseError
-from microslip.points.peak import Peak
+from microslip.points.peak import Peak, top_of_curve
 from microslip.restart.results_folder import is_results_file
 from microslip.results import style
 from microslip.results.curve_plots import draw_response
@@ -127,3 +129,21 @@ def test_the_report_has_them_as_figures_and_table(results):
 @pytest.mark.parametrize("key", ["damping", "damping.ratio", "joints.root.normal_stiffness", "joints.root.tangential_stiffness"])
 def test_numbers_of_the_stuck_structure_have_no_line_of_it(key):
     assert not has_linear(key) and has_linear("level") and has_linear("joints.damping.friction")
+
+
+@given(st.floats(97.0, 103.0), st.floats(0.005, 0.1), st.integers(2, 7), st.integers(9, 12))
+def test_the_top_of_one_resonance_is_met_between_its_points(natural, damping, before, last):
+    """1 / amplitude^2 of one mass is a quadratic in the square of the frequency: three coarse points give the maximum."""
+    spacing = 0.2 * damping * natural
+    omega = natural + spacing * (np.arange(last) - before + 0.3)
+    size = 1.0 / np.abs(natural**2 - omega**2 + 2j * damping * natural * omega)
+    at, top = natural * np.sqrt(1.0 - 2.0 * damping**2), 1.0 / (2.0 * damping * natural**2 * np.sqrt(1.0 - damping**2))
+    for turned in (slice(None), slice(None, None, -1)):
+        found = top_of_curve(omega[turned], size[turned])
+        np.testing.assert_allclose(found, (at, top), rtol=1e-9)
+
+
+def test_the_top_of_a_curve_is_its_highest_point_at_an_end_and_where_it_turns_back():
+    assert top_of_curve(np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 3.0])) == (3.0, 3.0)
+    assert top_of_curve(np.array([1.0, 2.0, 1.9]), np.array([1.0, 2.0, 1.5])) == (2.0, 2.0)
+    assert top_of_curve(np.array([1.0, 2.0, 3.0]), np.array([0.0, 2.0, 0.0])) == (2.0, 2.0)

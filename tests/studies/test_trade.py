@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from microslip.points.peak import top_of_curve
 from microslip.studies.trade.report import (
     choice_lines,
     corrected_sentences,
@@ -26,7 +27,6 @@ from microslip.studies.trade.study import (
     Setting,
     Study,
     pareto,
-    peak_of,
     promising,
     remainder,
     score,
@@ -133,17 +133,10 @@ def test_bars_are_judged_where_the_error_is_above_that_of_the_reference():
 def test_a_score_is_over_the_peak_of_the_reference():
     found = score([curve(error=1e-2)], {3.0: curve()})
     assert found.error == pytest.approx(1e-2) and found.rms == pytest.approx(1e-2 / 3.0)
-    assert found.peak == pytest.approx(peak_of(curve(error=1e-2))[1] / peak_of(curve())[1] - 1.0) and 5e-3 < found.peak < 2e-2
+    peaks = [top_of_curve(OMEGA, np.abs(u))[1] for u in (curve(error=1e-2).u, EXACT)]
+    assert found.peak == pytest.approx(peaks[0] / peaks[1] - 1.0) and 5e-3 < found.peak < 2e-2
     assert found.n_above == 1 and found.coverage == 0.0  # its bar is 0
     assert not score([], {3.0: curve()}).is_known
-
-
-@given(st.floats(-0.9, 0.9), st.floats(0.1, 10.0))
-def test_a_parabola_s_peak_is_found_between_its_points(at, height):
-    omega = np.array([-2.0, -1.0, 0.3, 1.2, 2.5]) + 50.0
-    parabola = Curve(1.0, omega, (height * (10.0 - (omega - 50.0 - at) ** 2)).astype(complex), np.full(5, np.nan))
-    found, amplitude = peak_of(parabola)
-    assert found == pytest.approx(50.0 + at, abs=1e-9) and amplitude == pytest.approx(10.0 * height)
 
 
 @pytest.mark.parametrize("gain", [1.5, 2.0, 4.0])

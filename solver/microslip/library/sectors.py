@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from ..fourier.coefficients import amplitude
 from ..parallel.agree import on_root
-from ..points.branch import Branch
-from ..points.quantities import hertz
+from ..points.branch import Branch, Point
+from ..points.peak import Peak, top_of_curve
 from ..system.files import atomic_write
 from .build import WholeStructure
 from .follow_response import follow
@@ -60,7 +60,7 @@ def whitehead(N: int) -> float:
 def levels_by_sector(prepared: Prepared, branches: Sequence[Branch]) -> list[LevelBySector] | None:
     """Return the results of all levels by sector, on rank 0; None elsewhere.
 
-    Collective: the response of alike sectors at the same levels, without error bars.
+    Collective: the response of alike sectors at the same levels, with solved peaks and without error bars.
 
     Raises
     ------
@@ -68,7 +68,8 @@ def levels_by_sector(prepared: Prepared, branches: Sequence[Branch]) -> list[Lev
     """
     structure = prepared.structure
     assert isinstance(structure, WholeStructure), "a whole disc"
-    alike = follow(prepare(structure.alike, has_bars=False).response)
+    of_alike = prepare(structure.alike, has_bars=False).response
+    alike = follow(replace(of_alike, settings=replace(of_alike.settings, peaks=1 in of_alike.model.harmonics)))
     N, n_outputs = structure.waves.n_sectors, len(prepared.scene.outputs)
     return on_root(prepared.model.comm, _by_sector, branches, alike, N, n_outputs, share=False)
 
@@ -79,19 +80,27 @@ def _by_sector(branches: Sequence[Branch], alike: Sequence[Branch], N: int, n_ou
     for branch, other in zip(branches, alike):
         if not (branch.points and other.points):
             continue
+        omega = np.array([point.omega for point in branch.points])
         sizes = np.array([amplitude(point.response[::n_outputs]) for point in branch.points])  # (n_points, N)
-        at = np.argmax(sizes, axis=0)
-        most = branch.points[int(at[int(np.argmax(sizes.max(axis=0)))])]
+        tops = np.array([top_of_curve(omega, of_sector) for of_sector in sizes.T])
+        most = branch.points[int(np.argmax(sizes[:, np.argmax(tops[:, 1])]))]
         levels.append(
             LevelBySector(
                 level=branch.level,
-                peak=sizes.max(axis=0),
-                frequency=np.array([hertz(branch.points[i].omega) for i in at]),
+                peak=tops[:, 1],
+                frequency=tops[:, 0] / (2.0 * np.pi),
                 friction=most.energy.reshape(N, -1).sum(axis=1),
-                alike=max(float(amplitude(point.response[0])) for point in other.points),
+                alike=max(_largest(point) for point in (*other.points, *(other.peaks or ()))),
             )
         )
     return levels
+
+
+def _largest(at: Point | Peak) -> float:
+    """Return the amplitude of the first output; 0 at a peak of another one.  Local."""
+    if isinstance(at, Peak):
+        return abs(at.amplitude) if at.output == 0 else 0.0
+    return float(amplitude(at.response[0]))
 
 
 def write_by_sector(levels: Sequence[LevelBySector], folder: Path) -> None:

@@ -46,3 +46,21 @@ class Peak:
 
 
 PEAK_QUANTITIES = (*declared(Peak), Quantity("damping", "", "1", _DAMPING, field="damping"))
+
+
+def top_of_curve(omega: np.ndarray, amplitude: np.ndarray) -> tuple[float, float]:
+    """Return frequency and amplitude at the top of a curve, from its highest point and the two beside it.  Local.
+
+    1 / amplitude^2 is taken as quadratic in omega^2, which is exact for one undisturbed resonance.  The highest point itself is
+    returned at an end of the curve, where it turns back at its top, and where the top would be twice as high.
+    """
+    i = int(np.argmax(amplitude))
+    if 0 < i < len(amplitude) - 1 and amplitude[i - 1 : i + 2].all():
+        near = slice(i - 1, i + 2)
+        x, y = (omega[near] / omega[i]) ** 2 - 1.0, (amplitude[i] / amplitude[near]) ** 2
+        if x[0] * x[2] < 0.0 and y[0] + y[2] > 2.0:
+            a, b, c = np.polyfit(x, y, 2)
+            at, of_top = -0.5 * b / a, c - 0.25 * b**2 / a
+            if of_top > 0.25:
+                return float(omega[i] * np.sqrt(1.0 + at)), float(amplitude[i] / np.sqrt(of_top))
+    return float(omega[i]), float(amplitude[i])

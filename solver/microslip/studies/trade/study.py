@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from ...points.peak import top_of_curve
+
 KNOBS = ("harmonics", "samples", "modes", "tolerance", "eps", "method", "mesh")
 KEYS = {knob: knob for knob in KNOBS} | {"eps": "energy_tolerance"}  # keys of [solver] and of Setting
 BASE, COMBINED, ACCURACY = "base", "combination", "accuracy"  # further kinds of runs
@@ -302,7 +304,7 @@ def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
         bars.append(curve.bar[:n] / (reference.peak or 1.0))
         floors.append(np.nan_to_num(reference.bar[:n]) / (reference.peak or 1.0))
         if n == len(reference.omega):
-            (omega, amplitude), (omega_exact, amplitude_exact) = peak_of(curve), peak_of(reference)
+            (omega, amplitude), (omega_exact, amplitude_exact) = (top_of_curve(c.omega, np.abs(c.u)) for c in (curve, reference))
             peaks.append(abs(amplitude / amplitude_exact - 1.0) if amplitude_exact else np.nan)
             frequencies.append(abs(omega / omega_exact - 1.0))
     error, bar = np.concatenate(errors), np.concatenate(bars)
@@ -329,23 +331,6 @@ def difference(curves: Sequence[Curve], others: Sequence[Curve]) -> float:
         if other is not None and (n := min(len(curve.omega), len(other.omega))):
             worst.append(float(np.abs(curve.u[:n] - other.u[:n]).max() / (other.peak or 1.0)))
     return float(np.nanmax(worst)) if len(worst) > 1 else np.nan
-
-
-def peak_of(curve: Curve) -> tuple[float, float]:
-    """Return frequency [rad/s] and amplitude [m] of a curve's peak, by a parabola through three points."""
-    amplitude = np.abs(curve.u)
-    top = int(np.argmax(amplitude))
-    if not 0 < top < len(amplitude) - 1:
-        return float(curve.omega[top]), float(amplitude[top])
-    near = slice(top - 1, top + 2)
-    x, y = curve.omega[near] - curve.omega[top], amplitude[near]
-    slope_before, slope_after = (y[1] - y[0]) / (x[1] - x[0]), (y[2] - y[1]) / (x[2] - x[1])
-    bend = (slope_after - slope_before) / (x[2] - x[0])
-    if not bend < 0.0:
-        return float(curve.omega[top]), float(amplitude[top])
-    at = -0.5 * (slope_before - bend * x[0]) / bend  # y = y_1 + s x + bend x^2 with y(x_0) = y_0
-    slope = slope_before - bend * x[0]
-    return float(curve.omega[top] + at), float(y[1] + slope * at + bend * at**2)
 
 
 def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
