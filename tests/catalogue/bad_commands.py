@@ -62,6 +62,11 @@ COMMANDS = [
     ),
     line("identification without bounds", "identify lap.toml m.csv --out out --fit friction", "expected KEY=LOW:HIGH"),
     line(
+        "identification of a number twice",
+        "identify lap.toml m.csv --out out --fit joints.lap.friction=0.1:0.6 --fit joints.lap.friction=0.2:0.4",
+        "joints.lap.friction is stated twice",
+    ),
+    line(
         "a measurement without columns",
         "identify lap.toml m.csv --out out --fit joints.lap.friction=0.1:0.6",
         'm.csv: the column "1" is unknown',

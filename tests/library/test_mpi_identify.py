@@ -91,6 +91,21 @@ def test_deviations_of_phases_that_are_not_stated_follow_from_the_residuals(stru
     assert much.low[1] <= 0.03 <= much.high[1]
 
 
+@pytest.mark.ranks(1)
+def test_the_weights_of_a_fit_are_the_deviations_that_its_residuals_show(structure, exact):
+    """Phases have theirs stated; amplitudes are ten times as uncertain as without a statement."""
+    columns, size = noisy(exact, 0), exact["amplitude_m"]
+    deviation = np.full(len(size), 0.2 * size.max())
+    columns |= {"amplitude_m": size + deviation * np.random.default_rng(1).standard_normal(len(size)), "sigma_m": deviation}
+    columns["amplitude_m"] = np.maximum(columns["amplitude_m"], 1e-3 * size.max())
+    stated = microslip.identify(structure, columns, BOUNDS)
+    columns.pop("sigma_m")
+    found = microslip.identify(structure, columns, BOUNDS)
+    width = np.log(stated.high / stated.low)
+    assert np.all(np.abs(np.log(found.values / stated.values)) < 0.02 * width)
+    np.testing.assert_allclose(np.log(found.high / found.low), width, rtol=0.1)
+
+
 def test_what_data_do_not_see_is_said(structure, exact):
     """While all pairs stick there is no friction; friction and preload make one limit where no pair opens."""
     columns = {name: values[: len(FREQUENCY)] for name, values in noisy(exact, 3).items()} | {

@@ -34,6 +34,9 @@ PLAUSIBLE = 0.999  # share of measurements whose residuals are smaller, if the m
 OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # deviations where none are stated: of the largest; rad; of the frequency
 ALIKE = 0.98  # correlation beyond which numbers cannot be told apart
 MOST_EVALUATIONS = 60
+MOST_WEIGHTINGS = 4  # fits, each with the deviations that the residuals of the one before have where none are stated
+SAME_WEIGHTS = 0.1  # relative change of these deviations at which the fit is left as it is
+MOST_PRECISE = 1e-3  # of such a deviation before, at least, where the residuals vanish
 WEAK = 1e-3  # deviations, of a row that holds each number at its start: a rank for what the data do not see; over its bounds
 AT_REST = ("friction", "preload", "gap")
 
@@ -125,10 +128,20 @@ def identify(
     if not np.isfinite(model.residuals(begin)).all():
         raise ConvergenceError(f"identify: with the values of the scene {model.failure}")
     before = model.fit
+    done = _least_squares(model, begin, begin, edges)
+    for _ in range(MOST_WEIGHTINGS - 1):
+        if not (done.status > 0 and model.is_weighted_anew(_spread(model, done, edges).variance)):
+            break
+        done = _least_squares(model, done.x, begin, edges)
+    return identified(model, done, begin, edges, before)
+
+
+def _least_squares(model: _Model, start: np.ndarray, begin: np.ndarray, edges: np.ndarray) -> Any:
+    """Return what SciPy finds from ``start``, with numbers weakly held at ``begin``.  Collective.  docs/theory.md, eq. (11.8)."""
     weak = np.diag(WEAK / (edges[1] - edges[0]))
     done = least_squares(
         lambda x: np.concatenate([model.residuals(x), weak @ (x - begin)]),
-        begin,
+        start,
         lambda x: np.concatenate([model.jacobian(x), weak]),
         bounds=tuple(edges),
         x_scale="jac",
@@ -137,7 +150,7 @@ def identify(
         max_nfev=MOST_EVALUATIONS,
     )
     done.fun, done.jac = model.residuals(done.x), model.jacobian(done.x)
-    return identified(model, done, begin, edges, before)
+    return done
 
 
 def _rows_of(scene: Any, measured: Any) -> Measured:
@@ -227,6 +240,23 @@ class _Model:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Return their derivatives by x, (n_residuals, k)."""
         return self._at(x)[1]
+
+    def is_weighted_anew(self, variance: np.ndarray) -> bool:
+        """Take the ``variance`` of residuals (n_residuals,) into the deviations that are not stated; tell if they change.  Local.
+
+        Without stated deviations their ratios alone count, and the largest stays.
+        """
+        if len(self.unstated) + self.is_stated.any() < 2:
+            return False
+        scale = np.sqrt(variance if self.is_stated.any() else variance / max(variance.max(), 1e-300))
+        scale = np.where(self.is_stated, 1.0, np.maximum(scale, MOST_PRECISE))
+        if np.abs(scale - 1.0).max() <= SAME_WEIGHTS:
+            return False
+        self.deviations[self.counts] *= scale
+        if self._known is not None:
+            x, residuals, jacobian = self._known
+            self._known = x, residuals / scale, jacobian / scale[:, None]
+        return True
 
     def _at(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if self._known is None or self._known[0] != x.tobytes():
@@ -321,22 +351,37 @@ def _peaks_near(of: ResponseProblem, level: float, rows: Measured, varied: Seque
     return found, rates
 
 
-def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, before: Measured) -> Identified:
-    """Return what least squares found, with intervals: docs/theory.md, eq. (11.9)."""
-    J, fitted, keys = done.jac, model.fitted, tuple(each.varied.key for each in model.fitted)
-    rms = float(np.sqrt(np.mean(done.fun**2)))
-    noise, variance = np.ones(len(done.fun)), np.ones(len(done.fun))  # of the residuals
+@dataclass(frozen=True, eq=False)
+class _Spread:
+    """How far residuals and fitted numbers spread; k numbers are seen."""
+
+    is_seen: np.ndarray  # (n_numbers,) bool
+    free: np.ndarray  # (n_residuals,) degrees of freedom of each
+    variance: np.ndarray  # (n_residuals,) over their deviations; 1 of stated ones
+    covariance: np.ndarray  # (k, k) of x
+
+
+def _spread(model: _Model, done: Any, edges: np.ndarray) -> _Spread:
+    """Return it at the end of a fit.  Local.  docs/theory.md, eq. (11.9)."""
+    J, noise, variance = done.jac, np.ones(len(done.fun)), np.ones(len(done.fun))
     for rows in model.unstated:
         noise[rows] = max(float(np.sqrt(np.mean(done.fun[rows] ** 2))), 1e-12)
-    effect = np.linalg.norm(J / noise[:, None], axis=0) * (edges[1] - edges[0])
-    is_seen = effect > 1.0
-    dof = max(len(done.fun) - int(is_seen.sum()), 1)
+    is_seen = np.linalg.norm(J / noise[:, None], axis=0) * (edges[1] - edges[0]) > 1.0
     J_seen = J[:, is_seen]
     inverse = np.linalg.pinv(J_seen.T @ J_seen, hermitian=True)
-    free = 1.0 - np.einsum("ij,jk,ik->i", J_seen, inverse, J_seen)  # degrees of freedom of each residual
+    free = 1.0 - np.einsum("ij,jk,ik->i", J_seen, inverse, J_seen)
     for rows in model.unstated:
         variance[rows] = np.sum(done.fun[rows] ** 2) / max(float(free[rows].sum()), 1.0)
-    covariance = inverse @ (J_seen.T * variance) @ J_seen @ inverse
+    return _Spread(is_seen, free, variance, inverse @ (J_seen.T * variance) @ J_seen @ inverse)
+
+
+def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, before: Measured) -> Identified:
+    """Return what least squares found, with intervals: docs/theory.md, eq. (11.9)."""
+    fitted, keys = model.fitted, tuple(each.varied.key for each in model.fitted)
+    spread = _spread(model, done, edges)
+    is_seen, free, covariance = spread.is_seen, spread.free, spread.covariance
+    rms = float(np.sqrt(np.mean(done.fun**2)))
+    dof = max(len(done.fun) - int(is_seen.sum()), 1)
     of_stated = float(np.sum(done.fun[model.is_stated] ** 2)), max(float(free[model.is_stated].sum()), 1.0)
     deviation = np.full(len(keys), np.inf)
     deviation[is_seen] = np.sqrt(np.maximum(np.diag(covariance), 0.0))

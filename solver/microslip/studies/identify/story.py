@@ -28,7 +28,11 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
     ------
     CaseError, MeshError, ConvergenceError, ResourceError : on every rank
     """
-    bounds = dict(map(bounds_of, fit))
+    numbers = list(map(bounds_of, fit))
+    twice = next((key for i, (key, _) in enumerate(numbers) if key in dict(numbers[:i])), None)
+    if twice is not None:
+        raise CaseError(f"--fit {twice} is stated twice; each number has one pair of bounds")
+    bounds = dict(numbers)
     refuse_bounds(scene, bounds)
     refuse_statics(scene, "identify")
     refuse_discs(scene, "identify", "is for structures that are modelled in full")
