@@ -19,6 +19,7 @@ from microslip.harmonic.balance import HarmonicBalance
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.newton_solver import NewtonSolver
 from microslip.harmonic.operating_point import LawParameter, OperatingPoint
+from microslip.harmonic.whole_inverse import WholeInverse
 from microslip.receptance.damping import Damping
 from microslip.receptance.per_group import PerGroup
 
@@ -132,6 +133,25 @@ def test_a_step_solves_the_whole_bordered_system(name, share, option, tolerance)
     assert step.reason > 0
     assert step.product == pytest.approx(rows, abs=1e-8)
     assert there.size(rows - b_U, of_constraints - b_nu) < tolerance * there.size(b_U, b_nu)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_step_is_found_where_gmres_fails(name):
+    """GMRES is stopped after the few iterations that borders take with an exact preconditioner."""
+    problem, parameters = PROBLEMS[name]
+    there, options, solver = Place(problem(chain()), parameters, 1.3), PETSc.Options(), NewtonSolver(COMM)
+    options["hb_ksp_rtol"], options["hb_ksp_max_it"] = "1e-7", "9"
+    try:
+        linear, border = there.linearise()
+        b_U, b_nu = there.rng.standard_normal(there.U.shape), np.arange(1.0, 1.0 + len(parameters))
+        step = linear.solve(b_U, there.owned(b_nu), border, solver)
+        rows, of_constraints = linear.product(step.d_xi, step.d_nu_owned, border)
+    finally:
+        options.delValue("hb_ksp_rtol")
+        options.delValue("hb_ksp_max_it")
+        solver.destroy()
+    assert step.reason > 0 and isinstance(solver.preconditioner, WholeInverse)
+    assert there.size(rows - b_U, of_constraints - b_nu) < 1e-6 * there.size(b_U, b_nu)
 
 
 @pytest.mark.parametrize("name", ["frequency", "level", "damping"])

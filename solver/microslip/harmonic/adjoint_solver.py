@@ -16,7 +16,7 @@ from .clustered import LARGE, of_wide_slip
 from .gmres import Gmres, reuse
 from .linearisation import Gatherer, Linearisation
 from .preconditioner import PairsPreconditioner, applied
-from .whole_inverse import WholeInverse
+from .whole_inverse import LARGEST_AT_LAST, WholeInverse
 
 MANY_KRYLOV = 50  # GMRES iterations beyond which the next adjoints are preconditioned
 MANY_IN_SMALL = 100  # the same for a joint of at most ``LARGE`` active pairs, where one costs about 70 iterations
@@ -95,6 +95,8 @@ class AdjointSolver:
                 self.preconditioner = of_wide_slip(self._at)
             if outcome.reason >= 0:
                 break
+        if outcome.reason < 0 and self._at.n_rows <= LARGEST_AT_LAST:
+            return self._directly(b)
         return self._if_finite(x.reshape(b.shape).copy(), outcome.reason >= 0)
 
     def _set_up(self, n: int) -> Gmres:

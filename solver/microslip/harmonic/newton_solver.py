@@ -13,7 +13,7 @@ from .clustered import LARGE, of_wide_slip
 from .gmres import Gmres
 from .linearisation import Border, Exactness, Gatherer, Linearisation, Step
 from .preconditioner import PairsPreconditioner, applied
-from .whole_inverse import LARGEST, WholeInverse
+from .whole_inverse import LARGEST, LARGEST_AT_LAST, WholeInverse
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -91,6 +91,9 @@ class NewtonSolver:
         of_active = b_U[active].ravel()
         b = np.concatenate([of_active, b_nu - self._border.moved]) if self.last else of_active
         x, outcome = gmres.solve(b, self.preconditioner is not None, rtol)
+        if outcome.reason < 0 and at.n_rows <= LARGEST_AT_LAST and not gmres.reached(self._rtol):
+            self.preconditioner = WholeInverse(at)
+            x, outcome = gmres.solve(b, True, rtol)
         n = len(of_active)
         d_nu_owned = x[n:].copy() if self.last else np.zeros(border.k)
         dp_all, d_nu = self._gatherer(at.pair_forces(x[:n]), (*np.zeros(border.k), *d_nu_owned))
@@ -106,10 +109,11 @@ class NewtonSolver:
 
     def _build_preconditioner(self, at: Linearisation) -> None:
         """Factor a preconditioner if requested; for a small system at every linearisation.  Collective."""
-        is_small = at.n_rows <= LARGEST
-        wanted = self.wants_preconditioner or (is_small and isinstance(self.preconditioner, WholeInverse))
+        is_small, is_whole = at.n_rows <= LARGEST, isinstance(self.preconditioner, WholeInverse)
+        wanted = self.wants_preconditioner or (is_small and is_whole)
         if wanted and at.n_rows > 0:
-            self.preconditioner = (WholeInverse if is_small else of_wide_slip)(at)
+            stays = is_whole and at.n_rows <= LARGEST_AT_LAST
+            self.preconditioner = (WholeInverse if is_small or stays else of_wide_slip)(at)
             self.wants_preconditioner = False
 
     def _set_up(self, at: Linearisation, k: int, exactness: Exactness) -> tuple[Gmres, float]:

@@ -1,7 +1,8 @@
 """The inverse of a small Jacobian I + G P with coupled harmonics: an exact preconditioner.
 
 With a joint much stiffer or softer than its structure, I + G P is so ill-conditioned that GMRES needs as many iterations as a
-small system has unknowns, or breaks down.  The matrix of a small system is therefore assembled and factored.
+small system has unknowns, or breaks down.  The matrix of a small system is therefore assembled and factored; that of a larger one
+where GMRES fails, as near lift-off of most pairs.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from .linearisation import Linearisation
 from .preconditioner import rows_of_rank
 
 LARGEST = 400  # rows of the active pairs, all harmonics, up to which the matrix is assembled
+LARGEST_AT_LAST = 2000  # the same after GMRES has failed: about as expensive as its 300 iterations
 
 
 class WholeInverse:
