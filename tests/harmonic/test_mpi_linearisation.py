@@ -13,6 +13,7 @@ from taylor import STEPS, UNIT, Place, assert_second_order, assert_square_of_ste
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
+from microslip.continuation.output_rows import AmplitudeRow, PhaseRow
 from microslip.continuation.problems import DampingHomotopy, ForcedResponse, LevelHomotopy, ProblemBase
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.balance import HarmonicBalance
@@ -103,6 +104,20 @@ def test_the_jacobian_is_the_derivative_of_the_residual(name, full_damping, colu
     there = Place(problem(chain(full_damping=full_damping)), parameters, 1.3)
     assert there.n_active == 2
     assert_second_order(there, columns, rows)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_rows_of_an_output_have_the_derivatives_of_its_phase_and_amplitude(name):
+    """Of every parameter, also of those that the contact forces depend on where the motion stays."""
+    problem, parameters = PROBLEMS[name]
+    there = Place(problem(chain()), parameters, 1.3)
+    there.system = replace(there.system, constraints=(PhaseRow(0, UNIT, 0.7), AmplitudeRow(0, UNIT))[: len(parameters)])
+    d_xi, d_nu = there.rng.standard_normal(there.U.shape), 0.05 * np.random.default_rng(5).standard_normal(len(parameters))
+    linear, border = there.linearise()
+    _, rate = linear.product(d_xi, there.owned(d_nu), border)
+    _, ahead = there.residual(1e-5 * d_xi, 1e-5 * d_nu)
+    _, behind = there.residual(-1e-5 * d_xi, -1e-5 * d_nu)
+    assert rate == pytest.approx((ahead - behind) / 2e-5, rel=1e-6, abs=1e-6 * np.abs(rate).max())
 
 
 @pytest.mark.parametrize("name", PROBLEMS)

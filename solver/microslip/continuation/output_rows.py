@@ -10,7 +10,7 @@ import numpy as np
 from ..error_estimate.estimate import output_amplitude, sensitivity
 from .constraint_rows import Place, Scaling
 
-DIFFERENCE = 1e-4  # of the unit of a parameter, over which rates under given forces are central differences
+DIFFERENCE = 1e-5  # of the unit of a parameter, over which its rates, where the motion stays, are central differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class _OutputRow:
         return place.linear.equation.comm.bcast(self.of(self._output(place, place.nu)))
 
     def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
-        """Return its derivatives.  Collective: a broadcast."""
+        """Return its derivatives.  Collective: a broadcast, and what :meth:`_output` takes."""
         linear, scaling = place.linear, place.scaling
         equation, forces = linear.equation, linear.forces
         model, rate = equation.model_at(linear.at), self.rate(self._output(place, place.nu))
@@ -52,11 +52,21 @@ class _OutputRow:
         return by_motion, equation.comm.bcast(np.array(by_nu) / (2.0 * DIFFERENCE))
 
     def _output(self, place: Place, nu: np.ndarray) -> np.ndarray:
-        """Return cosine and sine of the output under the forces of a place, at scaled parameters.  Local."""
+        """Return cosine and sine of the output under the motion of a place, at scaled parameters.
+
+        Local; collective as :meth:`.HarmonicBalance.under` and for the forces where the contact law has other parameters.
+        """
         linear = place.linear
-        at = place.operating_point(tuple(map(float, nu * place.scaling.parameters)))
-        model = linear.equation.model_at(at)
-        return output_amplitude(model, at, linear.equation.full_force(linear.forces))[self._rows(model.n_outputs)]
+        at, equation, forces = (
+            place.operating_point(tuple(map(float, nu * place.scaling.parameters))),
+            linear.equation,
+            linear.forces,
+        )
+        if at.law != linear.at.law:
+            equation = equation.under(at)
+            forces = equation.contact_forces(place.U, forces.selected, tangents=False)
+        model = equation.model_at(at)
+        return output_amplitude(model, at, equation.full_force(forces))[self._rows(model.n_outputs)]
 
     def _rows(self, n_outputs: int) -> list[int]:
         return [self.output, n_outputs + self.output]
