@@ -194,9 +194,11 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
     assert comm is not None, "mpi4py is there"
     from .parallel.rank_groups import refuse_too_many
     from .scene.read import read_scene
+    from .scene.schema import Scene, SceneOfModes
 
     refuse_too_many(command.groups or 1, comm.size)
-    scene, *more = (on_root(comm, read_scene, file, command.settings) for file in (command.file, *command.more))
+    kind = SceneOfModes if command.name == "modes" else Scene
+    scene, *more = (on_root(comm, read_scene, file, command.settings, kind) for file in (command.file, *command.more))
     with suppress(ImportError):  # what is missing is named with the rest, below
         initialise(list(command.petsc))
     require(comm, faults())

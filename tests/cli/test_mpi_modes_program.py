@@ -17,6 +17,7 @@ from microslip.library.build import build
 from microslip.modes.lapack import gathered
 from microslip.parallel.agree import on_root
 from microslip.scene.read import read_scene
+from microslip.scene.toml_text import as_toml
 from microslip.studies.modes.campbell import Campbell, crossings
 from microslip.studies.modes.disc import alias
 
@@ -90,6 +91,36 @@ def test_matrices_have_frequencies_alone(comm, shared_path, program):
     assert (status, err) == (0, "") and "mass x" not in out
     assert not (shared_path / "out" / "modes.png").exists()
     assert len(column(shared_path / "out", "frequency_Hz")) > 0
+
+
+def write_of_structure_alone(path):
+    """Write beside a scene the same without loads, outputs and [response], and without an engine order."""
+    tables = read_scene(path).model_dump(exclude_unset=True)
+    for name in ("loads", "outputs", "response"):
+        del tables[name]
+    if "cyclic" in tables:
+        del tables["cyclic"]["engine_order"]
+    alone = path.with_name(f"{path.stem}_alone.toml")
+    alone.write_text(as_toml(tables))
+    return alone
+
+
+@pytest.mark.parametrize("kind", ["mesh", "matrices", "disc", "turning"])
+def test_modes_need_no_loads_outputs_or_range(comm, shared_path, program, kind):
+    write, more, file = {
+        "mesh": (lambda: write_bar(shared_path), (), "modes.csv"),
+        "matrices": (lambda: write_matrix_scene(shared_path, scenes.spatial_mass(), [0.02], (1.0, 1.6)), (), "modes.csv"),
+        "disc": (lambda: write_sector(shared_path, 5, END, wave={"engine_order": 2}), ("--diameters", "0,2"), "modes.csv"),
+        "turning": (lambda: write_beam(shared_path), ("--count", 2, "--speeds", "5,15"), "campbell.csv"),
+    }[kind]
+    path = on_root(comm, write)
+    alone = on_root(comm, write_of_structure_alone, path)
+    for scene, out in ((path, "whole"), (alone, "alone")):
+        status, _, err = program("modes", scene, *more, "--out", shared_path / out)
+        assert (status, err) == (0, "")
+    assert (shared_path / "alone" / file).read_text() == (shared_path / "whole" / file).read_text()
+    status, _, err = program("run", alone, "--out", shared_path / "no")
+    assert status == 2 and "[[loads]] is missing" in err and "[response] is missing" in err
 
 
 def test_more_modes_than_degrees_of_freedom_are_refused(comm, shared_path, program):

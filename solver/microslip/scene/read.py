@@ -25,8 +25,8 @@ _LONGEST, _LONGEST_LIST = 1000, 4000  # characters of a mistake in a message, an
 _TABLE = re.compile(r"\('(.*?)',?\)")  # name of a table in tomllib's errors
 
 
-def read_scene(path: str | Path, settings: Sequence[str] = ()) -> Scene:
-    """Return the scene of a TOML file, checked without its mesh.
+def read_scene(path: str | Path, settings: Sequence[str] = (), kind: type[Scene] = Scene) -> Scene:
+    """Return the scene of a TOML file, checked without its mesh, as a scene of a ``kind``.
 
     Local.  ``settings``, texts KEY=VALUE, override keys of the file (:func:`.overrides.overridden`).
 
@@ -38,9 +38,9 @@ def read_scene(path: str | Path, settings: Sequence[str] = ()) -> Scene:
     text = _text(path)
     tables = _tables(path, text)
     if not settings:
-        return _checked(path, tables, text)
+        return _checked(path, tables, text, kind=kind)
     raw = _frozen(overridden(tables, settings))
-    return _checked(path, raw, as_toml(raw), settings=tuple(settings))
+    return _checked(path, raw, as_toml(raw), settings=tuple(settings), kind=kind)
 
 
 def scene_of(tables: Mapping[str, Any], path: str | Path = "scene.toml") -> Scene:
@@ -72,7 +72,7 @@ def changed(
         raw[name] = {key: value for key, value in {**(raw.get(name) or {}), **keys}.items() if value is not None}
     raw["joints"] = tuple({**joint, **(joints or {}).get(joint["name"], {})} for joint in raw.get("joints", ()))
     raw = _frozen(raw)
-    return _checked(scene.path, raw, as_toml(raw), scene.is_complete)
+    return _checked(scene.path, raw, as_toml(raw), scene.is_complete, kind=type(scene))
 
 
 def with_settings(scene: Scene, settings: Sequence[str]) -> Scene:
@@ -83,7 +83,7 @@ def with_settings(scene: Scene, settings: Sequence[str]) -> Scene:
     CaseError : as :func:`read_scene`
     """
     raw = _frozen(overridden(scene.model_dump(exclude_unset=True), settings))
-    return _checked(scene.path, raw, as_toml(raw), scene.is_complete, (*scene.settings, *settings))
+    return _checked(scene.path, raw, as_toml(raw), scene.is_complete, (*scene.settings, *settings), type(scene))
 
 
 def completed(scene: Scene, tables: Mapping[str, Any]) -> Scene:
@@ -96,15 +96,22 @@ def completed(scene: Scene, tables: Mapping[str, Any]) -> Scene:
     CaseError : as in :func:`read_scene`
     """
     raw = {**scene.model_dump(exclude_unset=True), **_frozen(dict(tables))}
-    return _checked(scene.path, raw, scene.text, True, scene.settings)
+    return _checked(scene.path, raw, scene.text, True, scene.settings, type(scene))
 
 
-def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = False, settings: tuple[str, ...] = ()) -> Scene:
+def _checked(
+    path: Path,
+    raw: Mapping[str, Any],
+    text: str,
+    is_complete: bool = False,
+    settings: tuple[str, ...] = (),
+    kind: type[Scene] = Scene,
+) -> Scene:
     """Return the scene from tables and their text."""
     command = " ".join([str(path), *(f"--set {setting}" for setting in settings)])
     try:
         context = {"path": path.absolute(), "text": text, "is_complete": is_complete, "settings": settings}
-        scene = Scene.model_validate(raw, context=context)
+        scene = kind.model_validate(raw, context=context)
     except ValidationError as problem:
         _refuse(command, in_words(problem.errors(include_url=False), raw))
         raise AssertionError("a scene was refused without a reason") from problem

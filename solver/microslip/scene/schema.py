@@ -5,10 +5,11 @@ The description of a key states its expected value with unit; messages quote it 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, PrivateAttr
+from pydantic import Field, PrivateAttr, model_validator
 
 from ..tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics, Temperature
 from ..tables.joint import Joint
@@ -148,3 +149,20 @@ class Scene(StructureTables):
     def source(self) -> str:
         """The scene file and the settings of the command line, for logs."""
         return " ".join([str(self._path), *(f"--set {setting}" for setting in self.settings)])
+
+
+class SceneOfModes(Scene):
+    """A scene whose modes alone are computed: loads, outputs, [response] and the wave of [cyclic] may be missing."""
+
+    loads: tuple[Load, ...] = Field((), description=Scene.model_fields["loads"].description)
+    outputs: tuple[Output, ...] = Field((), description=Scene.model_fields["outputs"].description)
+    response: Response = Field(Response(levels=(1.0,), mode=1, span=(0.9, 1.1)), description="a table [response]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_some_wave(cls, tables: Any) -> Any:
+        """Return the tables with an engine order where [cyclic] states no wave: each nodal diameter has modes of its own."""
+        cyclic = tables.get("cyclic") if isinstance(tables, Mapping) else None
+        if not isinstance(cyclic, Mapping) or "engine_order" in cyclic or "nodal_diameter" in cyclic:
+            return tables
+        return {**tables, "cyclic": {**cyclic, "engine_order": 1}}
