@@ -169,6 +169,14 @@ DIFFER = [
         "the state of rest is that of alike sectors, and friction of a sector takes part in it",
     ),
     table_of("sector,friction", "0,1.0", "1,0.9", "table with too few sectors", "sectors.csv: sector 2 has no row (3 in all)"),
+    table_of(
+        "sector,friction",
+        "0,1.0",
+        "1,0.9",
+        "1,0.8",
+        "table with a sector twice",
+        "sectors.csv: sector 1 has two rows and sector 2 has no row (3 in all)",
+    ),
     table_of("sector,friction", "7,1.0", "table of a sector beyond", "line 2: sector 7; 5 sectors have the numbers 0 to 4"),
     table_of("sector,frction", "0,1.0", "table of an unknown factor", '"frction" is unknown'),
     table_of(

@@ -94,8 +94,10 @@ def _from_file(n_sectors: int, file: Path) -> dict[str, np.ndarray]:
             raise CaseError(
                 f"{file}, line {line}: sector {unknown[0]:g}; {n_sectors} sectors have the numbers 0 to {n_sectors - 1}"
             )
-        which = f"sector {missing[0]} has no row ({len(missing)} in all)" if len(missing) else "a sector has two rows"
-        raise CaseError(f"{file}: {which}; each of the {n_sectors} sectors of [cyclic] needs one")
+        twice = next((s for s in wanted if (number == s).sum() > 1), None)
+        which = [f"sector {twice} has two rows"] if twice is not None else []
+        which += [f"sector {missing[0]} has no row ({len(missing)} in all)"] if len(missing) else []
+        raise CaseError(f"{file}: {' and '.join(which)}; each of the {n_sectors} sectors of [cyclic] needs one")
     order = np.argsort(number)
     for name, values in table.items():
         if name != "load":

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+from matplotlib.lines import Line2D
 
 from ...library.build import Assembled
 from ...messages.errors import CaseError
@@ -144,17 +145,20 @@ def draw_at_speeds(
     by_wave: Mapping[Wave, Campbell], met: Sequence[tuple[int, Crossing]], excited: Excited, scene: Titled, path: str
 ) -> None:
     """Draw the families of all nodal diameters against speed, lines of engine orders, and where these excite them.  Local."""
-    says = "natural frequencies by nodal diameter against speed, all pairs stuck; engine orders E and what they excite (circles)"
-    page = Page(scene, says, WIDTH, 4.6)
-    axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
-    top = 1.05 * max(float(campbell.frequency.max()) for campbell in by_wave.values())
+    says = "frequencies by nodal diameter against speed, without slip; engine orders E and what they excite (circles)"
     diameters = list(dict.fromkeys(wave.diameter for wave in by_wave))
     colours = dict(zip(diameters, level_colours(len(diameters))))
+    lines = {
+        wave: {"color": colours[wave.diameter], "lw": 0.9, "ls": ":" if wave.direction == DIRECTIONS[1] else "-"}
+        for wave in by_wave
+    }
+    page = Page(scene, says, WIDTH, 4.8, [Line2D([], [], label=wave.words, **line) for wave, line in lines.items()])
+    axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
+    top = 1.05 * max(float(campbell.frequency.max()) for campbell in by_wave.values())
     end = max(excited.speeds)
     for wave, campbell in by_wave.items():
-        line = {"color": colours[wave.diameter], "lw": 0.9, "ls": ":" if wave.direction == DIRECTIONS[1] else "-"}
-        for i, (speed, frequency) in enumerate(smooth(campbell)):
-            axes.plot(speed * 30.0 / np.pi, frequency, label=wave.words if i == 0 else None, **line)
+        for speed, frequency in smooth(campbell):
+            axes.plot(speed * 30.0 / np.pi, frequency, **lines[wave])
     at_once = [order for order in excited.all_orders if any(crossing.order == order for _, crossing in met)]
     for order in some(at_once, _NAMED):
         reached = min(end, 2.0 * np.pi * top / order)
@@ -167,5 +171,4 @@ def draw_at_speeds(
         axes.plot(crossing.speed * 30.0 / np.pi, crossing.frequency, "o", mfc=colours[d], mec=INK, ms=4.0, mew=0.6)
     low, high = (float(speed) * 30.0 / np.pi for speed in (min(excited.speeds), end))
     axes.set(xlabel="speed [rpm]", ylabel="frequency [Hz]", ylim=(0.0, top), xlim=(low, high))
-    axes.legend(fontsize=6, ncols=2, loc="lower right")
     page.save(path)
