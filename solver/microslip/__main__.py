@@ -284,6 +284,7 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
             command.groups,
             command.part,
             command.fresh,
+            command.keep_modes,
         )
         sweep.study(scene, comm, out, asked, command.petsc, on_root(comm, time_limit, command.walltime))
     elif command.name == "compare":

@@ -109,6 +109,24 @@ def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, fold
         assert not sample.is_followed
 
 
+def test_contact_stiffness_beside_truncated_modes_is_that_of_structures_built_for_each(comm, bar):
+    """A factor of 100 either way; with the modes of the scene the peaks differ by the truncation."""
+    finer = ["response.points=30", "response.levels=[10.0]", "solver.samples=128"]
+    scene = microslip.read(bar, finer)
+    values = [factor * scene.joints[0].tangential_stiffness for factor in (0.01, 100.0)]
+    key, levels = "joints.joint.tangential_stiffness", [10.0]
+    with microslip.build(scene, comm) as structure:
+        table = microslip.sweep(structure, {key: values, "level": levels})
+        kept = microslip.sweep(structure, {key: values[1:], "level": levels}, keep_modes=True)
+    for i, value in enumerate(values):
+        with microslip.build(microslip.read(bar, [*finer, f"{key}={value!r}"]), comm) as other:
+            alone = microslip.sweep(other, {"level": levels})
+        for name in ("amplitude", "frequency", "width"):
+            here = getattr(table, name)[i : i + 1]
+            np.testing.assert_allclose(here, getattr(alone, name), rtol=1e-6 if name == "width" else 1e-8)
+    assert table.slipping.any() and 1e-8 < abs(kept.amplitude[0] / table.amplitude[1] - 1.0) < 1e-2
+
+
 def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, monkeypatch):
     table = microslip.sweep(mass, {STIFFNESS: [0.01, 10.0]})
     monkeypatch.setattr(sample_peaks, "MOST_BETWEEN", 1)

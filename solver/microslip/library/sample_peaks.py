@@ -236,7 +236,7 @@ class SamplePeaks:
         start, held = self._start_of(problem.of, problem.level, branch, self.output)
         if isinstance(start, str):
             return Sample(values, FAILED, f"{sample.why}; along its curve: {start}", newton=newton, is_followed=True)
-        sample = self._of_peak(problem, start[0], x, branch, held)
+        sample = self._of_peak(problem, start[0], x, branch, held, near=start[0][0].parameter)
         return replace(sample, newton=newton + sample.newton, is_followed=True)
 
     def _from_others(self, problem: _Problem, x: np.ndarray, branch: Branch | None) -> Sample:
@@ -300,14 +300,22 @@ class SamplePeaks:
         return [(mean, held), (nearest, held)]
 
     def _of_peak(
-        self, problem: _Problem, starts: Starts, x: np.ndarray, branch: Branch | None, held: bool, has_width: bool = True
+        self,
+        problem: _Problem,
+        starts: Starts,
+        x: np.ndarray,
+        branch: Branch | None,
+        held: bool,
+        has_width: bool = True,
+        near: float | None = None,
     ) -> Sample:
         """Return the sample of the peak near some motions, and remember it for others.
 
         ``held``: the mean slip is held by springs at first; whether it is at the peak is decided there, as along a curve.
+        ``near``: frequency [rad/s] that its linear peak is nearest to, by default that of the scene itself.
         """
         of, values = problem.of, tuple(map(float, x))
-        linear = self._nearest_linear(of, problem.level, None)
+        linear = self._nearest_linear(of, problem.level, near)
         width = UNKNOWN_WIDTH * starts[0].parameter if linear is None else linear.width
 
         def wants_width(point: Point) -> bool:

@@ -155,13 +155,14 @@ def sweep(
     paired: bool = False,
     output: str | None = None,
     curves: bool = False,
+    keep_modes: bool = False,
     on_sample: Callable[[int, Sample], None] = lambda i, sample: None,
 ) -> SweepTable:
     """Return the peak of an output for other numbers of the scene: on a grid, or for given samples.
 
     Collective on ``structure.comm``; the same on every rank.  Factor, modes and static columns are those of the structure for
-    level, friction, preload, gap, contact stiffness, loads, damping and harmonics; for any other number the structure is built
-    again.  A sample that fails has the reason in its ``why``, and the others go on.
+    level, friction, preload, gap, loads, damping and harmonics; for any other number the structure is built again.  A sample that
+    fails has the reason in its ``why``, and the others go on.
 
     Parameters
     ----------
@@ -170,6 +171,7 @@ def sweep(
     paired : value i of every key is sample i; otherwise all combinations are samples
     output : its name; the first one if None
     curves : compute the curve of each sample, too
+    keep_modes : contact stiffness, too, leaves the modes as they are: by the update (4.7), which is exact with all modes
     on_sample : is called with number and peak of each sample
 
     Raises
@@ -180,7 +182,7 @@ def sweep(
     structure.refuse_closed()
     scene = structure.scene
     design = Design.paired(values) if paired else grid(values)
-    varied = Varied.of(scene, design.keys)
+    varied = Varied.of(scene, design.keys, keep_modes)
     refused = next(iter(outside(varied, design).values()), None)
     if refused is not None:
         raise CaseError(refused)

@@ -2,7 +2,8 @@
 
 level                                               the operating point alone
 joints.NAME.friction, preload, gap                  the contact law; with [statics] friction and preload make another rest
-joints.NAME.tangential_stiffness, normal_stiffness  the exact update (4.7) of the receptance, without a factor
+joints.NAME.tangential_stiffness, normal_stiffness  the structure is built again; where its modes are to stay, and for numbers
+                                                    in a file, the update (4.7) of the receptance, without a factor
 [damping], [solver], [response], [continuation]     the reduced model
 loads.N.scale, pressure, phase                      the coefficients of the loads
 any other number                                    all of it: the structure is built again
@@ -30,6 +31,7 @@ Kind = Literal["level", "law", "rest", "settings", "load", "build"]
 LEVELS = ("level", "response.level", "response.levels")
 OF_LOADS = ("scale", "pressure", "phase")
 _OF_FILE = {"friction": "mu", "preload": "n0", "gap": "g0", "tangential_stiffness": "kt", "normal_stiffness": "kn"}
+STIFFNESS = ("tangential_stiffness", "normal_stiffness")
 _AT_REST = ("friction", "preload")  # of a joint, before the loads of [statics] act
 
 
@@ -44,8 +46,8 @@ class Varied:
     is_factor: np.ndarray  # (n_keys,) bool, times numbers that a file gives
 
     @classmethod
-    def of(cls, scene: Scene, keys: Sequence[str]) -> Varied:
-        """Return the numbers with these keys.
+    def of(cls, scene: Scene, keys: Sequence[str], keep_modes: bool = False) -> Varied:
+        """Return the numbers with these keys; ``keep_modes`` of the structure under another contact stiffness.
 
         Raises
         ------
@@ -55,7 +57,7 @@ class Varied:
         if twice is not None:
             raise CaseError(f"{scene.source}: sweep: {twice} is stated twice; each number has one list, range or scatter")
         nominal, factors = zip(*(_number(scene, key) for key in keys)) if keys else ((), ())
-        kinds = tuple(_kind(scene, key) for key in keys)
+        kinds = tuple(_kind(scene, key, keep_modes) for key in keys)
         return cls(scene, tuple(keys), kinds, np.array(nominal, dtype=float), np.array(factors, dtype=bool))
 
     def having(self, *kinds: Kind) -> list[int]:
@@ -63,11 +65,17 @@ class Varied:
         return [i for i, kind in enumerate(self.kinds) if kind in kinds]
 
     def from_the_scene(self, values: np.ndarray, spread: np.ndarray) -> list[int]:
-        """Return the samples (n, n_keys) by their distance from the scene: each then has solved ones near by."""
+        """Return the samples (n, n_keys) by their distance from the scene: each then has solved ones near by.
+
+        Those of one structure follow each other.
+        """
         away = (values - np.where(np.isfinite(self.nominal), self.nominal, values.mean(axis=0))) / np.where(
             spread > 0.0, spread, 1.0
         )
-        return [int(i) for i in np.argsort(np.linalg.norm(away, axis=1), kind="stable")]
+        by_structure: dict[tuple, list[int]] = {}
+        for i in np.argsort(np.linalg.norm(away, axis=1), kind="stable"):
+            by_structure.setdefault(self.items(values[i], "build"), []).append(int(i))
+        return [i for of_one in by_structure.values() for i in of_one]
 
     def items(self, values: Sequence[float], *kinds: Kind) -> tuple[tuple[str, float], ...]:
         """Return key and value of the numbers of some kinds."""
@@ -123,7 +131,7 @@ def load_factors(scene: Scene, other: Scene) -> np.ndarray:
     return np.array(factors)
 
 
-def _kind(scene: Scene, key: str) -> Kind:
+def _kind(scene: Scene, key: str, keep_modes: bool) -> Kind:
     """Return what a number belongs to."""
     if key in LEVELS:
         return "level"
@@ -132,7 +140,8 @@ def _kind(scene: Scene, key: str) -> Kind:
     if first == "joints" and len(words) == 3 and last in LAW_NAMES:
         if scene.statics is not None:
             return "rest" if last in _AT_REST else "build"
-        return "law" if _is_of_file(scene, words) or (_stated(scene, words[1], last) or 0.0) > 0.0 else "build"
+        is_other_law = (keep_modes or last not in STIFFNESS) and (_stated(scene, words[1], last) or 0.0) > 0.0
+        return "law" if is_other_law or _is_of_file(scene, words) else "build"
     if first == "loads" and len(words) == 3 and last in OF_LOADS:
         return "load"
     return "settings" if len(words) == 2 and first in TABLES else "build"

@@ -90,6 +90,7 @@ class Command:
     output: str | None = None  # its name; None: the first
     outside: str = "refuse"  # or skip, of samples that the scene does not allow
     curves: bool = False
+    keep_modes: bool = False  # of a sweep, under another contact stiffness
     part: tuple[int, int] = (1, 1)  # of a job array
 
 
@@ -385,6 +386,12 @@ _OPTIONS = (
         default="refuse",
     ),
     _option("sweep", "--curves", None, "the curve of each sample, too: percentile bands"),
+    _option(
+        "sweep",
+        "--keep-modes",
+        None,
+        "leave the modes as they are under another contact stiffness, in place of a structure for each",
+    ),
     _option("sweep", "--part", "I/N", "of a job array: every N-th sample from the I-th on", type=_part, default=(1, 1)),
     _option(
         "sweep", "--groups", "G", "split the ranks into G groups, each with samples of its own (default: each rank)", type=_count

@@ -38,6 +38,7 @@ class Request:
     groups: int | None = None  # of ranks; None: as many as there are ranks
     part: tuple[int, int] = (1, 1)  # of a job array: this one of so many
     fresh: bool = False
+    keep_modes: bool = False  # under another contact stiffness
 
 
 def design_of(scene: Scene, request: Request) -> Design:

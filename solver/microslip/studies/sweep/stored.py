@@ -19,9 +19,9 @@ from ...system.files import file_errors, make_folder
 FOLDER = "samples"
 
 
-def keys_of(design: Design, identity: str, output: str | None, has_curves: bool) -> list[str]:
+def keys_of(design: Design, identity: str, output: str | None, *options: bool) -> list[str]:
     """Return the key of each sample.  Local."""
-    head = json.dumps([identity, design.keys, output, has_curves])
+    head = json.dumps([identity, design.keys, output, *options])
     return [hashlib.sha256(f"{head} {[float(x).hex() for x in row]}".encode()).hexdigest()[:24] for row in design.values]
 
 

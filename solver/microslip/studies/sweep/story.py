@@ -83,14 +83,14 @@ def asked_of(scene: Scene, folder: Path, request: Request, options: tuple[str, .
     CaseError : samples that make no sense, or that the scene does not allow
     """
     design = design_of(scene, request)
-    varied = Varied.of(scene, design.keys)
+    varied = Varied.of(scene, design.keys, request.keep_modes)
     refused = outside(varied, design)
     if refused and not request.skips_outside:
         raise CaseError(refusal(refused, len(design)))
     part = _part_name(request)
     if request.fresh:
         remove_samples(folder, part)
-    keys = keys_of(design, identity_of(scene, options).whole, request.output, request.has_curves)
+    keys = keys_of(design, identity_of(scene, options).whole, request.output, request.has_curves, request.keep_modes)
     stored = read_samples(folder)
     known = {i: stored[key] for i, key in enumerate(keys) if key in stored and stored[key].status == DONE}
     known |= {i: Sample(tuple(map(float, design.values[i])), OUTSIDE, why) for i, why in refused.items()}
