@@ -120,6 +120,20 @@ def test_what_data_do_not_see_is_said(structure, exact):
     assert found[RATIO] == pytest.approx(0.02, rel=1e-3)
 
 
+def test_numbers_of_which_the_data_see_the_product_have_their_bounds_as_interval(structure, exact):
+    bounds = {FRICTION: (0.3, 3.0), "joints.joint.preload": (0.4, 2.0)}
+    found = microslip.identify(structure, noisy(exact, 0), bounds, ratio=0.03)
+    assert found[FRICTION] * found["joints.joint.preload"] == pytest.approx(0.8, rel=0.05)
+    assert found.low == pytest.approx([0.3, 0.4]) and found.high == pytest.approx([3.0, 2.0])
+    assert len(found.alike) == 1 and found.dof == 2 * len(exact["amplitude_m"]) - 1
+
+
+def test_as_many_numbers_as_rows_have_their_bounds_as_interval(structure, exact):
+    one = {name: values[len(FREQUENCY) // 2 :][:1] for name, values in exact.items() if name != "phase_rad"}
+    found = microslip.identify(structure, one, {FRICTION: (0.3, 3.0)}, ratio=0.03)
+    assert found.dof == 0 and (found.low[0], found.high[0]) == pytest.approx((0.3, 3.0))
+
+
 def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, shared_path):
     """The normal stiffness of one mass that moves tangentially alone: a column of zeros in the Jacobian."""
     load = {"vector": [1.0], "harmonic": 1}
@@ -161,8 +175,8 @@ def test_peaks_can_be_fitted(structure):
     [
         ({}, "missing"),
         ({"joints.joint.fricton": (0.1, 1.0)}, "friction"),
-        ({FRICTION: (2.0, 3.0)}, "about the scene's value, 1"),
-        ({FRICTION: (1.0, 0.5)}, "bounds of at least 0"),
+        ({FRICTION: (2.0, 3.0)}, "the scene's value, 1, not within"),
+        ({FRICTION: (1.0, 0.5)}, "two bounds of at least 0"),
         ({"level": (1.0, 2.0)}, "no number 'level'"),
     ],
 )

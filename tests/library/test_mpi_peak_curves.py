@@ -192,7 +192,7 @@ def test_no_peak_in_the_range_is_refused(structure):
 
 
 def test_values_that_the_law_has_not_are_refused(structure):
-    with pytest.raises(CaseError, match="have no gap; vary joints.joint.preload"):
+    with pytest.raises(CaseError, match="has a gap; vary joints.joint.preload"):
         microslip.peaks(structure, {"joints.joint.gap": (1.0, 2.0)}, level=0.8)
     negative = PeakRequest(LawParameter("mu", np.array([0]), np.array([1.0])), (2.0, -1.0), (), 0, 0.8)
     with pytest.raises(CaseError, match="-1 is no value"):

@@ -127,6 +127,14 @@ def test_contact_stiffness_beside_truncated_modes_is_that_of_structures_built_fo
     assert table.slipping.any() and 1e-8 < abs(kept.amplitude[0] / table.amplitude[1] - 1.0) < 1e-2
 
 
+def test_factors_of_gaps_and_preloads_change_the_pairs_that_have_them(mass):
+    """The gap of a pair without one is no number of it, and leaves its preload alone."""
+    with pytest.raises(CaseError, match="joints.joint.gap: no pair of the joint has a gap; vary joints.joint.preload"):
+        microslip.sweep(mass, {"joints.joint.gap": [0.5]})
+    pressed, rubbed = (microslip.sweep(mass, {key: [0.8]}) for key in ("joints.joint.preload", FRICTION))
+    assert pressed.amplitude == pytest.approx(rubbed.amplitude, rel=1e-9)
+
+
 def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, monkeypatch):
     table = microslip.sweep(mass, {STIFFNESS: [0.01, 10.0]})
     monkeypatch.setattr(sample_peaks, "MOST_BETWEEN", 1)

@@ -63,14 +63,14 @@ def read_measured(
     ----------
     outputs, units : names and units of the outputs of the scene
     levels : of the scene [N]; rows without a level belong to the only one
-    frequencies : range of the lines of a universal file [Hz]; None for all
+    frequencies : range of the scene [Hz], outside which lines of a universal file are left out and rows refused; None for all
 
     Raises
     ------
     CaseError : names what is wrong, with the line
     """
     if path.suffix.lower() == ".mat":
-        return measured_of(_of_one_length(variables(path), path), str(path), outputs, units, levels)
+        return _within(measured_of(_of_one_length(variables(path), path), str(path), outputs, units, levels), frequencies, path)
     if path.suffix.lower() in UNIVERSAL:
         return measured_of(functions(path, outputs, units, levels, frequencies), str(path), outputs, units, levels)
     numbered = numbered_rows(path)
@@ -83,7 +83,21 @@ def read_measured(
         if len(row) != len(header):
             raise CaseError(f"{path}, line {at}: {len(row)} values; {len(header)} are needed: {','.join(header)}")
     columns = {name: [row[i] for _, row in rest] for i, name in enumerate(header)}
-    return measured_of(columns, str(path), outputs, units, levels, [at for at, _ in rest])
+    lines = [at for at, _ in rest]
+    return _within(measured_of(columns, str(path), outputs, units, levels, lines), frequencies, path, lines)
+
+
+def _within(rows: Measured, frequencies: tuple[float, float] | None, path: Path, lines: Sequence[int] = ()) -> Measured:
+    """Return measured rows; CaseError where one lies outside a range of frequencies."""
+    low, high = frequencies or (0.0, np.inf)
+    outside = np.flatnonzero((rows.frequency < low) | (rows.frequency > high))
+    if len(outside):
+        where = f", line {lines[outside[0]]}" if lines else f", value {outside[0] + 1}"
+        raise CaseError(
+            f"{path}{where}: {rows.frequency[outside[0]]:g} Hz lies outside [response] frequencies, {low:g} to {high:g} Hz "
+            f"({len(outside)} of {rows.n} rows); widen these or leave the rows out"
+        )
+    return rows
 
 
 def measured_of(

@@ -38,6 +38,7 @@ MOST_WEIGHTINGS = 4  # fits, each with the deviations that the residuals of the 
 SAME_WEIGHTS = 0.1  # relative change of these deviations at which the fit is left as it is
 MOST_PRECISE = 1e-3  # of such a deviation before, at least, where the residuals vanish
 WEAK = 1e-3  # deviations, of a row that holds each number at its start: a rank for what the data do not see; over its bounds
+ROUNDING = 1e-12  # of the largest square of an effect, up to which others are rounding
 AT_REST = ("friction", "preload", "gap")
 
 
@@ -79,7 +80,7 @@ class Identified:
     before: Measured  # with the values of the scene
     rms: float  # of the residuals over their deviations
     is_explained: bool  # the residuals are not larger than stated deviations allow; True without these
-    dof: int  # rows less numbers that are seen
+    dof: int  # rows less combinations of numbers that the data determine
     evaluations: int
     outcome: str  # of the least squares
     is_converged: bool  # otherwise the last values are no least squares, and their intervals mean nothing
@@ -188,8 +189,9 @@ def _check_bounds(key: str, low: float, high: float, value: float | None) -> Non
     """Raise CaseError unless bounds are of at least 0, rise, and hold the value of the scene where it is known."""
     if 0.0 <= low < high < np.inf and (value is None or low <= value <= high):
         return
-    about = " about the scene's value" if value is None else f" about the scene's value, {value:g},"
-    raise CaseError(f"identify: {key} = {low:g}:{high:g}: bounds of at least 0{about} are expected, the lower one first")
+    if 0.0 <= low < high < np.inf:
+        raise CaseError(f"identify: {key} = {low:g}:{high:g}: the fit begins at the scene's value, {value:g}, not within")
+    raise CaseError(f"identify: {key} = {low:g}:{high:g}: two bounds of at least 0 are expected, the lower one first")
 
 
 def _fitted(scene: Any, structure: Structure, bounds: Mapping[str, tuple[float, float]]) -> list[Fitted]:
@@ -356,9 +358,10 @@ class _Spread:
     """How far residuals and fitted numbers spread; k numbers are seen."""
 
     is_seen: np.ndarray  # (n_numbers,) bool
+    n_determined: int  # combinations of numbers that the data determine
     free: np.ndarray  # (n_residuals,) degrees of freedom of each
     variance: np.ndarray  # (n_residuals,) over their deviations; 1 of stated ones
-    covariance: np.ndarray  # (k, k) of x
+    covariance: np.ndarray  # (k, k) of x; of combinations that are not determined the distance of the bounds
 
 
 def _spread(model: _Model, done: Any, edges: np.ndarray) -> _Spread:
@@ -366,13 +369,20 @@ def _spread(model: _Model, done: Any, edges: np.ndarray) -> _Spread:
     J, noise, variance = done.jac, np.ones(len(done.fun)), np.ones(len(done.fun))
     for rows in model.unstated:
         noise[rows] = max(float(np.sqrt(np.mean(done.fun[rows] ** 2))), 1e-12)
-    is_seen = np.linalg.norm(J / noise[:, None], axis=0) * (edges[1] - edges[0]) > 1.0
+    effects = J / noise[:, None] * (edges[1] - edges[0])  # from bound to bound
+    is_seen = np.linalg.norm(effects, axis=0) > 1.0
+    squares, combinations = np.linalg.eigh(effects[:, is_seen].T @ effects[:, is_seen])
+    combinations *= (edges[1] - edges[0])[is_seen, None]
+    are_determined = squares > max(1.0, ROUNDING * squares.max(initial=0.0))
+    determined, others = combinations[:, are_determined], combinations[:, ~are_determined]
     J_seen = J[:, is_seen]
-    inverse = np.linalg.pinv(J_seen.T @ J_seen, hermitian=True)
+    J_determined = J_seen @ determined
+    inverse = determined @ np.linalg.pinv(J_determined.T @ J_determined, hermitian=True) @ determined.T
     free = 1.0 - np.einsum("ij,jk,ik->i", J_seen, inverse, J_seen)
     for rows in model.unstated:
         variance[rows] = np.sum(done.fun[rows] ** 2) / max(float(free[rows].sum()), 1.0)
-    return _Spread(is_seen, free, variance, inverse @ (J_seen.T * variance) @ J_seen @ inverse)
+    covariance = inverse @ (J_seen.T * variance) @ J_seen @ inverse + others @ others.T
+    return _Spread(is_seen, determined.shape[1], free, variance, covariance)
 
 
 def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, before: Measured) -> Identified:
@@ -381,14 +391,15 @@ def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, b
     spread = _spread(model, done, edges)
     is_seen, free, covariance = spread.is_seen, spread.free, spread.covariance
     rms = float(np.sqrt(np.mean(done.fun**2)))
-    dof = max(len(done.fun) - int(is_seen.sum()), 1)
+    dof = len(done.fun) - spread.n_determined
     of_stated = float(np.sum(done.fun[model.is_stated] ** 2)), max(float(free[model.is_stated].sum()), 1.0)
     deviation = np.full(len(keys), np.inf)
-    deviation[is_seen] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    if dof > 0 or model.is_stated.all():  # otherwise nothing says how far the data are off
+        deviation[is_seen] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     correlation = np.eye(len(keys))
     of_seen = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
     correlation[np.ix_(is_seen, is_seen)] = np.divide(covariance, of_seen, out=np.eye(len(of_seen)), where=of_seen > 0.0)
-    way = student.ppf(0.975, dof) * deviation
+    way = student.ppf(0.975, max(dof, 1)) * deviation
     ends = np.array([np.clip(done.x - way, *edges), np.clip(done.x + way, *edges)])
     low, high = (np.array([each.value(x) for each, x in zip(fitted, end)]) for end in ends)
     near = np.minimum(done.x - edges[0], edges[1] - done.x) <= 1e-3 * (edges[1] - edges[0])

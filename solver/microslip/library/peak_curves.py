@@ -59,16 +59,18 @@ def _number(scene: Scene, pairs: ContactPairs, over: Over) -> OverNumber:
         unit = FACTOR if over.key == "damping" else "1"
         return OverNumber(over.key, unit, PeakRequest("damping", (low, high), tuple(at), output, level), ratio)
     parameter, unit = number_of_joint(scene, pairs, *of_joint)
-    if of_joint[1] == "gap" and (pairs.N0[parameter.pairs] > 0.0).all():
-        raise CaseError(
-            f"{scene.path}: [[response.over]] {over.key}: all pairs of this joint are pressed together at rest and have no gap; "
-            f"vary joints.{of_joint[0]}.preload"
-        )
     return OverNumber(over.key, unit, PeakRequest(parameter, over.range, over.at, output, level))
 
 
 def number_of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> tuple[LawParameter, str]:
-    """Return a number of a joint as a parameter of the law, and its unit: that of the scene where it states one for all pairs."""
+    """Return a number of a joint as a parameter of the law, and its unit: that of the scene where it states one for all pairs.
+
+    Local.  A factor of gaps is of the pairs that have one, and a factor of preloads of the others.
+
+    Raises
+    ------
+    CaseError : no pair of the joint has such a number
+    """
     numbers = np.flatnonzero(np.array(pairs.joint) == name)
     gap = np.divide(-pairs.N0, pairs.k_n, out=np.zeros_like(pairs.k_n), where=pairs.k_n > 0.0)
     columns = {"mu": pairs.mu, "N0": pairs.N0, "gap": gap, "k_t": pairs.k_t, "k_n": pairs.k_n}
@@ -77,7 +79,11 @@ def number_of_joint(scene: Scene, pairs: ContactPairs, name: str, key: str) -> t
     if isinstance(stated, float) and stated > 0.0:
         has_area = np.isfinite(pairs.area[numbers]).all()
         return LawParameter(LAW_NAMES[key], numbers, column / stated), UNITS[key] if has_area else IN_FORCES.get(key, UNITS[key])
-    return LawParameter(LAW_NAMES[key], numbers, column), FACTOR
+    has_one = column > 0.0 if key in ("gap", "preload") else np.full(len(column), True)
+    if not has_one.any():
+        other = "preload" if key == "gap" else "gap"
+        raise CaseError(f"{scene.source}: joints.{name}.{key}: no pair of the joint has a {key}; vary joints.{name}.{other}")
+    return LawParameter(LAW_NAMES[key], numbers[has_one], column[has_one]), FACTOR
 
 
 def refuse_without_peaks(prepared: Prepared) -> None:

@@ -111,6 +111,19 @@ class _Problem:
         return problem.with_equation(equation.holding(np.zeros((equation.n_owned, 2)) if held else None))
 
 
+def number_of_output(scene: Scene, name: str | None) -> int:
+    """Return the number of an output, from 0; that of the first one if None.  Local.
+
+    Raises
+    ------
+    CaseError : the scene has no such output
+    """
+    names = [output.name for output in scene.outputs]
+    if name is not None and name not in names:
+        raise CaseError(f"{scene.source}: sweep: there is no output {name!r}{hint(name, names)}")
+    return 0 if name is None else names.index(name)
+
+
 class SamplePeaks:
     """The peaks of samples on the ranks of a structure.  All methods are collective on ``structure.comm``.
 
@@ -137,11 +150,9 @@ class SamplePeaks:
         has_curves: bool = False,
         log: RunLog | None = None,
     ):
-        scene, names = structure.scene, [output.name for output in structure.scene.outputs]
+        scene = structure.scene
         refuse_statics(scene, "sweep")
-        if output is not None and output not in names:
-            raise CaseError(f"{scene.source}: sweep: there is no output {output!r}{hint(output, names)}")
-        self.reference, self.varied, self.output = structure, varied, 0 if output is None else names.index(output)
+        self.reference, self.varied, self.output = structure, varied, number_of_output(scene, output)
         self.log = log or RunLog(structure.comm, screen=False)
         self.spread = np.ones(len(varied.keys)) if spread is None else np.where(spread > 0.0, spread, 1.0)
         self.has_curves = has_curves
@@ -149,6 +160,8 @@ class SamplePeaks:
         self._prepared: tuple[Any, Prepared] | None = None
         self.solved: list[tuple[np.ndarray, Starts, bool]] = []  # values, motions, whether the mean slip is held
         self._loose: tuple[ReducedModel, bool] | None = None  # whether nothing but the joint holds a body of a model
+        for i in np.flatnonzero(varied.is_factor):  # of no pair of the joint: said before anything is solved
+            number_of_joint(scene, structure.pairs, *words_of(varied.keys[i])[1:])
         self.nominal = self._solve_nominal()
 
     def close(self) -> None:

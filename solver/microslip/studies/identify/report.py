@@ -105,7 +105,7 @@ def in_words(found: Identified) -> list[str]:
         "fit fewer numbers, narrow their bounds or begin nearer"
     ]  # fmt: skip
     lines += [
-        f"residuals over their deviations: {found.rms:.3g} (root mean square) with {found.dof} degrees of freedom, after "
+        f"residuals over their deviations: {found.rms:.3g} (root mean square) with {max(found.dof, 0)} degrees of freedom, after "
         f"{found.evaluations} evaluations; {found.outcome}"
     ]
     if not found.is_explained:

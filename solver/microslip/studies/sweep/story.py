@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ...library.build import build
 from ...library.design import Design
-from ...library.sample_peaks import DONE, MISSING, OUTSIDE, Sample, SamplePeaks
+from ...library.sample_peaks import DONE, MISSING, OUTSIDE, Sample, SamplePeaks, number_of_output
 from ...library.sweep import SweepTable, outside, table_of
 from ...library.varied import Varied
 from ...messages.errors import CaseError, ConvergenceError, Interrupted
@@ -82,6 +82,8 @@ def asked_of(scene: Scene, folder: Path, request: Request, options: tuple[str, .
     ------
     CaseError : samples that make no sense, or that the scene does not allow
     """
+    if not scene.awaits_file:
+        number_of_output(scene, request.output)
     design = design_of(scene, request)
     varied = Varied.of(scene, design.keys, request.keep_modes)
     refused = outside(varied, design)
