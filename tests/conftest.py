@@ -17,6 +17,7 @@ initialise()
 import hypothesis
 import pytest
 from mpi4py import MPI
+from petsc4py import PETSc
 
 COMM = MPI.COMM_WORLD
 
@@ -40,6 +41,21 @@ def comm():
 def shared_path(tmp_path):
     """A new empty folder, the same one on all ranks.  Collective."""
     return COMM.bcast(tmp_path)
+
+
+@pytest.fixture
+def options():
+    """Set PETSc's options by name, and take them away again."""
+    database, names = PETSc.Options(), []
+
+    def set_to(**values):
+        for name, value in values.items():
+            names.append(name)
+            database[name] = value
+
+    yield set_to
+    for name in names:
+        database.delValue(name)
 
 
 PICTURES = (

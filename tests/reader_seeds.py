@@ -21,7 +21,7 @@ from microslip.continuation.checkpoint import over
 from microslip.formats.matrices.file_matrix import DofMap
 from microslip.formats.via_meshio import load_meshio
 from microslip.mesh.data import ContactPairs
-from microslip.restart.point_records import of_point
+from microslip.restart.branch_files import of_point
 from microslip.restart.records import checksum_of, pack
 from microslip.restart.structure_arrays import numbers_of
 from microslip.results.fields import RunRecord, StageRecord, keep_fields

@@ -31,10 +31,9 @@ from microslip.messages.errors import CaseError, MicroslipError, ResourceError
 from microslip.points.branch import Point
 from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.stuck import Factored, OnDemand
-from microslip.restart.branch_files import BranchFiles
+from microslip.restart.branch_files import BranchFiles, to_point
 from microslip.restart.columns_file import ColumnsFile
 from microslip.restart.identity import Identity
-from microslip.restart.point_records import to_point
 from microslip.restart.records import Latest, checked_read, length_of, read_record, read_records, unpack
 from microslip.restart.structure_arrays import basis_of, structure_of
 from microslip.results.fields import read_fields, read_run

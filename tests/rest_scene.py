@@ -1,11 +1,15 @@
 """A bar that its joint alone holds on ground, under constant loads: scenes of the tests of statics."""
 
 import numpy as np
+from blocks import stacked
+from mpi4py import MPI
+from msh import write_msh
 from scene_text import driven, joint, response, steel, support, table
 
 import microslip
 from microslip.parallel.agree import on_root
 
+COMM = MPI.COMM_WORLD
 LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
 SCENE = (
     table("model", mesh="bar.msh", axis=[0.0, 0.0, 1.0])
@@ -22,6 +26,13 @@ GUIDED = (  # no friction: the bar is held along the joint by a support
     ("friction = 0.3", "friction = 0.0"),
     ('fix = ["x", "y", "z"]\n', 'fix = ["x", "y", "z"]\n[[supports]]\ngroup = "bar_start"\nfix = ["x", "y"]\n'),
 )
+
+
+def folder_with_bar(tmp_path_factory):
+    """A fixture: a folder with the mesh of the bar, the same on all ranks.  Collective."""
+    path = COMM.bcast(tmp_path_factory.mktemp("bar"))
+    on_root(COMM, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
+    return path
 
 
 def scene_of(comm, folder, statics: str | None, *changes: tuple[str, str], name="scene"):

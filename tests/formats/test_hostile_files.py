@@ -22,7 +22,8 @@ from reader_seeds import SEEDS
 from reader_targets import TARGETS, verdict
 from scene_files import GOOD
 
-from microslip.formats import bounded, hdf5, via_meshio
+from microslip.formats import hdf5, via_meshio
+from microslip.formats import read as formats_read
 from microslip.formats.includes import included_files
 from microslip.formats.matrices import matlab
 from microslip.formats.matrices import read as matrices_read
@@ -374,10 +375,10 @@ def test_exodus_in_hdf5_claims_no_more_than_it_holds(tmp_path):
 
 @pytest.mark.slow
 def test_memory_is_bounded_while_a_file_is_read_and_not_afterwards(tmp_path, monkeypatch):
-    monkeypatch.setattr(bounded, "_FREE", 2**27)
+    monkeypatch.setattr(formats_read, "_FREE", 2**27)
     (tmp_path / "f").write_bytes(b"x")
     with pytest.raises(MeshError, match="limit of a file of 1 bytes"):
-        with bounded.bounded_memory(str(tmp_path / "f")):
+        with formats_read.bounded_memory(str(tmp_path / "f")):
             np.ones(2**26)
     assert len(np.ones(2**26)) == 2**26
 
@@ -486,8 +487,8 @@ def test_no_file_gets_more_memory_than_is_left(tmp_path, monkeypatch):
     monkeypatch.setattr(sandbox, "call", lambda *arguments, memory, **others: limits.append(memory))
     (tmp_path / "f").write_bytes(bytes(10**6))
     sandbox.read_file(tmp_path / "f", len, gain=2000)
-    monkeypatch.setattr(bounded, "_address_space", lambda more: limits.append(more) or contextlib.nullcontext())
-    with bounded.bounded_memory(str(tmp_path / "f")):
+    monkeypatch.setattr(formats_read, "_address_space", lambda more: limits.append(more) or contextlib.nullcontext())
+    with formats_read.bounded_memory(str(tmp_path / "f")):
         pass
     monkeypatch.setattr(memory, "memory_left_here", lambda: 1.0)  # libraries map more than they use
     sandbox.read_file(tmp_path / "f", len, gain=0)

@@ -7,8 +7,7 @@ from plain_model import bdf, plain
 pytest.importorskip("pyNastran")
 
 from microslip.formats.nastran import read
-from microslip.formats.nastran.free import in_fixed_fields
-from microslip.formats.nastran.plain import none_plain, take_plain
+from microslip.formats.nastran.plain import in_fixed_fields, none_plain, take_plain
 from microslip.formats.read import read_model
 from microslip.messages.errors import MeshError
 

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from microslip.guards import ending, overdue
 from microslip.guards.lock import locked
 from microslip.messages.errors import CaseError, ConvergenceError
-from microslip.parallel.agree import on_root, raise_together
+from microslip.parallel.agree import raise_together
 from microslip.system.signals import conclude_signals, obey_signals, parting_with
 from microslip.system.watchdog import moved, patient, unwatched, watch
 
@@ -22,10 +22,6 @@ COMM = MPI.COMM_WORLD
 
 def agreed():
     raise_together(COMM, "the first is wrong" if COMM.rank == 1 else None, CaseError)
-
-
-def met_by_root():
-    on_root(COMM, open, "/no/such/file")
 
 
 def alone_while_others_wait():

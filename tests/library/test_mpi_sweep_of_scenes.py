@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from blocks import stacked
 from discs import write_sector
-from msh import write_msh
-from rest_scene import HEIGHT, LENGTH, WIDTH, force, scene_of
+from rest_scene import folder_with_bar, force, scene_of
 from scene_text import table
 
 import microslip
@@ -35,11 +33,7 @@ def check(comm, scene, samples):
     return swept
 
 
-@pytest.fixture(scope="module")
-def folder(comm, tmp_path_factory):
-    path = comm.bcast(tmp_path_factory.mktemp("sweep"))
-    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
-    return path
+folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
 def sliding(comm, folder, samples=SHARPER):

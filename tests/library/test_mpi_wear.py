@@ -6,12 +6,10 @@ from itertools import product
 import h5py
 import numpy as np
 import pytest
-from blocks import stacked
 from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
-from msh import write_msh
 from oracles import scenes
-from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, force, scene_of
+from rest_scene import GUIDED, LENGTH, folder_with_bar, force, scene_of
 from scipy.optimize import brentq, minimize_scalar
 
 import microslip
@@ -193,11 +191,7 @@ def test_normal_forces_are_those_of_unilateral_springs(shared_path, depth):
     assert found == pytest.approx(exact, rel=1e-9, abs=1e-12)
 
 
-@pytest.fixture(scope="module")
-def folder(comm, tmp_path_factory):
-    path = comm.bcast(tmp_path_factory.mktemp("wear"))
-    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
-    return path
+folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
 def test_loads_press_a_worn_joint_as_before(comm, folder):

@@ -30,20 +30,6 @@ def A():
     matrix.destroy()
 
 
-@pytest.fixture
-def options():
-    """Set PETSc's options by name, and take them away again."""
-    database, names = PETSc.Options(), []
-
-    def set_to(name, value):
-        names.append(name)
-        database[name] = value
-
-    yield set_to
-    for name in names:
-        database.delValue(name)
-
-
 def has(monkeypatch, left):
     monkeypatch.setattr(memory, "limits_here", lambda machine, process, resident: [Limit("the test", process, left)])
 
@@ -88,7 +74,7 @@ def test_what_does_not_fit_is_kept_on_disk_and_solves_as_well(A, monkeypatch, tm
 
 
 def test_entries_of_the_inverse_from_a_factor_on_disk(A, options):
-    options("static_mat_mumps_icntl_22", 1)
+    options(static_mat_mumps_icntl_22=1)
     factor = Factor(A)
     rows, columns = np.array([0, 5, 9]), np.array([0, 7])
     entries = factor.inverse_entries(rows, columns)
@@ -140,7 +126,7 @@ def test_a_file_system_in_memory_is_no_disk(monkeypatch):
 
 def test_too_little_workspace_asked_for_by_an_option_is_raised(A, options):
     """ICNTL(14) far below MUMPS' own: INFOG(1) = -8 or -9, then more of it, whatever the option says."""
-    options("static_mat_mumps_icntl_14", -60)
+    options(static_mat_mumps_icntl_14=-60)
     factor = Factor(A)
     assert len(factor.info["messages"]) == 1
     assert "INFOG(1) = -9" in factor.info["messages"][0] and "again with 60 % of workspace" in factor.info["messages"][0]
@@ -149,7 +135,7 @@ def test_too_little_workspace_asked_for_by_an_option_is_raised(A, options):
 
 
 def test_a_limit_that_an_option_sets_is_named(A, options):
-    options("static_mat_mumps_icntl_23", 1)
+    options(static_mat_mumps_icntl_23=1)
     with pytest.raises(
         ResourceError, match=r"INFOG\(1\) = -(9|19).*use more ranks" if comm.size > 1 else "-static_mat_mumps_icntl_23"
     ):

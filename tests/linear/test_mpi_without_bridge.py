@@ -42,20 +42,6 @@ def by_petsc(monkeypatch):
     monkeypatch.setenv(bridge.VARIABLE, "petsc")
 
 
-@pytest.fixture
-def options():
-    """Set PETSc's options by name, and take them away again."""
-    database, names = PETSc.Options(), []
-
-    def set_to(name, value):
-        names.append(name)
-        database[name] = value
-
-    yield set_to
-    for name in names:
-        database.delValue(name)
-
-
 @pytest.mark.parametrize("empty", [None, 0, 1])
 def test_solves_and_what_is_not_to_be_had(by_petsc, empty):
     A = matrix(empty=empty)
@@ -122,7 +108,7 @@ def test_an_order_by_metis_is_asked_of_mumps(by_petsc, options):
     A = matrix()
     with_metis, _ = other_package.factorise(A, "static_", "A", None)
     assert with_metis.ksp.getPC().getFactorMatrix().getMumpsIcntl(7) == 5
-    options("static_mat_mumps_icntl_7", 4)
+    options(static_mat_mumps_icntl_7=4)
     with_pord, info = other_package.factorise(A, "static_", "A", None)
     assert info["ordering"] == "PORD"
     with_metis.destroy()
@@ -130,7 +116,7 @@ def test_an_order_by_metis_is_asked_of_mumps(by_petsc, options):
 
 
 def test_a_factor_on_disk_is_refused(by_petsc, options):
-    options("static_mat_mumps_icntl_22", 1)
+    options(static_mat_mumps_icntl_22=1)
     with pytest.raises(CaseError, match="factors on disk need the bridge to MUMPS.*microslip doctor"):
         Factor(matrix())
 

@@ -3,7 +3,6 @@
 import lattices
 import numpy as np
 import pytest
-from petsc4py import PETSc
 
 from microslip.linear.joint_springs import linearise
 from microslip.messages.errors import ConvergenceError
@@ -13,21 +12,6 @@ from microslip.modes.shift_invert import ModeSearch
 
 pytestmark = pytest.mark.ranks(1, 2)
 SHAPE = (12, 7, 6)
-
-
-@pytest.fixture
-def options():
-    """Set PETSc's options by name, and take them away again."""
-    database, names = PETSc.Options(), []
-
-    def set_to(**values):
-        for name, value in values.items():
-            names.append(name)
-            database[name] = value
-
-    yield set_to
-    for name in names:
-        database.delValue(name)
 
 
 @pytest.fixture

@@ -15,11 +15,10 @@ from plain_model import tables
 from scene_text import driven, response, steel, support, table
 
 import microslip.run as story
-from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.restart import cache, stored_structure
+from microslip.restart import cache
 from microslip.restart.folder import Restart
 from microslip.restart.identity import identity_of
 from microslip.results.read import read_results
@@ -30,28 +29,6 @@ pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 SMALL, LARGE = (4, 2, 1), (8, 3, 2)  # with all modes by LAPACK, and with a batch of them by SLEPc
 ROUNDING = 1e-8 if COMM.size > 1 else 1e-9  # of curves, over the peak: points are solved to a tolerance
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
-
-
-@pytest.fixture
-def built(monkeypatch):
-    """How often a structure was built: with its modes, and again without."""
-    calls = {"first": 0, "again": 0}
-
-    def count(name, function):
-        def counting(*arguments, **keys):
-            calls[name] += 1
-            return function(*arguments, **keys)
-
-        return counting
-
-    monkeypatch.setattr("microslip.run.build", count("first", build))
-    monkeypatch.setattr(stored_structure, "rebuilt", count("again", stored_structure.rebuilt))
-    return calls
 
 
 def scene_at(folder: Path, *settings: str, divisions=SMALL, damping="ratio = 0.01", **solver):

@@ -26,11 +26,6 @@ FIELDS = ("modes.vtkhdf", "peak_response.vtkhdf")
 TAKEN, NOT_USED = "factor: that of an earlier run, ", "is not used: "
 
 
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
-
-
 @pytest.fixture
 def factored(monkeypatch):
     """What was factored and kept, by name."""

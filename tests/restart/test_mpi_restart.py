@@ -13,13 +13,12 @@ from mpi4py import MPI
 from oracles import scenes
 
 import microslip.run as story
-from microslip.library.build import build
 from microslip.library.follow_response import follow
 from microslip.messages.errors import CaseError, ConvergenceError, Interrupted
 from microslip.observe.log import RunLog
 from microslip.observe.stops import Stops
 from microslip.parallel.agree import on_root
-from microslip.restart import identity, stored_structure
+from microslip.restart import identity
 from microslip.restart.branch_files import BranchFiles
 from microslip.restart.folder import NAME, Restart
 from microslip.restart.records import pack
@@ -32,28 +31,6 @@ pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 METHODS = ("receptance", "adaptive-energy", "full", "craig-bampton")
 ON_RANKS = ("craig-bampton",)  # those of them that are tried on several ranks, too; receptance there: test_mpi_cache.py
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr("microslip.results.draw.draw_share", lambda *share: None)
-
-
-@pytest.fixture
-def built(monkeypatch):
-    """How often a structure was built: with its modes, and again without."""
-    calls = {"first": 0, "again": 0}
-
-    def count(name, function):
-        def counting(*arguments, **keys):
-            calls[name] += 1
-            return function(*arguments, **keys)
-
-        return counting
-
-    monkeypatch.setattr("microslip.run.build", count("first", build))
-    monkeypatch.setattr(stored_structure, "rebuilt", count("again", stored_structure.rebuilt))
-    return calls
 
 
 class StopsAfter:
@@ -166,7 +143,7 @@ def seconds_of(branch):
 
 def point_records(folder: Path):
     """Return the points in the journals of a folder."""
-    from microslip.restart.point_records import to_point
+    from microslip.restart.branch_files import to_point
     from microslip.restart.records import read_records, unpack
 
     return [[to_point(*unpack(body)) for body in read_records(path)] for path in (folder / NAME).glob("level-*/points.*")]

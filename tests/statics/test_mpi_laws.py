@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from blocks import stacked
-from msh import write_msh
-from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentric, force, scene_of
+from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentric, folder_with_bar, force, scene_of
 
 import microslip
 from microslip.messages.errors import CaseError, ConvergenceError
-from microslip.parallel.agree import on_root
 from microslip.restart.structure_arrays import pairs_of, to_arrays
 
 ELASTIC = 'friction = 0.3\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\npreload = "static"\n'
@@ -19,11 +16,7 @@ FROM_NONE = POWER.replace(f"preload = {PRESSURE}", 'preload = "static"')
 IWAN = 'law = "iwan"\nslip_force = 400.0\ntangential_stiffness = 1e12\nnormal_stiffness = 2e12\nchi = -0.5\nbeta = 0.3\n'
 
 
-@pytest.fixture(scope="module")
-def folder(comm, tmp_path_factory):
-    path = comm.bcast(tmp_path_factory.mktemp("laws"))
-    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
-    return path
+folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
 def carried(pairs):

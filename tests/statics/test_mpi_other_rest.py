@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from blocks import stacked
-from msh import write_msh
-from rest_scene import HEIGHT, LENGTH, WIDTH, eccentric, force, scene_of
+from rest_scene import eccentric, folder_with_bar, force, scene_of
 
 import microslip
 from microslip.library import build as library_build
@@ -21,11 +19,7 @@ RANGE = ("mode = 1\nspan = [0.9, 1.1]", "frequencies = [4655.0, 4675.0]")
 SAME = 1e-8  # of the largest
 
 
-@pytest.fixture(scope="module")
-def folder(comm, tmp_path_factory):
-    path = comm.bcast(tmp_path_factory.mktemp("other"))
-    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
-    return path
+folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
 @pytest.fixture(scope="module")

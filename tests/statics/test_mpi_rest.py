@@ -4,9 +4,7 @@ import csv
 
 import numpy as np
 import pytest
-from blocks import stacked
-from msh import write_msh
-from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentric, force, scene_of
+from rest_scene import GUIDED, LENGTH, at_one_frequency, eccentric, folder_with_bar, force, scene_of
 
 import microslip
 from microslip.continuation import ways_out
@@ -14,12 +12,7 @@ from microslip.library.complete import read_completed
 from microslip.messages.errors import CaseError, ConvergenceError
 from microslip.parallel.agree import on_root
 
-
-@pytest.fixture(scope="module")
-def folder(comm, tmp_path_factory):
-    path = comm.bcast(tmp_path_factory.mktemp("rest"))
-    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
-    return path
+folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
 def test_normal_and_friction_forces_carry_the_load(comm, folder):

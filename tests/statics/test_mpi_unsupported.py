@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from blocks import stacked
 from mpi4py import MPI
-from msh import write_msh
-from rest_scene import HEIGHT, LENGTH, SCENE, WIDTH, force, scene_of
+from rest_scene import SCENE, folder_with_bar, force, scene_of
 from scene_text import support
 
 import microslip
 from microslip.messages.errors import CaseError
-from microslip.parallel.agree import on_root
 
 comm = MPI.COMM_WORLD
 BASE = support("ground_base")
@@ -27,11 +24,7 @@ rotational_stiffness = [30.0, 30.0, 30.0]
 PRESSED = force(0.0, 0.0, -400.0) + force(0.0, 0.0, 400.0, "ground_base")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    path = comm.bcast(tmp_path_factory.mktemp("unsupported"))
-    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
-    return path
+folder = pytest.fixture(scope="module")(folder_with_bar)
 
 
 def rest_of(folder, statics, change, name):

@@ -386,54 +386,14 @@ def joints():
     yield Case("free body on one pair", "joints and modes", partial(structures.free_body, n_pairs=1), (0.3, 0.9))
     yield Case("free body, all pairs slip", "joints and modes", structures.free_body, (300.0,))
     yield Case("free body pressed down, sliding", "joints and modes", partial(structures.free_body, mu=0.0), (1.0,), newtons=True)
-    yield Case(
-        "free beside a held mass",
-        "joints and modes",
-        _free,
-        (1.0,),
-        newtons=True,
-        expect="refused",
-        reason="is singular",
-        has_answer=False,
-        hertz=True,
-        band=(0.1, 0.2),
-    )
-    yield Case(
-        "a body beside the joint is free",
-        "joints and modes",
-        _loose_part,
-        (1.0,),
-        newtons=True,
-        expect="refused",
-        reason="no positive stiffness",
-        has_answer=False,
-        hertz=True,
-        band=(0.1, 0.2),
-    )
-    yield Case(
-        "stiffness that releases energy",
-        "joints and modes",
-        _unstable,
-        (1.0,),
-        newtons=True,
-        expect="refused",
-        reason="positive definite",
-        has_answer=False,
-        hertz=True,
-        band=(0.1, 0.2),
-    )
-    yield Case(
-        "negative mass",
-        "joints and modes",
-        _negative_mass,
-        (1.0,),
-        newtons=True,
-        expect="refused",
-        reason="mass",
-        has_answer=False,
-        hertz=True,
-        band=(0.1, 0.2),
-    )
+    for words, build, reason in (
+        ("free beside a held mass", _free, "is singular"),
+        ("a body beside the joint is free", _loose_part, "no positive stiffness"),
+        ("stiffness that releases energy", _unstable, "positive definite"),
+        ("negative mass", _negative_mass, "mass"),
+    ):
+        asked = dict(newtons=True, expect="refused", reason=reason, has_answer=False, hertz=True, band=(0.1, 0.2))
+        yield Case(words, "joints and modes", build, (1.0,), **asked)
     yield Case("DOFs without mass", "joints and modes", _massless, (0.3, 3.0, 30.0))
     for n_pairs in (2, 8, 20):
         yield Case(

@@ -29,7 +29,7 @@ class NodalForces:
 
 
 def nodal_forces(mesh: Mesh, load: Load, model: Model, where: str, links: Links | None = None) -> NodalForces:
-    """Return the forces of a load, docs/theory.md, eq. (13.1); none of a base that accelerates: base_motion.py.  Local, rank 0.
+    """Return the forces of a load, docs/theory.md, eq. (13.1); none of a base that accelerates: assemble.py.  Local, rank 0.
 
     ``model`` has the axis of an engine order; ``where`` names the load in messages.
 

@@ -43,12 +43,12 @@ class Unfolding:
 
     def follow(self, comm: MPI.Comm, W_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of the high face of P_1 W, real.  Collective."""
-        return _times(self._of_high(comm), W_owned)
+        return times(self._of_high(comm), W_owned)
 
     def lead(self, comm: MPI.Comm, H_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of P_1^T applied to rows of the high face, real.  Collective."""
         self._of_high(comm)
-        return _times(self._matrices["lead"], H_owned)
+        return times(self._matrices["lead"], H_owned)
 
     def _of_high(self, comm: MPI.Comm) -> PETSc.Mat:
         """Return the high rows of P_1; made once, with the transpose.  Collective where it is new."""
@@ -124,7 +124,7 @@ class WaveMatrix:
     def multiply(self, X_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of the product with complex columns (n_w_owned, m).  Collective."""
         V_owned = self.unfolded(X_owned)
-        product = self.folded(_complex(_times(self.A, np.hstack([V_owned.real, V_owned.imag]))))
+        product = self.folded(_complex(times(self.A, np.hstack([V_owned.real, V_owned.imag]))))
         return product if self._added is None else product + self._added_owned @ self._of_all(X_owned)
 
     def _of_all(self, X_owned: np.ndarray) -> np.ndarray:
@@ -151,7 +151,7 @@ class WaveMatrix:
         of_sector = self.A.getDiagonal()
         values = of_sector.getArray()
         here = values[: self._n_owned, None].copy()
-        here += _times(self._of_squares(), values[self._n_owned :, None])
+        here += times(self._of_squares(), values[self._n_owned :, None])
         of_sector.destroy()
         if self._added is not None:
             first = self.unfolding.w_ranges[self.comm.rank]
@@ -233,7 +233,7 @@ def _complex(X: np.ndarray) -> np.ndarray:
     return X[:, :m] + 1j * X[:, m:]
 
 
-def _times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
+def times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     """Return this rank's rows of A X, real (n_owned, m).  Collective."""
     n_owned, m = X_owned.shape
     block = np.asfortranarray(X_owned, dtype=float)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from .. import elements
 from ..messages.errors import MeshError
 from ..tables.structure import Mass, Point, Spring, Support
 from ..tables.table import Vector
-from .model import KINDS, Cells, Equations, Finding, Group, fixed_alike, index_of
+from .model import KINDS, Cells, Equations, FileModel, Finding, Group, fixed_alike, index_of
 
 NAMES = ("x", "y", "z", "rx", "ry", "rz")  # directions of a node with rotations
 Term = tuple[int, int, float]  # position of a node; axis 0 to 2, for a point 0 to 5; coefficient
@@ -146,6 +147,22 @@ class Draft:
             nodes = np.union1d(nodes, [node])
         position = vector(self.points[node])
         self.leaders[node] = Point.of_file(name=name, position=position, group=self.group(name, nodes), connection=connection)
+
+    def model(self, cells: Iterable[Cells], **further: Any) -> FileModel:
+        """Return the content of a file: this structure, its cells and ``further`` fields."""
+        return FileModel(
+            self.points,
+            self.numbers,
+            tuple(cells),
+            self.groups,
+            supports=tuple(self.supports),
+            connected=tuple(self.leaders.values()),
+            masses=tuple(self.masses),
+            springs=tuple(self.springs),
+            equations=self.terms.equations(),
+            findings=self.findings.all(),
+            **further,
+        )
 
     def chain(self, word: str) -> None:
         """Couple a leading node that belongs to another rigid body ``word`` to that body, by equations between their points.

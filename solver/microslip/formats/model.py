@@ -6,7 +6,7 @@ nothing is ignored silently.  ``library/complete.py`` makes a scene from a ``Fil
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -64,6 +64,13 @@ class Group:
 
     def add_cells(self, block: int, rows: np.ndarray) -> None:
         self.cells[block] = np.union1d(self.cells.get(block, NO_NODES), rows).astype(np.int64)
+
+    def add_elements(self, cells: Sequence[Cells], numbers: np.ndarray) -> None:
+        """Add the cells of elements of these numbers."""
+        for i, block in enumerate(cells):
+            rows = np.flatnonzero(np.isin(block.numbers, numbers))
+            if len(rows):
+                self.add_cells(i, rows)
 
 
 @dataclass(frozen=True)

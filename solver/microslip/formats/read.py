@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 
 import numpy as np
 
 from ..messages.errors import CaseError, MeshError
 from ..messages.words import place
-from .bounded import bounded_memory
+from ..system.memory import bounded_by_machine, gigabytes
 from .model import FileModel
 from .via_meshio import FORMATS
+
+_FREE = 2**30  # bytes for any file
+_GAIN = 200  # bytes for each byte of a file: each card of bulk data becomes a Python object
 
 
 def _by(module: str, function: str) -> Callable[..., FileModel]:
@@ -103,3 +107,47 @@ def _check_points(file: FileModel) -> None:
         if outside.any():
             number = cells.numbers[np.argmax(outside.any(axis=1))]
             raise MeshError(f"{cells.kind} element {number} names a node that the file does not hold")
+
+
+@contextmanager
+def bounded_memory(path: str) -> Iterator[None]:
+    """Limit the memory that the block may allocate while it reads a file, by its size and by what is left.  Local.
+
+    Libraries allocate by the counts in a file before they read the data.  No limit where the system does not offer one.
+
+    Raises
+    ------
+    MeshError without the file's name : reading needs more memory
+    """
+    n_bytes = os.path.getsize(path)
+    try:
+        with _address_space(limit := bounded_by_machine(_FREE + _GAIN * n_bytes)):
+            yield
+    except MemoryError:
+        text = f"it requests more than {gigabytes(limit)} of memory, the limit of a file of {n_bytes} bytes on this machine"
+        raise MeshError(text) from None
+
+
+@contextmanager
+def _address_space(more: int) -> Iterator[None]:
+    """Limit the address space of this process to its present size plus ``more`` bytes."""
+    try:
+        import resource
+
+        with open("/proc/self/statm") as file:
+            mapped = int(file.read().split()[0]) * resource.getpagesize()
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    except (ImportError, OSError, ValueError):
+        yield
+        return
+    limit = mapped + more
+    if soft != resource.RLIM_INFINITY and soft <= limit:
+        yield
+        return
+    with suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
+    try:
+        yield
+    finally:
+        with suppress(ValueError, OSError):
+            resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

@@ -240,8 +240,5 @@ def _composed(points: dict, rows: dict, named: list, findings: list[Finding]) ->
         if len(missing):
             raise MeshError(f"group {name!r} names node {missing[0]}, which the file does not hold")
         group.add_nodes(index)
-        for block, value in enumerate(cells):
-            rows_of_block = np.flatnonzero(np.isin(value.numbers, members))
-            if len(rows_of_block):
-                group.add_cells(block, rows_of_block)
+        group.add_elements(cells, np.array(members))
     return FileModel(np.array(list(points.values())), numbers, tuple(cells), groups, findings=tuple(findings))

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..assembly.real_form import complex_columns, real_columns
-from ..assembly.wave_matrix import WaveMatrix
+from ..assembly.wave_matrix import WaveMatrix, times
 from ..parallel.ownership import summed
 
 
@@ -37,12 +37,7 @@ def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
         return complex_columns(multiply(A, real_columns(X_owned)))
     if X_owned.shape[1] == 0:
         return np.zeros((A.getLocalSize()[0], 0), order="F")
-    X = wrap(np.asfortranarray(X_owned), A.comm)
-    AX = A.matMult(X)
-    AX_owned = np.array(AX.getDenseArray(), order="F")
-    AX.destroy()
-    X.destroy()
-    return AX_owned
+    return times(A, X_owned)
 
 
 def wave_matrix(A: PETSc.Mat) -> WaveMatrix | None:

@@ -10,7 +10,7 @@ from ..tables.constant_loads import Temperature
 from ..tables.structure_tables import StructureTables
 from .data import Mesh
 from .locate import nodes_numbered
-from .nodal_fields import field_at_nodes
+from .values import field_at_nodes
 
 
 def temperature_rises(mesh: Mesh, tables: StructureTables) -> dict[str, float | np.ndarray]:

@@ -91,7 +91,8 @@ def lowest_modes(
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, eigenvalues, phi_owned))
     order = np.argsort(eigenvalues)
     info["residual"] = _check(linearised, eigenvalues[order], phi_owned[:, order], tuple(each[:, order] for each in forces))
-    eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order] * _signs(linearised, phi_owned[:, order])
+    eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order]
+    phi_owned = phi_owned * np.sign(largest_components(linearised, phi_owned, user_order(linearised)))
     info["seconds"] = perf_counter() - start
     return Modes(np.sqrt(eigenvalues), np.asfortranarray(phi_owned), info)
 
@@ -211,18 +212,18 @@ def _residuals(
     return error / size, error / (RESIDUAL_LIMIT * size + _ROUNDING * rounding)
 
 
-def _signs(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
-    """Return (n,) signs that make the largest component of each mode positive.  Collective.
+def largest_components(linearised: Linearised, phi_owned: np.ndarray, order_owned: np.ndarray) -> np.ndarray:
+    """Return the largest component of each mode, (n,).  Collective.
 
-    Of equally large components, as in a symmetric structure, the first in the order of the user's nodes is used, not the first
-    row, which depends on the partition.
+    Of equally large components, as in a symmetric structure, the first in the order of the user's nodes, ``order_owned`` of the
+    rows, is used, not the first row, which depends on the partition.
     """
     comm, columns = linearised.system.comm, np.arange(phi_owned.shape[1])
-    phi_owned = np.vstack([phi_owned, np.ones(len(columns))])  # an additional row, last in the order, as a rank may own no rows
+    padded = np.vstack([phi_owned, np.ones(len(columns))])  # an additional row, last in the order, as a rank may own no rows
     nobody = np.iinfo(np.int64).max
-    number = np.append(user_order(linearised), nobody)
-    largest = np.max(comm.allgather(np.max(np.abs(phi_owned[:-1]), axis=0, initial=0.0)), axis=0)
-    order = np.where(np.abs(phi_owned) >= (1.0 - _EQUAL) * largest, number[:, None], nobody)
+    number = np.append(order_owned, nobody)
+    largest = np.max(comm.allgather(np.abs(phi_owned).max(axis=0, initial=0.0)), axis=0)
+    order = np.where(np.abs(padded) >= (1.0 - _EQUAL) * largest, number[:, None], nobody)
     first = np.argmin(order, axis=0)
-    numbers, signs = map(np.array, zip(*comm.allgather((order[first, columns], np.sign(phi_owned[first, columns])))))
-    return signs[np.argmin(numbers, axis=0), columns]
+    numbers, values = map(np.array, zip(*comm.allgather((order[first, columns], padded[first, columns]))))
+    return values[np.argmin(numbers, axis=0), columns]

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..assembly.real_form import complex_columns
 from ..linear.dense import gram, multiply
-from .eigen import Modes, lowest_modes
+from .eigen import Modes, largest_components, lowest_modes
 from .shift_invert import ModeSearch
 from .user_order import user_order
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
 _EQUAL = 1e-6  # relative difference of squared frequencies up to which modes are separated together
-_SIZE = 1e-6  # relative difference of components that count as equally large
 
 
 def lowest_complex_modes(
@@ -87,17 +86,6 @@ def _of_planes(linearised: Linearised, real: Modes, some: slice) -> tuple[np.nda
 
 
 def _phases(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
-    """Return factors of size 1 that make the largest component of each mode real and positive, (n,).  Collective.
-
-    Of equally large components, the first in the order of the user's nodes is used.
-    """
-    comm, columns = linearised.system.comm, np.arange(phi_owned.shape[1])
-    padded = np.vstack([phi_owned, np.ones(len(columns))])  # an additional row, last in the order, as a rank may own no rows
-    nobody = np.iinfo(np.int64).max
-    number = np.append(user_order(linearised)[0::2], nobody)
-    largest = np.max(comm.allgather(np.abs(padded[:-1]).max(axis=0, initial=0.0)), axis=0)
-    order = np.where(np.abs(padded) >= (1.0 - _SIZE) * largest, number[:, None], nobody)
-    first = np.argmin(order, axis=0)
-    numbers, values = map(np.array, zip(*comm.allgather((order[first, columns], padded[first, columns]))))
-    chosen = values[np.argmin(numbers, axis=0), columns]
-    return chosen.conj() / np.abs(chosen)
+    """Return factors of size 1 that make the largest component of each mode real and positive, (n,).  Collective."""
+    largest = largest_components(linearised, phi_owned, user_order(linearised)[0::2])
+    return largest.conj() / np.abs(largest)

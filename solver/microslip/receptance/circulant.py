@@ -75,6 +75,10 @@ class Waves:
         """Return the number of real modes of each diameter, from the numbers of complex modes."""
         return [m if self.is_real(d) else 2 * m for d, m in zip(self.diameters, of_diameters)]
 
+    def of_real_modes(self, of_diameters: Sequence[np.ndarray]) -> np.ndarray:
+        """Return values of the complex modes of each diameter as those of the real modes."""
+        return np.concatenate([np.tile(values, 1 if self.is_real(d) else 2) for d, values in zip(self.diameters, of_diameters)])
+
     def spectrum(self, q: np.ndarray, n_modes: Sequence[int]) -> list[np.ndarray]:
         """Return the coordinates (m, k) of the modes of each diameter that correspond to coordinates q (M, k) of the real modes.
 
@@ -91,9 +95,7 @@ class Waves:
 
         ``weights`` (N, n_loads) are the factors of each load in each sector.
         """
-        omega_n = np.concatenate(
-            [np.tile(modes.omega_n, 1 if self.is_real(d) else 2) for d, modes in zip(self.diameters, of_diameters)]
-        )
+        omega_n = self.of_real_modes([modes.omega_n for modes in of_diameters])
         forces = self.rows([modes.b.conj().T for modes in of_diameters]).reshape(self.n_sectors, -1, len(omega_n))
         return ProjectedModes(
             omega_n=omega_n,

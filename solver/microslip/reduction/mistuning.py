@@ -110,7 +110,7 @@ def changed_modes(
     ------
     CaseError : a stiffness or a mass that is not positive; on every rank
     """
-    omega_n = np.concatenate([np.tile(each.omega_n, 1 if waves.is_real(d) else 2) for d, each in zip(waves.diameters, tuned)])
+    omega_n = waves.of_real_modes([each.omega_n for each in tuned])
     return on_root(tuned[0].comm, _solved, omega_n, waves, [each.n_modes for each in tuned], forms, factors)
 
 

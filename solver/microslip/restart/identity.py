@@ -81,12 +81,7 @@ class Identity:
 
     def level(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N]: everything except the other levels, and the number of modes instead of their choice."""
-        scene, response = dict(self.scene), dict(self.scene["response"])
-        for name in ("title", "wear"):
-            scene.pop(name, None)
-        response.pop("levels")
-        response.pop("fields", None)
-        response.pop("over", None)
+        scene, response = self._without("levels", "fields", "over")
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
 
     def over(self, number: int, peak: int, level: float, n_modes: int) -> str:
@@ -95,31 +90,24 @@ class Identity:
         ``number`` counts the tables [[response.over]], ``peak`` the peaks of the linear response; ``level`` [N] is the one at
         which another number varies.
         """
-        scene, response = dict(self.scene), dict(self.scene["response"])
-        for name in ("title", "wear"):
-            scene.pop(name, None)
-        for name in ("levels", "fields"):
-            response.pop(name, None)
+        scene, response = self._without("levels", "fields")
         table = response.pop("over")[number]
         return self._key({**scene, "response": response, "over": table, "peak": peak, "level": level.hex(), "n_modes": n_modes})
 
     def mode(self, number: int, farthest: float | None, n_modes: int) -> str:
         """Return the key of a nonlinear mode up to an amplitude: everything except levels, peaks over numbers and fields."""
-        scene, response = dict(self.scene), dict(self.scene["response"])
-        for name in ("title", "wear"):
-            scene.pop(name, None)
-        for name in ("levels", "fields", "over"):
-            response.pop(name, None)
+        scene, response = self._without("levels", "fields", "over")
         return self._key({**scene, "response": response, "mode": [number, farthest], "n_modes": n_modes})
 
     def branch(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N], independent of the range."""
-        scene, response = dict(self.scene), dict(self.scene["response"])
-        for name in ("levels", "at", "fields", "over", *_RANGE):
-            response.pop(name, None)
-        for name in ("title", "wear"):
-            scene.pop(name, None)
+        scene, response = self._without("levels", "at", "fields", "over", *_RANGE)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
+
+    def _without(self, *keys: str) -> tuple[Tables, Tables]:
+        """Return the tables without title and wear, and the table [response] without some of its keys."""
+        scene = {name: table for name, table in self.scene.items() if name not in ("title", "wear")}
+        return scene, {key: value for key, value in self.scene["response"].items() if key not in keys}
 
     def _key(self, scene: Tables) -> str:
         whole = [scene, self.files, self.program, self.options]

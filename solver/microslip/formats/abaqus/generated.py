@@ -14,24 +14,10 @@ from .cards import Card, number
 from .mesh import FileMesh, add_to_set
 from .names import Names, Places
 from .nodes import Elements
-from .scopes import Scope, rotation_about
+from .scopes import rotation_about
 
 _MOST = 10**7  # numbers that one line may generate
 _HALF_TURN = 1e-9  # sine of the angle between the ends of an arc, below which its plane is undetermined
-
-
-def take_generated(mesh: FileMesh, scope: Scope, card: Card) -> bool:
-    """Take a card that generates nodes or elements from earlier ones and return True; return False for other cards.
-
-    Raises
-    ------
-    MeshError : the source does not exist, or the way to generate is not supported
-    """
-    taken = _TAKEN.get(card.keyword)
-    if taken is None:
-        return False
-    taken(mesh, mesh.of(scope), card)
-    return True
 
 
 def _refuse(card: Card, *names: str) -> None:
@@ -226,7 +212,7 @@ def _members(names: Names, kind: str, word: str, where: str, depth: int = 0) -> 
     return every if word in names.unsorted else np.unique(every)
 
 
-_TAKEN: dict[str, Callable[[FileMesh, Names, Card], None]] = {
+GENERATING_CARDS: dict[str, Callable[[FileMesh, Names, Card], None]] = {
     "NGEN": _take_lines,
     "NFILL": _take_fill,
     "NCOPY": _take_copies,

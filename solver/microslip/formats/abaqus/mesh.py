@@ -133,15 +133,6 @@ class FileMesh:
         return members[members >= 0]
 
 
-def take_mesh_card(mesh: FileMesh, scope: Scope, card: Card) -> bool:
-    """Take a card of the mesh and return True; return False for other cards."""
-    taken = _TAKEN.get(card.keyword)
-    if taken is None:
-        return False
-    taken(mesh, mesh.of(scope), card)
-    return True
-
-
 def _take_nodes(mesh: FileMesh, names: Names, card: Card) -> None:
     numbers, points = read_nodes(card)
     axes, origin = names.system
@@ -224,7 +215,7 @@ def _take_surface(mesh: FileMesh, names: Names, card: Card) -> None:
         entries.append((words[0], face, where))
 
 
-_TAKEN = {
+CARDS = {
     "NODE": _take_nodes,
     "SYSTEM": _take_system,
     "ELEMENT": _take_elements,

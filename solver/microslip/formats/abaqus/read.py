@@ -14,10 +14,10 @@ from .contact import take_contact
 from .discrete import take_discrete
 from .equations import take_equations
 from .findings import REFUSED, TAKEN, add_card, known
-from .generated import take_generated
+from .generated import GENERATING_CARDS
 from .groups import grouped
 from .input_model import InputModel, Step
-from .mesh import FileMesh, finish, take_mesh_card
+from .mesh import CARDS, FileMesh, finish
 from .parameters import in_full
 from .properties import take_materials, take_sections
 from .scopes import Scope, in_scopes
@@ -25,6 +25,7 @@ from .statics import take_statics
 from .steps import chosen_step, table_of_steps
 from .supports import take_supports, take_transforms
 
+_MESH_CARDS = CARDS | GENERATING_CARDS
 _TAKEN = {" ".join(word.split()) for word in TAKEN.split(",")}
 
 
@@ -47,9 +48,9 @@ def read_inp(path: str, step: int | None = None) -> FileModel:
     played, _ = in_scopes(cards)
     mesh = FileMesh()
     for scope, card in played:
-        mesh.of(scope)
-        if not take_mesh_card(mesh, scope, card):
-            take_generated(mesh, scope, card)
+        names = mesh.of(scope)
+        if card.keyword in _MESH_CARDS:
+            _MESH_CARDS[card.keyword](mesh, names, card)
         if card.keyword in ("NODE", "ELEMENT") and not scope.name:
             card.pieces.clear()  # frees the longest texts, except parts that further instances read again
     every = mesh.names.values()

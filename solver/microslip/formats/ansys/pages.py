@@ -18,6 +18,7 @@ import re
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial, wraps
 
 from ...messages.errors import MeshError
 from ..model import FileModel
@@ -33,13 +34,16 @@ _PAGE = re.compile(
 )
 
 
-def without_pages(path: str, read: Callable[[str], FileModel]) -> FileModel:
-    """Return what a reader finds in a file, or in a copy without the page headers of a listing.  Local.
+def without_pages(read: Callable[[str], FileModel]) -> Callable[[str], FileModel]:
+    """Return a reader that reads a file, or a copy of it without the page headers of a listing.  Local.
 
-    Raises
-    ------
-    MeshError : as the reader; where there were headers, it says that lines are counted without them
+    The reader raises MeshError as ``read`` does; where there were headers, it says that lines are counted without them.
     """
+    return wraps(read)(partial(_read_plain, read=read))
+
+
+def _read_plain(path: str, read: Callable[[str], FileModel]) -> FileModel:
+    """Return what ``read`` finds in a file without its page headers."""
     with open(path, "rb") as file:
         content = file.read()
     plain, n_pages = _PAGE.subn(b"", content) if b"VERSION=" in content else (content, 0)

@@ -18,7 +18,7 @@ from .constraints import take_constraints
 from .content import Content, report_loads, take_commands
 from .counts import check_counts
 from .cyclic import sectors_of
-from .elements import add_elements, cells_and_bodies
+from .elements import cells_and_bodies
 from .input_file import as_archived
 from .pages import without_pages
 
@@ -34,6 +34,7 @@ _LONG_EXPONENT = re.compile(rb"[EeDd][+-]?[0-9]{4,}")
 _DIGITS = tuple(bytes([byte]) for byte in b"0123456789+-.")
 
 
+@without_pages
 def read_cdb(path: str) -> FileModel:
     """Read an archive of CDWRITE: solids by material and type, components, supports, equations.  Local.
 
@@ -41,10 +42,6 @@ def read_cdb(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, or shapes that are no solids here
     """
-    return without_pages(path, _read_cdb)
-
-
-def _read_cdb(path: str) -> FileModel:
     commands_read = tuple(commands(path))
     _check_counts(path, commands_read)
     _refuse_exponents(path)
@@ -53,6 +50,7 @@ def _read_cdb(path: str) -> FileModel:
     return model_of(blocks, commands_read)
 
 
+@without_pages
 def read_input(path: str) -> FileModel:
     """Read an input file as Workbench writes it (ds.dat): in addition, elements in blocks of surfaces.  Local.
 
@@ -60,10 +58,6 @@ def read_input(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, or shapes that are no solids here
     """
-    return without_pages(path, _read_input)
-
-
-def _read_input(path: str) -> FileModel:
     given = tuple(commands(path))
     _refuse_scripts(given)
     commands_read = tuple(as_archived(given))
@@ -97,7 +91,7 @@ def model_of(blocks: Blocks, commands_read: tuple[Command, ...]) -> FileModel:
         content.keys.setdefault(number, {}).update(keys)
     cells, bodies, orientations = cells_and_bodies(blocks, content)
     for name, members in blocks.element_components.items():
-        add_elements(content.groups.setdefault(name, Group()), cells, members)
+        content.groups.setdefault(name, Group()).add_elements(cells, members)
     for name, members in blocks.node_components.items():
         content.group(name, content.known(members))
     content.mark_solids(cells)
@@ -106,23 +100,8 @@ def model_of(blocks: Blocks, commands_read: tuple[Command, ...]) -> FileModel:
     take_constraints(content.constraints, content)
     cyclic = sectors_of(content, commands_read)
     report_loads(content)
-    return FileModel(
-        content.points,
-        content.numbers,
-        tuple(cells),
-        content.groups,
-        materials={f"material {number}": material for number, material in content.materials.items()},
-        orientations=orientations,
-        bodies=bodies,
-        supports=tuple(content.supports),
-        connected=tuple(content.leaders.values()),
-        masses=tuple(content.masses),
-        springs=tuple(content.springs),
-        equations=content.terms.equations(),
-        cyclic=cyclic,
-        findings=content.findings.all(),
-        facts=content.facts,
-    )
+    materials = {f"material {number}": material for number, material in content.materials.items()}
+    return content.model(cells, materials=materials, orientations=orientations, bodies=bodies, cyclic=cyclic, facts=content.facts)
 
 
 def _archive(path: str) -> Blocks:

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from .free import in_fixed_fields
-
 _SOLIDS = {b"CTETRA": (4, 10), b"CPENTA": (6, 15), b"CHEXA": (8, 20), b"CPYRAM": (5, 13)}
 _WIDTH = 72  # characters of a line without its continuation mark
 _LONGEST = 6  # lines of a plain card
 _CARD = re.compile(rb"(GRID|CTETRA|CPENTA|CHEXA|CPYRAM)(\*?) *")
+_FREE_CARD = re.compile(rb"^(GRID|CTETRA|CPENTA|CHEXA|CPYRAM) *,([^\n$]*)((?:\n[+ ]?,[^\n$]*)*)$", re.MULTILINE)
+_PER_LINE, _NARROW, _WIDE = 8, 8, 16  # fields of a line after the name, and their widths
 # with one of these words, grid points have defaults, or the file has further models
 _OTHERWISE = (b"GRDSET", b"CORD1", b"SUPER")
 _AT_A_TIME = 100_000  # cards per block
@@ -223,3 +223,27 @@ def _other_cards(text: bytes, start: np.ndarray, end: np.ndarray, is_taken: np.n
     change = np.flatnonzero(np.diff(np.concatenate([[True], is_taken, [True]]).astype(np.int8)))
     parts = [text[bounds[first] : bounds[last]] for first, last in zip(change[::2], change[1::2], strict=True)]
     return b"".join([*parts, text[bounds[-1] :]])
+
+
+def in_fixed_fields(text: bytes) -> bytes:
+    """Return bulk data with grid points and solids in free fields converted to fixed fields.  Local.
+
+    A card with a number or a continuation mark that does not fit remains unchanged.
+    """
+    return _FREE_CARD.sub(_in_fixed, text) if b"," in text else text
+
+
+def _in_fixed(card: re.Match[bytes]) -> bytes:
+    """Return one card in fields of 8 characters, a grid point in fields of 16."""
+    lines = [card[2].split(b","), *(line.partition(b",")[2].split(b",") for line in card[3].split(b"\n")[1:])]
+    lines = [[field.strip() for field in line] for line in lines]
+    if any(len(line) > _PER_LINE for line in lines):
+        return card[0]
+    longest = max(len(field) for line in lines for field in line)
+    if longest <= _NARROW:
+        rows = [b"".join(field.rjust(_NARROW) for field in line) for line in lines]
+        return b"\n+       ".join([card[1].ljust(8) + rows[0], *rows[1:]])
+    if card[1] != b"GRID" or longest > _WIDE or len(lines) > 1:
+        return card[0]
+    rows = [b"".join(field.rjust(_WIDE) for field in lines[0][k : k + 4]) for k in (0, 4)]
+    return b"GRID*   " + rows[0] + b"\n*       " + rows[1]

@@ -87,21 +87,7 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
     take_equations(content)
     stated = materials(content)
     _report(content)
-    return FileModel(
-        content.points,
-        content.numbers,
-        tuple(cells),
-        content.groups,
-        materials=stated,
-        orientations=orientations,
-        bodies=bodies,
-        supports=tuple(content.supports),
-        connected=tuple(content.leaders.values()),
-        masses=tuple(content.masses),
-        springs=tuple(content.springs),
-        equations=content.terms.equations(),
-        findings=content.findings.all(),
-    )
+    return content.model(cells, materials=stated, orientations=orientations, bodies=bodies)
 
 
 def _plain_and_others(text: bytes) -> tuple[Plain, Any]:

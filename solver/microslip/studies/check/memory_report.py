@@ -2,21 +2,130 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assembly.assemble import read_off
+from ...assembly.assemble import ASSEMBLED, read_off
 from ...assembly.constraints import constrain
 from ...assembly.coupling import Coupling, coupling_of_dofs, coupling_of_nodes
 from ...assembly.matrices import GivenStructure
 from ...guards.memory import Shortage, memory_left, shortage
+from ...library.settings import reduction_settings
+from ...linear.analysis import FactorMemory
+from ...linear.direct import foreseen
+from ...linear.joint_springs import KEPT, analysis_of
 from ...mesh.data import ContactPairs, DistributedMesh, Mesh
+from ...modes.shift_invert import basis_size
 from ...parallel.agree import on_root
+from ...reduction.facts import Counts
+from ...reduction.galerkin import memory_of_basis
+from ...reduction.memory_of_modes import HELD, PICKED, SHARPENED, VECTORS, of_proof
+from ...reduction.methods import METHODS
 from ...scene.schema import Scene
 from ...system.memory import gigabytes, peak_memory
-from .memory_estimate import MemoryEstimate, estimate_memory
 from .report import highest_harmonic
+
+FACTORED = KEPT + 10.5  # bytes per entry of K: K_L, its triangle with indices for MUMPS, and the analysis
+LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at first use
+PICTURES = 30e6  # bytes of Matplotlib and its fonts, touched at first use
+_FRONTS = 0.25  # memory of a factorisation that discards its factor, over the size of the factor
+COLUMNS = 2.5e8  # bytes of a batch of static solutions on all ranks
+
+
+@dataclass(frozen=True)
+class StageMemory:
+    """The peak memory of the ranks up to the end of a stage, since the start of the program."""
+
+    name: str  # as in run.log
+    peak: np.ndarray  # (size,) bytes
+    is_measured: bool = False
+
+
+@dataclass(frozen=True)
+class MemoryEstimate:
+    """The memory of a run by stage, and of the factor, on all ranks."""
+
+    stages: tuple[StageMemory, ...]
+    factor: tuple[FactorMemory, ...] | None  # of each rank; None without MUMPS' analysis
+    modes: int  # assumed number of modes
+
+    @property
+    def more(self) -> np.ndarray:
+        """Memory that each rank will need in addition to its peak so far, (size,) bytes."""
+        measured = np.max([stage.peak for stage in self.stages if stage.is_measured], axis=0)
+        return np.max([stage.peak for stage in self.stages], axis=0) - measured
+
+
+def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int) -> MemoryEstimate:
+    """Return the memory of a run of a scene after its mesh has been distributed, with a peak of ``so_far`` bytes on this rank.
+
+    Collective on the graph's communicator; the same on every rank.  ``highest``: the highest harmonic of the points.
+    """
+    comm = coupling.graph.comm.tompi4py()
+    factor = foreseen(coupling.graph, coupling.n_dof_each, coupling.entries_owned)
+    names = _peaks(scene, coupling, n_pairs, so_far, highest, factor)
+    by_rank = comm.allgather(list(names.values()))
+    stages = tuple(
+        StageMemory(name, np.array(peaks), is_measured=i == 0) for i, (name, peaks) in enumerate(zip(names, zip(*by_rank)))
+    )
+    return MemoryEstimate(stages, None if factor is None else tuple(comm.allgather(factor)), _n_modes(scene, coupling.n_dof))
+
+
+def _peaks(
+    scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int, factor: FactorMemory | None
+) -> dict[str, float]:
+    """Return the peak of this rank up to the end of each stage [bytes].  Local."""
+    comm, entries, n_owned, n_dof = coupling.graph.comm, coupling.entries_owned, coupling.dofs_owned, coupling.n_dof
+    of_factor = FACTORED * entries + (factor.in_core if factor is not None else _by_size(n_dof) / comm.size)
+    n_modes, solver = _n_modes(scene, n_dof), scene.solver
+    settings = reduction_settings(scene)
+    own_pairs, N_H = -(-n_pairs // comm.size), 2 * highest + 1
+    held = so_far + HELD * entries
+    if scene.model.mesh is None:  # rank 0 retains the matrices that it read
+        stages = {"matrices and contact pairs": so_far, "assembly": so_far + HELD * entries}
+    else:
+        stages = {"partition": so_far, "assembly": so_far + ASSEMBLED * entries}
+    if scene.statics is not None:
+        stages["statics"] = held + of_factor + LIBRARIES
+    before = held + analysis_of(entries, comm.size)
+    held += of_factor + LIBRARIES
+    stages["factor of the stuck structure"] = max(before, held)
+    columns = min(8.0 * 128 * n_dof, COLUMNS) * (n_owned / max(n_dof, 1) + (comm.rank == 0))
+    vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
+    fronts = factor.out_of_core if factor is not None else _FRONTS * _by_size(n_dof) / comm.size
+    proof = of_proof(entries, fronts) if solver.verify_modes else 0.0
+    stages["modes"] = held + vectors + max(proof, SHARPENED, columns)
+    held += 8.0 * n_owned * n_modes
+    facts, counts = METHODS[solver.method].FACTS, Counts(n_modes, n_dof, n_pairs, len(settings.excitation.shapes))
+    basis = memory_of_basis(n_owned, facts.coordinates(settings, counts)) if facts.makes_basis else columns
+    stages["reduction"] = held + basis
+    static = 72.0 * n_pairs * own_pairs
+    points = _bytes_a_point(n_pairs, N_H) * scene.response.points * (len(scene.response.levels) + 1) * (comm.rank == 0)
+    stages["response"] = held + 2.5 * static + points
+    stages["pictures"] = held + static + points + PICTURES
+    return _rising(stages)
+
+
+def _rising(stages: dict[str, float]) -> dict[str, float]:
+    """Return the running maximum of the peaks of the stages.  Local."""
+    return dict(zip(stages, np.maximum.accumulate(list(stages.values())).tolist()))
+
+
+def _n_modes(scene: Scene, n_dof: int) -> int:
+    return min(scene.solver.modes or PICKED, n_dof)
+
+
+def _bytes_a_point(n_pairs: int, N_H: int) -> float:
+    """Return the bytes of a recorded point: motion and forces of the pairs, and a few numbers per pair and per point."""
+    return 8.0 * (6 * n_pairs * N_H + 8 * n_pairs) + 4e3
+
+
+def _by_size(n_dof: int) -> float:
+    """Return the memory of a factor of a solid mesh [bytes], as measured on a fan-blade sector of 122,124 DOF."""
+    return 1.0e9 * (n_dof / 122_124) ** (4.0 / 3.0)
+
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -11,8 +11,8 @@ import numpy as np
 from ...library.jumps import WornState
 from ...library.wear import WearCycle, wear_of
 from ...parallel.agree import on_root
+from ...restart.branch_files import of_point, to_point
 from ...restart.identity import identity_of
-from ...restart.point_records import of_point, to_point
 from ...restart.records import Arrays, Journal, checked_read, length_of, read_records, unpack
 from ...system.files import make_folder
 
