@@ -21,7 +21,7 @@ from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
 from microslip.studies.check.model_file import _lines as check_model_lines
 from microslip.studies.check.model_mesh import bodies_of, whole_mesh
-from microslip.studies.new.candidates import find_candidates
+from microslip.studies.new.candidates import candidates_and_bolts
 from microslip.studies.new.story import _write
 from microslip.tables.constant_loads import Bolt
 from microslip.tables.structure import Surface
@@ -161,7 +161,7 @@ def candidates_of(points, blocks, groups):
         points, np.arange(1, len(points) + 1), cells, named | {name: Group(nodes=own) for name, own in groups.items()}
     )
     mesh, settings = whole_mesh("m.inp", file, UNITS["m-kg-s"])
-    return find_candidates(mesh, file, settings)
+    return candidates_and_bolts(mesh, file, settings)[0]
 
 
 def corner():

@@ -7,7 +7,7 @@ static columns of its pairs are products of small matrices.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -264,7 +264,6 @@ class DiameterFactor:
     system: System  # of the nodal diameter, with its own maps
     L: np.ndarray | None  # of P(d)^H S P(d), on rank 0
     order: Order | None = None
-    _is_open: bool = field(default=True, repr=False)
 
     @classmethod
     def of(cls, of_sector: SectorFactor, system: System) -> tuple[DiameterFactor, dict[str, Any]]:

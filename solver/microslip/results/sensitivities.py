@@ -174,15 +174,15 @@ def peak_rates(peak: Peak, varied: Iterable[Varied]) -> dict[str, OfPeak]:
     return {each.key: OfPeak(*map(float, each.rate(peak.by_pairs, peak.by_common))) for each in varied}
 
 
-def relative_of_pairs(joint: Joint, level: LevelResult, at: int, output: int = 0) -> dict[str, np.ndarray]:
-    """Return the relative change of an amplitude at a point with that of a number of each pair, (n_pairs,) each.  Local.
+def relative_of_pairs(joint: Joint, level: LevelResult, at: int) -> dict[str, np.ndarray]:
+    """Return the relative change of the first amplitude at a point with that of a number of each pair, (n_pairs,) each.  Local.
 
     By the name of the number; none without sensitivities.  Their sum over a joint is that by the joint's number.
     """
     if level.d_by_pairs is None:
         return {}
-    size = float(amplitude(level.response[at, output]))
-    return _relative(joint, of_size_at(level, level.d_by_pairs)[0][at, output], size or 1.0)
+    size = float(amplitude(level.response[at, 0]))
+    return _relative(joint, of_size_at(level, level.d_by_pairs)[0][at, 0], size or 1.0)
 
 
 def _relative(joint: Joint, rates: np.ndarray, size: float) -> dict[str, np.ndarray]:
@@ -200,24 +200,11 @@ def relative_at_peak(joint: Joint, level: LevelResult) -> tuple[float, dict[str,
     peak = max(of_output, key=lambda peak: abs(peak.amplitude), default=None)
     size = float(amplitude(level.response[level.top, 0]))
     if peak is None or peak.by_pairs is None or peak.by_common is None or abs(peak.amplitude) < NEAR_TOP * size:
-        return (
-            float(level.frequency[level.top]),
-            relative_of_pairs(joint, level, level.top),
-            relative_of_common(level, level.top, "damping"),
-        )
+        by_damping = float(of_size_at(level, level.d_by_common)[0][level.top, 0, COMMON.index("damping")]) / (size or 1.0)
+        return float(level.frequency[level.top]), relative_of_pairs(joint, level, level.top), by_damping
     size = abs(peak.amplitude)
     by_damping = float(peak.by_common[0, COMMON.index("damping")]) / size
     return hertz(peak.omega), _relative(joint, peak.by_pairs[0], size), by_damping
-
-
-def relative_of_common(level: LevelResult, at: int, name: str, output: int = 0) -> float:
-    """Return the relative change of an amplitude at a point with that of a number of ``COMMON`` but the frequency.  Local.
-
-    Of a level with sensitivities; the damping is varied by a factor.
-    """
-    rate = of_size_at(level, level.d_by_common)[0][at, output, COMMON.index(name)]
-    value = level.level if name == "level" else 1.0
-    return float(value * rate / (amplitude(level.response[at, output]) or 1.0))
 
 
 def write_sensitivities(folder: str, results: ResultFile, varied: Sequence[Varied]) -> None:

@@ -25,16 +25,12 @@ from .candidate import DISTANT, Candidate, bodies_of, plain
 _FAR = 0.5  # of the size of the faces: largest distance of candidates
 
 
-def find_candidates(mesh: Mesh, file: FileModel, settings: StructureTables) -> list[Candidate]:
-    """Return the candidates: first with names of the file, last those of connected bodies or with a gap.
-
-    Local, rank 0.  Surfaces tied by the file are not candidates.  Likely joints pass the checks of a run.
-    """
-    return candidates_and_bolts(mesh, file, settings)[0]
-
-
 def candidates_and_bolts(mesh: Mesh, file: FileModel, settings: StructureTables) -> tuple[list[Candidate], list[Shank]]:
-    """Return the candidates, and the bolts of the mesh.  Local, rank 0."""
+    """Return the candidates, and the bolts of the mesh.
+
+    Local, rank 0.  First come candidates with names of the file, last those of connected bodies or with a gap.  Surfaces tied by
+    the file are not candidates.  Likely joints pass the checks of a run.
+    """
     skin = skin_of_mesh(mesh)
     touching = find_touching(skin)
     bodies = set(settings.body_of)
