@@ -91,6 +91,9 @@ def test_indices_curves_and_numbers_one_by_one(comm, scene, program, shared_path
     assert status == 0 and "level from 0.3 to 0.5: peak from" in said
     names = on_root(comm, lambda: {path.name for folder in (out, alone) for path in folder.glob("*.png")})
     assert {"indices.png", "bands.png", "tornado.png", "scatter.png"} <= names
+    assert program("sweep", scene, "--set", f"{FRICTION}=0.9,1.1", "--out", out)[0] == 0
+    left = on_root(comm, lambda: {path.name for path in out.iterdir()})  # those of the first sweep are gone
+    assert "sweep.png" in left and left.isdisjoint({"indices.csv", "indices.png", "bands.png", "scatter.png"})
 
 
 @pytest.mark.ranks(1, 2)

@@ -10,6 +10,7 @@ from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import scenes
 from rest_scene import GUIDED, LENGTH, folder_with_bar, force, scene_of
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
 import microslip
@@ -98,6 +99,16 @@ def amplitude(level, limit):
     return brentq(lambda X: level_of(X) - level, limit * (1.0 + 1e-9), 1e4, xtol=1e-12)
 
 
+def depth_after(cycles):
+    """Return the depth of the mass at 0.8 N from the loss of its exact peaks, 1e-3 m3/J on 1 m2."""
+
+    def rate(_, depth):
+        N = 1.0 - depth[0]
+        return [1e-3 * 4.0 * N * (amplitude(0.8, N) - N)]
+
+    return solve_ivp(rate, (0.0, max(cycles)), [0.0], t_eval=cycles, rtol=1e-8, atol=1e-12).y[0]
+
+
 JENKINS = {"points": 8, "harmonics": 1, "samples": 128, "error_bars": False}
 OF_MASS = OF_MATRICES.format(coefficient=1e-3, cycles=60, more="jump = 0.1\ntolerance = 0.3\n")
 
@@ -124,6 +135,9 @@ def test_the_peak_follows_the_preload_and_a_killed_study_continues(program, shar
         assert float(row["amplitude"]) == pytest.approx(amplitude(0.8, limit), rel=30.0 / 128**2)
         assert float(row["volume_m3"]) == pytest.approx(1e-3 * float(row["energy_J"]), rel=1e-8)
     assert float(rows[-1]["frequency_Hz"]) < float(rows[0]["frequency_Hz"])
+    depth, errors = (np.array([float(row[name]) for row in rows]) for name in ("depth_max_m", "jump_errors_m"))
+    exactly = depth_after([float(row["cycles"]) for row in rows])
+    assert np.all(np.abs(depth - exactly) <= errors + 30.0 / 128**2 * exactly)
 
     def check_group():
         with h5py.File(out / "results.h5") as file, h5py.File(out / "worn" / "results.h5") as worn:

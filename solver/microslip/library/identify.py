@@ -79,6 +79,7 @@ class Identified:
     fit: Measured  # the same rows, computed
     before: Measured  # with the values of the scene
     rms: float  # of the residuals over their deviations
+    has_deviations: bool  # every row has a stated one
     is_explained: bool  # the residuals are not larger than stated deviations allow; True without these
     dof: int  # rows less combinations of numbers that the data determine
     evaluations: int
@@ -425,6 +426,7 @@ def identified(model: _Model, done: Any, begin: np.ndarray, edges: np.ndarray, b
         fit=model.fit,
         before=before,
         rms=rms,
+        has_deviations=bool(model.is_stated.all()),
         is_explained=not model.is_stated.any() or of_stated[0] <= chi2.ppf(PLAUSIBLE, of_stated[1]),
         dof=dof,
         evaluations=model.evaluations,

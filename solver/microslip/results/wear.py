@@ -30,6 +30,7 @@ COLUMNS = {  # of wear.csv, before those of each joint
     "open": "numbers of pairs that open in the cycle",
     "error_m": "error bar of the amplitude; empty without `error_bars`",
     "jump_error_m": "error of the depth in the last jump",
+    "jump_errors_m": "sum of these errors since the first cycle",
 }
 OF_JOINT = {
     "depth_max_m": "largest depth of the pairs of this joint",
@@ -87,6 +88,7 @@ class WearHistory:
                 "open": int(np.count_nonzero(self.state[i] == OPEN)),
                 "error_m": float(self.error[i]),
                 "jump_error_m": float(self.jump_error[i]),
+                "jump_errors_m": float(self.jump_error[: i + 1].sum()),
             }
             for k, name in enumerate(self.joint.names):
                 of_joint = self.joint.joint == k

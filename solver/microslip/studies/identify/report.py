@@ -104,9 +104,10 @@ def in_words(found: Identified) -> list[str]:
         f"least squares has not converged within {found.evaluations} evaluations: values and intervals are those of the last; "
         "fit fewer numbers, narrow their bounds or begin nearer"
     ]  # fmt: skip
+    assumed = "" if found.has_deviations else "; those not stated are assumed, and the intervals follow from the residuals"
     lines += [
-        f"residuals over their deviations: {found.rms:.3g} (root mean square) with {max(found.dof, 0)} degrees of freedom, after "
-        f"{found.evaluations} evaluations; {found.outcome}"
+        f"residuals over their deviations: {found.rms:.3g} (root mean square{assumed}) with {max(found.dof, 0)} degrees of "
+        f"freedom, after {found.evaluations} evaluations; {found.outcome}"
     ]
     if not found.is_explained:
         lines.append(

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _ROWS = 16  # of the table on the screen
 _LEAST = 8  # samples with a peak, from which percentiles are given
+_OF_SOME_DESIGNS = ("sweep.png", "peak_map.png", "scatter.png", "tornado.png", "bands.png", "indices.png", "indices.csv")
 _STATES = (DONE, FAILED, OUTSIDE, MISSING)
 
 
@@ -36,6 +37,8 @@ def write_sweep(table: SweepTable, scene: Scene, folder: Path, has_indices: bool
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(str(folder))
+    for name in _OF_SOME_DESIGNS:  # of an earlier sweep into this folder
+        (folder / name).unlink(missing_ok=True)
     rows = table.records()
     write_csv(str(folder / "sweep.csv"), rows[0], rows)
     write_arrays(table, scene.title, str(folder / "sweep.h5"))

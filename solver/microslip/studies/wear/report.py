@@ -75,6 +75,9 @@ def in_words(history: WearHistory) -> list[str]:
         f"after {history.cycles[-1]:.6g} cycles in {n} jumps: amplitude {100.0 * growth:+.3g} %, frequency {shift:+.4g} Hz, "
         f"worn volume {rows[-1]['volume_m3']:.4g} m3 by {rows[-1]['energy_J']:.4g} J"
     ]
+    errors, deepest = rows[-1]["jump_errors_m"], rows[-1]["depth_max_m"]
+    if deepest > 0.0:
+        lines.append(f"  errors of all jumps: {errors:.2g} m, {100.0 * errors / deepest:.2g} % of the largest depth")
     for k, name in enumerate(history.joint.names):
         of_joint = history.joint.joint == k
         first, last = history.normal_force[[0, -1]][:, of_joint]
