@@ -56,12 +56,8 @@ class _OutputRow:
 
         Local; collective as :meth:`.HarmonicBalance.under` and for the forces where the contact law has other parameters.
         """
-        linear = place.linear
-        at, equation, forces = (
-            place.operating_point(tuple(map(float, nu * place.scaling.parameters))),
-            linear.equation,
-            linear.forces,
-        )
+        at, linear = place.operating_point(tuple(map(float, nu * place.scaling.parameters))), place.linear
+        equation, forces = linear.equation, linear.forces
         if at.law != linear.at.law:
             equation = equation.under(at)
             forces = equation.contact_forces(place.U, forces.selected, tangents=False)

@@ -132,7 +132,7 @@ def identify(
     before = model.fit
     done = _least_squares(model, begin, begin, edges)
     for _ in range(MOST_WEIGHTINGS - 1):
-        if not (done.status > 0 and model.is_weighted_anew(_spread(model, done, edges).variance)):
+        if not (done.status > 0 and model.reweigh(_spread(model, done, edges).variance)):
             break
         done = _least_squares(model, done.x, begin, edges)
     return identified(model, done, begin, edges, before)
@@ -244,7 +244,7 @@ class _Model:
         """Return their derivatives by x, (n_residuals, k)."""
         return self._at(x)[1]
 
-    def is_weighted_anew(self, variance: np.ndarray) -> bool:
+    def reweigh(self, variance: np.ndarray) -> bool:
         """Take the ``variance`` of residuals (n_residuals,) into the deviations that are not stated; tell if they change.  Local.
 
         Without stated deviations their ratios alone count, and the largest stays.

@@ -14,7 +14,7 @@ from ...library.sample_peaks import DONE, FAILED, MISSING, OUTSIDE
 from ...library.sweep import NUMBERS, SMOOTH, SweepTable
 from ...observe.screen_table import screen_table
 from ...results.style import RC, some
-from ...system.files import atomic_write, make_folder
+from ...system.files import atomic_write, file_errors, make_folder
 from ...system.hdf5 import written_hdf5
 from ..records import cell, write_csv
 from .pictures import draw_bands, draw_effects, draw_grid, draw_indices, draw_map, draw_scatter
@@ -38,7 +38,8 @@ def write_sweep(table: SweepTable, scene: Scene, folder: Path, has_indices: bool
     """
     make_folder(str(folder))
     for name in _OF_SOME_DESIGNS:  # of an earlier sweep into this folder
-        (folder / name).unlink(missing_ok=True)
+        with file_errors(str(folder / name)):
+            (folder / name).unlink(missing_ok=True)
     rows = table.records()
     write_csv(str(folder / "sweep.csv"), rows[0], rows)
     write_arrays(table, scene.title, str(folder / "sweep.h5"))
