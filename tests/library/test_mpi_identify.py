@@ -8,10 +8,13 @@ import pytest
 import scipy.io
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
+from oracles.exact import jenkins_amplitude
+from scipy.optimize import minimize_scalar
 
 import microslip
 from microslip.formats.measured import measured_of, read_measured
-from microslip.library.identify import refuse_bounds
+from microslip.library.identify import _fitted, _Model, refuse_bounds
+from microslip.library.respond import scene_with
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 
@@ -157,17 +160,38 @@ def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, s
     assert beside.evaluations < 15 and beside.values[:2] == pytest.approx(without.values, rel=1e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.ranks(1)
-def test_peaks_can_be_fitted(structure):
-    mu = {"joint": 0.8 * structure.pairs.mu}
-    peaks = microslip.respond(structure, levels=LEVELS[0], friction=mu, peaks=True).peaks[LEVELS[0]][:1]
-    rows = {
-        "peak_frequency_Hz": [peak.omega / (2.0 * np.pi) for peak in peaks],
-        "amplitude_m": [abs(peak.amplitude) for peak in peaks],
-    }
-    found = microslip.identify(structure, {**rows, "level_N": [LEVELS[0]]}, {FRICTION: (0.3, 3.0)})
-    assert found[FRICTION] == pytest.approx(0.8, rel=2e-2)
+def test_peaks_of_the_closed_form_give_its_numbers_back(comm, shared_path):
+    """One mass on a Jenkins element, one harmonic: limit 0.8 and stiffness 1.2 of those of the scene, intervals that hold them."""
+    of, levels = {"m": 1.0, "c": 0.02, "k": 1.0, "k_t": 1.2, "muN": 0.8}, (0.2, 0.6, 1.0)
+
+    def write():
+        return write_matrix_scene(shared_path, scenes.jenkins_mass(), levels, (0.5, 2.0), points=60, harmonics=1, samples=512)
+
+    def top(F):
+        search = {"bounds": (0.95, 1.55), "method": "bounded", "options": {"xatol": 1e-10}}
+        return minimize_scalar(lambda omega: -jenkins_amplitude(omega, F, **of), **search)
+
+    tops = list(map(top, levels))
+    columns = {"peak_frequency_Hz": [top.x / (2.0 * np.pi) for top in tops], "amplitude_m": [-top.fun for top in tops]}
+    columns |= {"sigma_m": [1e-4 * size for size in columns["amplitude_m"]], "sigma_frequency_Hz": [1e-5] * len(levels)}
+    stiffness = "joints.joint.tangential_stiffness"
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+        found = microslip.identify(structure, columns | {"level_N": levels}, {FRICTION: (0.3, 3.0), stiffness: (0.3, 3.0)})
+    assert found.values == pytest.approx([0.8, 1.2], rel=3e-5)
+    assert np.all(found.low < [0.8, 1.2]) and np.all(found.high > [0.8, 1.2])
+
+
+def test_the_jacobian_of_peaks_is_that_of_differences(structure):
+    """Within the corners of 64 samples: those of the differences, too."""
+    scene = scene_with(structure.scene, {"sensitivities": True, "error_bars": False}, {})
+    columns = {"peak_frequency_Hz": [80.0] * 2, "amplitude_m": [1e-3] * 2, "level_N": LEVELS}
+    rows = measured_of(columns, "", ("6",), ("m",), LEVELS)
+    model = _Model(structure, scene, rows, _fitted(scene, structure, BOUNDS))
+    begin = np.log([1.0, 0.02])
+    jacobian = model.jacobian(begin).copy()
+    for i, step in enumerate(0.03 * np.eye(2)):
+        differences = (model.residuals(begin + step) - model.residuals(begin - step)) / 0.06
+        np.testing.assert_allclose(jacobian[:, i], differences, atol=0.02 * np.abs(differences).max())
 
 
 @pytest.mark.parametrize(

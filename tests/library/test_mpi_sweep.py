@@ -242,10 +242,10 @@ def test_factors_that_the_file_of_pairs_does_not_allow_are_refused_before_a_solv
 @pytest.mark.parametrize("is_loose", [True, False])
 def test_whether_the_mean_slip_is_held_is_decided_at_the_peak(mass, monkeypatch, is_loose):
     """As along a curve: where most pairs slip and nothing else holds a body; here the search begins with the other state."""
-    held, start_of, forced = [], SamplePeaks._start_of, _Problem.forced
+    held, highest_of, forced = [], sample_peaks.highest_of, _Problem.forced
     peaks = SamplePeaks(mass, Varied.of(mass.scene, [FRICTION]))
     monkeypatch.setattr(SamplePeaks, "_starts", lambda *arguments: [])
-    monkeypatch.setattr(SamplePeaks, "_start_of", lambda *arguments: (start_of(*arguments)[0], not is_loose))
+    monkeypatch.setattr(sample_peaks, "highest_of", lambda *arguments: (highest_of(*arguments)[0], not is_loose))
     monkeypatch.setattr(sample_peaks, "is_held_by_its_joint_alone", lambda *arguments: is_loose)
     monkeypatch.setattr(_Problem, "forced", lambda problem, is_held: held.append(is_held) or forced(problem, is_held))
     sample = peaks.solve([1.1])

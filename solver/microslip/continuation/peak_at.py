@@ -15,10 +15,12 @@ import numpy as np
 
 from ..contact.law import STICK
 from ..error_estimate.estimate import ErrorEstimator, output_amplitude
+from ..error_estimate.sensitivities import sensitivities_of
 from ..harmonic.balance import HarmonicBalance
 from ..messages.errors import ConvergenceError
 from ..points.branch import Point
 from ..points.selection import AllPairs
+from ..points.sensitivities import COMMON, NUMBERS, of_size
 from ..points.sweep import Sweep
 from .acceptance import accept
 from .constraint_rows import Constraint, Plane, Scaling
@@ -64,6 +66,8 @@ class PeakPoint:
     amplitude: float  # of harmonic 1
     sides: tuple[Iterate | None, Iterate | None]  # at 1 / sqrt 2 of the amplitude, above and below its frequency; None: not found
     newton: int  # iterations of all solutions
+    by_pairs: np.ndarray | None = None  # derivatives of amplitude, phase and frequency [Hz], as those of a Peak, if asked for
+    by_common: np.ndarray | None = None
 
     @property
     def width(self) -> float:
@@ -89,6 +93,7 @@ def peak_near(
     tolerance: float,
     estimator: ErrorEstimator | None = None,
     wants_width: Callable[[Point], bool] = lambda point: True,
+    has_rates: bool = False,
 ) -> PeakPoint | str:
     """Return the peak of an output near some motions, eq. (7.13), with its half-power width, or why there is none.  Collective.
 
@@ -98,6 +103,7 @@ def peak_near(
     width : rad/s, unit of the frequency: about the half-power width
     estimator : of the error bar of the peak
     wants_width : of the record of the peak: whether its half-power points are sought; collective
+    has_rates : whether the derivatives of amplitude, phase and frequency are computed, eq. (11.10)
     """
     workspace, harmonics = Workspace(problem.equation), problem.equation.harmonics
     start, *sides = (side and side.on(harmonics) for side in starts)
@@ -111,7 +117,8 @@ def peak_near(
         if wants_width(point):
             phases = {np.sign(search.phase_from(peak.iterate, side)): side for side in sides if side is not None}
             above, below = (search.half_power(peak, way, phases.get(way)) for way in (-1.0, 1.0))
-        return PeakPoint(found.iterate, point, peak.size, (above, below), search.newton)
+        rates = search.rates(peak) if has_rates else (None, None)
+        return PeakPoint(found.iterate, point, peak.size, (above, below), search.newton, *rates)
     except _Lost as problem_text:
         return str(problem_text)
     finally:
@@ -152,6 +159,7 @@ class _Search:
         sweep = Sweep(start.parameter, start.parameter + width)
         self.solver = PointSolver(problem, AllPairs(), sweep, tolerance, workspace)
         self.scaling = self._scaling(start)
+        self.sides: tuple[_At, _At] | None = None  # of the peak, the solutions with equal amplitudes
         self.W = -width / 2.0  # rad/s of the frequency for each unit of the tangent of the phase
 
     def _scaling(self, there: Iterate) -> Scaling:
@@ -231,9 +239,37 @@ class _Search:
             shift = float(np.clip(-rise / slope, -FARTHEST, FARTHEST)) if slope < 0.0 else FARTHEST * float(np.sign(rise))
             below, guess, above = (_along(low.iterate, here.iterate, high.iterate, shift + way) for way in (-1.0, 0.0, 1.0))
             if abs(shift) * apart <= SETTLED:
+                self.sides = low, high
                 return self.at(guess, 0.0, guess)
             here, ends, before = self.at(guess, 0.0, guess, is_patient=True), (below, above), (shift, rise)
         raise _Lost(NO_PEAK)
+
+    def rates(self, peak: _At) -> tuple[np.ndarray, np.ndarray] | tuple[None, None]:
+        """Return the derivatives of amplitude, phase and frequency [Hz] of a peak, (3, n_numbers, n_pairs) and (3, n_common).
+
+        None where an adjoint is not found.  docs/theory.md, eq. (11.10).
+        """
+        assert self.sides is not None, "the peak is settled"
+        low, here, high = (self._rates_at(at.iterate) for at in (self.sides[0], peak, self.sides[1]))
+        if low is None or here is None or high is None:
+            return None, None
+        by_phase = [d[:, -1] / d[1, -1] for d in (low, here, high)]  # of amplitude and phase, with the frequency [s]
+        at_phase = [d[0] - d[1] * of[0] for d, of in zip((low, here, high), by_phase)]
+        d_phase = (at_phase[2] - at_phase[0]) / (by_phase[0][0] - by_phase[2][0])
+        d_omega = (d_phase - here[1]) / here[1, -1]
+        d = np.stack([here[0] + here[0, -1] * d_omega, d_phase, d_omega / (2.0 * np.pi)])
+        d[:, -1] = 0.0
+        return d[:, : -len(COMMON)].reshape(3, len(NUMBERS), -1), d[:, -len(COMMON) :]
+
+    def _rates_at(self, there: Iterate) -> np.ndarray | None:
+        """Return derivatives of amplitude and phase where the frequency stays, those of pairs first, as one row each."""
+        at, equation = self.problem.at(there.parameters), self.equation
+        rows = [self.output, equation.model.n_outputs + self.output]
+        found = sensitivities_of(equation, at, there.U, self.every, self.solver.workspace.adjoints(equation))
+        p = equation.full_force(equation.contact_forces(there.U, self.every, tangents=False))
+        cos, sin = output_amplitude(equation.model_at(at), at, p)[rows]
+        d = np.concatenate([found.of_pairs[rows].reshape(2, -1), found.common[rows]], axis=1)
+        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if found.is_found else None
 
     def turned(self, here: _At, theta: float, guess: Iterate | None = None, is_patient: bool = False, depth: int = 0) -> _At:
         """Return the solution at a phase from another one, by halves of the way where Newton's method fails.

@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from ..contact.law import STICK
 from ..continuation.grid import solved_at, task_at
 from ..continuation.levels import ResponseProblem, follow_level, response_problem
+from ..continuation.peak_at import PeakPoint, Starts, peak_near
+from ..continuation.peak_curves import linear_peaks
+from ..continuation.peaks import maxima
+from ..continuation.point_record import HELD
+from ..continuation.ways_out import MOSTLY
 from ..formats.measured import Measured, measured_of, read_measured
+from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..messages.errors import CaseError, ConvergenceError
 from ..messages.words import hint, listed
@@ -23,12 +30,16 @@ from ..points.branch import Branch
 from ..points.sensitivities import of_size
 from ..receptance.other_springs import with_springs
 from ..receptance.springs import SpringChange
-from ..results.sensitivities import Varied, peak_rates
+from ..results.sensitivities import Varied
 from .build import Structure
 from .prepare import Prepared, prepare
 from .respond import scene_with
+from .sample_peaks import UNKNOWN_WIDTH, starts_at
 from .sensitivities import NUMBER_OF, damping_key, numbers_of_law, varied_numbers
 from .settings import output_names, refuse_discs, refuse_statics, units_of
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 PLAUSIBLE = 0.999  # share of measurements whose residuals are smaller, if the model is right and the deviations are as stated
 OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # deviations where none are stated: of the largest; rad; of the frequency
@@ -234,6 +245,7 @@ class _Model:
         kind = np.nonzero(self.counts)[0]
         self.unstated = [rows for k in range(3) if (rows := ~self.is_stated & (kind == k)).any()]  # (n_residuals,) bool each
         self._known: tuple[bytes, np.ndarray, np.ndarray] | None = None
+        self._peaks: dict[tuple[float, int, float], _KnownPeak] = {}
         self.fit = rows
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
@@ -291,7 +303,7 @@ class _Model:
         for level in np.unique(self.rows.level):
             chosen = np.flatnonzero(self.rows.level == level)
             rows = self.rows.rows(chosen)
-            at = _peaks_near(of, level, rows, varied) if rows.of_peaks else _points_at(of, level, rows, varied)
+            at = _peaks_near(of, level, rows, varied, self._peaks) if rows.of_peaks else _points_at(of, level, rows, varied)
             found[:, chosen], rates[:, chosen] = at
         return found, rates
 
@@ -309,7 +321,7 @@ class _Model:
         dK = K_J - prepared.response.law.stiffness.ravel()
         if dK.any():
             model = with_springs(model, SpringChange(dK, K_J, model.stated_damping))
-        settings = replace(prepared.response.settings, peaks=True, sensitivities=True, accuracy=None, at=())
+        settings = replace(prepared.response.settings, peaks=False, stability=False, sensitivities=False, accuracy=None, at=())
         if not self.rows.of_peaks:
             return replace(prepared.response, settings=settings, model=model, law=law, enriched=None)
         return response_problem(settings, model, law, prepared.response.selection, self.structure.excited.omega_n)
@@ -338,19 +350,71 @@ def _points_at(of: ResponseProblem, level: float, rows: Measured, varied: Sequen
     return found, rates
 
 
-def _peaks_near(of: ResponseProblem, level: float, rows: Measured, varied: Sequence[Varied]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the same of the peaks nearest to the rows.  Collective."""
-    branch = follow_level(of, level)
-    peaks = [peak for peak in branch.peaks or [] if peak.by_pairs is not None]
+@dataclass(frozen=True, eq=False)
+class _KnownPeak:
+    """Where the search for the peak of a row begins: a peak with other values of the numbers, or the top of a curve."""
+
+    starts: Starts
+    harmonics: Harmonics
+    n_samples: int
+    is_held: bool  # its mean slip, by springs
+    width: float  # rad/s, of the linear peak
+    share: float  # of the pairs that do not stick
+
+    def peak(self, of: ResponseProblem, level: float, output: int) -> PeakPoint | str:
+        """Return the smooth peak near by with its derivatives, or why there is none.  Collective."""
+        problem = of.at_level(level)
+        equation = problem.equation.resolved(self.harmonics, self.n_samples)
+        equation = equation.holding(np.zeros((equation.n_owned, 2)) if self.is_held else None)
+        forced, tolerance = problem.with_equation(equation), of.settings.tolerance
+        return peak_near(forced, output, self.starts, self.width, tolerance, wants_width=lambda point: False, has_rates=True)
+
+    def at(self, peak: PeakPoint, comm: MPI.Comm) -> _KnownPeak:
+        """Return it at a peak that was found.  Collective."""
+        share = comm.bcast(float((peak.point.state != STICK).mean()))
+        return replace(self, starts=(peak.iterate, None, None), share=share)
+
+
+def _near_on_curve(of: ResponseProblem, level: float, branch: Branch, output: int, omega: float) -> _KnownPeak:
+    """Return the top of a curve nearest to a frequency.  Collective.  ConvergenceError without one."""
+    tops = of.model.comm.bcast([i for k, i in maxima(branch) if k == output])
+    if not tops:
+        raise ConvergenceError(
+            branch.failure or f"at {level:g} N output {output + 1} has no peak within the range of frequencies"
+        )
+    top = min(tops, key=lambda i: abs(branch.points[i].omega - omega))
+    here = branch.points[top].omega
+    linear = min(linear_peaks(of, of.model, output), key=lambda peak: abs(peak.omega - here), default=None)
+    width = UNKNOWN_WIDTH * here if linear is None else linear.width
+    return _KnownPeak(*starts_at(of, level, branch, output, top), HELD in branch.points[top].notes, width, 0.0)
+
+
+def _peaks_near(
+    of: ResponseProblem, level: float, rows: Measured, varied: Sequence[Varied], known: dict[tuple[float, int, float], _KnownPeak]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same of the peaks nearest to the rows, from those ``known`` by level, output and frequency.  Collective.
+
+    Along a curve where one is not known, Newton's method fails, or springs begin or cease to hold its mean slip.
+    """
+    comm, branch = of.model.comm, None
     found, rates = np.zeros((3, rows.n)), np.zeros((3, rows.n, len(varied)))
-    for i, (frequency, k) in enumerate(zip(2.0 * np.pi * rows.frequency, rows.output)):
-        of_output = [peak for peak in peaks if peak.output == k]
-        if not of_output:
-            raise ConvergenceError(f"at {level:g} N output {k + 1} has no peak within the range of frequencies")
-        peak = min(of_output, key=lambda peak: abs(peak.omega - frequency))
-        found[:, i] = abs(peak.amplitude), np.angle(peak.amplitude), peak.omega / (2.0 * np.pi)
-        of_peak = peak_rates(peak, varied)
-        rates[:, i] = np.array([[d.amplitude, d.phase, d.frequency] for d in (of_peak[each.key] for each in varied)]).T
+    for i, (frequency, k) in enumerate(zip(rows.frequency, rows.output)):
+        key = level, int(k), float(frequency)
+        near = known.get(key)
+        peak = near.peak(of, level, int(k)) if near else ""
+        there = None if near is None or isinstance(peak, str) else near.at(peak, comm)
+        if near is None or there is None or (near.share < MOSTLY) != (there.share < MOSTLY):
+            branch = branch or follow_level(of, level)
+            near = _near_on_curve(of, level, branch, int(k), 2.0 * np.pi * frequency)
+            peak = near.peak(of, level, int(k))
+            there = None if isinstance(peak, str) else near.at(peak, comm)
+        if isinstance(peak, str) or there is None or peak.by_pairs is None or peak.by_common is None:
+            why = peak if isinstance(peak, str) else "no solutions beside it"
+            raise ConvergenceError(f"at {level:g} N, output {k + 1}, the peak near {frequency:.6g} Hz: {why}")
+        known[key] = there
+        cos, sin = comm.bcast(peak.point.response[k, 1:3])
+        found[:, i] = peak.amplitude, np.arctan2(-sin, cos), peak.iterate.parameter / (2.0 * np.pi)
+        rates[:, i] = np.array([each.rate(peak.by_pairs, peak.by_common) for each in varied]).T
     return found, rates
 
 

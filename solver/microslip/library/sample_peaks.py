@@ -27,6 +27,7 @@ from ..continuation.peaks import harmonics_of, iterate_of
 from ..continuation.point_record import HELD, point_record
 from ..continuation.ways_out import MOSTLY
 from ..error_estimate.estimate import ErrorEstimator
+from ..fourier.harmonics import Harmonics
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.operating_point import LawParameter, OperatingPoint
 from ..messages.errors import CaseError, ConvergenceError
@@ -178,7 +179,7 @@ class SamplePeaks:
         level = max(scene.response.levels)
         of = self._prepare(self.reference, scene, "nominal").response
         branch = follow_level(_alone(of), level)
-        peak, held = self._start_of(of, level, branch, self.output)
+        peak, held = highest_of(of, level, branch, self.output)
         if isinstance(peak, str):
             error = ConvergenceError if branch.failure else CaseError
             raise error(f"{scene.source}: sweep: the scene itself has no peak at {level:g}: {peak}")
@@ -195,26 +196,6 @@ class SamplePeaks:
         if sample.status != DONE:
             raise ConvergenceError(f"{scene.source}: sweep: no peak of the scene itself at {level:g}: {sample.why}")
         return replace(sample, seconds=time.perf_counter() - began)
-
-    def _start_of(self, of: ResponseProblem, level: float, branch: Branch, output: int) -> tuple[Any, bool]:
-        """Return motions at the top and the half power of a curve, harmonics and samples, or why there is none; and if held."""
-        sizes = [float(np.hypot(*point.response[output, 1:3])) for point in branch.points]
-        inner = [i for i in range(1, len(sizes) - 1) if sizes[i] >= sizes[i - 1] and sizes[i] >= sizes[i + 1]]
-        inner = of.model.comm.bcast(inner)
-        if not inner:
-            why = branch.failure or "its amplitude has no maximum between the ends of [response] frequencies; widen them"
-            return why, False
-        top = of.model.comm.bcast(max(inner, key=lambda i: sizes[i]))
-        point, problem = branch.points[top], of.at_level(level)
-        harmonics = harmonics_of(branch, point, problem.equation.harmonics)
-
-        def motion(i: int) -> Iterate:
-            return iterate_of(branch.points[i], problem, harmonics_of(branch, branch.points[i], harmonics)).on(harmonics)
-
-        ends = of.model.comm.bcast([half_power_of(sizes, range(top, end, way)) for end, way in ((len(sizes), 1), (-1, -1))])
-        ends = ends if of.sweep.stop > of.sweep.start else ends[::-1]
-        sides = [None if end is None else _mean(np.array([1.0 - end[2], end[2]]), [motion(i) for i in end[:2]]) for end in ends]
-        return ((motion(top), *sides), harmonics, point.samples), HELD in point.notes
 
     # -- samples -----------------------------------------------------------------------------------------------------
 
@@ -246,7 +227,7 @@ class SamplePeaks:
         problem, newton = self._problem(values), sample.newton
         branch = branch or follow_level(_alone(problem.of), problem.level)
         newton += sum(point.newton for point in branch.points)
-        start, held = self._start_of(problem.of, problem.level, branch, self.output)
+        start, held = highest_of(problem.of, problem.level, branch, self.output)
         if isinstance(start, str):
             return Sample(values, FAILED, f"{sample.why}; along its curve: {start}", newton=newton, is_followed=True)
         sample = self._of_peak(problem, start[0], x, branch, held, near=start[0][0].parameter)
@@ -550,6 +531,31 @@ class SamplePeaks:
         if self._prepared is None or self._prepared[0] != key:
             self._prepared = key, make()
         return self._prepared[1]
+
+
+def highest_of(of: ResponseProblem, level: float, branch: Branch, output: int) -> tuple[Any, bool]:
+    """Return motions at the top and the half power of a curve, harmonics and samples, or why there is none; and if held."""
+    sizes = [float(np.hypot(*point.response[output, 1:3])) for point in branch.points]
+    inner = [i for i in range(1, len(sizes) - 1) if sizes[i] >= sizes[i - 1] and sizes[i] >= sizes[i + 1]]
+    top = of.model.comm.bcast(max(inner, key=lambda i: sizes[i], default=None))
+    if top is None:
+        return branch.failure or "its amplitude has no maximum between the ends of [response] frequencies; widen them", False
+    return starts_at(of, level, branch, output, top), HELD in branch.points[top].notes
+
+
+def starts_at(of: ResponseProblem, level: float, branch: Branch, output: int, top: int) -> tuple[Starts, Harmonics, int]:
+    """Return motions at a top of a curve and at its half power, and the harmonics and samples there.  Collective."""
+    point, problem = branch.points[top], of.at_level(level)
+    sizes = [float(np.hypot(*each.response[output, 1:3])) for each in branch.points]
+    harmonics = harmonics_of(branch, point, problem.equation.harmonics)
+
+    def motion(i: int) -> Iterate:
+        return iterate_of(branch.points[i], problem, harmonics_of(branch, branch.points[i], harmonics)).on(harmonics)
+
+    ends = of.model.comm.bcast([half_power_of(sizes, range(top, end, way)) for end, way in ((len(sizes), 1), (-1, -1))])
+    ends = ends if of.sweep.stop > of.sweep.start else ends[::-1]
+    sides = [None if end is None else _mean(np.array([1.0 - end[2], end[2]]), [motion(i) for i in end[:2]]) for end in ends]
+    return (motion(top), sides[0], sides[1]), harmonics, point.samples
 
 
 def _alone(of: ResponseProblem) -> ResponseProblem:
