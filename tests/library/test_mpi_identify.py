@@ -94,6 +94,7 @@ def test_deviations_of_phases_that_are_not_stated_follow_from_the_residuals(stru
     assert much.low[1] <= 0.03 <= much.high[1]
 
 
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_the_weights_of_a_fit_are_the_deviations_that_its_residuals_show(structure, exact):
     """Phases have theirs stated; amplitudes are ten times as uncertain as without a statement."""

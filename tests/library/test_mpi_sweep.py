@@ -109,6 +109,7 @@ def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, fold
         assert not sample.is_followed
 
 
+@pytest.mark.study
 def test_contact_stiffness_beside_truncated_modes_is_that_of_structures_built_for_each(comm, bar):
     """A factor of 100 either way; with the modes of the scene the peaks differ by the truncation."""
     finer = ["response.points=30", "response.levels=[10.0]", "solver.samples=128"]
