@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...formats.csv_table import numbered_rows
+from ...library.identify import IN_FILE
 from ...library.settings import output_names, units_of
 from ...observe.screen_table import screen_table
 from ...results.style import FAINT, INK, RC, WIDTH, Page, level_colours, plain, with_prefix
@@ -22,15 +23,6 @@ from ..records import write_csv
 
 if TYPE_CHECKING:
     from ...library.identify import Identified
-
-IN_FILE = {  # the columns of a file of pairs
-    "friction": "mu",
-    "preload": "n0",
-    "gap": "g0",
-    "tangential_stiffness": "kt",
-    "normal_stiffness": "kn",
-    "slip_force": "mu",
-}
 
 
 def write_identified(found: Identified, scene: Any, folder: Path) -> str:
