@@ -159,6 +159,36 @@ def test_supports_in_turned_axes_are_equations():
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8 * expected.max())
 
 
+AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
+IN_PLANE = [[(node, k, AXIS[k]) for k in range(3)] for node in (0, 3, 7)]
+
+
+@pytest.mark.parametrize(
+    "rows, supports, springs, n_free",
+    [
+        ([[(0, 0, 1.0)], [(0, 1, 1.0)]], (), (), 4),
+        ([[(node, 0, 1.0) for node in range(8)]], (), (), 5),
+        ([[(0, 0, 1.0), (3, 0, -1.0)]], (), (), 5),
+        (IN_PLANE, (), (), 3),
+        (IN_PLANE, [("corner", "xyz")], (), 1),
+        (IN_PLANE, (), [(("top",), (0.0, 1.0, 0.0))], 1),
+        ([], (), [(("top",), (0.0, 0.0, 1.0))], 3),
+        ([], (), [(("corner", "other"), None)], 6),
+        ([], SUPPORTED, (), 0),
+    ],
+)
+def test_motions_that_equations_and_springs_leave_free_strain_nothing(rows, supports, springs, n_free):
+    """They are the null space of K, whatever holds the others."""
+    mesh = replace(block(), equations=equations(*rows)) if rows else block()
+    springs = tuple(Spring(groups=groups, direction=direction, stiffness=1e9) for groups, direction in springs)
+    system, _ = system_of(mesh, case_of(supports, springs=springs))
+    K, motions = gathered(system, system.K), np.vstack(comm.allgather(system.rigid_owned))
+    values = np.linalg.eigvalsh(K)
+    assert motions.shape[1] == n_free == np.count_nonzero(values < 1e-11 * values[-1])
+    assert np.count_nonzero(np.linalg.svd(motions, compute_uv=False) > 1e-9) == n_free
+    assert np.abs(K @ motions).max(initial=0.0) < 1e-10 * values[-1]
+
+
 def test_a_node_outside_the_elements_leads_a_face_and_carries_mass_and_spring():
     """All nodes of the top move along z with a node that no element has: its mass is theirs, and so is its spring."""
     mesh = block()
