@@ -183,8 +183,7 @@ def modes_by_diameter(
             n, fewer_will_do = min(basis_size(scene, count), of_d.n_dof), scene.solver.modes is None or matrix is not None
             computed = lowest_modes_of(linearised, n, scene.solver.verify_modes, fewer_will_do)
             both = None if matrix is None else waves_of(linearised, computed, matrix, count, log)
-        if "proof" in computed.info:
-            log.note(f"nodal diameter {d} is proved complete by inertia: {computed.info['proof']}")
+        log.note(f"nodal diameter {d}: {'' if both is None else 'modes without Coriolis forces '}{computed.completeness}")
         yield d, linearised, first_of(computed, count), both
         linearised.destroy()
         of_d.destroy()
