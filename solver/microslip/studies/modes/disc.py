@@ -270,8 +270,8 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     n, diameters = min(len(each.frequency) for each in by_diameter), [each.diameter for each in by_diameter]
     for i, colour in enumerate(level_colours(n)):
-        for frequency, line in zip(zip(*(each.by_direction for each in by_diameter)), ("o-", ".:")):
-            axes.plot(diameters, [of_diameter[i] for of_diameter in frequency], line, color=colour, ms=3.5, lw=0.8)
+        for frequency, marks in zip(zip(*(each.by_direction for each in by_diameter)), ("o-", ".:")):
+            axes.plot(diameters, [of_diameter[i] for of_diameter in frequency], marks, color=colour, ms=3.5, lw=0.8)
     highest = 1.05 * max(float(each.frequency[:n].max()) for each in by_diameter)
     _number_modes(axes, by_diameter[-1].frequency[:n], highest)
     for speed, line in zip(speeds, lines):
