@@ -81,7 +81,7 @@ def test_complex_modes_are_orthonormal_and_proved_complete(shared_path):
     sector = built(write_sector, shared_path, 7, end(10), "hex20", how=how)
     assert sector.is_complex and sector.n_dof > 700 and sector.n_proved >= 10
     modes = sector.modes
-    assert modes.info["method"] == "complex Lanczos" and "modes below" in modes.info["proof"]
+    assert "SLEPc" in modes.info["method"] and "modes below" in modes.info["proof"]
     phi = modes.phi_owned
     overlap = COMM.allreduce(phi.conj().T @ sector.product(sector.M, phi))
     np.testing.assert_allclose(overlap, np.eye(10), atol=1e-9)

@@ -1,9 +1,8 @@
 """The lowest modes by SLEPc: an eigensolver of K_L^-1 M, shift-invert at 0, with solves by the factor of K_L.
 
-docs/theory.md, section 4.  Krylov-Schur needs the fewest solves; for complex modes in real form Lanczos' method in complex
-arithmetic needs half as many.  With a factor on disk, a pass over it costs more than the vectors, and subspace iteration solves
-for all its vectors in one pass.  Subspace iteration is also used if the proof by inertia shows missing modes: it converges to
-all copies of a multiple eigenvalue together, whereas a Krylov space contains one of them.
+docs/theory.md, section 4.  Krylov-Schur needs the fewest solves.  With a factor on disk, a pass over it costs more than the
+vectors, and subspace iteration solves for all its vectors in one pass.  Subspace iteration is also used if the proof by inertia
+shows missing modes: it converges to all copies of a multiple eigenvalue together, whereas a Krylov space contains one of them.
 """
 
 from __future__ import annotations
@@ -14,8 +13,7 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
-from ..assembly.real_form import complex_columns, real_columns
-from ..linear.dense import diagonal_owned, gram, multiply, wave_matrix
+from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
 from ..parallel.petsc import free
@@ -34,7 +32,6 @@ _MORE = (12, 1.0)  # vectors of a Krylov space beyond the wanted modes: at least
 _MORE_IN_BLOCKS = (12, 1.5, 96)  # for subspace iteration, with a maximum: a pass converges by a ratio of theta
 _BLOCKS = 3  # blocks of the size of the subspace that SLEPc allocates
 _KEEP = 0.85  # fraction of the Krylov space retained at a restart: convergence is tested often, and little is discarded
-_BREAKDOWN = 1e-12  # relative size of the next vector at which a Krylov space ends
 _KEY = 40  # of the random start vectors
 
 
@@ -93,13 +90,7 @@ class ModeSearch:
     def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
         """Return at least ``n_wanted`` (theta, phi), more than stored so far, and information on the search."""
         linearised, n_dof, n_before = self.linearised, self.linearised.M.getSize()[0], len(self._theta)
-        stated = PETSc.Options(PREFIX).getString("eps_type", "")
-        kind = stated or self._kind
-        if wave_matrix(linearised.M) is not None and not stated and kind == "krylovschur" and n_before == 0:
-            found = _complex_lanczos(linearised, self._start().reshape(-1, 1), (n_wanted + 1) // 2)
-            if found is not None:
-                eigenvalues, phi_owned = iterated_once(linearised, found[0], linearised.factor.solver.solve)
-                return 1.0 / eigenvalues, phi_owned, found[1]
+        kind = PETSc.Options(PREFIX).getString("eps_type", self._kind)
         is_deflated = kind != "subspace" and n_before > 0
         n_sought = n_wanted - n_before * is_deflated
         eps, solves = SLEPc.EPS().create(linearised.K_L.comm), _SolvesByFactor(linearised.factor)
@@ -150,40 +141,6 @@ class ModeSearch:
             parts = np.hstack([parts, np.divide(forces, mass, out=np.zeros_like(forces), where=mass > 0.0)])
         size = np.sqrt(np.maximum(gram(system.comm, parts, multiply(M, parts)).diagonal(), 0.0))
         return parts @ np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0)
-
-
-def _complex_lanczos(linearised: Linearised, start_owned: np.ndarray, n_wanted: int) -> tuple[np.ndarray, dict] | None:
-    """Return z and i z of the ``n_wanted`` lowest complex modes z in real form, and a report; None without convergence.
-
-    Collective.  Lanczos' method for K_L^-1 M, with full orthogonalisation in M: in real form each eigenvalue is double, which
-    takes a Krylov space of twice as many solves.
-    """
-    comm, M, solve = linearised.system.comm, linearised.M, linearised.factor.solver.solve
-    most = 3 * n_wanted + _MORE[0]
-    V, MV = (np.zeros((len(start_owned) // 2, most + 1), dtype=complex, order="F") for _ in range(2))
-    T = np.zeros((most, most))
-    v = complex_columns(start_owned)
-    for j in range(most + 1):
-        M_v = multiply(M, v)
-        size = float(np.sqrt(gram(comm, v, M_v)[0, 0].real))
-        if j > n_wanted:
-            theta, X = (each[..., : -n_wanted - 1 : -1] for each in comm.bcast(np.linalg.eigh(T[:j, :j])))
-            if np.all(size * np.abs(X[-1]) <= _TOLERANCE * theta):
-                Z_owned = V[:, :j] @ X
-                info = {"method": "complex Lanczos", "basis": 2 * j, "restarts": 0, "complete": False, "messages": ()}
-                return np.hstack([real_columns(Z_owned), real_columns(1j * Z_owned)]), info
-        if j == most or size <= _BREAKDOWN * T[0, 0]:
-            return None
-        if j > 0:
-            T[j, j - 1] = T[j - 1, j] = size
-        V[:, j], MV[:, j] = v[:, 0] / size, M_v[:, 0] / size
-        moved()
-        v = complex_columns(solve(real_columns(MV[:, j : j + 1])))
-        for _ in range(2):  # the second time from what rounding leaves of the first
-            overlap = gram(comm, MV[:, : j + 1], v)
-            v = v - V[:, : j + 1] @ overlap
-            T[j, j] += overlap[j, 0].real
-    return None
 
 
 def _vector(A: PETSc.Mat, owned: np.ndarray) -> PETSc.Vec:
