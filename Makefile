@@ -1,7 +1,9 @@
 # make demo   installs the requirements on a bare Debian 12, then runs the demo scene with its pictures
-# make test   the same set-up, then style, types and all tests: tests/**/test_mpi_*.py of the rooms in THREE below on three
-#             ranks, the others on two ranks, then all tests on one rank in WORKERS parallel processes
-#             (make test WORKERS=8; default: the number of cores, at most four)
+# make test   the same set-up, then style, types and tests: tests/**/test_mpi_*.py of the rooms in THREE below on three
+#             ranks, the others on two ranks, then tests on one rank in WORKERS parallel processes
+#             (make test WORKERS=8; default: the number of cores, at most four); those of the rooms in WHOLE that ran on two
+#             ranks are left out on one, and those marked study everywhere
+# make studies  the tests marked study, on two ranks and on one, and on one rank what `make test` leaves out there
 # make ranks  all of tests/**/test_mpi_*.py on three ranks, or on another number (make ranks RANKS=5)
 # make quick  for daily use, about a minute: style, then on one rank all tests except those marked slow (more than a
 #             second) and the tests of the program, the oracles, the benchmarks and the verification studies
@@ -9,7 +11,7 @@
 # make coverage   line coverage of the tests on one rank, or of some folders: make coverage TESTS=tests/contact
 # make setup  the set-up only        make docs  the documentation        make clean  removes all generated files
 
-.PHONY: demo test ranks quick sanitize coverage setup docs clean
+.PHONY: demo test studies ranks quick sanitize coverage setup docs clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -51,6 +53,8 @@ PYTEST = -m pytest -q --color=no
 RANKS = 3
 # rooms that distribute nodes, rows and pairs; three ranks test nothing new in the other rooms
 THREE = assembly error_estimate harmonic linear mesh parallel
+# rooms whose tests run whole jobs
+WHOLE = cli library modes reduction restart statics verification
 # two ranks on at least two cores wait for messages without yielding their core: a third less time
 SPIN = $(shell [ $$(nproc) -ge 2 ] && echo --mca mpi_yield_when_idle 0)
 ON_RANKS = $(PYTEST) -p no:cacheprovider -p no:xdist
@@ -63,13 +67,18 @@ test: $(VENV)/installed $(VENV)/test-tools $(VENV)/docs-tools meshes/fan_small.m
 	@echo "types, and in parallel the documentation"
 	@$(SPHINX) -q & docs=$$!; $(IN_VENV) -m mypy; types=$$?; wait $$docs && exit $$types
 	@echo "tests on 3 ranks"
-	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) $$(find $(THREE:%=tests/%) -name 'test_mpi_*.py' | sort)
+	@$(MPIRUN) --oversubscribe -n 3 $(IN_VENV) $(ON_RANKS) -m "not study" $$(find $(THREE:%=tests/%) -name 'test_mpi_*.py' | sort)
 	@echo "tests on 2 ranks"
-	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) \
+	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) -m "not study" \
 		$$(find tests -name 'test_mpi_*.py' $(THREE:%=-not -path 'tests/%/*') | sort)
-	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) --unless-on 3 \
+	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) -m "not study" --unless-on 3 \
 		$$(find $(THREE:%=tests/%) -name 'test_mpi_*.py' | sort)
-	$(ONE_RANK)
+	$(ONE_RANK) -m "not study" --unless-on 2 --rooms "$(WHOLE)"
+
+studies: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
+	@$(MPIRUN) --oversubscribe $(SPIN) -n 2 $(IN_VENV) $(ON_RANKS) -m study $$(find tests -name 'test_mpi_*.py' | sort)
+	$(ONE_RANK) -m study
+	$(ONE_RANK) -m "not study" $$(find $(WHOLE:%=tests/%) -name 'test_mpi_*.py' | sort)
 
 ranks: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
 	@$(MPIRUN) --oversubscribe -n $(RANKS) $(IN_VENV) $(ON_RANKS) $$(find tests -name 'test_mpi_*.py' | sort)
@@ -77,7 +86,7 @@ ranks: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
 quick: $(VENV)/installed $(VENV)/test-tools
 	$(IN_VENV) -m ruff check .
 	$(IN_VENV) -m ruff format --check .
-	$(ONE_RANK) -m "not slow" $(addprefix --ignore=tests/,bench cli oracles/test_oracles.py verification)
+	$(ONE_RANK) -m "not slow and not study" $(addprefix --ignore=tests/,bench cli oracles/test_oracles.py verification)
 
 SPHINX = $(IN_VENV) -m sphinx -W --keep-going -b html docs docs/_build/html
 

@@ -101,6 +101,7 @@ def program(comm, capfd, monkeypatch, request):
 
 def pytest_addoption(parser):
     parser.addoption("--unless-on", type=int, metavar="N", help="leave out what also runs on N ranks")
+    parser.addoption("--rooms", default="", help="folders of tests, in one text, that --unless-on is for; default: all")
 
 
 def pytest_collection_modifyitems(config, items):
@@ -108,14 +109,22 @@ def pytest_collection_modifyitems(config, items):
 
     A test's own marks count before its file's; those of its parameters all count.
     """
-    other = config.getoption("--unless-on")
-    here = {item: _runs_on(item, COMM.size) and not (other and _runs_on(item, other)) for item in items}
+    other, rooms = config.getoption("--unless-on"), config.getoption("--rooms").split()
+
+    def runs_elsewhere(item):
+        return other and _is_for_ranks(item) and _runs_on(item, other) and (not rooms or item.path.parent.name in rooms)
+
+    here = {item: _runs_on(item, COMM.size) and not runs_elsewhere(item) for item in items}
     config.hook.pytest_deselected(items=[item for item in items if not here[item]])
     items[:] = [item for item in items if here[item]]
 
 
 def _runs_on(item, n_ranks):
     return all(n_ranks in mark.args for mark in _marks_of_ranks(item))
+
+
+def _is_for_ranks(item):
+    return item.path.name.startswith("test_mpi_")
 
 
 def _marks_of_ranks(item):

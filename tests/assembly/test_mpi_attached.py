@@ -15,6 +15,7 @@ from microslip.formats.model import Equations
 from microslip.mesh.data import Outside
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
+from microslip.mesh.reference_points import of_distributing
 from microslip.messages.errors import MeshError
 from microslip.tables.constant_loads import Statics
 from microslip.tables.structure import Mass, Model, Point, Spring
@@ -157,6 +158,66 @@ def test_supports_in_turned_axes_are_equations():
     assert K.shape == K1.shape
     found, expected = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K1, M1)))
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8 * expected.max())
+
+
+def test_a_mean_of_nodes_that_lead_and_follow_equations_is_exact():
+    """The modes are those in the null space of all constraints, where the point with its mass has six rows of its own."""
+    mesh, knob = block(), KNOB.with_keys(connection="distributing", mass=5.0, inertia=(0.1, 0.2, 0.3, 0.0, 0.0, 0.0))
+    top, n = mesh.node_groups["top"], 3 * len(mesh.points)
+    middle = int(np.flatnonzero(np.abs(mesh.points[:, 2] - 0.5) < 1e-9)[0])
+    rows = [
+        [(top[0], 0, 1.0), (top[1], 0, -1.0)],
+        [(middle, 1, 3.0), (top[2], 1, -1.0), (top[0], 1, 1.0)],
+        [(-1, 1, 1.0), (top[4], 1, -2.0)],
+    ]
+    joined = replace(equations(*rows), points=("knob",))
+    K, M, _ = dense(replace(mesh, equations=joined), case_of(points=(knob,)))
+    K0, M0, dof = dense(mesh, settings({"block": "block"}, ()))
+    K1, M1 = scipy.linalg.block_diag(K0, np.zeros((6, 6))), scipy.linalg.block_diag(M0, np.diag([5.0] * 3 + [0.1, 0.2, 0.3]))
+    mean = of_distributing(mesh, knob, len(mesh.points), len(mesh.points) + 2).weights.toarray()[:, :n]
+    C = np.zeros((9 + 3 * len(mesh.node_groups["base"]), n + 6))
+    for i, row in enumerate(rows):
+        for node, axis, value in row:
+            C[i, (3 * node if node >= 0 else n) + axis] = value
+    C[3:9, :n], C[3:9, n:] = -mean, np.eye(6)
+    C[np.arange(9, len(C)), (3 * mesh.node_groups["base"][:, None] + np.arange(3)).ravel()] = 1.0
+    order = np.r_[dof[: len(mesh.points)].ravel(), len(K0) + np.arange(6)]  # rows of K1 of nodes and point
+    Z = scipy.linalg.null_space(C)
+    found, expected = (
+        scipy.linalg.eigh(a, b, eigvals_only=True)
+        for a, b in ((K, M), (Z.T @ K1[np.ix_(order, order)] @ Z, Z.T @ M1[np.ix_(order, order)] @ Z))
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
+IN_PLANE = [[(node, k, AXIS[k]) for k in range(3)] for node in (0, 3, 7)]
+
+
+@pytest.mark.parametrize(
+    "rows, supports, springs, n_free",
+    [
+        ([[(0, 0, 1.0)], [(0, 1, 1.0)]], (), (), 4),
+        ([[(node, 0, 1.0) for node in range(8)]], (), (), 5),
+        ([[(0, 0, 1.0), (3, 0, -1.0)]], (), (), 5),
+        (IN_PLANE, (), (), 3),
+        (IN_PLANE, [("corner", "xyz")], (), 1),
+        (IN_PLANE, (), [(("top",), (0.0, 1.0, 0.0))], 1),
+        ([], (), [(("top",), (0.0, 0.0, 1.0))], 3),
+        ([], (), [(("corner", "other"), None)], 6),
+        ([], SUPPORTED, (), 0),
+    ],
+)
+def test_motions_that_equations_and_springs_leave_free_strain_nothing(rows, supports, springs, n_free):
+    """They are the null space of K, whatever holds the others."""
+    mesh = replace(block(), equations=equations(*rows)) if rows else block()
+    springs = tuple(Spring(groups=groups, direction=direction, stiffness=1e9) for groups, direction in springs)
+    system, _ = system_of(mesh, case_of(supports, springs=springs))
+    K, motions = gathered(system, system.K), np.vstack(comm.allgather(system.rigid_owned))
+    values = np.linalg.eigvalsh(K)
+    assert motions.shape[1] == n_free == np.count_nonzero(values < 1e-11 * values[-1])
+    assert np.count_nonzero(np.linalg.svd(motions, compute_uv=False) > 1e-9) == n_free
+    assert np.abs(K @ motions).max(initial=0.0) < 1e-10 * values[-1]
 
 
 def test_a_node_outside_the_elements_leads_a_face_and_carries_mass_and_spring():

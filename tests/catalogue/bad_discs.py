@@ -94,6 +94,12 @@ JOINTS = [
         "next sector without a neighbour", SHROUDS, '"shroud_high", "left0"]', "joint 'shrouds'", "is taken from the next sector"
     ),
     disc("next sector the wrong way", SHROUDS, '"shroud_low", "shroud_high"]', "perhaps ['shroud_high', 'shroud_low']"),
+    disc(
+        "shrouds of one sector",
+        "next_sector = true\n",
+        "",
+        'state surfaces = ["shroud_high", "shroud_low"] and next_sector = true',
+    ),
     disc("next sector of the ground", SHROUDS, '"shroud_high"]\nagainst = "ground"', "next_sector = true: the next sector is"),
     Case(
         "joint on the faces of sectors",

@@ -117,6 +117,8 @@ def test_a_sample_that_fails_ends_with_status_3_after_the_others(comm, scene, pr
         ("--set level=0:2:3:log", "above 0 where they are logarithmic"),
         ("--set level=1,x", "expected KEY=A,B"),
         ("--set level=1,2 --set level=3,4", "level is stated twice"),
+        ("--set level=1,3,1", "level: the value 1 is stated 2 times"),
+        ("--set level=2:2:3 --one-by-one", "level: the value 2 is stated 3 times"),
         ("--set joints.joint.frction=1,2", 'nearest is "friction"'),
         ("--set level=1,2 --samples 3", "belong to --scatter"),
         ("--scatter level=10:gauss", "expected the distribution lognormal, normal or uniform"),

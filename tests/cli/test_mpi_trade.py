@@ -89,6 +89,7 @@ def test_one_mass_from_scene_to_choices(program, shared_path, comm):
     assert "for 1 %:" in out and (shared_path / "out" / "trade.png").exists()
 
 
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path, comm):
     other = shared_path / "fine"
@@ -118,6 +119,7 @@ def test_without_a_joint_nothing_is_to_trade(program):
     assert status == 2 and err.count("[[joints]] is missing: without a joint the response is linear") == 1
 
 
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
     """Two bodies that bend, three meshes of them, the finest of quadratic elements: found in the order of their size."""

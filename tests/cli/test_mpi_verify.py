@@ -132,6 +132,7 @@ def test_from_rest_it_comes_to_the_same(program, shared_path):
     assert int(found[1]["periods"]) > int(found[0]["periods"])
 
 
+@pytest.mark.study
 @pytest.mark.pictures
 @pytest.mark.ranks(1)  # one pair: a second rank would only wait
 def test_small_disturbances_grow_as_the_multipliers_say(program, shared_path):

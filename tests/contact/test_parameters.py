@@ -146,6 +146,9 @@ def test_other_values_are_those_of_the_columns():
     assert more.mu_y == pytest.approx([law.mu_y[0], 2.0 * law.mu_y[1], law.mu_y[2]])
     gaps = with_gaps(3).with_parameters("gap", np.array([0, 2]), np.array([0.5, 0.25]))
     assert (-gaps.N0 / gaps.k_n)[[0, 2]] == pytest.approx([0.5, 0.25]) and gaps.N0[1] == with_gaps(3).N0[1]
+    for law in (gaps, rough_apart(3)):
+        stiffer = law.with_parameters("k_n", np.array([1]), np.array([7.0]) * law.k_n[1])
+        np.testing.assert_allclose(stiffer.N0 / stiffer.k_n, law.N0 / law.k_n, rtol=1e-14)
 
 
 @pytest.mark.parametrize("make", [elastic, rough])

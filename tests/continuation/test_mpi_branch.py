@@ -176,7 +176,7 @@ def test_all_ranks_together_agree_with_one_alone():
         assert np.array_equal(a.state, b.state)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_in_point_check_removes_the_error_of_the_late_update():
     system = scene("chain")

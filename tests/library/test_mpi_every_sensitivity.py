@@ -144,7 +144,7 @@ tolerance = 1e-12
 """
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_a_disc_from_one_sector(comm, shared_path):
     """[cyclic]: the numbers of a joint are those of all sectors; all modes, as their shapes stay with another contact stiffness."""

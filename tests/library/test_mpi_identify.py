@@ -6,9 +6,13 @@ import tomllib
 import numpy as np
 import pytest
 import scipy.io
+from blocks import stacked
 from matrix_scenes import write_matrix_scene
+from mpi4py import MPI
+from msh import write_msh
 from oracles import scenes
 from oracles.exact import jenkins_amplitude
+from rest_scene import HEIGHT, LENGTH, WIDTH, force, scene_of
 from scipy.optimize import minimize_scalar
 
 import microslip
@@ -21,6 +25,10 @@ from microslip.parallel.agree import on_root
 pytestmark = pytest.mark.ranks(1, 2)
 FRICTION, RATIO = "joints.joint.friction", "damping.ratio"
 FREQUENCY, LEVELS, DEVIATION = np.linspace(400.0, 600.0, 6) / (2.0 * np.pi), (5.0, 20.0), 0.02
+OFFERED = (
+    "there are joints.joint.friction, joints.joint.preload, joints.joint.tangential_stiffness, "
+    "joints.joint.normal_stiffness and damping.ratio"
+)
 BOUNDS = {FRICTION: (0.3, 3.0), RATIO: (0.005, 0.1)}
 
 
@@ -94,6 +102,7 @@ def test_deviations_of_phases_that_are_not_stated_follow_from_the_residuals(stru
     assert much.low[1] <= 0.03 <= much.high[1]
 
 
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_the_weights_of_a_fit_are_the_deviations_that_its_residuals_show(structure, exact):
     """Phases have theirs stated; amplitudes are ten times as uncertain as without a statement."""
@@ -202,6 +211,8 @@ def test_the_jacobian_of_peaks_is_that_of_differences(structure):
         ({FRICTION: (2.0, 3.0)}, "the scene's value, 1, not within"),
         ({FRICTION: (1.0, 0.5)}, "two bounds of at least 0"),
         ({"level": (1.0, 2.0)}, "no number 'level'"),
+        ({"joints.joint.gap": (0.0, 1.0)}, OFFERED),
+        ({"damping": (0.5, 2.0)}, OFFERED + "; damping.ratio is a number where"),
     ],
 )
 def test_wrong_numbers_are_refused(structure, exact, bounds, text):
@@ -209,6 +220,29 @@ def test_wrong_numbers_are_refused(structure, exact, bounds, text):
         microslip.identify(structure, exact, bounds)
     with pytest.raises(CaseError, match=text):
         refuse_bounds(structure.scene, bounds)  # before the structure is built
+
+
+@pytest.mark.ranks(1)
+def test_numbers_are_offered_that_the_scene_has_and_that_leave_its_state_of_rest(tmp_path):
+    write_msh(str(tmp_path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005))
+    at_rest = scene_of(MPI.COMM_SELF, tmp_path, force(0.0, 0.0, -1000.0))
+    changes = ('preload = "static"', "gap = 1e-5"), ("ratio = ", "rayleigh = [1.0, 0.0]  # "), ("axis = [0.0, 0.0, 1.0]", "")
+    with_gap = scene_of(MPI.COMM_SELF, tmp_path, None, *changes)
+    stiffness = "joints.joint.tangential_stiffness"
+    for scene, key, text in (
+        (at_rest, "joints.joint.x", f"there are {stiffness}, joints.joint.normal_stiffness and damping.ratio$"),
+        (at_rest, FRICTION, "changes the state of rest with .statics."),
+        (
+            with_gap,
+            "joints.joint.preload",
+            f"there are {FRICTION}, joints.joint.gap, {stiffness} and joints.joint.normal_stiffness$",
+        ),
+        (with_gap, RATIO, "damping.ratio is a number where it is all damping there is"),
+    ):
+        with pytest.raises(CaseError, match=text):
+            refuse_bounds(scene, {key: (0.1, 1.0)})
+    with pytest.raises(CaseError, match="fit one of them"):
+        refuse_bounds(with_gap, {"joints.joint.gap": (1e-6, 1e-4), "joints.joint.normal_stiffness": (1e12, 1e13)})
 
 
 @pytest.mark.parametrize(

@@ -210,6 +210,7 @@ def test_the_peak_over_damping_of_one_mass(structure):
     assert curve.amplitude[slips] == pytest.approx([exact.jenkins_peak(0.05, 1.0, of) for of in c[slips]], rel=30.0 / 128**2)
 
 
+@pytest.mark.study
 def test_the_peak_over_the_damping_ratio_of_all_modes(comm, shared_path):
     """Ends at the peaks of a scene with that ratio, error bars included."""
     level, curves = 3.0, []

@@ -13,6 +13,7 @@ import microslip
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
+from microslip.results.record import StaticTable
 from microslip.results.report.tables import sensitivities_table
 from microslip.results.sensitivities import relative_at_peak
 
@@ -117,7 +118,9 @@ def test_the_report_has_the_relative_changes_of_the_largest_point_without_peaks(
     text = sensitivities_table(results)
     for rate, value in ((table["mu"].amplitude[0, at, 0], results.joint.mu), (table[RATIO].amplitude[0, at, 0], ratio)):
         assert f"<td>{np.sum(rate * value) / size[at]:+.2g} %</td>" in text
-    assert sensitivities_table(replace(results, levels=())) == ""
+    assert sensitivities_table(replace(results, levels=())) == "" and "state of rest" not in text
+    at_rest = {"joints": StaticTable((), {})}
+    assert "The state of rest stays as it is." in sensitivities_table(replace(results, at_rest=at_rest))
 
 
 def test_scatter_is_the_root_of_the_sum_of_squares(response):

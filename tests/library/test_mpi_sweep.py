@@ -25,7 +25,7 @@ C = 0.02
 FRICTION, STIFFNESS = "joints.joint.friction", "joints.joint.tangential_stiffness"
 
 
-def one_mass(folder, k_t=1.0, mu=1.0, highest=4.0):
+def one_mass(folder, k_t=1.0, mu=1.0, highest=4.0, samples=128):
     """Write m = k = k_t = mu N = 1, c = 0.02, and return its path.  Local."""
     folder.mkdir(exist_ok=True)
     loads = [{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}]
@@ -33,7 +33,7 @@ def one_mass(folder, k_t=1.0, mu=1.0, highest=4.0):
         "one mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=mu, N0=1.0, k_t=k_t, k_n=0.0, C=np.array([[C]]),
         loads=loads, output=[1.0], omega=(0.5, 2.0), levels={},
     )  # fmt: skip
-    return write_matrix_scene(folder, system, [0.8], (0.5, highest), points=30, harmonics=1, samples=128, error_bars=False)
+    return write_matrix_scene(folder, system, [0.8], (0.5, highest), points=30, harmonics=1, samples=samples, error_bars=False)
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +109,7 @@ def test_contact_stiffness_by_the_update_is_that_of_another_structure(comm, fold
         assert not sample.is_followed
 
 
+@pytest.mark.study
 def test_contact_stiffness_beside_truncated_modes_is_that_of_structures_built_for_each(comm, bar):
     """A factor of 100 either way; with the modes of the scene the peaks differ by the truncation."""
     finer = ["response.points=30", "response.levels=[10.0]", "solver.samples=128"]
@@ -298,7 +299,23 @@ def test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_fro
         assert 2.0 * np.pi * width == pytest.approx(high - low, rel=2e-3)
 
 
-@pytest.mark.parametrize("way_out", ["_through_shares", "_along_phase", "_along_branch"])
+def test_the_width_is_that_of_the_closed_form_where_the_half_power_points_stick(comm, folder):
+    """With a limit of 2.3 to 3 times the level, the mass slips at the peak and hardly or not at all at half the power."""
+
+    def write():
+        return one_mass(folder / "sharp", samples=1024)
+
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as sharp:
+        for limit in (1.9, 2.0, 2.4):  # each from the scene itself, which slips at half the power
+            table = microslip.sweep(sharp, {FRICTION: [limit]})
+            X = exact.jenkins_peak(0.8, limit, C)
+            low, high = exact.jenkins_frequencies(X / np.sqrt(2.0), 0.8, m=1.0, c=C, k=1.0, k_t=1.0, muN=limit)
+            assert limit < X < 1.5 * limit and table.amplitude == pytest.approx([X], rel=1e-4)
+            assert 2.0 * np.pi * table.width == pytest.approx([high - low], rel=2e-4)
+            assert table.samples[0].newton < 120 and not table.samples[0].is_followed
+
+
+@pytest.mark.parametrize("way_out", ["_through_shares", "_along_branch"])
 def test_half_power_points_are_those_of_the_closed_form_by_each_way(mass, monkeypatch, way_out):
     def half_power(search, peak, way, start):
         found = getattr(search, way_out)(peak, way)

@@ -42,6 +42,7 @@ def sliding(comm, folder, samples=SHARPER):
     return scene_of(comm, folder, force(50.0, 0.0, -1000.0), *more, ("harmonics = 3", "harmonics = 1"))
 
 
+@pytest.mark.study
 @pytest.mark.ranks(2)
 def test_a_sample_that_slides_as_a_whole_is_held_from_the_start_and_has_the_width_of_its_curve(comm, folder, monkeypatch):
     searched, searches = [], SamplePeaks._searched
@@ -69,7 +70,7 @@ def test_another_friction_is_another_state_of_rest(comm, folder):
     assert HELD in swept.samples[0].why and HELD not in swept.nominal.why
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_friction_of_a_disc_varies(comm, folder):
     end = table("damping", ratio=0.01) + table("response", levels=[40.0], mode=1, span=[0.9, 1.03], points=10)

@@ -256,6 +256,7 @@ def test_the_library_and_the_program_wear_alike(program, shared_path):
     assert f"<td>{lost:.2f} %</td>" in last_row and f"{history.frequency[-1]:.7g} Hz" in last_row
 
 
+@pytest.mark.study
 def test_constant_loads_stay_in_balance_over_the_life_of_a_joint(comm, folder):
     """With [statics]: the joint carries the load, the pair that wears most loses pressure to the others, depth is worn energy."""
     scene = scene_of(comm, folder, force(0.0, 0.0, -1000.0), name="life")

@@ -1,5 +1,6 @@
 """Supports of the two faces of a sector: what a face of another mesh allows."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,7 +28,16 @@ def test_a_free_node_may_lie_beside_the_end_of_a_support():
     assert list(follow([0, 2])) == list(range(9, 15))
 
 
-@pytest.mark.parametrize("fixed", [[0], [2], [0, 2, 3], [0, 1, 2]], ids=["low alone", "high alone", "beyond", "too few"])
-def test_supports_of_one_face_alone_are_refused(fixed):
-    with pytest.raises(MeshError, match="break the symmetry"):
+@pytest.mark.parametrize(
+    ("fixed", "low", "high"),
+    [
+        ([0], "1 at (0, 0, 0) m is fixed along xyz", "3 along nothing"),
+        ([2], "1 at (0, 0, 0) m is fixed along nothing", "3 along xyz"),
+        ([0, 2, 3], "2 at (0, 0, 0) m is fixed along nothing", "4 along xyz"),
+        ([0, 1, 2], "1 at (0, 0, 0) m is fixed along xyz", "4 along nothing"),
+    ],
+    ids=["low alone", "high alone", "beyond", "too few"],
+)
+def test_supports_of_one_face_alone_are_refused(fixed, low, high):
+    with pytest.raises(MeshError, match=re.escape(f"node {low}, and, on a facet with it, {high}; fix both")):
         follow(fixed)

@@ -22,6 +22,7 @@ def linearised(comm):
     found.destroy()
 
 
+@pytest.mark.study
 def test_a_space_too_small_is_doubled(comm, linearised, options):
     """One restart in a space of 24 finds some of 12 modes; in a larger space all of them come."""
     options(modes_eps_ncv=24, modes_eps_max_it=1)

@@ -127,6 +127,7 @@ def test_low_modes_stay_accurate_beside_very_stiff_springs():
     linearised.destroy()
 
 
+@pytest.mark.study
 def test_low_frequencies_of_a_fine_mesh_are_sharpened():
     """The first eigenvalues of a long chain lie 1e8 below the largest: the quotient brings them back from an error of 1e-6."""
     n = 12_000

@@ -37,10 +37,14 @@ def action():
 leave(conclude(MPI.COMM_WORLD, action))
 """
 
+MORE = (1, 0), (1, 7), (2, 7)  # ranks, number of the solve
+
 
 @pytest.mark.ranks(1)
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("number", [0, 7])
+@pytest.mark.parametrize(
+    ("ranks", "number"),
+    [pytest.param(2, 0, marks=pytest.mark.slow), *(pytest.param(*of, marks=pytest.mark.study) for of in MORE)],
+)
 def test_a_signal_in_a_solve(ranks, number):
     done = python("-c", SCRIPT, Path(__file__).parents[1], number, ranks=ranks)
     assert done.returncode == 5, done.stderr

@@ -269,6 +269,7 @@ def test_the_upper_state_of_the_stop_is_periodic():
     assert largest_difference(balance, march) < 1e-3
 
 
+@pytest.mark.study
 def test_radial_return_is_first_order_where_slip_turns_and_the_exact_path_second():
     system = scenes.spatial_mass()
     level, omega, _ = system["levels"]["slip"]

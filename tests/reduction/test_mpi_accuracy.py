@@ -146,6 +146,7 @@ def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path)
     stated.linearised.destroy()
 
 
+@pytest.mark.study
 def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
     monkeypatch.setattr(choose_modes, "_MOST", 32)
     with pytest.raises(CaseError, match=r"scene.toml: \[solver\] accuracy = 1e-06: 31 modes reach about .*, or state modes"):

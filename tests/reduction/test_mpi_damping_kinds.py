@@ -113,7 +113,7 @@ def test_one_mass_on_a_lossy_spring(comm, shared_path):
     assert np.flatnonzero(result.asked).size == 1 and np.abs(exact).max() == pytest.approx(level / (eta * k), rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_methods_agree_where_pairs_slip_and_the_energy_balances(comm, shared_path):
     damping = "structural = 0.004\nmodes = [[2, 0.01]]\nratio = 0.002"

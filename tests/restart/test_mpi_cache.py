@@ -232,6 +232,7 @@ def test_more_modes_than_were_computed_assemble_the_structure_again_and_are_cach
     assert on_root(COMM, lambda: len(list(shared.glob("setup-*/modes-*")))) == 1
 
 
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_modes_that_structural_damping_couples_are_cached(shared_path, built):
     scene, shared = partial(scene_at, shared_path, damping="structural = 0.02"), shared_path / "cache"

@@ -64,6 +64,7 @@ def test_another_friction_takes_all_nodal_diameters_from_the_cache(shared_path, 
     np.testing.assert_allclose(cached, without, atol=1e-6 * np.abs(without).max())
 
 
+@pytest.mark.study
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("order", [1, 3])
 def test_modes_from_the_cache_are_picked_as_in_a_first_run(shared_path, program, monkeypatch, order):

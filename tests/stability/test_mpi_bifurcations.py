@@ -31,6 +31,7 @@ def curve():
     return system, found, bifurcations_of(problem, found, 1e-9)
 
 
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_folds_are_where_the_frequency_turns(curve):
     _, found, bifurcations = curve

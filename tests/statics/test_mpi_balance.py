@@ -137,8 +137,8 @@ def test_warm_bodies_and_moved_supports_balance(comm, folder):
 
 def test_results_and_log_have_it(comm, folder, program):
     scene = scene_of(comm, folder, force(*LOAD), ("modes = 8", "modes = 4\nerror_bars = false"), name="run")
-    status, said, error = program("run", scene.path, "--out", folder / "out")
-    assert status == 0, error
+    status, said, error = program("run", scene.path, "--out", folder / "out", "--set", "response.sensitivities=true")
+    assert status == 0 and "  change of the state of rest in the sensitivities: " in said, error
     assert "  body 'ground': joints (150, 50, -1000) N, supports (-150, -50, 1000) N; imbalance " in said
 
     def check():

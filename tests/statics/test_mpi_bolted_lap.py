@@ -52,7 +52,7 @@ def test_the_bolts_press_the_plates_together(comm, shared_path):
         assert len(inner) and len(outer) and inner.min() > 2.0 * outer.max()
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.ranks(1)
 def test_another_friction_finds_the_rest_of_bolts_as_a_scene_built_anew(comm, shared_path):
     scene = microslip.read(on_root(comm, put, shared_path))

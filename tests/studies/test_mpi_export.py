@@ -228,7 +228,7 @@ LAWS_AT_REST = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.study
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("law", LAWS_AT_REST)
 def test_sliders_about_their_rest_are_those_of_the_export(comm, tmp_path, law):

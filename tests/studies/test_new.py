@@ -350,7 +350,11 @@ def test_bodies_that_touch_nowhere_make_a_linear_scene(tmp_path):
     model = plain()
     points = model.points + 0.01 * (np.arange(len(model.points)) < 16)[:, None] * [0.0, 0.0, 1.0]
     path = write(tmp_path, points=points, sets={"PLATE_BASE": model.sets["PLATE_BASE"]})
-    assert "no touching surfaces of different bodies" in "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    report = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "no touching surfaces of different bodies" in report
+    assert re.search(
+        r"^apart {6}body 'BAR-1.ALL': 0.01 m from the rest, and nothing connects it: add a joint, a tie or", report, re.M
+    )
     assert read_scene(tmp_path / "m.toml").joints == ()
 
 

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from microslip.library.design import Scatter, grid, one_by_one, scattered
-from microslip.studies.sweep.pictures import _in_lines
+from microslip.results.layout import _numbers, log_scale
+from microslip.studies.sweep.pictures import _edges, _in_lines, _is_log
 
 
 @pytest.mark.parametrize(
@@ -23,3 +25,32 @@ def test_designed_samples_have_no_percentiles():
     values = {"level": np.array([1.0, 2.0])}
     assert not grid(values).is_random and not one_by_one(values, {"level": 1.5}).is_random
     assert scattered({"level": Scatter(1.0, 10.0, "normal")}, 4).is_random
+
+
+@pytest.mark.parametrize(
+    ("values", "is_log"),
+    [
+        (np.geomspace(0.1, 0.6, 5), True),
+        (np.linspace(0.1, 0.6, 5), False),
+        (np.linspace(0.1, 0.9, 5), True),
+        (np.array([0.1, 0.6]), False),
+        (np.geomspace(1.0, 1.1, 5), False),
+        (np.linspace(0.0, 10.0, 5), False),
+    ],
+)
+def test_wide_values_and_those_spaced_evenly_over_their_logarithm_have_its_axis(values, is_log):
+    assert _is_log(values) == is_log
+
+
+def test_cells_of_values_spaced_evenly_over_their_logarithm_are_of_equal_width_on_its_axis():
+    assert np.diff(np.log(_edges(np.geomspace(0.1, 0.6, 5)))) == pytest.approx(np.log(6.0) / 4.0)
+
+
+@pytest.mark.parametrize("ends", [(0.1, 0.6), (0.19, 2.5), (0.35, 3.9), (1.1, 95.0), (3e-5, 2e-4)])
+def test_a_logarithmic_axis_of_few_decades_has_numbers_at_several_ticks(ends):
+    axes = Figure().add_subplot()
+    axes.set_xlim(*ends)
+    log_scale(axes, "x")
+    found = [number for number in _numbers(axes.xaxis) if number]
+    assert 2 <= len(found) <= 5 and len(set(found)) == len(found)
+    assert ends[0] < 0.01 or all(ends[0] <= float(number) <= ends[1] for number in found)

@@ -145,6 +145,7 @@ def on_stops(open_at_rest):
     ) | {"open_at_rest": np.array([False, open_at_rest, open_at_rest])}
 
 
+@pytest.mark.study
 def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
     """The same structure twice: what the springs of an open pair add to K_L the law takes away again; damping is that of a matrix."""
     found = []

@@ -14,6 +14,7 @@ def hex20():
     return [friction_bar.errors("hex20", (n, 1, 1), ALONE) for n in (8, 16)]
 
 
+@pytest.mark.study
 def test_end_stiffness_and_load_at_first_slip(hex20):
     assert abs(hex20[1].stiffness) < 1e-3
     assert abs(hex20[1].first_slip) < 1e-3
@@ -40,6 +41,7 @@ def test_energy_closes(hex20):
     assert max(found.closure for found in hex20) < 1e-6
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("kind, cells", [("hex8", 32), ("tet10", 16)])
 def test_other_elements(kind, cells):
     found = friction_bar.errors(kind, (cells, 1, 1), ALONE, levels=(250.0,))

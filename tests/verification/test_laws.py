@@ -78,6 +78,7 @@ def two_masses():
     )
 
 
+@pytest.mark.study
 def test_pairs_pressed_to_many_times_their_preload_meet_the_march_in_time(tmp_path):
     """6 DOF, 3 pairs, power 2: one is pressed to more than 100 times its preload.  Bars hold, and most of them are the sliders'."""
     system, omega, level = two_masses(), 1.0, 1.5

@@ -46,7 +46,9 @@ def difference(point, march):
     return np.abs(wave - march.u).max() / np.abs(march.u).max()
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "chain" else pytest.mark.study) for name in CASES]
+)
 def test_from_stuck_to_gross_slip_and_lift_off_as_time_integration_from_rest(tmp_path, name):
     system, (band, n_steps) = scenes.SCENES[name](), CASES[name]
     regimes = list(system["levels"].values())
@@ -145,6 +147,7 @@ def exported(structure) -> dict:
     }
 
 
+@pytest.mark.study
 def test_matrices_of_a_mesh_give_its_curve(tmp_path):
     """A bar on a plate, with its matrices written to files; a pair a contact node."""
     write_msh(str(tmp_path / "bar.msh"), stacked("hex20", (0.1, 0.01, 0.01), (8, 2, 1), ground_height=0.002))

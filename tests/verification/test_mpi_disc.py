@@ -46,6 +46,7 @@ def built(write, folder, *args, **how):
     return build(read_scene(on_root(COMM, lambda: write(folder, *args, **how))), COMM)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("order", [3, -2])
 def test_a_wave_in_the_other_direction_takes_as_many_modes_as_its_mirror_image(shared_path, order):
     """Its harmonic 1 has the conjugate matrices of nodal diameter 2, of which the modes are computed."""

@@ -195,6 +195,7 @@ def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
     np.testing.assert_allclose(u[disc[close[:, 0]]], u[disc[close[:, 1]]], atol=1e-6 * np.abs(u).max())
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("N", "frequency"), [(3, 1415.0), pytest.param(5, 1436.0, marks=[pytest.mark.slow, pytest.mark.ranks(1)])]
 )
@@ -215,6 +216,7 @@ def test_the_multipliers_of_all_sectors_are_those_of_the_ring(shared_path, N, fr
     np.testing.assert_allclose(*multipliers, atol=1e-6)
 
 
+@pytest.mark.study
 def test_gaps_that_differ_are_those_of_the_ring(shared_path):
     """Shrouds that are open at rest, by other gaps in each sector, and close under the load in some sectors alone."""
     N, h, frequency, level = 4, 1, 930.0, 60.0

@@ -20,6 +20,7 @@ def judged():
     return [one for one in random_systems.judge(found, steps=1024) if any(one.state)]
 
 
+@pytest.mark.study
 def test_bars_hold_as_often_as_they_say_and_ten_times_as_short_would_not():
     """They are not so long that they hold whatever the error.  One test: processes side by side would each judge all points."""
     points = judged()
@@ -30,12 +31,13 @@ def test_bars_hold_as_often_as_they_say_and_ten_times_as_short_would_not():
     assert np.mean([replace(one, bar=0.1 * one.bar).holds for one in points]) < 0.8
 
 
+@pytest.mark.study
 def test_what_is_wrong_by_more_than_a_hundredth_of_the_peak_is_known_to_be():
     found = random_systems.judge([random_systems.solve(1, 3, 6, {})], steps=512)
     assert all(one.holds for one in found if one.error > 1e-2 and "beside a fold" not in one.kinds)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_points_that_solve_the_truncated_equations_alone_are_noted_and_their_bars_hold():
     """A branch with 2 harmonics passes frequencies twice that the structure answers once: one point is more than the peak off."""
     found = random_systems.solve(8, 9, 9, {"harmonics": 2})

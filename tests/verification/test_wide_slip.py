@@ -19,6 +19,7 @@ def test_branch_is_followed_round_its_corners(level, tmp_path):
     assert done.worst_closure < 1e-6
 
 
+@pytest.mark.study
 def test_the_demo_in_gross_slip_with_its_mean_held_while_nearly_all_slips():
     """At 200 N and other levels: verification/wide_slip.py."""
     done = wide_slip.demo([40.0], MPI.COMM_SELF)

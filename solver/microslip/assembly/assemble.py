@@ -128,8 +128,8 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
     # the motions of most nodal diameters strain a disc that nothing holds
     is_supported = links.cyclic is not None or check_fixed(part, part_names, mesh, tables.supports, pairs, links)
     free = np.eye(6)
-    if is_supported:
-        may_be_free = links.cyclic is None and not len(links.grounded) and not (pairs.node2 < 0).any()
+    if is_supported or mesh.equations is not None:
+        may_be_free = links.cyclic is None and not (pairs.node2 < 0).any()
         free = free_combinations(mesh, links, is_fixed) if may_be_free else np.zeros((6, 0))
     return WholeMesh(
         is_fixed=is_fixed,
@@ -140,22 +140,22 @@ def read_off(mesh: Mesh, pairs: ContactPairs, tables: StructureTables) -> WholeM
         links=links,
         loose=loose_bodies(part, len(part_names), mesh, tables.supports, links),
         notes=(
-            *(() if is_supported else (FREE,)),
+            *((FREE,) if free.shape[1] == 6 else ()),
             *notes_on_pairs(pairs, links, is_fixed, str(tables.path)),
-            *(left_free(free) if is_supported else ()),
+            *left_free(free),
         ),
         free=free,
     )
 
 
 def left_free(free: np.ndarray) -> tuple[str, ...]:
-    """Say which rigid-body motions supports leave free.  Local."""
-    if not free.shape[1]:
+    """Say which rigid-body motions supports, springs and equations leave free, where these are not all.  Local."""
+    if free.shape[1] in (0, 6):
         return ()
     n_turns = int(np.any(free[3:] != 0.0, axis=0).sum())
     counts = ((free.shape[1] - n_turns, "translation"), (n_turns, "turning motion"))
     words = " and ".join(f"{n} {word}{'s' * (n > 1)}" for n, word in counts if n)
-    return (f"WARNING: the [[supports]] leave {words} of the structure free: part of the response, as without supports",)
+    return (f"WARNING: supports, springs and equations leave {words} of the structure free: part of the response",)
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, elements.SolidSection]):

@@ -47,7 +47,24 @@ def fixed_directions(pairs: ContactPairs, links: Links, is_fixed: np.ndarray) ->
         maps.append(next_pair_map(pairs, links.cyclic.turn, dof, n_dof))
     size = np.sum([_largest(R @ T) for R in maps], axis=0)
     scale = np.sum([_largest(abs(R) @ abs(T)) for R in maps], axis=0)
-    return (size <= _NOTHING * scale).reshape(-1, 3)
+    return (size <= _NOTHING * scale).reshape(-1, 3) | on_one_point(pairs, links)[:, None]
+
+
+def on_one_point(pairs: ContactPairs, links: Links) -> np.ndarray:
+    """Return which pairs have both sides on nodes that follow one point as a rigid body, (n_pairs,) bool.  Local.
+
+    Across a gap a rotation of the point moves one side relative to the other in R u, which is no motion of the joint.
+    """
+    sides, is_rigid = pairs.sides(links.n_nodes), np.zeros(pairs.n_pairs, dtype=bool)
+    n_terms, axis, columns = np.diff(links.weights.indptr), links.dependent % 3, links.weights.tocsc()
+    for i in range(len(links.points)):
+        first = 3 * (links.n_nodes + 2 * i)
+        weights = columns[:, first : first + 6].tocsr()
+        moves = np.asarray(weights[np.arange(len(axis)), axis]).ravel() == 1.0
+        followers = links.dependent[moves & (np.diff(weights.indptr) == n_terms)] // 3
+        others = (np.bincount(followers, minlength=links.n_places)[: links.n_nodes] < 3).astype(float)
+        is_rigid |= np.all([(abs(side) @ others == 0.0) & (np.diff(side.indptr) > 0) for side in sides], axis=0)
+    return is_rigid & ~pairs.next_sector
 
 
 def _largest(matrix: sp.csr_matrix) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Rigid-body motions that no support of a structure prevents, on each rank's rows: six without supports."""
+"""Rigid-body motions that nothing prevents, on each rank's rows: six without supports, springs to ground and equations."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _PREVENTED = 1e-6  # of a rigid motion, in the mean of what it moves against sup
 
 
 def free_combinations(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> np.ndarray:
-    """Return which combinations of the six motions supports leave free, (6, n), unit translations before all others.
+    """Return which combinations of the six motions nothing prevents, (6, n), unit translations before all others.
 
     Local, rank 0.  ``is_fixed`` is (n_places, 3) bool.  Combinations with a rotation move the farthest node by about the size of
-    the mesh; ties, points and equations must take part in them.
+    the mesh; ties, points and equations must take part in them, and they stretch no spring.
     """
     middle = mesh.points.mean(axis=0)
     places = [_motions(mesh.points - middle)]
@@ -29,7 +29,11 @@ def free_combinations(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> np.ndar
         places += [_motions(np.array(point.position) - middle)[None], turns[None]]
     motions = np.concatenate(places).reshape(-1, 6)
     follow = motions[links.dependent] - links.weights @ motions
-    prevented = np.concatenate([motions[is_fixed.ravel()], follow]) / np.repeat([1.0, mesh.diagonal], 3)
+    springs = np.array([point.springs for point in links.points]).reshape(-1)
+    held = [motions[is_fixed.ravel()], follow, motions[3 * links.n_nodes :][springs > 0.0]]
+    if links.attached is not None:
+        held.append((links.attached.stretch @ motions)[links.attached.stiffness > 0.0])
+    prevented = np.concatenate(held) / np.repeat([1.0, mesh.diagonal], 3)
     limit = _PREVENTED * np.sqrt(max(len(prevented), 1))
     translations = _null_space(prevented[:, :3], limit)
     free = _null_space(prevented, limit)

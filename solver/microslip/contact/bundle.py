@@ -152,7 +152,7 @@ class Bundle:
             touched = np.flatnonzero(of._touch(U[part], n_samples, harmonics) & changes)
             pair, elements = touched // self.size, of.elements.take(touched)
             elements = replace(elements, open_at_rest=elements.N0 < 0.0)
-            of_elements = elements.parameter_rate(name, U[part][pair], n_samples, harmonics)
+            of_elements = elements.rate_at_preload(name, U[part][pair], n_samples, harmonics)
             of_elements *= per_pair[i * self.size + touched, None, None]
             np.add.at(rate[part, :2], pair, of_elements[:, :2])
         return rate

@@ -18,7 +18,7 @@ from ..fourier.harmonics import Harmonics
 from ._elastic_coulomb import Pairs, Sampling, leaves, march
 from ._return_map import SpringPairs, steps
 from .law import ContactCycle
-from .parameters import column_with, not_among, preload_with, with_mean
+from .parameters import column_with, not_among, preload_of_gaps, preload_with, with_mean
 from .sliders import Sliders
 
 _ONE_SIDED = 1e-6  # relative to a force or a motion: step of the difference by a friction coefficient or stiffness of 0
@@ -224,7 +224,7 @@ class ElasticCoulomb:
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> ElasticCoulomb:
         """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs; parameters along y change in proportion.
 
-        Local.  ValueError as in :class:`Law`.
+        Local.  Gaps stay where k_n changes.  ValueError as in :class:`Law`.
         """
         if name in ("N0", "gap"):
             return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
@@ -236,16 +236,28 @@ class ElasticCoulomb:
         if of_y and getattr(self, of_y) is not None:
             ratio = np.divide(getattr(self, of_y), before, out=np.ones_like(before), where=before > 0.0)
             changed[of_y] = changed[name] * ratio
+        if name == "k_n":
+            changed["N0"] = self.N0 + preload_of_gaps(self.N0, self.k_n) * (changed[name] - before)
         return replace(self, **changed)
 
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
-        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H).
+        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H); by k_n at a constant gap.
 
-        Local.  docs/theory.md, eq. (3.15), from the derivative of the cycle by the motion; a one-sided difference where the
-        varied mu or k_t is 0.  At N0 = 0 the derivative by N0 is the one-sided derivative for N0 < 0.
+        Local.  docs/theory.md, eq. (3.15).
         """
         if name == "gap":
-            return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
+            return -self.k_n[:, None, None] * self.rate_at_preload("N0", U, n_samples, harmonics)
+        rate, of_gaps = self.rate_at_preload(name, U, n_samples, harmonics), preload_of_gaps(self.N0, self.k_n)
+        if name == "k_n" and of_gaps.any():
+            rate += of_gaps[:, None, None] * self.rate_at_preload("N0", U, n_samples, harmonics)
+        return rate
+
+    def rate_at_preload(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
+        """Return the same, by k_n at a constant N0.
+
+        From the derivative of the cycle by the motion; a one-sided difference where the varied mu or k_t is 0.  At N0 = 0 the
+        derivative by N0 is the one-sided derivative for N0 < 0.
+        """
         if name not in self.parameters:
             raise not_among(name, "elastic-Coulomb friction", self.parameters)
         U, harmonics, columns = with_mean(U, harmonics)

@@ -38,6 +38,11 @@ def preload_with(name: str, N0: np.ndarray, k_n: np.ndarray, pairs: np.ndarray, 
     return changed
 
 
+def preload_of_gaps(N0: np.ndarray, k_n: np.ndarray) -> np.ndarray:
+    """Return the derivative of N0 (n,) by k_n at a constant gap, -gap; 0 of pairs with a preload.  Local."""
+    return np.divide(np.minimum(N0, 0.0), k_n, out=np.zeros_like(k_n), where=k_n > 0.0)
+
+
 def with_mean(U: np.ndarray, harmonics: Harmonics | None) -> tuple[np.ndarray, Harmonics, slice]:
     """Return a motion (n, 3, N_H) extended by a mean if it has none, its harmonics, the slice of the given ones.  Local."""
     harmonics = harmonics or Harmonics.full(U.shape[2])

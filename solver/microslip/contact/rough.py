@@ -19,7 +19,7 @@ from ..fourier.harmonics import Harmonics
 from .bundle import Bundle, OfElements, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import OPEN, SLIP, STICK, ContactCycle
-from .parameters import column_with, not_among, preload_with
+from .parameters import column_with, not_among, preload_of_gaps, preload_with
 
 SLIDERS = 24  # default number of asperities in contact at rest
 MOST_FORCE = 1e9  # N / N0 up to which further asperities come into contact
@@ -221,22 +221,32 @@ class Rough(OfElements):
     def with_parameters(self, name: str, pairs: np.ndarray, values: np.ndarray) -> Rough:
         """Return the law with new values of mu, N0, gap, k_t or k_n for some pairs.
 
-        Local.  k_t and k_n are the stiffnesses at rest; N0 does not change them.  ValueError as in :class:`Law`.
+        Local.  k_t and k_n are the stiffnesses at rest; N0 does not change them, and gaps stay where k_n changes.  ValueError as
+        in :class:`Law`.
         """
         if name in ("N0", "gap"):
             return replace(self, N0=preload_with(name, self.N0, self.k_n, pairs, values))
         if name not in self.parameters:
             raise not_among(name, "a rough surface", self.parameters)
         changed: dict[str, Any] = {name: column_with(getattr(self, name), pairs, values)}
+        if name == "k_n":
+            changed["N0"] = self.N0 + preload_of_gaps(self.N0, self.k_n) * (changed[name] - self.k_n)
         return replace(self, **changed)
 
     def parameter_rate(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None = None) -> np.ndarray:
-        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H).
+        """Return d p / d parameter of each pair under the motion ``U`` (n, 3, N_H), (n, 3, N_H); by k_n at a constant gap.
 
         Local.  The sum over the asperities (3.12), with constant fractions of k_t and k_n, and the normal force (3.11).
         """
         if name == "gap":
-            return -self.k_n[:, None, None] * self.parameter_rate("N0", U, n_samples, harmonics)
+            return -self.k_n[:, None, None] * self._rate_at_preload("N0", U, n_samples, harmonics)
+        rate, of_gaps = self._rate_at_preload(name, U, n_samples, harmonics), preload_of_gaps(self.N0, self.k_n)
+        if name == "k_n" and of_gaps.any():
+            rate += of_gaps[:, None, None] * self._rate_at_preload("N0", U, n_samples, harmonics)
+        return rate
+
+    def _rate_at_preload(self, name: str, U: np.ndarray, n_samples: int, harmonics: Harmonics | None) -> np.ndarray:
+        """Return the same, by k_n at a constant N0.  Local."""
         if name not in self.parameters:
             raise not_among(name, "a rough surface", self.parameters)
         elements, size = self.bundle.elements, self.bundle.size

@@ -44,9 +44,9 @@ FARTHEST = 1.0  # of that angle: a step towards the peak
 MOST_STEPS = 12
 LEAST, FAR = 0.3, 2.0  # of the motion of a guess and of the frequency of the start: solutions beyond belong to no peak here
 MOST = 100.0  # of the motion of a guess: beyond it the mean slip, which nothing determines where all pairs slip, has drifted
-LEAST_ANGLE = 0.1  # of that angle: steps along the phase towards a half-power point are divided no further
 WIDTHS = 10.0  # from a peak, within which the branch reaches its half-power point
-SHORTEST, EASY = 4096.0, 8  # the first step of this branch over the shortest one, Newton iterations at which their length is kept
+STEP = np.pi / 16.0  # of this branch: rad, and of its scaled arc length
+SHORTEST, EASY = 4096.0, 8  # this step over the shortest one, Newton iterations at which their length is kept
 MOST_POINTS = 60  # of this branch
 HALF_POWER = 0.5**0.5  # share of the amplitude of a peak
 LEAST_SHARE = 0.02  # of the amplitude: steps of this size towards a half-power point are divided no further
@@ -296,15 +296,13 @@ class _Search:
     def half_power(self, peak: _At, way: float, start: Iterate | None) -> Iterate | None:
         """Return the solution at 1 / sqrt 2 of the amplitude of a peak, in the ``way`` of its phase; None where none is found.
 
-        Where Newton's method fails, along the branch where the mean slip is held at the peak, else through larger shares of the
-        amplitude and then along the phase.
+        Where Newton's method fails: through larger shares of the amplitude unless the mean slip is held, then along the branch.
         """
         guess = start or self._guess([_Known(0.0, peak.iterate, 1.0)], way * 0.25 * np.pi)
         found = self._at_share(peak, HALF_POWER, guess, way)
-        if found is None and self.equation.held is not None:
-            found = self._along_branch(peak, way)
-        elif found is None:
-            found = self._through_shares(peak, way) or self._along_phase(peak, way)
+        if found is None and self.equation.held is None:
+            found = self._through_shares(peak, way)
+        found = found or self._along_branch(peak, way)
         return None if found is None else found.iterate
 
     def _through_shares(self, peak: _At, way: float) -> _Known | None:
@@ -325,32 +323,16 @@ class _Search:
                 share = 0.5 * (last.share + share)
         return None
 
-    def _along_phase(self, peak: _At, way: float) -> _Known | None:
-        """Return the half-power point from solutions along the phase, by small Newton steps, the last two of which enclose it."""
-        known, step = [_Known(0.0, peak.iterate, 1.0)], self.apart
-        while known[-1].share > HALF_POWER:
-            if len(known) > 2 * MOST_STEPS or step < LEAST_ANGLE * self.apart:
-                return None
-            theta = known[-1].phase + way * step
-            try:
-                there = self.at(peak.iterate, theta, self._guess(known, theta), is_patient=True)
-                known, step = [*known, _Known(theta, there.iterate, there.size / peak.size)], min(2.0 * step, self.apart)
-            except _Lost:
-                step *= 0.5
-        high, low = known[-2:]
-        theta = high.phase + (low.phase - high.phase) * (high.share - HALF_POWER) / (high.share - low.share)
-        return self._at_share(peak, HALF_POWER, self._guess(known, theta), way, is_patient=True)
-
     def _along_branch(self, peak: _At, way: float) -> _Known | None:
         """Return the half-power point along the branch from the peak, between the last two points of it."""
         reach = -way * WIDTHS * 2.0 * abs(self.W)
         sweep = Sweep(peak.iterate.parameter - reach, peak.iterate.parameter + reach)
-        steps = ArcLength(ds=self.apart, ds_min=self.apart / SHORTEST, ds_max=2.0 * self.apart, turn=self.apart, easy=EASY)
+        steps = ArcLength(ds=STEP, ds_min=STEP / SHORTEST, ds_max=2.0 * STEP, turn=STEP, easy=EASY)
         task = BranchTask(self.problem, AllPairs(), sweep, steps, self.solver.tolerance)
         try:
             first = accept(task, task.start(self.solver.workspace), (peak.solution, self.every))
-            before = self._as_one_mode(peak.iterate, -way * self.apart, 0.0)
-            state = first.state.after(replace(first.now, iterate=before), first.now, 0.25 * self.apart)
+            before = self._as_one_mode(peak.iterate, -way * STEP, 0.0)
+            state = first.state.after(replace(first.now, iterate=before), first.now, 0.25 * STEP)
         except ConvergenceError:
             return None
         for _ in range(MOST_POINTS):

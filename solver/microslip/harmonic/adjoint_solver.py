@@ -31,6 +31,7 @@ class AdjointSolver:
         self.comm, self.rtol, self.precision, self.many = comm, rtol, precision, many
         self.preconditioner: PairsPreconditioner | None = None
         self._gmres: Gmres | None = None
+        self._factor: WholeInverse | None = None
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
@@ -78,7 +79,9 @@ class AdjointSolver:
 
     def _directly(self, b: np.ndarray) -> tuple[np.ndarray, bool]:
         """Return the adjoints of the active pairs by one factor, (n_quantities, m, 3, N_H), and convergence.  Collective."""
-        return self._if_finite(WholeInverse(self._at).solve(b), True)
+        if self._factor is None or self._factor.made_at is not self._at:  # the steps of an iteration share one linearisation
+            self._factor = WholeInverse(self._at)
+        return self._if_finite(self._factor.solve(b), True)
 
     def _if_finite(self, x: np.ndarray, has_converged: bool) -> tuple[np.ndarray, bool]:
         is_found = bool(self.comm.allreduce(has_converged and bool(np.isfinite(x).all()), op=MPI.LAND))

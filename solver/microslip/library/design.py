@@ -76,9 +76,9 @@ def grid(values: Mapping[str, ArrayLike]) -> Design:
 
     Raises
     ------
-    CaseError : no values, or more combinations than ``MOST``
+    CaseError : no values, a value stated twice, or more combinations than ``MOST``
     """
-    columns = _columns(values)
+    columns = _distinct(_columns(values))
     shape = tuple(len(column) for column in columns.values())
     if np.prod([float(n) for n in shape]) > MOST:
         raise CaseError(f"sweep: {' x '.join(map(str, shape))} combinations are more than {MOST}; take fewer values")
@@ -91,9 +91,9 @@ def one_by_one(values: Mapping[str, ArrayLike], nominal: Mapping[str, float]) ->
 
     Raises
     ------
-    CaseError : no values, or the scene states no number for a key
+    CaseError : no values, a value stated twice, or the scene states no number for a key
     """
-    columns = _columns(values)
+    columns = _distinct(_columns(values))
     for key in columns:
         if not np.isfinite(nominal[key]):
             raise CaseError(f"sweep: --one-by-one: the scene states no {key}, at which it stays while others vary; state it")
@@ -202,4 +202,15 @@ def _columns(values: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
             raise CaseError(f"sweep: {key}: expected a list of finite numbers, at least one")
     if not columns:
         raise CaseError("sweep: nothing varies; expected a key with its values, as joints.dovetail.friction with 0.1, 0.2, 0.3")
+    return columns
+
+
+def _distinct(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the values of each key; CaseError if one comes twice."""
+    for key, column in columns.items():
+        different, counts = np.unique(column, return_counts=True)
+        if counts.max() > 1:
+            raise CaseError(
+                f"sweep: {key}: the value {different[counts.argmax()]:g} is stated {counts.max()} times; state it once"
+            )
     return columns

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from ..assembly.pair_file import COLUMNS
 from ..contact.law import STICK
 from ..continuation.grid import solved_at, task_at
 from ..continuation.levels import ResponseProblem, follow_level, response_problem
@@ -20,6 +21,7 @@ from ..continuation.peak_curves import linear_peaks
 from ..continuation.peaks import maxima
 from ..continuation.point_record import HELD
 from ..continuation.ways_out import MOSTLY
+from ..formats.csv_table import read_table
 from ..formats.measured import Measured, measured_of, read_measured
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
@@ -51,6 +53,14 @@ MOST_PRECISE = 1e-3  # of such a deviation before, at least, where the residuals
 WEAK = 1e-3  # deviations, of a row that holds each number at its start: a rank for what the data do not see; over its bounds
 ROUNDING = 1e-12  # of the largest square of an effect, up to which others are rounding
 AT_REST = ("friction", "preload", "gap")
+IN_FILE = {  # the columns of a file of pairs
+    "friction": "mu",
+    "preload": "n0",
+    "gap": "g0",
+    "tangential_stiffness": "kt",
+    "normal_stiffness": "kn",
+    "slip_force": "mu",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,25 +186,53 @@ def _rows_of(scene: Any, measured: Any) -> Measured:
 
 
 def refuse_bounds(scene: Any, bounds: Mapping[str, tuple[float, float]]) -> None:
-    """Refuse numbers and bounds that the scene alone shows to be wrong, before its structure is built.  Local.
+    """Refuse numbers and bounds that the scene alone shows to be wrong, before its structure is built.  Local; reads pair files.
 
     Raises
     ------
     CaseError : as :func:`identify`; joints and numbers of a model file are not known here
     """
-    numbers = [(joint.name, number) for joint in scene.joints for number in NUMBER_OF if number in numbers_of_law(joint.law)]
-    keys = [*(f"joints.{name}.{number}" for name, number in numbers), damping_key(scene)]
-    joints = {joint.name: joint for joint in scene.joints}
+    keys, joints = _offered(scene), {joint.name: joint for joint in scene.joints}
     if not bounds:
         raise CaseError(f"identify: numbers to fit are missing; there are {listed(keys)}")
     for key, ends in bounds.items():
         name, _, number = key.removeprefix("joints.").rpartition(".")
+        if scene.statics is not None and number in AT_REST:
+            raise CaseError(f"identify: {key} changes the state of rest with [statics]; fit stiffness and damping alone")
         is_of_file = scene.model.mesh is not None and key.startswith("joints.") and name not in joints and number in NUMBER_OF
         if key not in keys and not is_of_file:
-            raise CaseError(f"identify: there is no number {key!r}{hint(key, keys)}; there are {listed(keys)}")
+            raise _no_number(key, keys)
         value = scene.damping.ratio if key == "damping.ratio" else getattr(joints.get(name), number, None)
         value = 1.0 if name in joints and joints[name].pairs is not None else value  # a factor
         _check_bounds(key, *ends, float(value) if isinstance(value, float) and value > 0.0 else None)
+        if number == "gap" and f"joints.{name}.normal_stiffness" in bounds:
+            raise CaseError(f"identify: {name}.gap and {name}.normal_stiffness: fit one of them, which the other depends on")
+
+
+def _no_number(key: str, keys: Sequence[str]) -> CaseError:
+    only = "; damping.ratio is a number where it is all damping there is" if key.startswith("damping") else ""
+    return CaseError(f"identify: there is no number {key!r}{hint(key, list(keys))}; there are {listed(list(keys))}{only}")
+
+
+def _offered(scene: Any) -> list[str]:
+    """Return the numbers to fit of which the scene states more than 0."""
+    of_joints = [
+        f"joints.{joint.name}.{number}"
+        for joint in scene.joints
+        for number in NUMBER_OF
+        if number in numbers_of_law(joint.law) and not (scene.statics is not None and number in AT_REST)
+        if _states(scene, joint, number)
+    ]
+    return [*of_joints, *(key for key in [damping_key(scene)] if key == "damping.ratio")]
+
+
+def _states(scene: Any, joint: Any, number: str) -> bool:
+    """Return whether pairs of a joint have, or may have, more than 0 of a number."""
+    if joint.pairs is not None:
+        return bool((read_table(scene.folder / joint.pairs, COLUMNS, what="pair")[0][IN_FILE[number]] > 0.0).any())
+    if joint.parameters is not None or number in joint.fields:
+        return True
+    return bool(getattr(joint, number)) or (number == "gap" and joint.has_gap_of_mesh)
 
 
 def _check_bounds(key: str, low: float, high: float, value: float | None) -> None:
@@ -208,24 +246,17 @@ def _check_bounds(key: str, low: float, high: float, value: float | None) -> Non
 
 def _fitted(scene: Any, structure: Structure, bounds: Mapping[str, tuple[float, float]]) -> list[Fitted]:
     """Return the numbers to fit.  CaseError as :func:`identify`."""
+    refuse_bounds(scene, bounds)
     known = {each.key: each for each in varied_numbers(scene, structure.pairs) if each.key not in ("level", "damping")}
-    if not bounds:
-        raise CaseError(f"identify: numbers to fit are missing; there are {listed(list(known))}")
     fitted = []
     for key, ends in bounds.items():
         if key not in known:
-            raise CaseError(f"identify: there is no number {key!r}{hint(key, list(known))}; there are {listed(list(known))}")
+            raise _no_number(key, list(known))
         low, high = map(float, ends)
         value = known[key].value
         assert value is not None, "only the level has none"
         _check_bounds(key, low, high, value)
-        if scene.statics is not None and key.rsplit(".", 1)[-1] in AT_REST:
-            raise CaseError(f"identify: {key} changes the state of rest with [statics]; fit stiffness and damping alone")
         fitted.append(Fitted(known[key], low, high))
-    joints = [key.rsplit(".", 1) for key in bounds if key.startswith("joints.")]
-    for name, key in joints:
-        if key == "gap" and [name, "normal_stiffness"] in joints:
-            raise CaseError(f"identify: {name}.gap and {name}.normal_stiffness: fit one of them, which the other depends on")
     return fitted
 
 

@@ -81,6 +81,7 @@ def extent_of(prepared: Prepared) -> Extent:
         n_damped=n_damped,
         has_bars=asks_for_bars(scene),
         has_mesh=structure.has_mesh,
+        rests=scene.response.sensitivities and scene.statics is not None,
     )
 
 

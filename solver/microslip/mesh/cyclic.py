@@ -304,10 +304,12 @@ def _refuse_other_supports(mesh: Mesh, faces: CyclicFaces, is_fixed: np.ndarray)
     if len(wrong) == 0:
         return
     high, n_wrong = faces.high[wrong[0] // 3], len(np.unique(wrong // 3))
-    low = int(size.indices[size.indptr[wrong[0]] : size.indptr[wrong[0] + 1]][0]) // 3
+    of_node = size[wrong[0]]
+    low = int(of_node.indices[np.argmax(of_node.data * (is_fixed.ravel()[of_node.indices] != of_high[wrong[0]]))]) // 3
+    partner = "its partner" if faces.is_matched else "and, on a facet with it,"
     words = ["".join(np.array(list("xyz"))[is_fixed[node]]) or "nothing" for node in (low, high)]
     raise MeshError(
         f"{mesh.path}: [[supports]] break the symmetry of [cyclic] at {n_wrong} pairs of nodes of the two faces: node "
-        f"{mesh.numbers[low]} at {place(mesh.points[low])} m is fixed along {words[0]}, its partner {mesh.numbers[high]} along "
+        f"{mesh.numbers[low]} at {place(mesh.points[low])} m is fixed along {words[0]}, {partner} {mesh.numbers[high]} along "
         f"{words[1]}; fix both, all around or along the axis (a direction that turns with the sectors cannot be fixed alone)"
     )

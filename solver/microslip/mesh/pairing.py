@@ -51,8 +51,11 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint], cyclic: Cyclic | None = N
     for joint in joints:
         with faults.collected():
             placed = in_next_sector(mesh, joint.groups[1], cyclic) if joint.next_sector and cyclic is not None else mesh
-            points = contact_points(placed, joint) if placed is mesh else _with_next_sector(placed, joint)
-            penetration = check_penetration(placed, joint, points)
+            if placed is mesh:
+                points, penetration = _in_one_sector(mesh, joint, cyclic)
+            else:
+                points = _with_next_sector(placed, joint)
+                penetration = check_penetration(placed, joint, points)
             parts.append(_columns(placed, joint, points))
             faces += [face + n_pairs for face in points.faces]
             notes += [note for note in (points.note, penetration) if note]
@@ -115,6 +118,31 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
         except NotMatching:
             return overlapping_faces(mesh, joint.with_keys(pairing=MORTAR), first, second)
     return PAIRINGS[joint.pairing](mesh, joint, first, second)
+
+
+def _points(mesh: Mesh, joint: Joint) -> tuple[ContactPoints, str]:
+    """Return the contact points of a joint and a note on penetration; MeshError.  Local, rank 0."""
+    points = contact_points(mesh, joint)
+    return points, check_penetration(mesh, joint, points)
+
+
+def _in_one_sector(mesh: Mesh, joint: Joint, cyclic: Cyclic | None) -> tuple[ContactPoints, str]:
+    """Return the same; MeshError with advice where the surfaces of a disc meet in the next sector.  Local, rank 0."""
+    try:
+        return _points(mesh, joint)
+    except MeshError as fault:
+        if cyclic is None or len(joint.groups) != 2:
+            raise
+        for first, second in (joint.groups, joint.groups[::-1]):
+            try:
+                _points(in_next_sector(mesh, second, cyclic), joint.with_keys(surfaces=(first, second)))
+            except MeshError:
+                continue
+            raise MeshError(
+                f"{mesh.path}: joint {joint.name!r}: {first!r} and {second!r} do not meet within a sector, but the first meets "
+                f'the second of the next sector: state surfaces = ["{first}", "{second}"] and next_sector = true'
+            ) from fault
+        raise
 
 
 def _with_next_sector(placed: Mesh, joint: Joint) -> ContactPoints:

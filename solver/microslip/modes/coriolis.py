@@ -1,4 +1,4 @@
-"""Natural frequencies with Coriolis forces, in the modes without them (docs/theory.md, section 12)."""
+"""Natural frequencies with Coriolis forces, from the modes without them (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.linalg
 
+from ..assembly.real_form import complex_columns, real_columns
 from ..linear.dense import gram, multiply
+from .eigen import RESIDUAL_LIMIT
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -16,6 +18,9 @@ if TYPE_CHECKING:
 
     from ..linear.joint_springs import Linearised
     from .eigen import Modes
+
+_ROUNDS = 8  # of widening the space
+_APART = 1e-10  # squared norm of a combination of static responses of norm 1 that widens the space
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,25 +54,70 @@ def signed_frequencies(omega_n: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, 
 
 
 def waves(linearised: Linearised, computed: Modes, G: PETSc.Mat, count: int) -> tuple[Waves, Waves]:
-    """Return the ``count`` lowest solutions with positive and with negative omega, in the space of the ``computed`` modes.
+    """Return the ``count`` lowest solutions with positive and with negative omega, of a real structure conjugate to each other.
 
-    Collective.  docs/theory.md, eq. (12.17).  ``G`` has the rows of M.  A real structure has the same
-    frequencies with both signs, and conjugate shapes.
+    Collective.  docs/theory.md, eq. (12.18): in the space of the ``computed`` modes, widened until the residuals
+    are below the limit of modes, at most ``_ROUNDS`` times.  ``G`` has the rows of M.
     """
-    comm, phi_owned = linearised.system.comm, computed.phi_owned
+    omega_n, phi_owned = computed.omega_n, computed.phi_owned
+    limit = max(RESIDUAL_LIMIT, 2.0 * computed.info["residual"])  # that of modes is larger where rounding explains it
+    for _ in range(_ROUNDS):
+        both, above_owned = _in_space(linearised, omega_n, phi_owned, G, count, limit)
+        if above_owned.shape[1] == 0:
+            break
+        omega_n, phi_owned = _widened(linearised, computed, phi_owned, above_owned)
+    return both
+
+
+def _in_space(
+    linearised: Linearised, omega_n: np.ndarray, phi_owned: np.ndarray, G: PETSc.Mat, count: int, limit: float
+) -> tuple[tuple[Waves, Waves], np.ndarray]:
+    """Return the waves in the space of ``phi_owned``, and the residuals above the ``limit``, (n_owned, m).  Collective."""
+    comm = linearised.system.comm
     G_phi = multiply(G, phi_owned)
-    omega, q = signed_frequencies(computed.omega_n, comm.bcast(gram(comm, phi_owned, G_phi)))
+    omega, q = signed_frequencies(omega_n, comm.bcast(gram(comm, phi_owned, G_phi)))
     forces = multiply(linearised.K_L, phi_owned), multiply(linearised.M, phi_owned), G_phi
-    n = len(computed.omega_n)
+    n = len(omega_n)
     rising, falling = np.arange(n, n + min(count, n)), np.arange(n - 1, n - 1 - min(count, n), -1)
-    positive, negative = (_waves(omega[at], q[:, at], phi_owned, forces, comm) for at in (rising, falling))
-    return positive, negative
+    positive, above = _waves(omega[rising], q[:, rising], phi_owned, forces, comm, limit)
+    negative, above_of_negative = _waves(omega[falling], q[:, falling], phi_owned, forces, comm, limit)
+    is_complex = np.iscomplexobj(phi_owned)
+    return (positive, negative), np.hstack([above, above_of_negative] if is_complex else [above.real, above.imag])
 
 
-def _waves(omega: np.ndarray, q: np.ndarray, phi_owned: np.ndarray, forces: tuple[np.ndarray, ...], comm: MPI.Comm) -> Waves:
-    """Return solutions with their residual.  Collective: one sum."""
+def _waves(
+    omega: np.ndarray, q: np.ndarray, phi_owned: np.ndarray, forces: tuple[np.ndarray, ...], comm: MPI.Comm, limit: float
+) -> tuple[Waves, np.ndarray]:
+    """Return solutions, and the residuals above the ``limit``, (n_owned, m).  Collective: one sum."""
     K_phi, M_phi, G_phi = (force @ q for force in forces)
     inertia = omega**2 * M_phi
     residual = K_phi - inertia + 1j * omega * G_phi
     squares = comm.allreduce(np.array([(np.abs(each) ** 2).sum(axis=0) for each in (residual, inertia)]))
-    return Waves(np.abs(omega), phi_owned @ q, M_phi, float(np.sqrt(squares[0] / squares[1]).max()))
+    relative = np.sqrt(squares[0] / squares[1])
+    return Waves(np.abs(omega), phi_owned @ q, M_phi, float(relative.max())), residual[:, relative > limit]
+
+
+def _widened(
+    linearised: Linearised, modes: Modes, phi_owned: np.ndarray, forces_owned: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return omega_n and phi of (K_L, M) in the space of ``phi_owned`` and K_L^-1 f, docs/theory.md, eq. (12.18).  Collective.
+
+    The ``modes``, the first columns of ``phi_owned``, stay as they are: with phi^H f = 0 the responses are orthogonal to them
+    in K_L and M, and stiff motions do not blur the low frequencies.
+    """
+    comm, M, n = linearised.system.comm, linearised.M, len(modes.omega_n)
+    if np.iscomplexobj(phi_owned):
+        X = complex_columns(linearised.factor.solve(real_columns(forces_owned)))
+    else:
+        X = linearised.factor.solve(forces_owned)
+    M_phi = multiply(M, phi_owned)
+    for _ in range(2):  # the second time from what rounding leaves of the first
+        X = X - phi_owned @ gram(comm, M_phi, X)
+        mass = gram(comm, X, multiply(M, X))
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(mass).real, np.finfo(float).tiny))
+        size, Q = comm.bcast(np.linalg.eigh(scale[:, None] * mass * scale))
+        apart = size > _APART
+        X = (X * scale) @ (Q[:, apart] / np.sqrt(size[apart]))
+    X = np.hstack([phi_owned[:, n:], X])
+    squares, Q = comm.bcast(np.linalg.eigh(gram(comm, X, multiply(linearised.K_L, X))))
+    return np.append(modes.omega_n, np.sqrt(squares)), np.hstack([modes.phi_owned, X @ Q])

@@ -48,6 +48,15 @@ class Modes:
         """Number of leading modes that are proved to be the lowest."""
         return len(self.omega_n) if self.info.get("complete", True) else min(self.info.get("proved", 0), len(self.omega_n))
 
+    @property
+    def completeness(self) -> str:
+        """Whether the modes are proved to be the lowest, in words."""
+        if "proof" in self.info:
+            return f"proved complete by the inertia of K_L - sigma M: {self.info['proof']}"
+        if self.info.get("complete", True):
+            return "computed from the whole spectrum: none is missing"
+        return "not proved complete: [solver] verify_modes = false"
+
 
 def lowest_modes(
     linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None

@@ -25,6 +25,7 @@ class Extent:
     n_damped: int | None  # highest mode with stated damping; None: there is a damping matrix
     has_bars: bool  # with error bars
     has_mesh: bool
+    rests: bool  # sensitivities are about a state of rest of [statics]
 
 
 def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -> list[str]:
@@ -65,6 +66,11 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
         lines.append("error bars: off in [solver]")
     elif not of.moves:
         lines.append("error bars: they estimate harmonic 1, and harmonics = 0")
+    if of.rests:
+        lines.append(
+            "change of the state of rest in the sensitivities: they leave preload and gaps of [statics] as they are; a sweep of "
+            "friction, preload or contact stiffness solves for them again"
+        )
     if not of.has_mesh:
         lines.append("fields for ParaView: the scene has no mesh")
     return lines

@@ -17,13 +17,28 @@ _TICK = 7.0 * POINT  # a tick and what parts it from its number
 _LINE = 1.2  # times the size of the letters
 _WIDE, _NARROW = 0.64, 0.42  # times the size of the letters: a digit, and a point or an exponent
 _LABEL_GAP, _TITLE_GAP = 4.0 * POINT, 6.0 * POINT
+_SHORT_AXIS = 100.0  # ratio of the ends of an axis of few powers of ten
+_PLAIN = 0.01, 1e4  # numbers that are short without a power of ten
 _FORMULA = re.compile(r"\$\\mathdefault\{(?:(.+)\\times)?10\^\{(.+)\}\}\$")
 _SUPERSCRIPTS = str.maketrans("0123456789-\u2212", "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079\u207b\u207b")
 _SLIM = {*".,\u00b7", *map(chr, _SUPERSCRIPTS.values())}
 
 
 class PowersOfTen(LogFormatterSciNotation):
-    """Powers of ten in letters of the font: to set the first formula takes a tenth of a second."""
+    """Powers of ten in letters of the font: to set the first formula takes a tenth of a second.
+
+    An axis of at most two decades has few of them: multiples are labelled, too, and as plain numbers where these are short.
+    """
+
+    _is_short = False
+
+    def set_locs(self, locs=None) -> None:
+        """Choose the multiples of a power of ten that are labelled."""
+        super().set_locs(locs)
+        low, high = sorted(self.axis.get_view_interval())
+        self._is_short = bool(0.0 < high <= _SHORT_AXIS * low)
+        if self._is_short and high > 10.0 * low:
+            self._sublabels = {1.0, 3.0}
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         """Return the number at a tick."""
@@ -31,6 +46,8 @@ class PowersOfTen(LogFormatterSciNotation):
         formula = _FORMULA.fullmatch(text)
         if formula is None:
             return text
+        if self._is_short and _PLAIN[0] <= x < _PLAIN[1]:
+            return f"{x:g}"
         factor, exponent = formula.groups()
         return (f"{factor}\u00b7" if factor else "") + "10" + exponent.translate(_SUPERSCRIPTS)
 
@@ -42,6 +59,7 @@ def log_scale(ax: Axes, *names: str) -> None:
         axis = ax.xaxis if name == "x" else ax.yaxis
         axis.set_major_formatter(PowersOfTen())
         axis.set_minor_formatter(PowersOfTen())
+        axis.set_tick_params(which="minor", pad=5.0)  # points: their numbers stand in the line of those of the longer ticks
 
 
 class PageLayout(LayoutEngine):

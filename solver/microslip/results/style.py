@@ -61,6 +61,7 @@ STATE_COLOURS = ("#56b4e9", "#d55e00", "#1a1a1a")
 STATE_NAMES = ("stick", "slip", "open")
 STATE_STYLES = ("-", "-", "--")
 INK, FAINT = "#1a1a1a", "#8a8a8a"
+BOXED = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}  # of text over lines
 LINEAR = {"color": "#b9b9b9", "lw": 3.2, "solid_capstyle": "butt"}  # a broad line that shows under the others
 _LEVELS = "viridis"
 

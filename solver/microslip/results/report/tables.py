@@ -121,7 +121,7 @@ def sensitivities_table(results: ResultFile) -> str:
     note = (
         "Change with 1 % more of a number: of the peak, if peaks are solved for, else of the largest amplitude at its frequency;"
     )
-    note += " sensitivities.csv has all."
+    note += " sensitivities.csv has all." + " The state of rest stays as it is." * bool(results.at_rest)
     return table(heads, rows) + f'<p class="note">{note}</p>' if rows else ""
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...formats.csv_table import numbered_rows
+from ...library.identify import IN_FILE
 from ...library.settings import output_names, units_of
 from ...observe.screen_table import screen_table
 from ...results.style import FAINT, INK, RC, WIDTH, Page, level_colours, plain, with_prefix
@@ -22,15 +23,6 @@ from ..records import write_csv
 
 if TYPE_CHECKING:
     from ...library.identify import Identified
-
-IN_FILE = {  # the columns of a file of pairs
-    "friction": "mu",
-    "preload": "n0",
-    "gap": "g0",
-    "tangential_stiffness": "kt",
-    "normal_stiffness": "kn",
-    "slip_force": "mu",
-}
 
 
 def write_identified(found: Identified, scene: Any, folder: Path) -> str:
@@ -154,11 +146,15 @@ def draw_fit(found: Identified, scene: Any, path: str) -> None:
     measured, levels = found.measured, np.unique(found.measured.level)
     outputs, units = np.unique(measured.output), units_of(scene)
     colours = level_colours(len(levels))
-    handles = [Line2D([], [], color=c, label=f"{level:g} {units.level}") for c, level in zip(colours, levels)]
+    of_fit: dict[str, Any] = {"ls": "-"}
+    of_before: dict[str, Any] = {"ls": "--", "lw": 0.9}
+    if measured.of_peaks:  # which no line joins
+        of_fit, of_before = {"ls": "", "marker": "D", "ms": 4.0}, {"ls": "", "marker": "x", "ms": 4.0}
+    handles = [Line2D([], [], color=c, **of_fit, label=f"{level:g} {units.level}") for c, level in zip(colours, levels)]
     handles += [
         Line2D([], [], color=INK, marker="o", lw=0, ms=3.5, mfc="white", label="measured"),
-        Line2D([], [], color=INK, label="fit"),
-        Line2D([], [], color=FAINT, ls="--", label="scene as it was"),
+        Line2D([], [], color=INK, **of_fit, label="fit"),
+        Line2D([], [], color=FAINT, **of_before, label="scene as it was"),
     ]
     shown = [name for name in ("amplitude", "phase") if np.isfinite(getattr(measured, name)).any()] or ["amplitude"]
     page = Page(found.scene, "measured and fitted responses", WIDTH, 2.9 * len(outputs), handles)
@@ -169,7 +165,6 @@ def draw_fit(found: Identified, scene: Any, path: str) -> None:
         label = f"{plain(output_names(scene)[k], 24)} [{unit}]"
         if name == "phase":
             factor, label = 180.0 / np.pi, f"phase of {plain(output_names(scene)[k], 24)} [°]"
-        style = {"marker": "D", "ms": 4.0} if measured.of_peaks else {}
         for colour, level in zip(colours, levels):
             rows = np.flatnonzero((measured.output == k) & (measured.level == level))
             rows = rows[np.argsort(measured.frequency[rows])]
@@ -177,8 +172,8 @@ def draw_fit(found: Identified, scene: Any, path: str) -> None:
             if name == "phase":
                 fit = np.unwrap(fit)
                 before, points = (fit + np.angle(np.exp(1j * (phase - fit))) for phase in (before, points))
-            ax.plot(found.before.frequency[rows], factor * before, color=FAINT, ls="--", lw=0.9)
-            ax.plot(found.fit.frequency[rows], factor * fit, color=colour, **style)
+            ax.plot(found.before.frequency[rows], factor * before, color=FAINT, **of_before)
+            ax.plot(found.fit.frequency[rows], factor * fit, color=colour, **of_fit)
             ax.plot(measured.frequency[rows], factor * points, "o", color=colour, ms=3.5, mfc="white")
         ax.set(xlabel="frequency [Hz]", ylabel=label)
     page.save(path)

@@ -33,9 +33,9 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
     if twice is not None:
         raise CaseError(f"--fit {twice} is stated twice; each number has one pair of bounds")
     bounds = dict(numbers)
-    refuse_bounds(scene, bounds)
     refuse_statics(scene, "identify")
     refuse_discs(scene, "identify", "is for structures that are modelled in full")
+    on_root(comm, refuse_bounds, scene, bounds)
     of, response = (output_names(scene), units_of(scene).outputs), scene.response
     rows = on_root(comm, read_measured, Path(measured), *of, response.levels, response.frequencies)
     facts = {"scene": scene.source, "measurement": measured, "PETSc options": " ".join(options) or "none", **versions()}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 import numpy as np
+from matplotlib.lines import Line2D
 
 from ...library.build import Assembled, factor_of
 from ...library.settings import reduction_settings
@@ -21,7 +22,7 @@ from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
 from ...reduction.modal_structure import damped_modes
 from ...reduction.stuck import project_modes
-from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, some
+from ...results.style import BOXED, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, some
 from ...results.vtk import write_modes
 from ...results.whole_disc import whole_mesh, whole_shapes
 from ...system.files import make_folder
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
+_APART = 0.025  # distance of two numbers of modes over the height of the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,8 +185,7 @@ def modes_by_diameter(
             n, fewer_will_do = min(basis_size(scene, count), of_d.n_dof), scene.solver.modes is None or matrix is not None
             computed = lowest_modes_of(linearised, n, scene.solver.verify_modes, fewer_will_do)
             both = None if matrix is None else waves_of(linearised, computed, matrix, count, log)
-        if "proof" in computed.info:
-            log.note(f"nodal diameter {d} is proved complete by inertia: {computed.info['proof']}")
+        log.note(f"nodal diameter {d}: {'' if both is None else 'modes without Coriolis forces '}{computed.completeness}")
         yield d, linearised, first_of(computed, count), both
         linearised.destroy()
         of_d.destroy()
@@ -254,34 +255,52 @@ def write_resonances(resonances: Sequence[tuple[int, Crossing]], excited: Excite
 
 def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, scene: Titled, path: str) -> None:
     """Draw frequency against nodal diameter, with engine orders: f = E Omega / 2 pi at the alias of E.  Local."""
-    says = "natural frequencies by nodal diameter, all pairs stuck"
+    says = f"natural frequencies {excited.frequencies} by nodal diameter, all pairs stuck; modes are numbered at the right"
+    handles = []
     if by_diameter[0].waves:
-        says += ", with Coriolis forces: waves that turn backward (full lines) and forward (dotted)"
-    if excited.speeds:
-        rpm = " and ".join(f"{speed * 30.0 / np.pi:.5g}" for speed in (min(excited.speeds), max(excited.speeds)))
-        says += f"; engine orders E at {rpm} rpm (dashed, crosses at whole orders); frequencies {excited.frequencies}"
-    page = Page(scene, says, WIDTH, 4.4)
+        says += "; with Coriolis forces"
+        handles = [Line2D([], [], color=INK, ls=ls, lw=1.0, label=f"{name} waves") for name, ls in zip(DIRECTIONS, ("-", ":"))]
+    speeds = sorted({min(excited.speeds), max(excited.speeds)}) if excited.speeds else []
+    lines: list[dict[str, Any]] = [
+        {"color": INK, "lw": 0.7, "ls": ls, "marker": "x", "ms": 3.5} for ls in ("--", "-")[-len(speeds) :]
+    ]
+    for speed, line in zip(speeds, lines):
+        handles.append(Line2D([], [], label=f"engine orders E at {speed * 30.0 / np.pi:.5g} rpm", **line))
+    page = Page(scene, says, WIDTH, 4.4, handles)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     n, diameters = min(len(each.frequency) for each in by_diameter), [each.diameter for each in by_diameter]
     for i, colour in enumerate(level_colours(n)):
-        for frequency, line in zip(zip(*(each.by_direction for each in by_diameter)), ("o-", ".:")):
-            axes.plot(diameters, [of_diameter[i] for of_diameter in frequency], line, color=colour, ms=3.5, lw=0.8)
-        axes.annotate(f"  {i + 1}", (diameters[-1], by_diameter[-1].frequency[i]), fontsize=7, va="center", annotation_clip=False)
+        for frequency, marks in zip(zip(*(each.by_direction for each in by_diameter)), ("o-", ".:")):
+            axes.plot(diameters, [of_diameter[i] for of_diameter in frequency], marks, color=colour, ms=3.5, lw=0.8)
     highest = 1.05 * max(float(each.frequency[:n].max()) for each in by_diameter)
-    for speed in {min(excited.speeds), max(excited.speeds)} if excited.speeds else ():
-        _engine_orders(axes, excited.n_sectors, speed, highest, is_named=speed == max(excited.speeds))
-    axes.set(xlabel="nodal diameter", ylabel="frequency [Hz]", ylim=(0.0, highest))
+    _number_modes(axes, by_diameter[-1].frequency[:n], highest)
+    for speed, line in zip(speeds, lines):
+        _engine_orders(axes, excited.n_sectors, speed, highest, line, is_named=speed == speeds[-1])
+    room = max(0.04 * (diameters[-1] - diameters[0]), 0.4)
+    xlim = diameters[0] - room, diameters[-1] + 2.5 * room
+    axes.set(xlabel="nodal diameter", ylabel="frequency [Hz]", xlim=xlim, ylim=(0.0, highest))
     axes.xaxis.get_major_locator().set_params(integer=True)
     page.save(path)
 
 
-def _engine_orders(axes, n_sectors: int, speed: float, highest: float, is_named: bool) -> None:
+def _number_modes(axes, frequency: np.ndarray, highest: float) -> None:
+    """Write the numbers of modes at the right, those of close modes together, "3-5".  Local."""
+    starts = [0, *(i for i in range(1, len(frequency)) if frequency[i] - frequency[i - 1] > _APART * highest)]
+    for first, end in zip(starts, [*starts[1:], len(frequency)]):
+        text = f"{first + 1}" if end == first + 1 else f"{first + 1}\u2013{end}"
+        place = 0.995, float(frequency[first:end].mean())
+        axes.annotate(text, place, xycoords=("axes fraction", "data"), fontsize=7, ha="right", va="center")
+
+
+def _engine_orders(axes, n_sectors: int, speed: float, highest: float, line: dict[str, Any], is_named: bool) -> None:
     """Draw f = E speed / 2 pi over the nodal diameter excited by order E, up to E = N, folded at half of the sectors."""
-    most = min(int(2.0 * np.pi * highest / speed) + 1, n_sectors)
-    corners = np.array(sorted({0.0, min(0.5 * n_sectors, float(most)), float(most)}))
-    axes.plot(np.minimum(corners, n_sectors - corners), corners * speed / (2.0 * np.pi), color=FAINT, lw=0.7, ls="--", zorder=1)
-    orders = range(1, most + 1)
-    at = [alias(order, n_sectors) for order in orders]
-    axes.plot(at, [order * speed / (2.0 * np.pi) for order in orders], "x", color=INK, ms=3.5, lw=0)
-    for order in some(orders, _NAMED) if is_named else ():
-        axes.annotate(f" E{order}", (alias(order, n_sectors), order * speed / (2.0 * np.pi)), fontsize=7, color=INK, va="bottom")
+    most = min(int(2.0 * np.pi * highest / speed), n_sectors)
+    orders = np.arange(1, most + 1)
+    at, frequency = np.array([alias(order, n_sectors) for order in orders]), orders * speed / (2.0 * np.pi)
+    corners = np.array(sorted({0.0, min(0.5 * n_sectors, float(most)), min(most + 1.0, float(n_sectors))}))
+    folded = np.minimum(corners, n_sectors - corners)
+    axes.plot(folded, corners * speed / (2.0 * np.pi), **{**line, "color": FAINT, "marker": "", "zorder": 1})
+    axes.plot(at, frequency, **{**line, "ls": ""})
+    for k in some(range(most), _NAMED) if is_named else ():
+        place = int(at[k]), float(frequency[k])
+        axes.annotate(f"E{orders[k]}", place, (4, 1), textcoords="offset points", color=INK, bbox=BOXED, fontsize=6, zorder=3)

@@ -16,7 +16,7 @@ from ...messages.errors import CaseError
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
-from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, some
+from ...results.style import BOXED, FAINT, INK, MOST_NAMED, RC, WIDTH, Page, Titled, level_colours, some
 from ...system.files import make_folder
 from ..records import write_csv
 from .campbell import Campbell, Crossing, Families, crossings, smooth
@@ -98,7 +98,7 @@ def show_at_speeds(
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
     by_wave = {wave: of_wave.campbell(speeds) for wave, of_wave in families.items()}
     with log.stage("Campbell diagram"):
-        excited = replace(excited, frequencies=f"at {highest:g} rad/s")
+        excited = replace(excited, frequencies=f"at {highest * 30.0 / np.pi:.5g} rpm")
         log.note(on_root(log.comm, write_at_speeds, by_wave, at_highest, scene, excited, folder))
 
 
@@ -152,7 +152,10 @@ def draw_at_speeds(
         wave: {"color": colours[wave.diameter], "lw": 0.9, "ls": ":" if wave.direction == DIRECTIONS[1] else "-"}
         for wave in by_wave
     }
-    page = Page(scene, says, WIDTH, 4.8, [Line2D([], [], label=wave.words, **line) for wave, line in lines.items()])
+    named = [Line2D([], [], color=colours[d], lw=0.9, label=f"diameter {d}") for d in some(diameters, MOST_NAMED)]
+    directions = dict.fromkeys(wave.direction for wave in by_wave if wave.direction)
+    named += [Line2D([], [], color=INK, lw=0.9, ls=ls, label=f"{name} waves") for name, ls in zip(directions, ("-", ":"))]
+    page = Page(scene, says, WIDTH, 4.8, named)
     axes = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     top = 1.05 * max(float(campbell.frequency.max()) for campbell in by_wave.values())
     end = max(excited.speeds)
@@ -164,11 +167,10 @@ def draw_at_speeds(
         reached = min(end, 2.0 * np.pi * top / order)
         axes.plot([0.0, reached * 30.0 / np.pi], [0.0, order * reached / (2.0 * np.pi)], color=FAINT, lw=0.6, ls="--", zorder=1)
         at = 0.98 * reached
-        boxed = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
         place = at * 30.0 / np.pi, order * at / (2.0 * np.pi)
-        axes.annotate(f"E{order}", place, fontsize=6, color=INK, ha="center", va="center", bbox=boxed)
+        axes.annotate(f"E{order}", place, fontsize=6, color=INK, ha="center", va="center", bbox=BOXED)
     for d, crossing in met:
-        axes.plot(crossing.speed * 30.0 / np.pi, crossing.frequency, "o", mfc=colours[d], mec=INK, ms=4.0, mew=0.6)
+        axes.plot(crossing.speed * 30.0 / np.pi, crossing.frequency, "o", mfc=colours[d], mec=INK, ms=4.0, mew=0.6, clip_on=False)
     low, high = (float(speed) * 30.0 / np.pi for speed in (min(excited.speeds), end))
     axes.set(xlabel="speed [rpm]", ylabel="frequency [Hz]", ylim=(0.0, top), xlim=(low, high))
     page.save(path)

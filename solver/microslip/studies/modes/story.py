@@ -151,7 +151,7 @@ def _show(parts: Assembled, linearised: Linearised, computed: Modes, turning: Wa
     with log.stage("table and pictures"):
         text = on_root(linearised.system.comm, write_modes_of, table, parts.mesh, shapes, parts.scene, folder)
     log.note(text)
-    log.note(_proof(computed))
+    log.note(computed.completeness)
 
 
 def mode_table(parts: Assembled, linearised: Linearised, computed: Modes) -> ModeTable:
@@ -187,12 +187,3 @@ def _translations(system: System) -> np.ndarray:
     for axis, rows in enumerate(places.T):
         r[rows[rows >= 0], axis] = 1.0
     return r
-
-
-def _proof(computed: Modes) -> str:
-    """Return a text on whether the modes are proved complete."""
-    if "proof" in computed.info:
-        return f"proved complete by the inertia of K_L - sigma M: {computed.info['proof']}"
-    if computed.info.get("complete", True):
-        return "computed from the whole spectrum: none is missing"
-    return "not proved complete: [solver] verify_modes = false"

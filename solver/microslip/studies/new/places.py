@@ -9,7 +9,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ...formats.model import FileModel
+from ...mesh.connected import connected_parts, parts_of
 from ...mesh.data import Mesh
+from ...messages.words import listed
 from ...tables.structure import Support
 from ...tables.structure_tables import StructureTables
 from .candidate import Candidate
@@ -55,6 +57,33 @@ def _fixed_nodes(mesh: Mesh, file: FileModel, support: Support) -> np.ndarray:
         return mesh.node_groups.get(support.group or "", np.zeros(0, dtype=np.int64))
     groups = [point.group for point in file.connected if point.name == support.point and point.connection == "rigid"]
     return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(mesh.node_groups[name] for name in groups)]))
+
+
+def apart(mesh: Mesh, file: FileModel, settings: StructureTables, joints: Sequence[Candidate], fixed: Iterable[str]) -> list[str]:
+    """Return a line for each part of the structure that nothing connects to a support or to the largest part.  Local, rank 0.
+
+    None where the file has equations or springs, which also connect parts.
+    """
+    if file.equations is not None or file.springs:
+        return []
+    part, names = connected_parts(mesh, settings.body_of)
+    connected = [np.concatenate(joint.nodes) for joint in joints]
+    connected += [np.concatenate([mesh.node_groups[name] for name in tie.surfaces]) for tie in file.ties]
+    connected += [mesh.node_groups[point.group] for point in file.connected]
+    cluster = parts_of([np.arange(len(names))[:, None], *(np.unique(part[nodes])[None] for nodes in connected)], len(names))[1]
+    held = [mesh.node_groups[name] for name in fixed] + [_fixed_nodes(mesh, file, support) for support in file.supports]
+    is_held = np.isin(cluster, cluster[part[np.concatenate([np.zeros(0, dtype=np.int64), *held])]])
+    if not is_held.any():
+        is_held = cluster == np.bincount(cluster[part]).argmax()
+    rest = cKDTree(mesh.points[is_held[part]])
+    lines = []
+    for number in np.unique(cluster[~is_held]):
+        distance = rest.query(mesh.points[cluster[part] == number])[0].min()
+        who = listed([names[i] for i in np.flatnonzero(cluster == number)])
+        lines.append(
+            f"{who}: {distance:.3g} m from the rest, and nothing connects it: add a joint, a tie or supports, or move it"
+        )
+    return lines
 
 
 def fixed_groups(mesh: Mesh, file: FileModel, settings: StructureTables, used: Iterable[str]) -> tuple[list[str], list[str]]:

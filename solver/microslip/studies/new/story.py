@@ -21,7 +21,7 @@ from ..check.plausible import SI
 from .bolts import Shank, uncut
 from .candidates import candidates_and_bolts
 from .first import First
-from .places import farthest, fixed_groups, supports_of_joints
+from .places import apart, farthest, fixed_groups, supports_of_joints
 from .scene_text import named, text_of
 from .sectors import sector_of
 
@@ -82,9 +82,11 @@ def _first(model: str, out: Path, file: FileModel) -> First:
     states_scale = units != SI and not file.materials
     candidates, bolts = candidates_and_bolts(mesh, file, settings)
     likely = [candidate for candidate in candidates if candidate.is_likely and not candidate.is_distant]
+    in_contact = [candidate for candidate in candidates if candidate.in_contact_in_file]
     left_out = supports_of_joints(mesh, file, likely)
     file = replace(file, supports=tuple(support for support in file.supports if support not in left_out))
     fixed, may_be = fixed_groups(mesh, file, settings, [name for candidate in likely for name in candidate.surfaces])
+    sector = sector_of(mesh, file, settings)
     return First(
         model=Path(os.path.relpath(model, out.parent)).as_posix(),
         units=None if units == SI or states_scale else units,
@@ -97,8 +99,9 @@ def _first(model: str, out: Path, file: FileModel) -> First:
         shanks=uncut(mesh, file, bolts),
         fixed=fixed,
         may_be_fixed=may_be,
+        apart=apart(mesh, file, settings, [*likely, *in_contact], fixed) if sector is None else [],
         place=farthest(mesh, file, fixed),
-        sector=sector_of(mesh, file, settings),
+        sector=sector,
     )
 
 
@@ -132,6 +135,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         f"new        {out}, for {model}: {len(first.mesh.points)} nodes, {first.mesh.diagonal:.4g} m across ({units})",
         *table("bodies", list(first.settings.bodies)),
         *table("joints", joints or ["no touching surfaces of different bodies"]),
+        *table("apart", first.apart),
         *table("disc", [first.sector.text] if first.sector is not None else []),
         *table("glued", [candidate.text for candidate in first.glued], 10),
         *table("or", others, 10),

@@ -20,6 +20,7 @@ from .statistics import Effect, percentiles
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
 PREFIXED = ("Pa", "m", "N")  # units of numbers that pictures give a prefix
 _WIDE = 8.0  # ratio of the ends of an axis from which it is logarithmic
+_LEAST_WIDE, _EVEN = 3.0, 1e-6  # the same of values spaced evenly over their logarithm, and the rounding of their steps
 _LETTERS, _LETTERS_OF_HALF = 26, 44  # of a label under a third or a quarter, and under half of a page
 _FOR_CONTOURS = 4  # samples along each key, from which lines of equal value show more than the cells
 _LABELS = {
@@ -49,7 +50,7 @@ def _of_key(table: SweepTable, key: str) -> tuple[float, str]:
     if unit == FACTOR:
         return 1.0, f"{name} [× that of the scene]"
     unit, largest = unit.replace("m3", "m³"), np.abs(values[np.isfinite(values)]).max(initial=0.0)
-    exponent = 3 * math.floor(math.log10(largest) / 3.0) if largest > 0.0 and not _is_wide(values) else 0
+    exponent = 3 * math.floor(math.log10(largest) / 3.0) if largest > 0.0 and not _is_log(values) else 0
     if unit in PREFIXED and exponent:
         factor, unit = with_prefix(values, unit)
         return factor, f"{name} [{unit}]"
@@ -71,8 +72,13 @@ def _in_lines(label: str, most: int) -> str:
     return "\n".join(lines)
 
 
-def _is_wide(values: np.ndarray) -> bool:
-    return bool(values.min() > 0.0 and values.max() > _WIDE * values.min())
+def _is_log(values: np.ndarray) -> bool:
+    """Return whether the axis of values is logarithmic: they span a wide range, or are spaced so."""
+    low, high = values.min(), values.max()
+    if not 0.0 < _LEAST_WIDE * low <= high:
+        return False
+    steps = np.diff(np.log(np.unique(values)))
+    return bool(high > _WIDE * low or (len(steps) > 1 and np.ptp(steps) < _EVEN * steps.max()))
 
 
 def draw_grid(table: SweepTable, scene: Titled, path: str) -> None:
@@ -96,7 +102,7 @@ def draw_grid(table: SweepTable, scene: Titled, path: str) -> None:
         axes.plot(x[order], y, color=_ACCENT, marker="o", ms=3.0)
         if inside:
             axes.plot(at, factor * getattr(table.nominal, name), "D", color=_SECOND, ms=4.5, mfc="none")
-        if _is_wide(x):
+        if _is_log(x):
             log_scale(axes, "x")
         axes.set(xlabel=_in_lines(of_key[1], _LETTERS_OF_HALF), ylabel=label)
     page.save(path)
@@ -119,7 +125,7 @@ def draw_map(table: SweepTable, scene: Titled, path: str) -> None:
         bar.set_title(label)
         axes.grid(False)
         for values_of_axis, which in ((x, "x"), (y, "y")):
-            if _is_wide(values_of_axis):
+            if _is_log(values_of_axis):
                 log_scale(axes, which)
     cells[1].set(xlabel=of_keys[0][1])  # once, for all three: it may be longer than a cell is wide
     cells[0].set(ylabel=_in_lines(of_keys[1][1], _LETTERS))
@@ -130,10 +136,10 @@ def _edges(values: np.ndarray) -> np.ndarray:
     """Return the ends of the cells about values that rise or fall, (n + 1,)."""
     if len(values) == 1:
         return values[0] + np.array([-0.5, 0.5]) * (abs(values[0]) or 1.0)
-    v = np.log(values) if _is_wide(values) else values
+    v = np.log(values) if _is_log(values) else values
     middle = 0.5 * (v[:-1] + v[1:])
     edges = np.concatenate([[2.0 * v[0] - middle[0]], middle, [2.0 * v[-1] - middle[-1]]])
-    return np.exp(edges) if _is_wide(values) else edges
+    return np.exp(edges) if _is_log(values) else edges
 
 
 def draw_scatter(table: SweepTable, scene: Titled, path: str) -> None:
@@ -173,7 +179,9 @@ def draw_scatter(table: SweepTable, scene: Titled, path: str) -> None:
 def draw_effects(table: SweepTable, effects: Sequence[Effect], scene: Titled, path: str) -> None:
     """Draw the change of the peak by each number, the largest on top.  Local."""
     alone = table.design.kind == "one by one"
-    how = "each number alone at its ends" if alone else "each number from its percentile 5 to 95, by a plane through the samples"
+    how = "each number alone at its ends" if alone else (
+        f"each number from its percentile 5 to 95, by a plane through the logarithm of the peaks, R² = {effects[0].explained:.3f}"
+    )  # fmt: skip
     handles = [Patch(color=_ACCENT, label="lower end of the number"), Patch(color=_SECOND, label="upper end")]
     page = Page(scene, f"effect on the peak of {plain(table.output, 24)}: {how}", WIDTH, 0.5 + 0.34 * len(effects), handles)
     axes = page.grid(1, 1).subplots()
