@@ -141,7 +141,7 @@ def test_what_makes_no_sense_is_refused(scene, program, shared_path, options, sa
     [
         ("1.0,2.0\n3.0,4.0\n", "the columns have no names"),
         ("level\n", "there is no sample in it"),
-        ("level\n1.0,2.0\n", "sample 1 has 2 cells"),
+        ("level\n1.0,2.0\n", "sample 0 has 2 cells"),
         ("level\nhigh\n", "expected a finite number, found 'high'"),
         ("level;joints.joint.friction\n0.4;1\n", "separated by semicolons, not by commas"),
         ("", "the columns have no names"),

@@ -204,7 +204,7 @@ def _numbers(values: Sequence[Any], name: str, where: str, lines: Sequence[int])
             column[i] = float(value)
         except (TypeError, ValueError):
             column[i] = np.inf
-        if np.isinf(column[i]):
+        if np.isinf(column[i]) or (isinstance(value, str) and np.isnan(column[i])):
             line = f", line {lines[i]}" if len(lines) else ""
             raise CaseError(f'{where}{line}: {_spelled(name)} = "{str(value)[:20]}" is not a finite number')
     return column

@@ -31,7 +31,7 @@ from ..fourier.harmonics import Harmonics
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.operating_point import LawParameter, OperatingPoint
 from ..messages.errors import CaseError, ConvergenceError
-from ..messages.words import hint
+from ..messages.words import hint, listed
 from ..observe.log import RunLog
 from ..points.branch import Branch, Point
 from ..points.error_parts import total
@@ -55,6 +55,7 @@ CURVE_POINTS = 201  # frequencies of the curves of samples
 UNKNOWN_WIDTH = 0.02  # of a peak over its frequency, where none of the linear response is in the range
 BAR_NOTED = 2.0  # times a stated accuracy, from which the error bar of a peak is noted
 NO_WIDTH = "half-power width not found"
+NO_PEAK = "its amplitude has no maximum between the ends of [response] frequencies; widen them, or state another level"
 NAN = float("nan")
 
 Law = tuple[tuple[LawParameter, float], ...]
@@ -121,7 +122,7 @@ def number_of_output(scene: Scene, name: str | None) -> int:
     """
     names = [output.name for output in scene.outputs]
     if name is not None and name not in names:
-        raise CaseError(f"{scene.source}: sweep: there is no output {name!r}{hint(name, names)}")
+        raise CaseError(f"{scene.source}: sweep: there is no output {name!r}{hint(name, names)}; there are {listed(names)}")
     return 0 if name is None else names.index(name)
 
 
@@ -235,11 +236,11 @@ class SamplePeaks:
 
     def _from_others(self, problem: _Problem, x: np.ndarray, branch: Branch | None) -> Sample:
         """Return the sample at ``x`` from those solved, through others half the way from the nearest one where need be."""
-        to, newton, sample = [x], 0, Sample(tuple(x), FAILED, "no sample near by")
+        to, newton, why = [x], 0, ""
         for _ in range(MOST_BETWEEN):
             is_last = len(to) == 1
             sample = self._from_near(problem, to[-1], branch if is_last else None, has_width=is_last)
-            newton += sample.newton
+            newton, why = newton + sample.newton, why or sample.why
             if sample.status == DONE:
                 to.pop()
             elif (middle := self._halfway(to[-1])) is not None:
@@ -252,7 +253,7 @@ class SamplePeaks:
                 problem = self._problem(tuple(to[-1]))
             except (CaseError, ConvergenceError):
                 break
-        return Sample(tuple(x), FAILED, sample.why, newton=newton)
+        return Sample(tuple(x), FAILED, why, newton=newton)
 
     def _from_near(self, problem: _Problem, x: np.ndarray, branch: Branch | None, has_width: bool) -> Sample:
         """Return the sample at ``x`` from those around and from the nearest one."""
@@ -539,7 +540,7 @@ def highest_of(of: ResponseProblem, level: float, branch: Branch, output: int) -
     inner = [i for i in range(1, len(sizes) - 1) if sizes[i] >= sizes[i - 1] and sizes[i] >= sizes[i + 1]]
     top = of.model.comm.bcast(max(inner, key=lambda i: sizes[i], default=None))
     if top is None:
-        return branch.failure or "its amplitude has no maximum between the ends of [response] frequencies; widen them", False
+        return branch.failure or NO_PEAK, False
     return starts_at(of, level, branch, output, top), HELD in branch.points[top].notes
 
 

@@ -35,8 +35,8 @@ def refuse_too_many(n_groups: int, n_ranks: int) -> None:
     if n_groups > n_ranks:
         ranks = "is only 1 rank" if n_ranks == 1 else f"are only {n_ranks} ranks"
         raise CaseError(
-            f"--groups {n_groups}: there {ranks}, and a group needs one at least; start {n_groups} or more, as in: "
-            f"mpirun -n {n_groups} microslip run --groups {n_groups} SCENE.toml"
+            f"--groups {n_groups}: there {ranks}, and a group needs one at least; start {n_groups} or more: "
+            f"mpirun -n {n_groups} before the command"
         )
 
 

@@ -101,6 +101,10 @@ def in_words(found: Identified) -> list[str]:
         f"residuals over their deviations: {found.rms:.3g} (root mean square{assumed}) with {max(found.dof, 0)} degrees of "
         f"freedom, after {found.evaluations} evaluations; {found.outcome}"
     ]
+    if found.dof <= 0 and not found.has_deviations:
+        lines.append(
+            "as many numbers as rows: these data cannot say how far they are known; measure more rows or fit fewer numbers"
+        )
     if not found.is_explained:
         lines.append(
             "the model does not explain the data within the stated deviations: the intervals do not hold; other numbers of the "
@@ -148,7 +152,7 @@ def draw_fit(found: Identified, scene: Any, path: str) -> None:
     colours = level_colours(len(levels))
     of_fit: dict[str, Any] = {"ls": "-"}
     of_before: dict[str, Any] = {"ls": "--", "lw": 0.9}
-    if measured.of_peaks:  # which no line joins
+    if measured.of_peaks or measured.n == 1:  # which no line joins
         of_fit, of_before = {"ls": "", "marker": "D", "ms": 4.0}, {"ls": "", "marker": "x", "ms": 4.0}
     handles = [Line2D([], [], color=c, **of_fit, label=f"{level:g} {units.level}") for c, level in zip(colours, levels)]
     handles += [

@@ -158,7 +158,7 @@ def read_table(path: str) -> Design:
         raise CaseError(f"--table {path}: the columns have no names; {expected}")
     if len(lines) < 2:
         raise CaseError(f"--table {path}: there is no sample in it; {expected}")
-    return Design.of_columns(keys, np.array([_row(path, i, row, keys) for i, row in enumerate(lines[1:], 1)]))
+    return Design.of_columns(keys, np.array([_row(path, i, row, keys) for i, row in enumerate(lines[1:])]))
 
 
 def _row(path: str, i: int, row: Sequence[str], keys: Sequence[str]) -> list[float]:

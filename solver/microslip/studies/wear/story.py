@@ -70,14 +70,16 @@ def follow_to_the_end(wearing: WearingJoint, progress: Progress, log: RunLog) ->
     for state in wearing.follow(progress.states[-1]):
         progress.append(state)
         log.note(_line(state), on_screen=False)
-    last = progress.states[-1]
-    if not last.cycle.rate.any():
-        where = f"at {wearing.level:g} {wearing.units.level}"
-        log.note(
+
+
+def _still(wearing: WearingJoint, last: State) -> str:
+    """Return what is to be said of a joint of which no pair slides."""
+    where = f"at {wearing.level:g} {wearing.units.level}"
+    if last.number == 0:
+        return (
             f"no pair with a coefficient above 0 slides {where}: nothing wears; a higher level, or less friction, makes it slide"
-            if last.number == 0
-            else f"after {last.cycles:.6g} cycles no pair slides {where}: the cycles left change nothing"
         )
+    return f"after {last.cycles:.6g} cycles no pair slides {where}: the cycles left change nothing"
 
 
 def _line(state: State) -> str:
@@ -100,6 +102,8 @@ def write_study(wearing: WearingJoint, states: list[State], folder: Path, option
             failures += _write_curve(wearing.prepared(last.depth), worn, options)
     text = on_root(comm, lambda: write_wear(history_of(wearing, joint, states), folder, worn))
     log.note(text)
+    if not last.cycle.rate.any():
+        log.note(_still(wearing, last))
     log.note(f"results in {folder}")
     return failures
 
