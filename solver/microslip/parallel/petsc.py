@@ -75,6 +75,13 @@ def free(*objects: PETSc.Object) -> None:
             each.destroy()
 
 
+def without_operands(product: PETSc.Mat) -> PETSc.Mat:
+    """Return a copy of a matrix product, which is freed: PETSc stores its operands as long as it exists.  Collective."""
+    copy = product.duplicate(copy=True)
+    product.destroy()
+    return copy
+
+
 def everyone() -> MPI.Comm:
     """Return the communicator of all ranks, PETSc and SLEPc initialised.  Collective on all ranks."""
     initialise()
