@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from ..guards.memory import refuse_beyond, shortage
 from ..messages.errors import CaseError, MicroslipError, ResourceError
 from ..parallel.agree import on_each
-from ..system.memory import gigabytes
+from ..system.memory import gigabytes, give_back
 from ..system.signals import is_stopping
 from ..system.watchdog import patient
 from .analysis import count, factor_memory
@@ -257,6 +257,7 @@ def factorise(
     """
     start = perf_counter()
     factor = analysed(A, prefix, what, elimination=elimination, shift=shift, schur=schur)
+    give_back()
     try:
         info = _factored(factor, what, later or (lambda _: 0.0))
     except MicroslipError:  # on every rank; of another error they may not know, and freeing waits for them

@@ -21,7 +21,6 @@ from ..guards.memory import refuse_beyond
 from ..messages.errors import CaseError, ConvergenceError
 from ..parallel.agree import on_root
 from ..parallel.petsc import free
-from ..system.memory import give_back
 from . import bridge, mumps
 from .dense import add_springs
 from .ordering import Order
@@ -185,7 +184,6 @@ def _interior(
     if len(boundary) == A.getSize()[0]:
         return *_without_interior(A, boundary, shift), None
     prefix, what = (_PREFIX, "K_L of the sector") if shift is None else (_OF_INERTIA, "K_L - sigma M of the sector")
-    give_back()
     factor, info = mumps.factorise(A, prefix, what, shift=shift, schur=boundary)
     S, units = factor.take_schur(), factor.units
     if units is not None and len(S):
@@ -254,7 +252,7 @@ class _Inertia:
 
 def _substituted(L: np.ndarray, B: np.ndarray, trans: int = 0) -> np.ndarray:
     """Return L^-1 B of a lower triangle, or L^-T B; LAPACK refuses those without rows.  Local."""
-    return scipy.linalg.solve_triangular(L, B, lower=True, trans=trans) if len(L) else B
+    return scipy.linalg.solve_triangular(L, B, lower=True, trans=trans, check_finite=False) if len(L) else B
 
 
 def negative_eigenvalues(S: np.ndarray) -> int:
@@ -344,21 +342,19 @@ class DiameterFactor:
         return real
 
     def _on_boundary(self, F: np.ndarray) -> np.ndarray:
-        """Return the solution on the boundary for forces there, real and then imaginary parts where complex.  Local, rank 0."""
-        if not self._is_complex:
-            return self.solved_on_boundary(F)
-        m = F.shape[1] // 2
-        x = self.solved_on_boundary(F[:, :m] + 1j * F[:, m:])
-        return np.hstack([x.real, x.imag])
+        """Return S(d)^-1 F on joint and faces, (n_j + n_f, m), real and then imaginary parts where complex, eq. (14.9).
 
-    def solved_on_boundary(self, F: np.ndarray) -> np.ndarray:
-        """Return S(d)^-1 on joint and faces, (n_j + n_f, m), eq. (14.9).  Local, rank 0."""
+        Local, rank 0.  The matrices of the joint are real, and are applied to both parts.
+        """
         assert self.of_sector.dense is not None and self.L is not None, "of a definite matrix"
         L_j, X, _ = self.of_sector.dense
-        P = self.of_sector.boundary.at(self.system.phase)
+        P, m = self.of_sector.boundary.at(self.system.phase), F.shape[1] // 2
         of_joint = _substituted(L_j, F[: len(L_j)])
-        r = P.conj().T @ (F[len(L_j) :] - X.T @ of_joint)
-        of_faces = P @ scipy.linalg.cho_solve((self.L, True), r)
+        r = F[len(L_j) :] - X.T @ of_joint
+        r = P.conj().T @ (r[:, :m] + 1j * r[:, m:] if self._is_complex else r)
+        of_faces = P @ scipy.linalg.cho_solve((self.L, True), r, overwrite_b=True, check_finite=False)
+        if self._is_complex:
+            of_faces = np.hstack([of_faces.real, of_faces.imag])
         of_joint = _substituted(L_j, of_joint - X @ of_faces, trans=1)
         return np.concatenate([of_joint, of_faces])
 
@@ -377,13 +373,14 @@ class DiameterFactor:
                 return None
 
         def entries() -> np.ndarray:
-            F: np.ndarray = np.zeros((len(of_boundary), len(forced)), dtype=complex if self._is_complex else float)
+            F = np.zeros((len(of_boundary), copies * len(forced)))
             F[known[at[1]], np.arange(len(forced))] = 1.0
-            G = self.solved_on_boundary(F)[known[at[0]]][of_seen][:, of_forced]
+            G = self._on_boundary(F)[known[at[0]]][of_seen]
             if not self._is_complex:
-                return G
+                return G[:, of_forced]
+            real, imaginary = G[:, of_forced], G[:, len(forced) + of_forced]
             a, b = (rows % 2)[:, None], (columns % 2)[None, :]
-            return np.where(a == b, G.real, np.where(a > b, G.imag, -G.imag))
+            return np.where(a == b, real, np.where(a > b, imaginary, -imaginary))
 
         found = on_root(self.of_sector.comm, entries, share=False)
         return np.zeros((0, 0)) if found is None else found
