@@ -281,6 +281,7 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
     xlim = diameters[0] - room, diameters[-1] + 2.5 * room
     axes.set(xlabel="nodal diameter", ylabel="frequency [Hz]", xlim=xlim, ylim=(0.0, highest))
     axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xticks([tick for tick in axes.get_xticks() if diameters[0] <= tick <= diameters[-1]])
     page.save(path)
 
 
