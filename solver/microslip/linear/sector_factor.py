@@ -72,7 +72,7 @@ class Boundary:
 
 @dataclass(frozen=True, eq=False)
 class _Folded:
-    """P(d)^H S P(d) of a symmetric S on the faces: same + exp(i d alpha) other + its conjugate transpose, eq. (14.8)."""
+    """P(d)^H S P(d) of a symmetric S on the faces: same + exp(i d alpha) other + its conjugate transpose."""
 
     same: np.ndarray  # (n_wf, n_wf) P_0^T S P_0 + P_1^T S P_1
     other: np.ndarray  # (n_wf, n_wf) P_0^T S P_1
@@ -85,7 +85,7 @@ class _Folded:
         return cls((P_0.T @ of_low.T + P_1.T @ of_high.T).T, (P_1.T @ of_low.T).T)
 
     def at(self, phase: complex, between: np.ndarray | None) -> np.ndarray:
-        """Return it at a nodal diameter, with the springs to the next sector, (n_wf, n_wf), column-major.  Local."""
+        """Return it at a nodal diameter with the springs to the next sector, eq. (14.8), (n_wf, n_wf), column-major.  Local."""
         S = np.asfortranarray(phase * self.other)
         S += np.conj(phase) * self.other.T
         S += self.same
