@@ -14,6 +14,7 @@ from ..mesh.data import DistributedMesh, Mesh
 from ..mesh.links import DIRECTIONS, Links
 from ..messages.errors import MeshError
 from ..messages.words import place
+from ..parallel.petsc import without_operands
 from ..tables.structure import Point
 from .numbering import number_dofs
 from .real_form import real_matrix
@@ -220,7 +221,7 @@ def _projected(matrix: PETSc.Mat, constraints: Constraints, comm: MPI.Comm) -> P
     projected = T.transposeMatMult(right)
     for operand in (T, right):
         operand.destroy()
-    return projected
+    return without_operands(projected)
 
 
 def added_by_points(constraints: Constraints, blocks: np.ndarray) -> sp.csr_matrix:

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ..parallel.petsc import free
+from ..parallel.petsc import free, without_operands
 from ..system.signals import is_stopping
 from .real_form import complex_columns, real_columns, real_matrix, real_rows
 
@@ -207,6 +207,7 @@ def projected(A: PETSc.Mat, unfolding: Unfolding, phase: float) -> PETSc.Mat:
     product = P.transposeMatMult(right)
     for operand in (P, right):
         operand.destroy()
+    product = without_operands(product)
     for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.SYMMETRY_ETERNAL):
         product.setOption(option, True)
     return product

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from ..guards.memory import refuse_beyond, shortage
 from ..messages.errors import CaseError, MicroslipError, ResourceError
 from ..parallel.agree import on_each
-from ..system.memory import gigabytes
+from ..system.memory import gigabytes, give_back
 from ..system.signals import is_stopping
 from ..system.watchdog import patient
 from .analysis import count, factor_memory
@@ -69,7 +69,7 @@ class MumpsFactor:
     ranges: np.ndarray  # (size + 1,) rows of the ranks
     prefix: str
     order: Order | None = None
-    S: np.ndarray | None = None  # (m, m) Schur complement on the rows not eliminated, its upper triangle, on rank 0; None: none
+    schur: tuple[np.ndarray, np.ndarray] | None = None  # rows not eliminated, from 1, and S; None: all are eliminated
     units: np.ndarray | None = None  # (m,) powers of two by which rows and columns of S are scaled; None: 1
     _to_owners: ToOwners | None = field(default=None, repr=False)
 
@@ -144,6 +144,14 @@ class MumpsFactor:
         """Return some entries of A^-1 on rank 0; collective: :func:`.inverse_entries.inverse_entries`."""
         return inverse_entries(self.mumps, self.comm, int(self.ranges[-1]), rows, columns)
 
+    def take_schur(self) -> np.ndarray:
+        """Return the Schur complement on the rows not eliminated, (m, m) on rank 0, the upper triangle of it; once.  Local."""
+        assert self.schur is not None, "with a Schur complement"
+        rows, S = self.schur
+        self.schur = rows, np.empty((0, 0), order="F")
+        self.mumps.set_schur(*self.schur)  # solves do without it
+        return S
+
     def reduced(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
         """Return right-hand sides less the forces of the rows that are eliminated, (m, q) on rank 0, (0, q) elsewhere.
 
@@ -166,8 +174,8 @@ class MumpsFactor:
             self._rows_here, X = np.zeros(n_here, dtype=np.int32), np.zeros((n_here, q), order="F")
             self.mumps.set_solution(self._rows_here, X)
         self._X = X
-        assert self.S is not None, "with a Schur complement"
-        self._reduced = np.zeros((len(self.S), q), order="F")
+        assert self.schur is not None, "with a Schur complement"
+        self._reduced = np.zeros((len(self.schur[0]) * (self.comm.rank == 0), q), order="F")
         self.mumps.set_reduced(self._reduced)
         self._half_solve(_REDUCES, kind)
         return self._reduced
@@ -249,6 +257,7 @@ def factorise(
     """
     start = perf_counter()
     factor = analysed(A, prefix, what, elimination=elimination, shift=shift, schur=schur)
+    give_back()
     try:
         info = _factored(factor, what, later or (lambda _: 0.0))
     except MicroslipError:  # on every rank; of another error they may not know, and freeing waits for them
@@ -341,15 +350,14 @@ def analysed(
             last = elimination.last if schur is None else schur
             order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if last is None else last, schur is None)
         del starts, columns
+        rows_of_S = units_of_rows = None
         if schur is not None:
             order = None if order is None else last_of_all(order, schur)
-            S: np.ndarray | None = np.zeros((len(schur) * (comm.rank == 0),) * 2, order="F")
-            units_of_rows = scale[schur] if len(scale) else None
-            mumps.set_schur((schur + 1).astype(np.int32), S)
+            S: np.ndarray = np.zeros((len(schur) * (comm.rank == 0),) * 2, order="F")
+            rows_of_S, units_of_rows = ((schur + 1).astype(np.int32), S), scale[schur] if len(scale) else None
+            mumps.set_schur(*rows_of_S)
             mumps.set_icntl(_SCHUR, 1)
             mumps.set_icntl(15, 0)
-        else:
-            S = units_of_rows = None
         if order is not None:
             mumps.set_order(order.places, order.starts)
         elif mumps.icntl(15) == _BY_BLOCKS:
@@ -360,7 +368,7 @@ def analysed(
     except MicroslipError:  # on every rank
         _end(mumps)
         raise
-    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order, S, units_of_rows)
+    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order, rows_of_S, units_of_rows)
 
 
 def _started(comm: MPI.Comm, sym: int) -> Instance:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..assembly.system import System
 
 _PREFIX, _OF_INERTIA = "static_", "modes_inertia_"  # of the PETSc options
+_BLOCK = 64  # columns that LAPACK eliminates together, five times as fast as one by one
 _LARGE = "the two faces of [cyclic] with {} degrees of freedom"
 _FEWER = "mesh the faces of the sector more coarsely, or lay them where the sector is thinner"
 
@@ -69,6 +70,28 @@ class Boundary:
         return (self.P[0] + phase * self.P[1]).tocsr()
 
 
+@dataclass(frozen=True, eq=False)
+class _Folded:
+    """P(d)^H S P(d) of a symmetric S on the faces: same + exp(i d alpha) other + its conjugate transpose."""
+
+    same: np.ndarray  # (n_wf, n_wf) P_0^T S P_0 + P_1^T S P_1
+    other: np.ndarray  # (n_wf, n_wf) P_0^T S P_1
+
+    @classmethod
+    def of(cls, S: np.ndarray, boundary: Boundary) -> _Folded:
+        """Return it of S (n_f, n_f), both triangles.  Local."""
+        P_0, P_1 = boundary.P
+        of_low, of_high = P_0.T @ S, P_1.T @ S
+        return cls((P_0.T @ of_low.T + P_1.T @ of_high.T).T, (P_1.T @ of_low.T).T)
+
+    def at(self, phase: complex, between: np.ndarray | None) -> np.ndarray:
+        """Return it at a nodal diameter with the springs to the next sector, eq. (14.8), (n_wf, n_wf), column-major.  Local."""
+        S = np.asfortranarray(phase * self.other)
+        S += np.conj(phase) * self.other.T
+        S += self.same
+        return S if between is None else S + between
+
+
 class SectorFactor:
     """K_L of a sector with both faces free: its factor between the boundary, and the Schur complement on that, eq. (14.7).
 
@@ -98,22 +121,21 @@ class SectorFactor:
         n_f, n_j = len(self.boundary.faces), len(self.boundary.joint)
         room = 8.0 * (3.0 * (n_f + n_j) ** 2) * (self.comm.rank == 0)
         refuse_beyond(self.comm, room, _LARGE.format(n_f), _FEWER)
-        self.interior: _Interior = _interior(self.K_L, self.boundary.rows, None)
-        self.info = self.interior.info
-        self.is_definite = self.info["code"] == 0 and self.info["negative"] == 0 and self._eliminate_joint(n_j)
+        S, self.info, self.interior = _interior(self.K_L, self.boundary.rows, None)
+        self.is_definite = self.info["code"] == 0 and self.info["negative"] == 0 and self._eliminate_joint(S, n_j)
         self._counts: dict[float, _Inertia] = {}
 
-    def _eliminate_joint(self, n_j: int) -> bool:
-        """Eliminate the rows of the joint from S; return whether they are definite.  Collective."""
+    def _eliminate_joint(self, S: np.ndarray, n_j: int) -> bool:
+        """Eliminate the rows of the joint from S, which is overwritten; return whether they are definite.  Collective."""
 
-        def eliminated() -> tuple[Any, ...] | None:
-            S = self.interior.S
+        def eliminated() -> tuple[np.ndarray, np.ndarray, _Folded] | None:
             try:
                 L = scipy.linalg.cholesky(S[:n_j, :n_j]).T if n_j else np.zeros((0, 0))
             except np.linalg.LinAlgError:
                 return None
-            X = _substituted(L, S[:n_j, n_j:])
-            return L, X, _both_triangles(S[n_j:, n_j:]) - X.T @ X
+            X, of_faces = _substituted(L, S[:n_j, n_j:]), S[n_j:, n_j:]
+            of_faces -= X.T @ X
+            return L, X, _Folded.of(of_faces, self.boundary)
 
         self.dense = on_root(self.comm, eliminated, share=False)
         return bool(self.comm.bcast(self.dense is not None))
@@ -139,36 +161,37 @@ class SectorFactor:
         of_pairs = self.K_J * (np.diff(self.sectors.R_next.indptr) > 0)
         return (system.R.conj().T @ sp.diags(of_pairs) @ system.R).tocsr()
 
+    def springs_on_faces(self, system: System) -> np.ndarray | None:
+        """Return the same on the rows that the faces depend on, (n_wf, n_wf); None: there are none.  Local."""
+        between, leading = self.springs_between(system), self.boundary.leading
+        return between[leading][:, leading].toarray() if between.nnz else None
+
     def destroy(self) -> None:
         """Free the factors and K_L.  Collective."""
-        self.interior.destroy()
+        if self.interior is not None:
+            self.interior.destroy()
         free(self.K_L)
 
 
-@dataclass(eq=False)
-class _Interior:
-    """The factor between the boundary, or only the signs of its pivots, and the Schur complement; without any rows, S alone."""
+def _interior(
+    A: PETSc.Mat, boundary: np.ndarray, shift: tuple[float, PETSc.Mat] | None
+) -> tuple[np.ndarray, dict[str, Any], mumps.MumpsFactor | None]:
+    """Eliminate all rows but those of the boundary from A, or from A - sigma M; return S on rank 0, a report, the factor.
 
-    S: np.ndarray  # on rank 0: the upper triangle
-    info: dict[str, Any]
-    factor: mumps.MumpsFactor | None
-    order: Order | None = None
-
-    def destroy(self) -> None:
-        """Free the factor.  Collective."""
-        if self.factor is not None:
-            self.factor.destroy()
-
-
-def _interior(A: PETSc.Mat, boundary: np.ndarray, shift: tuple[float, PETSc.Mat] | None) -> _Interior:
-    """Eliminate all rows but those of the boundary from A, or from A - sigma M, scaled by powers of two.  Collective."""
+    Collective.  S has both triangles, and is the caller's.  Of A - sigma M only the signs of the pivots are stored.  There is no
+    factor where nothing is eliminated.
+    """
     if len(boundary) == A.getSize()[0]:
-        return _Interior(*_without_interior(A, boundary, shift), None)
+        return *_without_interior(A, boundary, shift), None
     prefix, what = (_PREFIX, "K_L of the sector") if shift is None else (_OF_INERTIA, "K_L - sigma M of the sector")
     factor, info = mumps.factorise(A, prefix, what, shift=shift, schur=boundary)
-    assert factor.S is not None, "with a Schur complement"
-    S, units = factor.S, factor.units
-    return _Interior(S if units is None or not len(S) else S / units[:, None] / units, info, factor)
+    S, units = factor.take_schur(), factor.units
+    if units is not None and len(S):
+        S /= units[:, None]
+        S /= units
+    for j in range(len(S)):
+        S[j + 1 :, j] = S[j, j + 1 :]
+    return S, info, factor
 
 
 def _without_interior(
@@ -201,54 +224,46 @@ class _Inertia:
     def __init__(self, of_sector: SectorFactor, sigma: float):
         """Eliminate.  Collective: one factorisation."""
         self.of_sector, self.sigma = of_sector, sigma
-        interior = _interior(of_sector.K_L, of_sector.boundary.faces, (sigma, of_sector.sectors.sector.M))
-        interior.destroy()
-        if interior.info["code"] in mumps.SINGULAR or interior.info["null"] > 0:
+        S, info, pivots = _interior(of_sector.K_L, of_sector.boundary.faces, (sigma, of_sector.sectors.sector.M))
+        if pivots is not None:
+            pivots.destroy()
+        if info["code"] in mumps.SINGULAR or info["null"] > 0:
             raise ConvergenceError(
                 f"modes: K_L - sigma M of the sector is singular at sigma = {sigma:.6e} rad2/s2, so that its negative pivots "
                 "prove nothing; ask for one [solver] mode more or less"
             )
-        self.n_between, self.S = interior.info["negative"], _both_triangles(interior.S)
+        self.n_between = info["negative"]
+        self.folded = on_root(of_sector.comm, _Folded.of, S, of_sector.boundary, share=False)
 
     def count(self, system: System) -> int:
         """Return the number of eigenvalues below sigma at a nodal diameter.  Collective."""
         of_sector, phase = self.of_sector, system.phase
-        between = of_sector.springs_between(system)
+        between = of_sector.springs_on_faces(system)
 
         def negative() -> int:
-            S = _of_diameter(self.S, of_sector.boundary, phase, between)
+            S = self.folded.at(phase, between)
             scale = np.exp2(-np.round(0.5 * np.log2(np.maximum(np.abs(S.diagonal()), np.finfo(float).tiny))))
-            return negative_eigenvalues(scale[:, None] * S * scale)
+            S *= scale[:, None]
+            S *= scale
+            return negative_eigenvalues(S)
 
         return self.n_between + on_root(of_sector.comm, negative)
 
 
 def _substituted(L: np.ndarray, B: np.ndarray, trans: int = 0) -> np.ndarray:
     """Return L^-1 B of a lower triangle, or L^-T B; LAPACK refuses those without rows.  Local."""
-    return scipy.linalg.solve_triangular(L, B, lower=True, trans=trans) if len(L) else B
-
-
-def _both_triangles(S: np.ndarray) -> np.ndarray:
-    """Return a symmetric matrix from its upper triangle.  Local."""
-    return np.triu(S) + np.triu(S, 1).T
-
-
-def _of_diameter(S: np.ndarray, boundary: Boundary, phase: complex, between: sp.csr_matrix) -> np.ndarray:
-    """Return P(d)^H S P(d) with the springs to the next sector, (n_wf, n_wf), eq. (14.8).  Local."""
-    P = boundary.at(phase)
-    right = (P.T @ S.T).T  # S is symmetric
-    product = P.conj().T @ right
-    if between.nnz:
-        product = product + between[boundary.leading][:, boundary.leading].toarray()
-    return np.asfortranarray(product)
+    return scipy.linalg.solve_triangular(L, B, lower=True, trans=trans, check_finite=False) if len(L) else B
 
 
 def negative_eigenvalues(S: np.ndarray) -> int:
-    """Return how many eigenvalues of a symmetric or Hermitian matrix are negative: the signs of its pivots by LAPACK.  Local."""
+    """Return how many eigenvalues of a symmetric or Hermitian matrix are negative: the signs of its pivots by LAPACK.
+
+    Local; S, column-major, is overwritten.
+    """
     if len(S) == 0:
         return 0
     factor = lapack.zhetrf if np.iscomplexobj(S) else lapack.dsytrf
-    pivots, blocks, _ = factor(S, lower=1)
+    pivots, blocks, _ = factor(S, lower=1, lwork=_BLOCK * len(S), overwrite_a=1)
     is_single = blocks > 0
     return int(np.count_nonzero(pivots.diagonal().real[is_single] < 0.0) + np.count_nonzero(~is_single) // 2)
 
@@ -268,11 +283,11 @@ class DiameterFactor:
     @classmethod
     def of(cls, of_sector: SectorFactor, system: System) -> tuple[DiameterFactor, dict[str, Any]]:
         """Return the factor and its report; "code" is one of MUMPS' where there is none.  Collective."""
-        between = of_sector.springs_between(system)
+        between = of_sector.springs_on_faces(system)
 
         def factored() -> np.ndarray | None:
             assert of_sector.dense is not None, "of a definite matrix"
-            S = _of_diameter(of_sector.dense[2], of_sector.boundary, system.phase, between)
+            S = of_sector.dense[2].at(system.phase, between)
             try:
                 return scipy.linalg.cholesky(S, lower=True, overwrite_a=True)
             except np.linalg.LinAlgError:
@@ -304,7 +319,7 @@ class DiameterFactor:
 
     def _solved(self, F: np.ndarray | sp.csc_matrix) -> np.ndarray:
         """Return the solution for forces on the sector's rows, real and then imaginary parts.  Collective."""
-        interior, comm = self.of_sector.interior.factor, self.of_sector.comm
+        interior, comm = self.of_sector.interior, self.of_sector.comm
         boundary, unfolding = self.of_sector.boundary, self.of_sector.sectors.unfolding
         rows = boundary.rows
         w_owned = int(np.diff(unfolding.w_ranges)[comm.rank])
@@ -327,21 +342,19 @@ class DiameterFactor:
         return real
 
     def _on_boundary(self, F: np.ndarray) -> np.ndarray:
-        """Return the solution on the boundary for forces there, real and then imaginary parts where complex.  Local, rank 0."""
-        if not self._is_complex:
-            return self.solved_on_boundary(F)
-        m = F.shape[1] // 2
-        x = self.solved_on_boundary(F[:, :m] + 1j * F[:, m:])
-        return np.hstack([x.real, x.imag])
+        """Return S(d)^-1 F on joint and faces, (n_j + n_f, m), real and then imaginary parts where complex, eq. (14.9).
 
-    def solved_on_boundary(self, F: np.ndarray) -> np.ndarray:
-        """Return S(d)^-1 on joint and faces, (n_j + n_f, m), eq. (14.9).  Local, rank 0."""
+        Local, rank 0.  The matrices of the joint are real, and are applied to both parts.
+        """
         assert self.of_sector.dense is not None and self.L is not None, "of a definite matrix"
         L_j, X, _ = self.of_sector.dense
-        P = self.of_sector.boundary.at(self.system.phase)
+        P, m = self.of_sector.boundary.at(self.system.phase), F.shape[1] // 2
         of_joint = _substituted(L_j, F[: len(L_j)])
-        r = P.conj().T @ (F[len(L_j) :] - X.T @ of_joint)
-        of_faces = P @ scipy.linalg.cho_solve((self.L, True), r)
+        r = F[len(L_j) :] - X.T @ of_joint
+        r = P.conj().T @ (r[:, :m] + 1j * r[:, m:] if self._is_complex else r)
+        of_faces = P @ scipy.linalg.cho_solve((self.L, True), r, overwrite_b=True, check_finite=False)
+        if self._is_complex:
+            of_faces = np.hstack([of_faces.real, of_faces.imag])
         of_joint = _substituted(L_j, of_joint - X @ of_faces, trans=1)
         return np.concatenate([of_joint, of_faces])
 
@@ -360,13 +373,14 @@ class DiameterFactor:
                 return None
 
         def entries() -> np.ndarray:
-            F: np.ndarray = np.zeros((len(of_boundary), len(forced)), dtype=complex if self._is_complex else float)
+            F = np.zeros((len(of_boundary), copies * len(forced)))
             F[known[at[1]], np.arange(len(forced))] = 1.0
-            G = self.solved_on_boundary(F)[known[at[0]]][of_seen][:, of_forced]
+            G = self._on_boundary(F)[known[at[0]]][of_seen]
             if not self._is_complex:
-                return G
+                return G[:, of_forced]
+            real, imaginary = G[:, of_forced], G[:, len(forced) + of_forced]
             a, b = (rows % 2)[:, None], (columns % 2)[None, :]
-            return np.where(a == b, G.real, np.where(a > b, G.imag, -G.imag))
+            return np.where(a == b, real, np.where(a > b, imaginary, -imaginary))
 
         found = on_root(self.of_sector.comm, entries, share=False)
         return np.zeros((0, 0)) if found is None else found

@@ -13,6 +13,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from ..system.memory import return_large_blocks
 from ..system.signals import handlers_unchanged, is_stopping
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def initialise(options: list[str] | None = None):
         import slepc4py
 
         slepc4py.init(arguments)
+    return_large_blocks()
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
@@ -73,6 +75,13 @@ def free(*objects: PETSc.Object) -> None:
     if not is_stopping():
         for each in objects:
             each.destroy()
+
+
+def without_operands(product: PETSc.Mat) -> PETSc.Mat:
+    """Return a copy of a matrix product, which is freed: PETSc stores its operands as long as it exists.  Collective."""
+    copy = product.duplicate(copy=True)
+    product.destroy()
+    return copy
 
 
 def everyone() -> MPI.Comm:

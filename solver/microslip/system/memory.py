@@ -14,6 +14,11 @@ UNLIMITED = 2.0**60  # bytes: control groups of the first version write 2^63 whe
 _MIB = 1024.0**2
 _LEAST = 2**28  # bytes that any call may map: libraries map more than they use
 _CACHED_FILES = {1: ("total_inactive_file", "total_active_file"), 2: ("inactive_file", "active_file")}  # given up for others
+_M_MMAP_THRESHOLD, _M_MMAP_MAX = -3, -4  # of glibc's malloc.h
+_LARGE, _N_BLOCKS = (
+    2**25,
+    2**16,
+)  # bytes of a block from which it is mapped by itself, glibc's upper bound; number of them, its default
 _LIMITS = {1: ("memory.limit_in_bytes",), 2: ("memory.max", "memory.high")}
 _USED = {1: "memory.usage_in_bytes", 2: "memory.current"}
 
@@ -39,13 +44,23 @@ def give_back() -> None:
         trim(0)
 
 
+def return_large_blocks() -> None:
+    """Let freed memory of large arrays return to the system, glibc's default, which Open MPI turns off.  Local."""
+    set_option = _of_c_library("mallopt")
+    if set_option is not None:
+        set_option(_M_MMAP_MAX, _N_BLOCKS)
+        set_option(_M_MMAP_THRESHOLD, _LARGE)
+
+
 @lru_cache(maxsize=1)
 def _trim() -> Callable[[int], int] | None:
     """Return malloc_trim of the C library; None of one without it.  Local."""
-    try:
-        return ctypes.CDLL(None).malloc_trim
-    except AttributeError:
-        return None
+    return _of_c_library("malloc_trim")
+
+
+def _of_c_library(name: str) -> Callable[..., int] | None:
+    """Return a function of the C library; None of one without it.  Local."""
+    return getattr(ctypes.CDLL(None), name, None)
 
 
 def resident_memory() -> float:

@@ -182,6 +182,7 @@ def modes_by_diameter(
                     raise CaseError(f"nodal diameter {d}: {problem}") from problem
                 log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {problem}")
                 continue
+            linearised.let_K_go()
             n, fewer_will_do = min(basis_size(scene, count), of_d.n_dof), scene.solver.modes is None or matrix is not None
             computed = lowest_modes_of(linearised, n, scene.solver.verify_modes, fewer_will_do)
             both = None if matrix is None else waves_of(linearised, computed, matrix, count, log)
@@ -280,6 +281,7 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
     xlim = diameters[0] - room, diameters[-1] + 2.5 * room
     axes.set(xlabel="nodal diameter", ylabel="frequency [Hz]", xlim=xlim, ylim=(0.0, highest))
     axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.set_xticks([tick for tick in axes.get_xticks() if diameters[0] <= tick <= diameters[-1]])
     page.save(path)
 
 

@@ -145,7 +145,7 @@ def draw_at_speeds(
     by_wave: Mapping[Wave, Campbell], met: Sequence[tuple[int, Crossing]], excited: Excited, scene: Titled, path: str
 ) -> None:
     """Draw the families of all nodal diameters against speed, lines of engine orders, and where these excite them.  Local."""
-    says = "frequencies by nodal diameter against speed, without slip; engine orders E and what they excite (circles)"
+    says = "frequencies by nodal diameter against speed (dots: computed), without slip; engine orders E meet them at circles"
     diameters = list(dict.fromkeys(wave.diameter for wave in by_wave))
     colours = dict(zip(diameters, level_colours(len(diameters))))
     lines = {
@@ -162,6 +162,7 @@ def draw_at_speeds(
     for wave, campbell in by_wave.items():
         for speed, frequency in smooth(campbell):
             axes.plot(speed * 30.0 / np.pi, frequency, **lines[wave])
+        axes.plot(np.array(campbell.speed) * 30.0 / np.pi, campbell.frequency.T, ".", ms=3.0, color=colours[wave.diameter])
     at_once = [order for order in excited.all_orders if any(crossing.order == order for _, crossing in met)]
     for order in some(at_once, _NAMED):
         reached = min(end, 2.0 * np.pi * top / order)
