@@ -33,15 +33,18 @@ class OneTick(Artist):
 
     def draw(self, renderer) -> None:
         """Draw the axis, as matplotlib does where its numbers have a common factor, which stands at its end."""
-        axis, minor_locations = self._axis, self._axis.get_minorticklocs()
-        boxes = self._drawn(renderer, axis.get_major_ticks(1)[0], axis.get_major_formatter(), axis.get_majorticklocs())
-        if len(minor_locations):
-            boxes += self._drawn(renderer, axis.get_minor_ticks(1)[0], axis.get_minor_formatter(), minor_locations)
-        if axis.get_major_formatter().get_offset():
+        axis = self._axis
+        formatter, locations, minor_locations = axis.get_major_formatter(), axis.get_majorticklocs(), axis.get_minorticklocs()
+        formatter.set_locs(locations)
+        if formatter.get_offset():
             axis.set_visible(True)
             axis.draw(renderer)
             axis.set_visible(False)
-        elif axis.label.get_text():
+            return
+        boxes = self._drawn(renderer, axis.get_major_ticks(1)[0], formatter, locations)
+        if len(minor_locations):
+            boxes += self._drawn(renderer, axis.get_minor_ticks(1)[0], axis.get_minor_formatter(), minor_locations)
+        if axis.label.get_text():
             outer = Bbox.union([self._spine.get_window_extent(renderer), *boxes])
             x, y = axis.label.get_position()
             pad = axis.labelpad * _POINT * renderer.dpi
