@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import math
 import textwrap
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Protocol
 
 import matplotlib
@@ -17,7 +17,9 @@ from matplotlib.figure import Figure
 
 from ..system.files import atomic_write
 from .layout import PageLayout
+from .png import png_of
 from .record import STOPPED, LevelResult, ResultFile
+from .ticks import draw_with_one_tick
 
 WIDTH = 7.1  # in: the two columns of a page
 DPI = 200
@@ -52,6 +54,7 @@ RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key not
     "axes.formatter.useoffset": False,
     "axes.formatter.limits": (-3, 5),
     "figure.dpi": DPI,
+    "text.hinting": "none",  # at this resolution no letter is the better for it
     "text.usetex": False,
     "axes.unicode_minus": True,
 }
@@ -130,12 +133,16 @@ class PageFigure(Figure):
 
     def draw(self, renderer) -> None:
         with matplotlib.rc_context(RC):
+            draw_with_one_tick(self)
             super().draw(renderer)
 
-    def _repr_png_(self) -> bytes:
-        with io.BytesIO() as file:
-            FigureCanvasAgg(self).print_png(file)
-            return file.getvalue()
+    def png(self) -> bytes:
+        """Return the picture as PNG file."""
+        canvas = FigureCanvasAgg(self)
+        canvas.draw()  # savefig would draw twice to lay out
+        return png_of(np.asarray(canvas.buffer_rgba()), self.dpi)
+
+    _repr_png_ = png  # what a notebook shows
 
 
 class Page:
@@ -187,8 +194,7 @@ class Page:
         """Write the page as PNG, whole or not at all, and return its path."""
         with warnings.catch_warnings(), atomic_write(path) as unfinished:
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a title in letters that the font lacks: boxes
-            # savefig would draw twice to lay out; a third of zlib's work makes files a tenth larger
-            FigureCanvasAgg(self.figure).print_png(unfinished, pil_kwargs={"compress_level": 3})
+            Path(unfinished).write_bytes(self.figure.png())
         return path
 
 

@@ -74,7 +74,7 @@ Direction = Annotated[Vector, AfterValidator(not_zero)]
 class Table(BaseModel):
     """A table of a scene or of a model file: no other keys, no conversions, no NaN, not to be changed."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
     QUANTITIES: ClassVar[Mapping[str, str]] = {}  # of keys with a unit: which of ``Units`` it is in a model file
     _folder: Path = PrivateAttr(default=Path())
 
