@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -127,8 +126,7 @@ def _by_size(n_dof: int) -> float:
     return 1.0e9 * (n_dof / 122_124) ** (4.0 / 3.0)
 
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from mpi4py import MPI
 
 _MIB = 1024.0**2
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +13,8 @@ from ...library.settings import band, excitation, units_of
 from ...mesh.data import ContactPairs, Mesh
 from ...points.band import frequency_band
 from ...reduction.reduction import Reduction
+from ...scene.schema import Scene
 from .interface_model import InterfaceModel
-
-if TYPE_CHECKING:
-    from ...scene.schema import Scene
 
 
 @dataclass(frozen=True, eq=False)

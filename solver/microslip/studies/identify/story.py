@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...formats.measured import read_measured
 from ...library.build import build
@@ -12,13 +13,9 @@ from ...library.settings import output_names, refuse_discs, refuse_statics, unit
 from ...messages.errors import CaseError, ConvergenceError
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
+from ...scene.schema import Scene
 from ...system.versions import versions
 from .report import write_identified
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 
 def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[str, ...], options: tuple[str, ...] = ()) -> None:

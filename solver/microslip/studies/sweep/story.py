@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...library.build import build
 from ...library.design import Design
@@ -19,6 +20,7 @@ from ...observe.stops import goes_on
 from ...parallel.agree import on_root
 from ...parallel.rank_groups import Counter, Groups, Reports, dealt, split
 from ...restart.identity import identity_of
+from ...scene.schema import Scene
 from ...system.signals import raise_stop
 from ...system.versions import versions
 from ...system.walltime import TimeLimit
@@ -26,11 +28,6 @@ from ...system.watchdog import unwatched
 from .report import write_sweep
 from .request import Request, design_of, refusal
 from .stored import keys_of, read_samples, remove_samples, store
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 MARGIN, SLOWEST = 5.0, 2.0  # s before the end of the time, and times the slowest sample, at which no further one begins
 MOST_SAID = 10  # samples that failed

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ...continuation.accuracy import Accuracy, accuracy_of
 from ...continuation.grid import solved_at, task_at
@@ -26,12 +27,8 @@ from ...points.branch import Branch, Point
 from ...points.error_parts import total
 from ...receptance.truncated_modes import EnrichedModel
 from ...scene.read import changed
+from ...scene.schema import Scene
 from .study import Curve, Run, Setting
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 SHORT = 1.0  # s: a shorter response is solved again, and the smaller time is used
 

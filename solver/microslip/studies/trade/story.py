@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from math import gcd
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...library.build import build
 from ...library.settings import by_method, reduction_settings, refuse_statics
@@ -20,17 +21,13 @@ from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
 from ...scene.checks import OF_DISCS
 from ...scene.read import changed
+from ...scene.schema import Scene
 from ...system.versions import versions
 from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
 from .reference import Ladder, find_reference, frequencies
 from .report import write_trade
 from .study import ACCURACY, BASE, COMBINED, KNOBS, TARGETS, Run, Setting, Study, promising
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 SECONDS = 105.0  # default time budget
 UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8  # fractions of the time budget
