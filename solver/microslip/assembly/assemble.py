@@ -1,7 +1,5 @@
 """Assemble K and M of the free DOFs on every rank's own rows, and the maps from them to pairs, loads and outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

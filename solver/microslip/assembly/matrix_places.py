@@ -3,8 +3,6 @@
 A superelement has rows q of its own and a recovery matrix, u = T q: both are places, those of q first.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

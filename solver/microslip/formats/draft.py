@@ -1,7 +1,5 @@
 """The structure of a file while its reader assembles it: operations that the readers of all programs share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Read Exodus II files: element blocks, node sets and side sets with their names, numbers of nodes and elements."""
 
-from __future__ import annotations
-
 import io
 import os
 from collections.abc import Callable

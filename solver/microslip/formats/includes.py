@@ -1,7 +1,5 @@
 """Files that a model file includes: a list of them without reading the model, and their order while it is read."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator

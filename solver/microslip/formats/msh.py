@@ -3,8 +3,6 @@
 meshio also reads the format, but drops the numbers of nodes and elements.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Read further formats with meshio; its prints, exits and guesses become errors."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os

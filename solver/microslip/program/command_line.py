@@ -1,7 +1,5 @@
 """The command line: commands and their options, and the PETSc options that follow ``--``."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from pathlib import Path

@@ -9,8 +9,6 @@ atomically and never changed afterwards, so that any number of runs may read and
 Damaged files are removed.  Without a usable entry a run computes its structure.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable

@@ -7,8 +7,6 @@ A written record has been handed to the operating system and survives the proces
 busy disk, runs in a background thread.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -6,8 +6,6 @@ Each structure is written when it is computed, and again at the end of the run i
 sector are computed once for all nodal diameters, when first needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial

@@ -4,8 +4,6 @@ All arrays are small and the same on every rank.  A restored structure computes 
 they are first needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Checks across the tables of a scene: references between tables, contradictions, and missing files."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections import Counter

@@ -1,7 +1,5 @@
 """The files named by a scene, and whether its matrices may have the nodes of their rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..tables.matrix_names import KEYS, split_name

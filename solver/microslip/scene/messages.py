@@ -1,7 +1,5 @@
 """Messages for pydantic's errors in a scene: table and key, stated value, expected value."""
 
-from __future__ import annotations
-
 import math
 import types
 import typing

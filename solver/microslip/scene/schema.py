@@ -3,8 +3,6 @@
 The description of a key states its expected value with unit; messages quote it (messages.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Runs of several scenes: one group of ranks runs each scene, from its mesh to its pictures."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace

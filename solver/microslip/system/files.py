@@ -1,7 +1,5 @@
 """Files that are either whole or not there, and what to say when the disk refuses.  Rank 0 only."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

@@ -1,7 +1,5 @@
 """Connections of nodes: ties, couplings, rigid bodies, cuts."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import MeshError

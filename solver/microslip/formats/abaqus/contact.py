@@ -1,7 +1,5 @@
 """Surfaces in contact: *CONTACT PAIR with the stiffness and friction of its *SURFACE INTERACTION."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

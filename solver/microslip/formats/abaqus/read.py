@@ -1,7 +1,5 @@
 """Read a complete input file of Abaqus or CalculiX: the mesh and all other data of the structure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ...messages.errors import MeshError

@@ -1,7 +1,5 @@
 """Loads of the static steps before the vibration: *CLOAD, *DLOAD, ..., at the end of those steps."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 

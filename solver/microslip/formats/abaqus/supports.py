@@ -1,7 +1,5 @@
 """*BOUNDARY and *TRANSFORM: supports in model axes or in axes of the nodes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import MeshError

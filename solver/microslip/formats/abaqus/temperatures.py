@@ -1,7 +1,5 @@
 """Temperatures of the vibrating structure: material values and thermal loads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The blocks of an Ansys file: nodes, elements, components; a library reads archives, this module input files."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Harwell-Boeing and Rutherford-Boeing: compressed columns in fields of fixed width."""
 
-from __future__ import annotations
-
 from itertools import islice
 
 import numpy as np

@@ -3,8 +3,6 @@
 pyNastran only reads matrices whose names it knows.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """PETSc's binary matrix files: AIJ and dense, 32-bit or 64-bit indices, 64-bit real numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

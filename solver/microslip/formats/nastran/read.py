@@ -1,7 +1,5 @@
 """Read Nastran bulk data: pyNastran reads the cards, and this module assembles the structure."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

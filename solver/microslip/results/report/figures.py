@@ -1,7 +1,5 @@
 """The curves of a report as figures of plotly: plain dictionaries for JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

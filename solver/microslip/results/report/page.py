@@ -1,7 +1,5 @@
 """report.html: everything of a run on one page, from results.h5 alone, that needs no network."""
 
-from __future__ import annotations
-
 import json
 from html import escape
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """A nonlinear mode as a table, backbone.csv, backbone.h5, backbone.png and synthesis.png.  Rank 0 only."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

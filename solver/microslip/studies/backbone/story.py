@@ -1,7 +1,5 @@
 """The command `backbone`: build, follow a nonlinear mode, compare with statics and forced responses; tables and pictures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

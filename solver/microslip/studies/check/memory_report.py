@@ -1,7 +1,5 @@
 """The memory estimate of a run as text, by stage and rank; nothing is solved."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

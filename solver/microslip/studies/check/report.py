@@ -1,7 +1,5 @@
 """The report of `check`: content of a scene and resources of a run, as lines."""
 
-from __future__ import annotations
-
 from collections.abc import Container
 
 import numpy as np

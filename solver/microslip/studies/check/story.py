@@ -1,7 +1,5 @@
 """The command `check`: read and check a scene, list its content and optionally draw it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from mpi4py import MPI

@@ -1,7 +1,5 @@
 """The command `compare`: one structure, several methods at the same frequencies, one table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from mpi4py import MPI

@@ -1,7 +1,5 @@
 """The command `diff`: compare two result files, write files, return text and exit status."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...system.files import atomic_write, make_folder

@@ -1,7 +1,5 @@
 """The comparison of two results as text, table and JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The comparison of two results: inputs, structure, every level; one verdict."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

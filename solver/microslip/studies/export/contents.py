@@ -1,7 +1,5 @@
 """The arrays of an export with names, units and meanings, the same in model.npz and model.mat."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The files of an export: model.npz, model.mat, recovery, README.txt and the scripts.  Rank 0 only."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 from collections.abc import Mapping, Sequence

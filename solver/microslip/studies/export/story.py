@@ -1,7 +1,5 @@
 """The command `export`: build, reduce, form matrices, write them with a README and a script for each other program."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

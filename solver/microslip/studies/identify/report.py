@@ -1,7 +1,5 @@
 """An identification as tables, identified.csv and fit.csv, a picture and a scene.  Rank 0 only."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

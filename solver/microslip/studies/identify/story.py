@@ -1,7 +1,5 @@
 """The story of an identification: build, fit, table, picture, and the scene with the values put in."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from mpi4py import MPI

@@ -1,7 +1,5 @@
 """Frequencies against speed of rotation: families of modes and their engine-order crossings (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

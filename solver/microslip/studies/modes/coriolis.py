@@ -1,7 +1,5 @@
 """Coriolis forces in the command `modes`: the matrix of a scene, and what its modes become (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from mpi4py import MPI
 
 from ...assembly.coriolis import Coriolis, coriolis

@@ -1,7 +1,5 @@
 """The modes of a disc at every nodal diameter: table, interference diagram and shapes on all sectors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The Campbell diagram of a disc: the modes of every nodal diameter about the state of rest at several speeds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command `modes`: assemble, factor, lowest modes with proof, effective masses, table and pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

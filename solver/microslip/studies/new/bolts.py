@@ -1,7 +1,5 @@
 """Bolts of a mesh: connected parts with a round, solid shank and a head or nuts at its ends, and the place of a cut."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The story of a search: build, search at a frequency, continue if requested; table, search.csv, curves.csv, search.png."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

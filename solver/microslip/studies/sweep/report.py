@@ -1,7 +1,5 @@
 """A sweep as tables and pictures: sweep.csv, sweep.h5, and what suits its design.  Rank 0 only."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

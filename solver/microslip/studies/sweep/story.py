@@ -1,7 +1,5 @@
 """The story of a sweep: samples, structures on groups of ranks, peaks as the groups come to them, table, files, pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

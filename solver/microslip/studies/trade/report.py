@@ -1,7 +1,5 @@
 """The report of a trade: table, trade.csv, sentences about each setting, and choices.  Rank 0 only."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

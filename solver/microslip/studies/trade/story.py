@@ -1,7 +1,5 @@
 """The command `trade`: one structure, many settings at the same frequencies, compared with a reference of known error."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest

@@ -1,7 +1,5 @@
 """The command `verify`: the curve by harmonic balance, and time integration of the same model at some of its points."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The jumps of cycles of a wear study on disk: a killed study continues after its last one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The story of a wear study: build, cycle, jump, again; curves of the new and the worn joint; table, files, pictures."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from mpi4py import MPI
