@@ -37,12 +37,7 @@ class Includes:
         return "" if path == self.path else os.path.relpath(path, self.folder)
 
     def read(self, path: str) -> bytes:
-        """Return the content of a file.
-
-        Raises
-        ------
-        MeshError : files are included too often
-        """
+        """Return the content of a file.  Raises MeshError: files are included too often."""
         with open(path, "rb") as file:
             content = file.read()
         self.sizes[path] = len(content)

@@ -264,12 +264,7 @@ def _parts(path: Path) -> list[Path]:
 
 
 def _empty(path: Path) -> None:
-    """Remove all checkpoints.  Rank 0.
-
-    Raises
-    ------
-    CaseError, ResourceError : they cannot be removed
-    """
+    """Remove all checkpoints.  Rank 0.  Raises CaseError, ResourceError: they cannot be removed."""
     with file_errors(str(path)):
         for name in _FILES:
             (path / name).unlink(missing_ok=True)

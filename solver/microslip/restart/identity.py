@@ -124,12 +124,7 @@ class Identity:
 
 
 def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
-    """Return the identity of a run.  Local, on rank 0: reads all input files once.
-
-    Raises
-    ------
-    CaseError : a file cannot be read
-    """
+    """Return the identity of a run.  Local, on rank 0: reads all input files once.  Raises CaseError: a file cannot be read."""
     files: dict[str, str] = {}
     inputs = input_files(scene)
     if _may_be_loaded(scene, [path for _, path in inputs]):

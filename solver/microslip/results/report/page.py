@@ -43,12 +43,7 @@ def write_report(path: str, folder: str | Path) -> str:
 
 
 def plotly_js() -> str:
-    """Return plotly's library for browsers, which the page carries with it.
-
-    Raises
-    ------
-    CaseError : plotly is not installed
-    """
+    """Return plotly's library for browsers, which the page carries with it.  Raises CaseError: plotly is not installed."""
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:

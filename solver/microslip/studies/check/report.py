@@ -120,12 +120,7 @@ def _bolts(mesh: Mesh, scene: Scene) -> list[str]:
 
 
 def description_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
-    """Return the lines of ``description`` for a scene given as matrices.  Local, on rank 0.
-
-    Raises
-    ------
-    CaseError : too many modes
-    """
+    """Return the lines of ``description`` for a scene given as matrices.  Local, on rank 0.  Raises CaseError: too many modes."""
     massless = f"; {given.n_massless} DOF without mass" if given.n_massless else ""
     damping = "" if given.C is None else f", damping {given.C.nnz}"
     return [

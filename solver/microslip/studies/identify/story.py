@@ -46,12 +46,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
 
 
 def bounds_of(text: str) -> tuple[str, tuple[float, float]]:
-    """Return the number and its bounds of KEY=LOW:HIGH.  Local.
-
-    Raises
-    ------
-    CaseError : another text
-    """
+    """Return the number and its bounds of KEY=LOW:HIGH.  Local.  Raises CaseError: another text."""
     key, _, ends = text.partition("=")
     low, _, high = ends.partition(":")
     try:

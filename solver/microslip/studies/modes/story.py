@@ -99,12 +99,7 @@ def _of_structure(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, 
 
 
 def at_speed(scene: Scene, speed: float) -> Scene:
-    """Return the scene with a speed of rotation [rad/s].  Local.
-
-    Raises
-    ------
-    CaseError : the scene has no axis
-    """
+    """Return the scene with a speed of rotation [rad/s].  Local.  Raises CaseError: the scene has no axis."""
     return changed(scene, {"statics": {"rotation_speed": speed}})
 
 

@@ -76,12 +76,7 @@ def trade(scene: Scene, comm: MPI.Comm, folder: Path, request: Request | None = 
 
 
 def check_request(scene: Scene, request: Request) -> None:
-    """Refuse unsuitable scenes and options.  Local.
-
-    Raises
-    ------
-    CaseError
-    """
+    """Refuse unsuitable scenes and options.  Local.  Raises CaseError."""
     for name in request.knobs:
         if name not in KNOBS:
             raise CaseError(f"--knobs: unknown knob {name!r}{hint(name, KNOBS, str)}; known: {', '.join(KNOBS)}")
@@ -112,12 +107,7 @@ def check_request(scene: Scene, request: Request) -> None:
 
 
 def check_loads(scene: Scene) -> None:
-    """Refuse loads without motion in harmonic 1, in which errors are measured.  Local.
-
-    Raises
-    ------
-    CaseError
-    """
+    """Refuse loads without motion in harmonic 1, in which errors are measured.  Local.  Raises CaseError."""
     numbers = sorted({load.harmonic for load in scene.loads} - {0})
     if not numbers:
         raise CaseError(
