@@ -10,11 +10,12 @@ from typing import Any, get_args
 from ..contact.keys import ELASTIC_COULOMB, ROUGH
 from ..messages.words import hint, listed
 from ..system.files import NO_FILE
+from ..tables.constant_loads import Statics
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint, OfPoints
 from ..tables.table import any_of
 from .inputs import may_know_nodes, named_files
-from .schema import Scene, Statics
+from .schema import Scene
 from .wear import ARCHARD, ENERGY, Wear
 
 OF_DISCS = ("receptance", "adaptive", "adaptive-energy")  # methods with the basis of the stuck structure

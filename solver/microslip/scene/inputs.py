@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from ..tables.matrix_names import KEYS, split_name
-from .schema import Model, Scene
+from ..tables.structure import Model
+from .schema import Scene
 
 _WITH_NODES = (".sti", ".mas", ".pch", ".dmig", ".bdf", ".full", ".sub")
 

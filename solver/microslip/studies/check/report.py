@@ -18,9 +18,11 @@ from ...messages.words import place
 from ...modes.limits import FEW, refuse_too_many
 from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
-from ...scene.schema import ACCURACY_OF_MODES, Load, Output, Scene
+from ...scene.schema import Scene
+from ...scene.solution import ACCURACY_OF_MODES
 from ...tables.structure import Mass, Spring
 from ...tables.units import UNITS
+from ...tables.vibration import Load, Output
 from . import model_content as content
 from .plausible import SI, suspicion
 
