@@ -5,8 +5,6 @@ distance from the apex: each kind lists the monomials that span them, and the co
 the coefficients.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import product
 
