@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from oracles.scenes import make_system
 from petsc4py import PETSc
 
 from microslip.assembly.system import System
@@ -137,3 +138,29 @@ def truss(n_x=3, n_y=2, n_z=2) -> tuple[np.ndarray, sp.csr_matrix]:
         for d in range(3)
     )
     return points, (1.0e7 * elongation.T @ elongation).tocsr()
+
+
+def softly_held_truss(held: float, elastic: float, omega: np.ndarray, **damping):
+    """Return load, output, free stiffness, ground stiffness and the system of a truss with one pair, on soft springs.
+
+    ``held``: frequency on the springs over ``elastic``, the lowest elastic one [rad/s].
+    """
+    _, free = truss()
+    n, soft = free.shape[0], (held * elastic) ** 2
+    load, output = np.eye(n)[5], np.eye(n)[31]
+    system = make_system(
+        "truss",
+        np.eye(n),
+        free.toarray() + soft * np.eye(n),
+        [[0, 1, 2, 33, 34, 35]],
+        mu=0.3,
+        N0=1e6,
+        k_t=2e6,
+        k_n=3e6,
+        loads=[{"harmonic": 1, "vector": load}],
+        output=output,
+        omega=(omega[0], omega[-1]),
+        levels=[1.0],
+        **damping,
+    )
+    return load, output, free, soft, system

@@ -31,6 +31,19 @@ SCENE = {
     "response": {"levels": (30.0,), "mode": 1, "span": (0.95, 1.02), "points": 6},
     "solver": {"modes": 6, "error_bars": False},
 }
+# one element for tests of input files of Abaqus and CalculiX
+CUBE = """*NODE, NSET=ALL
+1, 0, 0, 0
+2, 1, 0, 0
+3, 1, 1, 0
+4, 0, 1, 0
+5, 0, 0, 1
+6, 1, 0, 1
+7, 1, 1, 1
+8, 0, 1, 1
+*ELEMENT, TYPE=C3D8, ELSET=CUBE
+1, 1, 2, 3, 4, 5, 6, 7, 8
+"""
 
 
 @dataclass(frozen=True)

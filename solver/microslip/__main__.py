@@ -146,7 +146,7 @@ def _diff(command: Command, comm: MPI.Comm | None) -> int:
 
     require(comm, faults("matplotlib", "h5py", "pydantic"))
     from .results.read import refuse_deadly
-    from .studies.diff.command import compare_files
+    from .studies.diff.report import compare_files
 
     def compared(*arguments) -> tuple[str, int]:
         for file in arguments[:2]:

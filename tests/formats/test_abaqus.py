@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from plain_model import bdf, inp, plain, tables
+from plain_model import CUBE, bdf, inp, plain, tables
 
 from microslip import elements
 from microslip.assembly.assemble import assemble
@@ -29,18 +29,6 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "meshes"))
 
 from brake_reuss import BrakeReuss, input_file
 
-CUBE = """*NODE, NSET=ALL
-1, 0, 0, 0
-2, 1, 0, 0
-3, 1, 1, 0
-4, 0, 1, 0
-5, 0, 0, 1
-6, 1, 0, 1
-7, 1, 1, 1
-8, 0, 1, 1
-*ELEMENT, TYPE=C3D8, ELSET=CUBE
-1, 1, 2, 3, 4, 5, 6, 7, 8
-"""
 STEEL = """*MATERIAL, NAME=Steel
 *ELASTIC
 210000., .3

@@ -2,24 +2,13 @@
 
 import numpy as np
 import pytest
+from plain_model import CUBE
 
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.messages.errors import CaseError, MeshError
 from microslip.scene.read import scene_of
 
-CUBE = """*NODE, NSET=ALL
-1, 0, 0, 0
-2, 1, 0, 0
-3, 1, 1, 0
-4, 0, 1, 0
-5, 0, 0, 1
-6, 1, 0, 1
-7, 1, 1, 1
-8, 0, 1, 1
-*ELEMENT, TYPE=C3D8, ELSET=CUBE
-1, 1, 2, 3, 4, 5, 6, 7, 8
-"""
 ORTHO = "*ELASTIC, TYPE=ORTHO\n11., 12., 22., 13., 23., 33., 44., 55.,\n66.\n"
 CONSTANTS = "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n140., 10., 20., .28, .31, .4, 5., 6.\n3.5, 20.\n"
 ANISO = "*ELASTIC, TYPE=ANISO\n11., 12., 22., 13., 23., 33., 14., 24.,\n34., 44., 15., 25., 35., 45., 55., 16.,\n26., 36., 46., 56., 66.\n"

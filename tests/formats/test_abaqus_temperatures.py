@@ -1,21 +1,10 @@
 """Temperatures in input files of Abaqus and CalculiX: materials that depend on them, and what they load."""
 
 import pytest
+from plain_model import CUBE
 
 from microslip.formats.read import read_model
 
-CUBE = """*NODE, NSET=ALL
-1, 0, 0, 0
-2, 1, 0, 0
-3, 1, 1, 0
-4, 0, 1, 0
-5, 0, 0, 1
-6, 1, 0, 1
-7, 1, 1, 1
-8, 0, 1, 1
-*ELEMENT, TYPE=C3D8, ELSET=CUBE
-1, 1, 2, 3, 4, 5, 6, 7, 8
-"""
 SECOND = """*NODE, NSET=UPPER
 11, 0, 0, 2
 12, 1, 0, 2

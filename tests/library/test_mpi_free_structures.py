@@ -6,7 +6,7 @@ import scipy.linalg
 import scipy.optimize
 from bar_loads import dense, scene_with
 from bar_scene import N_DOF, by
-from lattices import truss
+from lattices import softly_held_truss
 from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
 from oracles.scenes import joint_stiffness, make_system
@@ -197,25 +197,8 @@ def test_the_methods_agree_on_a_free_structure(tmp_path, method):
 @pytest.mark.parametrize("held", [0.0, 1e-3])
 def test_soft_springs_approach_the_free_structure(tmp_path, held):
     """A truss of matrices, pairs stuck: springs at 1/1000 of the elastic frequencies change the curve by about 1e-6."""
-    _, free = truss()
-    n, zeta, soft = free.shape[0], 0.01, (held * ELASTIC) ** 2
-    load, output = np.eye(n)[5], np.eye(n)[31]
-    omega = ELASTIC * np.array([0.5, 0.9, 0.97, 1.03])
-    system = make_system(
-        "truss",
-        np.eye(n),
-        free.toarray() + soft * np.eye(n),
-        [[0, 1, 2, 33, 34, 35]],
-        mu=0.3,
-        N0=1e6,
-        k_t=2e6,
-        k_n=3e6,
-        loads=[{"harmonic": 1, "vector": load}],
-        output=output,
-        omega=(omega[0], omega[-1]),
-        levels=[1.0],
-        rayleigh=(0.0, 2.0 * zeta / ELASTIC),
-    )
+    omega, zeta = ELASTIC * np.array([0.5, 0.9, 0.97, 1.03]), 0.01
+    load, output, free, soft, system = softly_held_truss(held, ELASTIC, omega, rayleigh=(0.0, 2.0 * zeta / ELASTIC))
     system["pair_dofs"][0, 3:] = [33, 34, 35]
     folder = comm.bcast(tmp_path)
     options = {"at": omega, "outputs": [31], "harmonics": 1, "samples": 32, "modes": 36 if held else 32, "error_bars": False}
@@ -224,7 +207,9 @@ def test_soft_springs_approach_the_free_structure(tmp_path, held):
     solved = np.array([to_complex(point.response)[0, 1] for point in requested(branch)])
     R = system["R"]
     stiffness = free.toarray() + R.T @ (joint_stiffness(system)[:, None] * R)
-    exact = [output @ np.linalg.solve(stiffness * (1.0 + 2j * zeta * w / ELASTIC) - w**2 * np.eye(n), load) for w in omega]
+    exact = [
+        output @ np.linalg.solve(stiffness * (1.0 + 2j * zeta * w / ELASTIC) - w**2 * np.eye(len(load)), load) for w in omega
+    ]
     np.testing.assert_allclose(solved, exact, rtol=0, atol=(5e-5 if held else 1e-8) * np.abs(exact).max())
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import scipy.linalg
-from lattices import truss
+from lattices import softly_held_truss
 from matrix_scenes import branches_of, requested, write_matrix_scene
 from mpi4py import MPI
-from oracles.scenes import joint_stiffness, make_system
+from oracles.scenes import joint_stiffness
 
 from microslip.fourier.amplitudes import to_complex
 from microslip.parallel.agree import on_root
@@ -18,25 +18,8 @@ ELASTIC = 2236.0  # rad/s, the lowest elastic mode of the truss
 @pytest.mark.parametrize("held", [1e-2, 1e-5])
 def test_the_response_of_a_softly_held_truss(tmp_path, held):
     """All pairs stick.  At 1e-5 the static solution is 1e10 times what remains beside its rigid-body motion."""
-    _, free = truss()
-    n, zeta, soft = free.shape[0], 0.01, (held * ELASTIC) ** 2
-    load, output = np.eye(n)[5], np.eye(n)[31]
-    omega = ELASTIC * np.array([0.9, 0.97, 1.03])
-    system = make_system(
-        "truss",
-        np.eye(n),
-        free.toarray() + soft * np.eye(n),
-        [[0, 1, 2, 33, 34, 35]],
-        mu=0.3,
-        N0=1e6,
-        k_t=2e6,
-        k_n=3e6,
-        loads=[{"harmonic": 1, "vector": load}],
-        output=output,
-        omega=(omega[0], omega[-1]),
-        levels=[1.0],
-        zeta=zeta,
-    )
+    omega, zeta = ELASTIC * np.array([0.9, 0.97, 1.03]), 0.01
+    load, output, free, soft, system = softly_held_truss(held, ELASTIC, omega, zeta=zeta)
     R = system["R"]
     values, phi = scipy.linalg.eigh(free.toarray() + R.T @ (joint_stiffness(system)[:, None] * R))
     omega_n = np.sqrt(np.where(values > 1.0, values, 0.0) + soft)

@@ -3,7 +3,7 @@
 from typing import get_args
 
 from microslip.reduction.methods import METHODS
-from microslip.scene.schema import Method
+from microslip.scene.solution import Method
 
 
 def test_every_registered_method_can_be_named():

@@ -8,7 +8,7 @@ from scene_files import GOOD, write_scene
 from microslip.library.settings import reduction_settings, response_settings
 from microslip.messages.errors import CaseError
 from microslip.scene.read import changed, read_scene
-from microslip.scene.schema import Table
+from microslip.tables.table import Table
 
 
 def message(folder, old, new):

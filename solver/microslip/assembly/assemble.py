@@ -1,12 +1,10 @@
 """Assemble K and M of the free DOFs on every rank's own rows, and the maps from them to pairs, loads and outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import elements
@@ -29,9 +27,6 @@ from .output_rows import OutputRow, output_row
 from .rigid_motions import free_combinations, rigid_motions
 from .sectors import Sectors
 from .system import System
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 FREE = "no [[supports]]: the structure is free, and its rigid-body motion is part of the response"
 ASSEMBLED = 40.0  # bytes an entry of K held at once: sums of element matrices, rows expanded, PETSc's copy of them

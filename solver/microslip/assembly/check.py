@@ -1,7 +1,5 @@
 """Find inverted elements before anything is assembled from them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .. import elements

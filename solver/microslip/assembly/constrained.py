@@ -1,7 +1,5 @@
 """The system of the independent degrees of freedom, with ties, points and equations eliminated (docs/theory.md, section 2)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

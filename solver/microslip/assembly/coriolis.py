@@ -1,7 +1,5 @@
 """The matrix of Coriolis forces of a structure that turns, skew-symmetric (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

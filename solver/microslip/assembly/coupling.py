@@ -10,13 +10,12 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from ..mesh.data import ContactPairs, DistributedMesh
+from .constraints import Constraints
 from .matrices import GivenStructure
 from .node_blocks import node_pattern
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-    from .constraints import Constraints
 
 
 @dataclass(frozen=True, eq=False)

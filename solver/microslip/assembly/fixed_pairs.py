@@ -1,7 +1,5 @@
 """Contact pairs whose sides cannot move relative to each other; a joint of such pairs alone is a mistake in the scene."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

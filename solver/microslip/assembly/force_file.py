@@ -1,7 +1,5 @@
 """Read forces on nodes or DOFs, real or complex, from a CSV file.  Local; NumPy only."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +24,7 @@ def forces_on_nodes(path: Path, numbers: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def forces_on_dofs(path: Path, n_dof: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return DOFs (n,) and the forces on them (n,), complex [N].  Local.
-
-    Raises
-    ------
-    CaseError : names the line at fault
-    """
+    """Return DOFs (n,) and the forces on them (n,), complex [N].  Local.  Raises CaseError: names the line at fault."""
     lines, table = _read(path, *ON_DOFS)
     dof = table[:, 0]
     wrong = np.flatnonzero((dof != np.floor(dof)) | (dof < 0) | (dof >= n_dof))

@@ -1,7 +1,5 @@
 """The structure about a large displacement: its tangent stiffness, and the loads from there (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

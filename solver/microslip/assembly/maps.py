@@ -1,7 +1,5 @@
 """The small sparse maps between DOFs and what they serve: contact pairs, loads, outputs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

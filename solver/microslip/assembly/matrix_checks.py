@@ -1,7 +1,5 @@
 """What the matrices of another program say of themselves: symmetry, definiteness, rigid-body motions, mass."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.csgraph

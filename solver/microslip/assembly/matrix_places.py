@@ -3,8 +3,6 @@
 A superelement has rows q of its own and a recovery matrix, u = T q: both are places, those of q first.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -43,12 +41,7 @@ class Places:
         return (row @ self.expand).tocsr()
 
     def pair_map(self, pairs: ContactPairs, names: tuple[str, str] = ("node1", "node2")) -> sp.csr_matrix:
-        """Return R of pairs of nodes, (3 n_pairs, n_dof).
-
-        Raises
-        ------
-        CaseError : a node of a pair that the matrices do not move
-        """
+        """Return R of pairs of nodes, (3 n_pairs, n_dof).  Raises CaseError: a node of a pair that the matrices do not move."""
         for weights in pairs.sides(len(self.dof)):
             used = np.unique(weights.indices)
             lost = used[(self.dof[used] < 0).all(axis=1)]

@@ -1,7 +1,5 @@
 """Supports that are moved before the vibration, and hold what they hold there (docs/theory.md, eq. (12.12))."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..mesh.data import Mesh

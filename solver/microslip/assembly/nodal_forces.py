@@ -5,8 +5,6 @@ A load whose phase varies over the structure is two real shapes: with complex no
     Re(f e^(i (n omega t + phase))) = f_re cos(n omega t + phase) + f_im cos(n omega t + phase + pi / 2).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sum element matrices into sparse rows: 3 x 3 blocks between nodes first, single rows of the free DOFs at the end."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

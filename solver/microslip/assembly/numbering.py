@@ -1,7 +1,5 @@
 """Number the free degrees of freedom: contiguous per rank, node after node."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..mesh.data import DistributedMesh

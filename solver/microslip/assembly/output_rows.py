@@ -1,7 +1,5 @@
 """Outputs as rows over the nodes: a displacement along a direction, or a component of stress or strain at a node."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Read contact pairs between DOFs from a CSV file.  Local; NumPy only."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What acts on a structure before it vibrates, and what its stress and spin add to its stiffness (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Bolts with pretension: the load of a shortened shank and the force in its cut (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What acts on nodes and points of a structure at rest beside contact: its loads, and how elements resist where it is held."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

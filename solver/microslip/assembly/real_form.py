@@ -5,8 +5,6 @@ Row j of a complex vector becomes the rows 2 j (real part) and 2 j + 1 (imaginar
 vectors.  The rows of a part of the structure stay together, so that the graph is that of two sectors in a ring.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -1,7 +1,5 @@
 """Rotation about the axis of the model: accelerations of points that turn with it (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..tables.constant_loads import Statics

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
+from petsc4py import PETSc
 
 from ..parallel.petsc import free
 from .constraints import Constraints
@@ -14,7 +15,6 @@ from .real_form import real_matrix
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-    from petsc4py import PETSc
 
 
 class Disc(Protocol):

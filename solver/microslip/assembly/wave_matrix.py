@@ -4,8 +4,6 @@ The sector's matrix has the rows of both faces; P(d) = P_0 + exp(i d alpha) P_1 
 of the size of the sector is made for a nodal diameter.
 """
 
-from __future__ import annotations
-
 import atexit
 import weakref
 from dataclasses import dataclass, field

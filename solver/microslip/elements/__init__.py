@@ -12,9 +12,9 @@ from .faces import (
     point_functions,
     pressure_forces,
 )
-from .kinds import FACE_KINDS, KINDS, Kind
+from .kinds import FACE_KINDS, KINDS
 from .large_displacements import large_displacements
-from .materials import COMPONENTS, Anisotropic, Cylindrical, Directions, Isotropic, Material, checked, orthotropic
+from .materials import Anisotropic, Cylindrical, Directions, Isotropic, checked, orthotropic
 from .nearest import nearest_on_faces
 from .quadrature import INTEGRATIONS
 from .recovery import nodal_strain, nodal_stress
@@ -23,12 +23,10 @@ from .stress import deformed_stiffness, stress, stress_stiffness, thermal_forces
 
 __all__ = [
     "CELLS",
-    "COMPONENTS",
     "Anisotropic",
     "Cylindrical",
     "Directions",
     "Isotropic",
-    "Material",
     "FACE_KINDS",
     "INTEGRATIONS",
     "KINDS",
@@ -38,7 +36,6 @@ __all__ = [
     "SolidSection",
     "Solids",
     "point_functions",
-    "Kind",
     "checked",
     "deformed_stiffness",
     "face_nodal_areas",

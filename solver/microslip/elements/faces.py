@@ -1,7 +1,5 @@
 """Normals and tributary areas of element faces, from their curved surface."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .kinds import FACE_KINDS

@@ -5,8 +5,7 @@ distance from the apex: each kind lists the monomials that span them, and the co
 the coefficients.
 """
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -124,22 +123,30 @@ def _multilinear(*exponent) -> bool:
     return max(exponent) <= 1
 
 
-def _face(kind: str, *local: int) -> tuple[str, np.ndarray]:
-    return kind, np.array(local)
+def _faces(corners: Sequence[tuple[int, ...]], n_corners: int = 0, edges: Sequence = ()) -> tuple[tuple[str, np.ndarray], ...]:
+    """Return kind and local nodes of each face from its corners; with the edges of the cell also their mid-side nodes."""
+    middle_of = {frozenset(edge): n_corners + i for i, edge in enumerate(edges)}
+    faces = [(*face, *(middle_of[frozenset(side)] for side in zip(face, face[1:] + face[:1]) if edges)) for face in corners]
+    return tuple((_FACE_OF[len(face)], np.array(face)) for face in faces)
 
 
+_FACE_OF = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8"}  # kind by the number of nodes
 _SQUARE = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
 _SQUARE_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0)]
 _TRIANGLE = [(0, 0), (1, 0), (0, 1)]
 _TRIANGLE_EDGES = [(0, 1), (1, 2), (2, 0)]
 _HEXAHEDRON = [(x, y, z) for z in (-1, 1) for x, y in _SQUARE]
 _HEXAHEDRON_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+_HEXAHEDRON_FACES = [(0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7)]
 _TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
 _TETRAHEDRON_EDGES = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+_TETRAHEDRON_FACES = [(0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1)]
 _PYRAMID = [*((x, y, 0) for x, y in _SQUARE), (0, 0, 1)]
 _PYRAMID_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)]
+_PYRAMID_FACES = [(0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)]
 _WEDGE = [(x, y, z) for z in (-1, 1) for x, y in _TRIANGLE]
 _WEDGE_EDGES = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
+_WEDGE_FACES = [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)]
 
 FACE_KINDS = {
     kind.name: kind
@@ -154,93 +161,46 @@ FACE_KINDS = {
 KINDS = {
     kind.name: kind
     for kind in (
-        Kind(
-            "hex8",
-            _with_mid_sides(_HEXAHEDRON, []),
-            _monomials(3, _multilinear),
-            8,
-            (
-                _face("quad4", 0, 4, 7, 3),
-                _face("quad4", 1, 2, 6, 5),
-                _face("quad4", 0, 1, 5, 4),
-                _face("quad4", 3, 7, 6, 2),
-                _face("quad4", 0, 3, 2, 1),
-                _face("quad4", 4, 5, 6, 7),
-            ),
-        ),
+        Kind("hex8", _with_mid_sides(_HEXAHEDRON, []), _monomials(3, _multilinear), 8, _faces(_HEXAHEDRON_FACES)),
         Kind(
             "hex20",
             _with_mid_sides(_HEXAHEDRON, _HEXAHEDRON_EDGES),
             _monomials(3, _serendipity),
             8,
-            (
-                _face("quad8", 0, 4, 7, 3, 16, 15, 19, 11),
-                _face("quad8", 1, 2, 6, 5, 9, 18, 13, 17),
-                _face("quad8", 0, 1, 5, 4, 8, 17, 12, 16),
-                _face("quad8", 3, 7, 6, 2, 19, 14, 18, 10),
-                _face("quad8", 0, 3, 2, 1, 11, 10, 9, 8),
-                _face("quad8", 4, 5, 6, 7, 12, 13, 14, 15),
-            ),
+            _faces(_HEXAHEDRON_FACES, 8, _HEXAHEDRON_EDGES),
         ),
         Kind(
             "tet4",
             _with_mid_sides(_TETRAHEDRON, []),
             _monomials(3, lambda x, y, z: x + y + z <= 1),
             4,
-            (_face("tri3", 0, 1, 3), _face("tri3", 1, 2, 3), _face("tri3", 2, 0, 3), _face("tri3", 0, 2, 1)),
+            _faces(_TETRAHEDRON_FACES),
         ),
         Kind(
             "tet10",
             _with_mid_sides(_TETRAHEDRON, _TETRAHEDRON_EDGES),
             _monomials(3, lambda x, y, z: x + y + z <= 2),
             4,
-            (
-                _face("tri6", 0, 1, 3, 4, 8, 7),
-                _face("tri6", 1, 2, 3, 5, 9, 8),
-                _face("tri6", 2, 0, 3, 6, 7, 9),
-                _face("tri6", 0, 2, 1, 6, 5, 4),
-            ),
+            _faces(_TETRAHEDRON_FACES, 4, _TETRAHEDRON_EDGES),
         ),
         # Nodes 3, 4, 5 lie on the side that the right-hand rule gives 0, 1, 2, as in Abaqus and meshio files (VTK's
         # documentation says the opposite, its shape functions agree).
         Kind(
-            "wedge6",
-            _with_mid_sides(_WEDGE, []),
-            _monomials(3, lambda x, y, z: x + y <= 1 and z <= 1),
-            6,
-            (
-                _face("tri3", 0, 2, 1),
-                _face("tri3", 3, 4, 5),
-                _face("quad4", 0, 1, 4, 3),
-                _face("quad4", 1, 2, 5, 4),
-                _face("quad4", 2, 0, 3, 5),
-            ),
+            "wedge6", _with_mid_sides(_WEDGE, []), _monomials(3, lambda x, y, z: x + y <= 1 and z <= 1), 6, _faces(_WEDGE_FACES)
         ),
         Kind(
             "wedge15",
             _with_mid_sides(_WEDGE, _WEDGE_EDGES),
             _monomials(3, lambda x, y, z: x + y + max(z - 1, 0) <= 2),
             6,
-            (
-                _face("tri6", 0, 2, 1, 8, 7, 6),
-                _face("tri6", 3, 4, 5, 9, 10, 11),
-                _face("quad8", 0, 1, 4, 3, 6, 13, 9, 12),
-                _face("quad8", 1, 2, 5, 4, 7, 14, 10, 13),
-                _face("quad8", 2, 0, 3, 5, 8, 12, 11, 14),
-            ),
+            _faces(_WEDGE_FACES, 6, _WEDGE_EDGES),
         ),
         Pyramid(
             "pyramid5",
             _with_mid_sides(_PYRAMID, []),
             np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)]),
             5,
-            (
-                _face("quad4", 0, 3, 2, 1),
-                _face("tri3", 0, 1, 4),
-                _face("tri3", 1, 2, 4),
-                _face("tri3", 2, 3, 4),
-                _face("tri3", 3, 0, 4),
-            ),
+            _faces(_PYRAMID_FACES),
             poles=(0, 0, 0, 0, 1),
         ),
         Pyramid(
@@ -248,13 +208,7 @@ KINDS = {
             _with_mid_sides(_PYRAMID, _PYRAMID_EDGES),
             np.array([*_monomials(3, lambda x, y, z: x + y + z <= 2), (1, 1, 0), (2, 1, 0), (1, 2, 0)]),
             5,
-            (
-                _face("quad8", 0, 3, 2, 1, 8, 7, 6, 5),
-                _face("tri6", 0, 1, 4, 5, 10, 9),
-                _face("tri6", 1, 2, 4, 6, 11, 10),
-                _face("tri6", 2, 3, 4, 7, 12, 11),
-                _face("tri6", 3, 0, 4, 8, 9, 12),
-            ),
+            _faces(_PYRAMID_FACES, 5, _PYRAMID_EDGES),
             poles=(0,) * 10 + (1, 1, 1),
         ),
     )

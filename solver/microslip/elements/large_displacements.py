@@ -1,7 +1,5 @@
 """Forces and tangent stiffness of solids under large displacements and small strains (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .materials import Elastic

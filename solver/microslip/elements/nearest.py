@@ -1,7 +1,5 @@
 """The nearest point of a face, straight or curved, to a point in space."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .kinds import FACE_KINDS, Kind

@@ -4,8 +4,6 @@ Reference domains: [-1, 1] in every direction of squares and hexahedra; the unit
 the unit triangle times [-1, 1]; pyramids have the base [-1, 1]^2 and the apex (0, 0, 1).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import permutations
 

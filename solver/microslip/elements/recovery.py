@@ -1,7 +1,5 @@
 """Stress and strain at the nodes of elements, as rows over their displacements (docs/theory.md, section 13)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

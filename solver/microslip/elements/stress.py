@@ -1,7 +1,5 @@
 """Strain and stress of solids, their stiffness about a stressed state, and thermal forces (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .materials import Elastic

@@ -1,7 +1,5 @@
 """The adjoint of the outputs at a point, and its derivatives of the outputs by parameters of the contact law."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

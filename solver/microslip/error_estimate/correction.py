@@ -1,7 +1,5 @@
 """The amplitude corrected by an enriched problem, and the bar of the remaining error (docs/theory.md, section 11)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of numbers from CSV files: a header with the names of the columns, then one line of numbers per entry.  Local."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The structure of a file while its reader assembles it: operations that the readers of all programs share."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -117,12 +115,7 @@ class Draft:
         return None
 
     def find(self, numbers: Iterable[int], where: str) -> np.ndarray:
-        """Return the positions of nodes.
-
-        Raises
-        ------
-        MeshError : the file has no node of a number
-        """
+        """Return the positions of nodes.  Raises MeshError: the file has no node of a number."""
         wanted = np.array([number for number in numbers if number], dtype=np.int64)
         index, missing = index_of(self.numbers, wanted)
         if len(missing):

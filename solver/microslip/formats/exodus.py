@@ -1,7 +1,5 @@
 """Read Exodus II files: element blocks, node sets and side sets with their names, numbers of nodes and elements."""
 
-from __future__ import annotations
-
 import io
 import os
 from collections.abc import Callable
@@ -18,23 +16,9 @@ from .draft import face_of
 from .hdf5 import MOST_GAIN, Storage
 from .model import KINDS, Cells, FileModel, Finding, Group
 
-_KINDS = {
-    ("TET", 4): "tet4",
-    ("TET", 10): "tet10",
-    ("HEX", 8): "hex8",
-    ("HEX", 20): "hex20",
-    ("HEX", 27): "hex27",
-    ("WED", 6): "wedge6",
-    ("WED", 15): "wedge15",
-    ("PYR", 5): "pyramid5",
-    ("PYR", 13): "pyramid13",
-    ("TRI", 3): "tri3",
-    ("TRI", 6): "tri6",
-    ("QUA", 4): "quad4",
-    ("QUA", 8): "quad8",
-    ("SHE", 4): "quad4",
-    ("SHE", 8): "quad8",
-}
+_SHAPES = {"TET": "tet", "HEX": "hex", "WED": "wedge", "PYR": "pyramid", "TRI": "tri", "QUA": "quad", "SHE": "quad"}
+_SIZES = {"tet": (4, 10), "hex": (8, 20, 27), "wedge": (6, 15), "pyramid": (5, 13), "tri": (3, 6), "quad": (4, 8)}
+_KINDS = {(word, size): f"{shape}{size}" for word, shape in _SHAPES.items() for size in _SIZES[shape]}
 # Exodus writes the mid-side nodes of vertical edges before the mid-side nodes of the top
 _ORDER = {"hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15], "wedge15": [*range(9), 12, 13, 14, 9, 10, 11]}
 # sides 1, 2, ... by their corners

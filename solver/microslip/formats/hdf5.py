@@ -1,7 +1,5 @@
 """Checks of an HDF5 file before it is read: the storage of its data sets against the file size.  Local; needs h5py."""
 
-from __future__ import annotations
-
 from math import prod
 from typing import Any
 

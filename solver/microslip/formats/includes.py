@@ -1,7 +1,5 @@
 """Files that a model file includes: a list of them without reading the model, and their order while it is read."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterator
@@ -39,12 +37,7 @@ class Includes:
         return "" if path == self.path else os.path.relpath(path, self.folder)
 
     def read(self, path: str) -> bytes:
-        """Return the content of a file.
-
-        Raises
-        ------
-        MeshError : files are included too often
-        """
+        """Return the content of a file.  Raises MeshError: files are included too often."""
         with open(path, "rb") as file:
             content = file.read()
         self.sizes[path] = len(content)

@@ -3,8 +3,6 @@
 SciPy and pyuff read them in a sandbox: SciPy crashes on some damaged files.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from pathlib import Path

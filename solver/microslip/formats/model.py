@@ -6,6 +6,7 @@ nothing is ignored silently.  ``library/complete.py`` makes a scene from a ``Fil
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -19,28 +20,13 @@ from ..tables.table import Vector
 NO_NODES = np.empty(0, dtype=np.int64)
 _MOST_HOLES = 8  # unused numbers per used one up to which a table of all numbers is made
 
+_DIMENSIONS = {"point": 0, "line": 1, "tri": 2, "quad": 2, "tet": 3, "hex": 3, "wedge": 3, "pyramid": 3}
+_SIZES = (
+    "point line2 line3 tri3 tri6 quad4 quad8 quad9 tet4 tet10 hex8 hex20 hex27 wedge6 wedge15 wedge18 "
+    "pyramid5 pyramid13 pyramid14"
+)
 # Kinds of cells in a file, by this program's names: dimension and number of nodes.
-KINDS = {
-    "point": (0, 1),
-    "line2": (1, 2),
-    "line3": (1, 3),
-    "tri3": (2, 3),
-    "tri6": (2, 6),
-    "quad4": (2, 4),
-    "quad8": (2, 8),
-    "quad9": (2, 9),
-    "tet4": (3, 4),
-    "tet10": (3, 10),
-    "hex8": (3, 8),
-    "hex20": (3, 20),
-    "hex27": (3, 27),
-    "wedge6": (3, 6),
-    "wedge15": (3, 15),
-    "wedge18": (3, 18),
-    "pyramid5": (3, 5),
-    "pyramid13": (3, 13),
-    "pyramid14": (3, 14),
-}
+KINDS = {shape + size: (_DIMENSIONS[shape], int(size or 1)) for shape, size in re.findall(r"([a-z]+)(\d*)", _SIZES)}
 
 
 @dataclass(frozen=True)

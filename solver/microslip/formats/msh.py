@@ -3,8 +3,6 @@
 meshio also reads the format, but drops the numbers of nodes and elements.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -15,28 +13,12 @@ from .draft import cells_of
 from .model import KINDS, FileModel, Group, index_of, names_of_tags
 from .numbers import numbers_of
 
-# Gmsh's element types, with the permutation to VTK's order where the order of mid-side nodes differs.
-_TYPES = {
-    1: "line2",
-    2: "tri3",
-    3: "quad4",
-    4: "tet4",
-    5: "hex8",
-    6: "wedge6",
-    7: "pyramid5",
-    8: "line3",
-    9: "tri6",
-    10: "quad9",
-    11: "tet10",
-    12: "hex27",
-    13: "wedge18",
-    14: "pyramid14",
-    15: "point",
-    16: "quad8",
-    17: "hex20",
-    18: "wedge15",
-    19: "pyramid13",
-}
+# Gmsh's element types 1, 2, ..., with the permutation to VTK's order where the order of mid-side nodes differs.
+_NAMES = (
+    "line2 tri3 quad4 tet4 hex8 wedge6 pyramid5 line3 tri6 quad9 tet10 hex27 wedge18 pyramid14 "
+    "point quad8 hex20 wedge15 pyramid13"
+)
+_TYPES = dict(enumerate(_NAMES.split(), 1))
 _TO_VTK = {
     "tet10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
     "hex20": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15],

@@ -1,7 +1,5 @@
 """Conversion of a text to numbers."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Read a model file; the format follows from the ending of its name."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress

@@ -3,8 +3,6 @@
 pyuff reads nodes and elements, but not the groups that programs write today (2477).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

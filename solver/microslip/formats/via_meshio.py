@@ -1,7 +1,5 @@
 """Read further formats with meshio; its prints, exits and guesses become errors."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os
@@ -17,27 +15,11 @@ from .model import KINDS, Cells, FileModel, Group, names_of_tags
 # Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.
 WHOLE = "all"  # the group of all volume elements, for a file without groups of volume elements
 FORMATS = {".vtu": "vtu", ".vtk": "vtk"}
-_KINDS = {
-    "vertex": "point",
-    "line": "line2",
-    "line3": "line3",
-    "triangle": "tri3",
-    "triangle6": "tri6",
-    "quad": "quad4",
-    "quad8": "quad8",
-    "quad9": "quad9",
-    "tetra": "tet4",
-    "tetra10": "tet10",
-    "hexahedron": "hex8",
-    "hexahedron20": "hex20",
-    "hexahedron27": "hex27",
-    "wedge": "wedge6",
-    "wedge15": "wedge15",
-    "wedge18": "wedge18",
-    "pyramid": "pyramid5",
-    "pyramid13": "pyramid13",
-    "pyramid14": "pyramid14",
-}
+_NAMES = (  # of meshio, in the order of KINDS
+    "vertex line line3 triangle triangle6 quad quad8 quad9 tetra tetra10 hexahedron hexahedron20 hexahedron27 "
+    "wedge wedge15 wedge18 pyramid pyramid13 pyramid14"
+)
+_KINDS = dict(zip(_NAMES.split(), KINDS, strict=True))
 _REFERENCES = ("gmsh:physical", "cell_tags")  # the format's word for a group
 _TEXTS = re.compile(rb'<(Array|DataArray)\b[^>]*type="String"[^>]*?(/>|>.*?</\1>)', re.DOTALL)
 _HEAD = 200  # bytes of an XML element within which its encoding is stated

@@ -3,8 +3,6 @@
 Coefficients run in the order of harmonics.py, an odd number exactly if there is a mean; each harmonic has one amplitude.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 

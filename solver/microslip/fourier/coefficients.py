@@ -4,8 +4,6 @@ docs/theory.md, sections 5 and 6.  Coefficients run along the last axis in the o
 cos H, sin H] of the full set, which is meant where no other is named.  NumPy only; every function is local.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

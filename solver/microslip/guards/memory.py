@@ -4,8 +4,6 @@ A limit is shared by all ranks of a machine or of a control group, or belongs to
 every limit before its allocation: a process beyond a limit is killed without a message.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

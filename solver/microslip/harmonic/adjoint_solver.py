@@ -6,8 +6,6 @@ The matrix is that of a Newton step with P transposed and G^T, which has the sta
 Sticking pairs are eliminated as in Newton's method.  One solve has all quantities, the cosine and sine of each output.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from mpi4py import MPI
 

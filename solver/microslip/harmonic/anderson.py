@@ -1,7 +1,5 @@
 """Anderson acceleration of a fixed-point iteration (docs/theory.md, section 11)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .balance import HarmonicBalance

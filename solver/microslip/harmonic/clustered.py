@@ -10,8 +10,6 @@ the second:
 The cost of both is about proportional to the number of pairs; B_n Z is a product with G_n, computed once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.linalg
 from scipy.linalg.lapack import zgetrs

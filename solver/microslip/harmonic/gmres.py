@@ -1,7 +1,5 @@
 """Right-preconditioned GMRES of PETSc for a matrix given by its product with vectors."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

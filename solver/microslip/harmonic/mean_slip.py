@@ -4,8 +4,6 @@ The friction force of a pair that slips in every cycle does not depend on the me
 body slip and only the joint supports it, the position of the body is undetermined, and it may drift.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import suppress
 

@@ -1,7 +1,5 @@
 """The operating point of harmonic balance, its rates with a parameter, and the contact forces under a motion."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Contexts of PETSc's Python types: functions as a shell matrix, a shell preconditioner, a shell solver."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from petsc4py import PETSc

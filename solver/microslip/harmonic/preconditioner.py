@@ -9,8 +9,6 @@ of one harmonic,
 with P_n the complex-linear part of dp_n / dU_n, has the same ill-conditioning and is small: 3 rows per active pair.
 """
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

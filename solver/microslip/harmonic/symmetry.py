@@ -1,7 +1,5 @@
 """Test for scenes with half-wave symmetry, solved with odd harmonics only (docs/theory.md, section 5)."""
 
-from __future__ import annotations
-
 import numpy as np
 from mpi4py import MPI
 

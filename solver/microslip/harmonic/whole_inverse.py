@@ -5,8 +5,6 @@ small system has unknowns, or breaks down.  The matrix of a small system is ther
 where GMRES fails, as near lift-off of most pairs.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -20,20 +20,22 @@ from ..reduction.choose_modes import choose_modes
 from ..reduction.settings import ReductionSettings
 from ..reduction.stuck import OnDemand
 from ..reduction.whole_disc import WholeDisc
-from ..scene import schema
+from ..scene import solution
 from ..scene.read import changed
 from ..scene.schema import Scene
+from ..tables.table import Table
+from ..tables.vibration import Damping
 from .build import Structure, at_another_rest
 from .follow_response import follow
 from .prepare import Prepared, prepare
 from .response import Response
 from .settings import reduction_settings
 
-TABLES: dict[str, type[schema.Table]] = {
-    "response": schema.Response,
-    "solver": schema.Solver,
-    "continuation": schema.Continuation,
-    "damping": schema.Damping,
+TABLES: dict[str, type[Table]] = {
+    "response": solution.Response,
+    "solver": solution.Solver,
+    "continuation": solution.Continuation,
+    "damping": Damping,
 }
 INSTEAD_OF = {
     "frequencies": ("mode", "span"),

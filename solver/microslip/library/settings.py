@@ -11,9 +11,10 @@ from ..messages.errors import CaseError
 from ..points.band import Band
 from ..receptance.excitation import Excitation
 from ..reduction.settings import ModalDamping, ReductionSettings
-from ..scene import schema
 from ..scene.read import changed
-from ..scene.schema import ACCURACY_OF_MODES, Scene
+from ..scene.schema import Scene
+from ..scene.solution import ACCURACY_OF_MODES
+from ..tables.vibration import Damping
 
 KEYS = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # of [solver], for each part of the accuracy
 
@@ -137,7 +138,7 @@ def band(scene: Scene) -> Band:
     return Band(frequencies=response.frequencies, mode=response.mode, span=response.span)
 
 
-def _damping(damping: schema.Damping) -> ModalDamping:
+def _damping(damping: Damping) -> ModalDamping:
     return ModalDamping(
         ratio=damping.ratio,
         rayleigh=damping.rayleigh,

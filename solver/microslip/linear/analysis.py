@@ -1,7 +1,5 @@
 """MUMPS' estimates of a factorisation after its analysis: memory on each rank."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

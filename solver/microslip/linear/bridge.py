@@ -1,7 +1,5 @@
 """Whether the program's own bridge to MUMPS is there; without it PETSc calls MUMPS for every factor (other_package.py)."""
 
-from __future__ import annotations
-
 import ctypes
 import importlib
 import os

@@ -1,7 +1,5 @@
 """Contact forces of joints as outputs: rows over displacements and over p (docs/theory.md, section 13)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Owned rows as NumPy blocks on one side, PETSc dense matrices on the other, without copies where the order allows."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 from mpi4py import MPI

@@ -1,7 +1,5 @@
 """The direct solver of a symmetric matrix: MUMPS, or the package that PETSc's options name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Protocol
 

@@ -1,7 +1,5 @@
 """The structure with every contact pair stuck: K_L = K + R^T K_J R, and its factor."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

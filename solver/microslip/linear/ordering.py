@@ -3,8 +3,6 @@
 The columns of G_static then pass the top of the elimination tree alone: docs/theory.md, section 4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

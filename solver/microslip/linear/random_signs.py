@@ -1,7 +1,5 @@
 """Random signs of rows, the same whatever rank owns a row."""
 
-from __future__ import annotations
-
 import numpy as np
 
 MOST = 64  # columns: bits of a random word

@@ -1,7 +1,5 @@
 """Rows that lie where a solver left them, sent to the ranks that own them."""
 
-from __future__ import annotations
-
 import numpy as np
 from mpi4py import MPI
 

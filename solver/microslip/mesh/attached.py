@@ -1,7 +1,5 @@
 """Point masses, springs and dampers on nodes; DOFs are numbered by places as in ``ties``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The cells of a surface, each in its plane: contact points of non-matching meshes, or on rigid ground."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -29,7 +29,7 @@ def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray,
         for i in np.unique(part[block.nodes[:, 0]]):
             if body_of[block.group] not in bodies[i]:
                 bodies[i].append(body_of[block.group])
-    plain = [_list(names) for names in bodies]
+    plain = [("body " if len(names) == 1 else "bodies ") + " and ".join(map(repr, names)) for names in bodies]
     return part, tuple(
         name if plain.count(name) == 1 else f"{name} (a separate piece around {_centre(mesh, part == i)})"
         for i, name in enumerate(plain)
@@ -121,10 +121,6 @@ def on_parts(weights: sp.csr_matrix, part: np.ndarray, n_parts: int) -> sp.csr_m
 def _components(first: np.ndarray, second: np.ndarray, n: int) -> tuple[int, np.ndarray]:
     graph = sp.coo_matrix((np.ones(len(first), dtype=np.int8), (first, second)), (n, n))
     return connected_components(graph, directed=False)
-
-
-def _list(names: list[str]) -> str:
-    return ("body " if len(names) == 1 else "bodies ") + " and ".join(repr(name) for name in names)
 
 
 def _centre(mesh: Mesh, mine: np.ndarray) -> str:

@@ -1,7 +1,5 @@
 """The contact points of two surfaces, with the weights of the nodes of each side."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

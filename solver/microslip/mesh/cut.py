@@ -1,7 +1,5 @@
 """Cuts through the shanks of bolts: faces, normal, and the elements on the side of the normal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -118,12 +118,7 @@ class _Meeting:
 
     @classmethod
     def of(cls, mesh: Mesh, cyclic: Cyclic, angle: float) -> _Meeting:
-        """Return the distances for one angle.  Local, rank 0.
-
-        Raises
-        ------
-        MeshError : a group of nodes without a face
-        """
+        """Return the distances for one angle.  Local, rank 0.  Raises MeshError: a group of nodes without a face."""
         assert cyclic.faces is not None, "with two faces"
         faces = tuple(outward_faces(mesh, group) for group in cyclic.faces)
         low, high = (np.unique(np.concatenate([of_kind.ravel() for of_kind in each.values()])) for each in faces)

@@ -1,7 +1,5 @@
 """Contact surfaces in the deformed shape: area ratios and rotations (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

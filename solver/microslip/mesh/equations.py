@@ -3,8 +3,6 @@
 Degrees of freedom are numbered by places as in ``ties``; nodes outside the elements come after all places.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

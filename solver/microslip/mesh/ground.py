@@ -1,7 +1,5 @@
 """Contact of one surface with rigid ground: of the same shape, or a plane."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

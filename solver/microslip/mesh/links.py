@@ -1,7 +1,5 @@
 """Dependent degrees of freedom of the whole mesh by ties, points, equations and sectors, with chains resolved."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Contact of pairs of nodes listed in a file, with normals and areas: nodes of a mesh or of matrices."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Find the nodes of loads and outputs by position, number or group."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contact of two surfaces with matching meshes: coincident nodes, one to one."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial import cKDTree
 

@@ -1,7 +1,5 @@
 """Proximity search for objects of very different sizes, with one tree per class of size."""
 
-from __future__ import annotations
-
 from itertools import chain
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Positions of the nodes of a model given as matrices: from a table of coordinates, or from a mesh file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

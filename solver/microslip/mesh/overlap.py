@@ -6,8 +6,6 @@ nodal forces on each face: a flat joint of any two meshes transmits it unchanged
 moments in place of means, which also resolve variations within a cell.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

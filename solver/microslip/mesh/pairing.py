@@ -1,7 +1,5 @@
 """The contact pairs of all joints: positions, frames, and parameters of each pair."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 

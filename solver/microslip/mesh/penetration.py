@@ -1,7 +1,5 @@
 """Penetration of the sides of a joint in the mesh.  Local, rank 0."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..messages.errors import MeshError

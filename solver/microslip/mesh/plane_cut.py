@@ -1,7 +1,5 @@
 """Faces inside a body along a plane: the cut of a bolt without a group in the mesh."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components

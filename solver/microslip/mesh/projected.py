@@ -1,7 +1,5 @@
 """Contact of two surfaces of any meshes at the nodes of the first, projected onto the facets of the second."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

@@ -1,7 +1,5 @@
 """Read a mesh file, and select the parts that the structure uses."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

@@ -3,8 +3,6 @@
 Degrees of freedom are numbered as in ``ties``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 docs/theory.md, section 17.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any

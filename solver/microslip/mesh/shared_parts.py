@@ -3,8 +3,6 @@
 Each cell is intersected in its plane with the facets of the second surface that face it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 

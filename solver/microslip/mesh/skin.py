@@ -1,7 +1,5 @@
 """The skin of a mesh: outer faces of its elements, with body and connected part of each face."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Contact surfaces: the outer faces of a group, their outward normals and tributary areas at the nodes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Temperature rises at the nodes of bodies, from a field of the mesh or a CSV file.  Local, rank 0."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..formats.csv_table import read_table

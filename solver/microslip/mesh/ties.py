@@ -4,8 +4,6 @@ Degrees of freedom are numbered by places: the nodes of the mesh, then two per p
 degrees of freedom 3 i to 3 i + 2.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Two faces touch if sample points of either face have their feet on the other wit
 opposite.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import chain

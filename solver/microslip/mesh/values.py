@@ -1,7 +1,5 @@
 """Parameters of the contact points of a joint: uniform, from fields of the mesh, or from a CSV file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Errors that a user, a mesh, a solver or a machine can cause; each knows its exit status (docs/guide.md)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 

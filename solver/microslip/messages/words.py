@@ -1,7 +1,5 @@
 """Lists, near misses and points in messages."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Callable, Iterable

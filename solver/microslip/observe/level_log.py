@@ -1,7 +1,5 @@
 """Levels and points in the log: a line per point, a summary per level, and on a terminal a bar per active level."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..contact.law import OPEN, SLIP

@@ -1,7 +1,5 @@
 """Omitted computations of a run for the log: each with the reason, or with its effect by the error bars."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

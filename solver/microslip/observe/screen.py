@@ -1,7 +1,5 @@
 """The screen of a run: on a terminal a bar per active level, otherwise plain lines.  Rank 0 only; no communication."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A table for the screen: drawn by rich, or plain text without rich."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Collection, Sequence
 

@@ -1,7 +1,5 @@
 """External events while levels are followed: a signal that requests a save, and the time limit of a run."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress

@@ -4,8 +4,6 @@ The process then waits for ever for a lock of malloc, or crashes.  The signal wa
 seconds is divided by another process, which ends when a signal stops this one.
 """
 
-from __future__ import annotations
-
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

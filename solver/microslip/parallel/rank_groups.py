@@ -4,8 +4,6 @@ Rank 0 works in the first group like any other rank.  The root of a group is its
 non-blocking; rank 0 receives them whenever it reports itself, and at the end until all groups have finished.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress

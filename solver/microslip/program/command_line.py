@@ -1,7 +1,5 @@
 """The command line: commands and their options, and the PETSc options that follow ``--``."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,19 +11,8 @@ from ..parallel.petsc import PREFIXES
 from ..system.walltime import seconds_of
 from ..version import __version__
 
-_SOLVE = (
-    "run",
-    "modes",
-    "backbone",
-    "search",
-    "sweep",
-    "wear",
-    "compare",
-    "verify",
-    "trade",
-    "export",
-    "identify",
-)  # commands that PETSc options are for
+# commands that PETSc options are for
+_SOLVE = tuple("run modes backbone search sweep wear compare verify trade export identify".split())
 _SCENE = (*_SOLVE, "check")  # commands that read a scene
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\

@@ -3,8 +3,6 @@
 Optional modules are imported only when they are examined.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.metadata
 import importlib.util

@@ -1,7 +1,5 @@
 """The number of modes: as stated, or the fewest whose bound meets the requested accuracy."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import TypeVar
 

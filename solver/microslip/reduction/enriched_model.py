@@ -1,7 +1,5 @@
 """The enriched model of the error bars: the receptance of the stuck structure, and samples of the truncated modes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

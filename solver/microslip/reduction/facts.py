@@ -1,7 +1,5 @@
 """Properties of a method that other packages need; each file in ``methods`` states its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Only the joint connects the bodies, so that one eigenproblem of (K, M) gives the
 singular; K + alpha M is factored instead, with alpha far below the first elastic eigenvalue.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

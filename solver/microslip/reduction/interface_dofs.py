@@ -1,7 +1,5 @@
 """The degrees of freedom of both bodies at every pair, from R."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

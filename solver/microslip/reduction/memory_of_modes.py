@@ -1,7 +1,5 @@
 """Memory of the modes and of the proof that none is missing, without the factor: forecast, and refused if not available."""
 
-from __future__ import annotations
-
 from petsc4py import PETSc
 
 from ..guards.memory import refuse_beyond

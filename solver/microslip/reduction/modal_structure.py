@@ -1,7 +1,5 @@
 """Reduce a stuck structure to the receptance of its pairs, loads and outputs (docs/theory.md, section 4)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..messages.errors import CaseError

@@ -1,7 +1,5 @@
 """The result of a reduction: the model for harmonic balance, the set B, and the expansion to full fields."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Settings of a reduction, as plain values in SI units."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

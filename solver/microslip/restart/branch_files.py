@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 
@@ -54,13 +54,12 @@ def to_point(arrays: Arrays, texts: dict[str, Any]) -> Point:
     return Point(**numbers, **values, notes=tuple(texts.get("notes", ())))
 
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from mpi4py import MPI
 
-    from ..continuation.point_solver import Workspace
-    from ..continuation.state import BranchState
-    from ..continuation.task import BranchTask
-    from ..points.sweep import Sweep
+from ..continuation.point_solver import Workspace
+from ..continuation.state import BranchState
+from ..continuation.task import BranchTask
+from ..points.sweep import Sweep
 
 SELDOM = 300.0  # times the duration of a write: two steps within this interval are written together
 SHORT = 0.1  # s; longer steps are always written immediately

@@ -9,8 +9,6 @@ atomically and never changed afterwards, so that any number of runs may read and
 Damaged files are removed.  Without a usable entry a run computes its structure.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable
@@ -18,13 +16,15 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ..library.build import Structure
 from ..library.complete import read_completed
 from ..library.settings import reduction_settings
+from ..linear.factor import Factor
 from ..mesh.data import ContactPairs
 from ..mesh.pairing import pair_contacts
 from ..mesh.read import read_mesh
@@ -32,18 +32,13 @@ from ..messages.errors import CaseError, ResourceError
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..reduction.choose_modes import choose_modes
+from ..scene.schema import Scene
 from .cached_factor import CachedFactor
 from .columns_file import n_pairs_in
 from .records import Arrays
 from .results_folder import is_checkpoint
 from .stored_structure import StoredStructure, extent_of, link_or_copy
 from .structure_arrays import numbers_of
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..linear.factor import Factor
-    from ..scene.schema import Scene
 
 NAME, VARIABLE, OFF = "cache", "MICROSLIP_CACHE", "off"
 WHY = "modes: "  # start of the note that gives the reason for the number of modes

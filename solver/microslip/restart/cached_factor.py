@@ -21,9 +21,10 @@ import zlib
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..guards.memory import shortage
@@ -36,9 +37,6 @@ from ..parallel.agree import on_each, on_root
 from ..system.files import BESIDE, file_errors
 from ..system.memory import gigabytes
 from .records import read_record, write_unsynced
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 LARGEST = 1e9  # bytes of a factor, all ranks: a quarter of the cache
 _NOT_STORED = "the factor is not stored for other runs"

@@ -17,10 +17,12 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
+from ..continuation.checkpointer import Checkpointer, Checkpointers
 from ..library.build import Structure
 from ..library.peak_curves import numbers_of
 from ..library.prepare import Prepared, prepare, put_basis
@@ -28,6 +30,7 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
 from ..points.sweep import Sweep
 from ..reduction.reduction import Basis
+from ..scene.schema import Scene
 from ..system.files import file_errors, make_folder
 from .branch_files import BranchFiles
 from .cache import Cache, joints_of
@@ -37,12 +40,6 @@ from .results_folder import RESULTS, TABLE, UNFINISHED, is_checkpoint
 from .stored_disc import StoredDisc
 from .stored_structure import StoredStructure
 from .structure_arrays import basis_of
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..continuation.checkpointer import Checkpointer, Checkpointers
-    from ..scene.schema import Scene
 
 NAME = "restart"
 _FILES = ("identity", "done")
@@ -267,12 +264,7 @@ def _parts(path: Path) -> list[Path]:
 
 
 def _empty(path: Path) -> None:
-    """Remove all checkpoints.  Rank 0.
-
-    Raises
-    ------
-    CaseError, ResourceError : they cannot be removed
-    """
+    """Remove all checkpoints.  Rank 0.  Raises CaseError, ResourceError: they cannot be removed."""
     with file_errors(str(path)):
         for name in _FILES:
             (path / name).unlink(missing_ok=True)

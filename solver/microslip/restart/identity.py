@@ -9,15 +9,13 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..contact.laws import ELASTIC_COULOMB, LAWS
 from ..library.input_files import fingerprint, input_files
+from ..scene.schema import Scene
 from ..system.versions import program_hash, versions
 from ..version import __version__
-
-if TYPE_CHECKING:
-    from ..scene.schema import Scene
 
 Tables = dict[str, Any]
 _OF_RESPONSE = ("samples", "tolerance")  # keys of [solver] that the set-up does not depend on
@@ -126,12 +124,7 @@ class Identity:
 
 
 def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
-    """Return the identity of a run.  Local, on rank 0: reads all input files once.
-
-    Raises
-    ------
-    CaseError : a file cannot be read
-    """
+    """Return the identity of a run.  Local, on rank 0: reads all input files once.  Raises CaseError: a file cannot be read."""
     files: dict[str, str] = {}
     inputs = input_files(scene)
     if _may_be_loaded(scene, [path for _, path in inputs]):

@@ -7,8 +7,6 @@ A written record has been handed to the operating system and survives the proces
 busy disk, runs in a background thread.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -60,12 +58,7 @@ def _head_of(names: tuple[str, ...], kinds: tuple[np.dtype, ...] = (), shapes: t
 
 
 def unpack(body: bytes) -> tuple[Arrays, dict]:
-    """Return the arrays and texts of a record without its header.
-
-    Raises
-    ------
-    ValueError : the bytes are not a record
-    """
+    """Return the arrays and texts of a record without its header.  Raises ValueError: the bytes are not a record."""
     start = _HEAD.size + _HEAD.unpack_from(body)[0]
     head, texts = json.loads(body[_HEAD.size : start])
     arrays = {}
@@ -110,12 +103,7 @@ def checksum_of(record: bytes) -> int:
 
 
 def write_record(path: Path, arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = None) -> None:
-    """Write a file of one record atomically.
-
-    Raises
-    ------
-    CaseError, ResourceError : it cannot be written
-    """
+    """Write a file of one record atomically.  Raises CaseError, ResourceError: it cannot be written."""
     with atomic_write(str(path)) as temporary, open(temporary, "wb") as file:
         file.write(pack(arrays, texts))
 

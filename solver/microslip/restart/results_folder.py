@@ -1,7 +1,5 @@
 """The results folder: the output folder while earlier results exist, and their replacement by new results.  Rank 0."""
 
-from __future__ import annotations
-
 import os
 import re
 from contextlib import suppress

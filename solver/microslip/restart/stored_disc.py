@@ -6,13 +6,12 @@ Each structure is written when it is computed, and again at the end of the run i
 sector are computed once for all nodal diameters, when first needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ..library.build import (
     Assembled,
@@ -32,14 +31,10 @@ from ..parallel.agree import on_root
 from ..receptance.per_group import PerGroup, only_group
 from ..reduction.choose_modes import choose_modes
 from ..reduction.stuck import Factored
+from ..scene.schema import Scene
 from .cache import Cache, joints_of, pairs_for
 from .records import Disk
 from .stored_structure import StoredStructure, extent_of
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..scene.schema import Scene
 
 
 @dataclass(eq=False)

@@ -16,9 +16,10 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ..assembly.real_form import complex_columns, real_columns
 from ..library.build import Structure, rebuilt
@@ -32,15 +33,11 @@ from ..parallel.agree import on_root
 from ..reduction.enriched_model import COUPLED, SAMPLED
 from ..reduction.reduction import Basis
 from ..reduction.stuck import Factored, OnDemand
+from ..scene.schema import Scene
 from ..system.files import make_folder
 from .columns_file import ColumnsFile
 from .records import Arrays, Disk, read_record, write_record
 from .structure_arrays import structure_of, to_arrays
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..scene.schema import Scene
 
 
 class StoredStructure:

@@ -4,13 +4,12 @@ All arrays are small and the same on every rank.  A restored structure computes 
 they are first needed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ..continuation.checkpoint import over, under
 from ..library.build import Structure
@@ -24,14 +23,10 @@ from ..receptance.structural_coupling import StructuralCoupling
 from ..reduction.enriched_model import COUPLED, SAMPLED, Samples
 from ..reduction.reduction import Basis
 from ..reduction.stuck import OnDemand, StuckStructure, pair_columns
+from ..scene.schema import Scene
 from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..statics.bolts import BoltsAtRest
 from .records import Arrays
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..scene.schema import Scene
 
 _OF_MESH = ("weights1", "weights2", "notes")  # attributes of pairs that only the assembly needs
 _COUNTS = ("n_modes", "n_proved")

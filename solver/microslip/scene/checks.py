@@ -1,22 +1,21 @@
 """Checks across the tables of a scene: references between tables, contradictions, and missing files."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 from ..contact.keys import ELASTIC_COULOMB, ROUGH
 from ..messages.words import hint, listed
 from ..system.files import NO_FILE
+from ..tables.constant_loads import Statics
 from ..tables.cyclic import Cyclic
 from ..tables.joint import Joint, OfPoints
 from ..tables.table import any_of
 from .inputs import may_know_nodes, named_files
-from .schema import Scene, Statics
+from .schema import Scene
 from .wear import ARCHARD, ENERGY, Wear
 
 OF_DISCS = ("receptance", "adaptive", "adaptive-energy")  # methods with the basis of the stuck structure
@@ -24,30 +23,12 @@ OF_DISCS = ("receptance", "adaptive", "adaptive-energy")  # methods with the bas
 
 def contradictions(scene: Scene) -> list[str]:
     """Return the contradictions between the tables of a scene, one text each.  Local."""
-    sort = _of_matrices if scene.model.mesh is None else _of_a_mesh
-    return [
-        *_materials(scene),
-        *_same_groups(scene),
-        *_same_names(scene),
-        *_harmonics(scene),
-        *_constant_loads(scene),
-        *_base(scene),
-        *_outputs(scene),
-        *_surfaces(scene),
-        *_statics(scene),
-        *_volumes_as_faces(scene),
-        *_points(scene),
-        *_bars(scene),
-        *_peaks(scene),
-        *_stability(scene),
-        *_sensitivities(scene),
-        *_over(scene),
-        *_mode(scene),
-        *_wear(scene),
-        *_disc(scene),
-        *sort(scene),
-        *_damping(scene),
-    ]
+    of_kind = _of_matrices if scene.model.mesh is None else _of_a_mesh
+    checks: tuple[Callable[[Scene], Iterable[str]], ...] = (
+        *(_materials, _same_groups, _same_names, _harmonics, _constant_loads, _base, _outputs, _surfaces, _statics),
+        *(_volumes_as_faces, _points, _bars, _peaks, _stability, _sensitivities, _over, _mode, _wear, _disc, of_kind, _damping),
+    )
+    return [text for check in checks for text in check(scene)]
 
 
 def _of_a_mesh(scene: Scene) -> list[str]:

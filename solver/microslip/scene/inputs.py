@@ -1,11 +1,10 @@
 """The files named by a scene, and whether its matrices may have the nodes of their rows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..tables.matrix_names import KEYS, split_name
-from .schema import Model, Scene
+from ..tables.structure import Model
+from .schema import Scene
 
 _WITH_NODES = (".sti", ".mas", ".pch", ".dmig", ".bdf", ".full", ".sub")
 

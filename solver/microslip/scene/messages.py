@@ -1,7 +1,5 @@
 """Messages for pydantic's errors in a scene: table and key, stated value, expected value."""
 
-from __future__ import annotations
-
 import math
 import types
 import typing
@@ -11,30 +9,14 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from ..messages.words import hint, listed, nearest
+from ..tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Temperature
 from ..tables.cyclic import Scatter, SectorFactors
-from .schema import (
-    Body,
-    Bolt,
-    Force,
-    Joint,
-    Load,
-    Mass,
-    Material,
-    Method,
-    MovedSupport,
-    Orientation,
-    Output,
-    Point,
-    Pressure,
-    Scene,
-    Spring,
-    Support,
-    Surface,
-    Table,
-    Temperature,
-    Tie,
-)
-from .solution import Over
+from ..tables.joint import Joint
+from ..tables.structure import Body, Mass, Material, Orientation, Point, Spring, Support, Surface, Tie
+from ..tables.table import Table
+from ..tables.vibration import Load, Output
+from .schema import Scene
+from .solution import Method, Over
 
 _NAMED: dict[str, type[Table]] = {"materials": Material, "orientations": Orientation, "bodies": Body}  # [materials.NAME]
 _LISTED: dict[str, type[Table]] = {  # [[loads]]

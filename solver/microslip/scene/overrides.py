@@ -1,7 +1,5 @@
 """Keys of a scene that the command line sets: ``--set joints.dovetail.friction=0.2``."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Read a scene file: text, TOML, schema, consistency, existence of files."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping, Sequence

@@ -3,54 +3,16 @@
 The description of a key states its expected value with unit; messages quote it (messages.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from pydantic import Field, PrivateAttr, model_validator
 
-from ..tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics, Temperature
-from ..tables.joint import Joint
-from ..tables.structure import Body, Mass, Material, Model, Orientation, Point, Spring, Support, Surface, Tie
 from ..tables.structure_tables import StructureTables
-from ..tables.table import Table
 from ..tables.vibration import Damping, Load, Output
-from .solution import ACCURACY_OF_MODES, DEFAULT_ACCURACY, Continuation, Method, Response, Solver
+from .solution import DEFAULT_ACCURACY, Continuation, Response, Solver
 from .wear import Wear
-
-__all__ = [
-    "Body",
-    "Bolt",
-    "Continuation",
-    "ACCURACY_OF_MODES",
-    "DEFAULT_ACCURACY",
-    "Damping",
-    "Force",
-    "Joint",
-    "Load",
-    "Mass",
-    "Material",
-    "Method",
-    "Model",
-    "MovedSupport",
-    "Orientation",
-    "Output",
-    "Point",
-    "Pressure",
-    "Response",
-    "Scene",
-    "Solver",
-    "Spring",
-    "Statics",
-    "Support",
-    "Surface",
-    "Table",
-    "Temperature",
-    "Tie",
-    "Wear",
-]
 
 # endings of model files that may contain more than a mesh
 WHOLE_MODELS = (".inp", ".cdb", ".rst", ".bdf", ".nas", ".fem", ".op2", ".dat", ".e", ".exo", ".ex2", ".unv")

@@ -1,7 +1,5 @@
 """The tables of the solution: range, method and steps."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Annotated, Literal
 

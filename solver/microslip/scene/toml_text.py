@@ -1,7 +1,5 @@
 """A scene's tables as the text of a TOML file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """The table [wear]: what wears a joint, over how many cycles, at which response."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field, model_validator

@@ -5,8 +5,6 @@ begins to slip they jump.  They count with their value at the end, and as the li
 moment.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The state is that of the modes and the forces of the sliders that slip in the cy
 of the pairs at its end follows from their forces there, and these from it.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The multipliers of a point of a curve (docs/theory.md, section 16)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

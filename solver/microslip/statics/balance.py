@@ -1,7 +1,5 @@
 """Equilibrium at rest: forces across each joint and on each body (docs/theory.md, (12.15))."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 docs/theory.md, section 12.  Small matrices, the same on every rank.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

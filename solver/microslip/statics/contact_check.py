@@ -1,7 +1,5 @@
 """Contact check: bodies that only contact holds must be in contact at rest (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Equilibrium with large displacements: Newton's method with equilibria of small displacements (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

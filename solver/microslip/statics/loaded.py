@@ -1,7 +1,5 @@
 """A structure under its constant loads, for checks of its rest."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

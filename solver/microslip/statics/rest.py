@@ -1,7 +1,5 @@
 """The state of rest: the pairs about it, and the lines for the log."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rigid-body check: bodies that contact and friction cannot hold, and their motion (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A joint at rest whose surfaces are worn: the depth is a gap, and the structure redistributes the preload (section 18)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

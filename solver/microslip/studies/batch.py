@@ -1,25 +1,20 @@
 """Runs of several scenes: one group of ranks runs each scene, from its mesh to its pictures."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ..guards.ending import conclude_part
 from ..guards.overdue import pass_on_to_first
 from ..messages.errors import CaseError, Interrupted
 from ..parallel.rank_groups import Counter, Groups, dealt, split
 from ..run import RunOptions, run
+from ..scene.schema import Scene
 from ..system.signals import obey_signals
 from ..system.watchdog import unwatched
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ..scene.schema import Scene
 
 
 def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, options: RunOptions) -> int:

@@ -1,7 +1,5 @@
 """Records of a study: a table of named columns, as a CSV file and as cells for the screen."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable, Mapping
 from typing import Any

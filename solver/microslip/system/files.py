@@ -1,7 +1,5 @@
 """Files that are either whole or not there, and what to say when the disk refuses.  Rank 0 only."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re
@@ -126,12 +124,7 @@ def refuse_devices(path: str | os.PathLike[str]) -> None:
 
 
 def make_folder(folder: str) -> None:
-    """Create a folder for results if there is none.  Local.
-
-    Raises
-    ------
-    CaseError, ResourceError : as :func:`file_errors`
-    """
+    """Create a folder for results if there is none.  Local.  Raises CaseError, ResourceError: as :func:`file_errors`."""
     if os.path.exists(folder) and not os.path.isdir(folder):
         raise CaseError(f"{folder}: cannot be written: that is a file and no folder; choose another folder with --out")
     with file_errors(folder):

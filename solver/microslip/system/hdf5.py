@@ -3,8 +3,6 @@
 Imports h5py, which nothing else in this room needs.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager

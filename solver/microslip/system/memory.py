@@ -1,7 +1,5 @@
 """How much memory is left to this process, by machine, control group and limit, and what it has.  Local."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import resource

@@ -1,7 +1,5 @@
 """Numbers, texts, arrays and dataclasses as bytes, which may come from a process that nobody trusts: none of them is executed."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterable, Mapping

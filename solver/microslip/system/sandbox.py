@@ -5,8 +5,6 @@ launcher, imports what the called function needs, and ends with its parent, in w
 of a library that a file has taken over: ``plain_data`` reads it.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import signal

@@ -4,8 +4,6 @@ Under Open MPI's mpirun SIGUSR1 reaches all ranks; any of the others makes it se
 them another second later.  Schedulers that start the ranks themselves send to all of them.
 """
 
-from __future__ import annotations
-
 import os
 import select
 import signal

@@ -3,8 +3,6 @@
 This module imports next to nothing, so that signals are answered from the first line on.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import resource

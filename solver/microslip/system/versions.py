@@ -1,7 +1,5 @@
 """Versions of what a run uses, for the log and the result file."""
 
-from __future__ import annotations
-
 import hashlib
 import platform
 import re

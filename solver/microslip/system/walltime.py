@@ -1,7 +1,5 @@
 """How long the program may run: what the command line says, or the scheduler of a cluster.  Local."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

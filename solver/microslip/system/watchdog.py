@@ -5,8 +5,6 @@ answered in Python.  So a timer of the system sends SIGALRM, and faulthandler an
 thread writes them again and ends the process, and with it the launcher the others.  A rank that goes on says so: :func:`moved`.
 """
 
-from __future__ import annotations
-
 import faulthandler
 import math
 import os

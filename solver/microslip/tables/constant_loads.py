@@ -1,7 +1,5 @@
 """The table [statics]: what acts before the structure vibrates."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import ClassVar
 

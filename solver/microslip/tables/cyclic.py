@@ -1,7 +1,5 @@
 """The table [cyclic]: a disc of alike sectors, of which the model is one, or one whose sectors differ by factors."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """The elasticity of a material that differs by direction, from the constants of its table."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -68,18 +68,8 @@ if TYPE_CHECKING:
 else:
     Law = Literal[tuple(KEYS)]
 _QUOTED = [f'"{name}"' for name in KEYS]
-OF_SURFACES = (
-    "preload",
-    "gap",
-    "tolerance",
-    "against",
-    "next_sector",
-    "plane_point",
-    "plane_normal",
-    "pairing",
-    "tangent",
-    "parameters",
-    "fields",
+OF_SURFACES = tuple(
+    "preload gap tolerance against next_sector plane_point plane_normal pairing tangent parameters fields".split()
 )
 
 

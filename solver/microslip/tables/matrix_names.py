@@ -1,7 +1,5 @@
 """How a scene names matrices: a file, or a matrix in a file, "model.mat:K"."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 KEYS = ("stiffness", "mass", "damping", "recovery")

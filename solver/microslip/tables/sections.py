@@ -1,7 +1,5 @@
 """What elements take of a body: its material with axes in the model, density and quadrature."""
 
-from __future__ import annotations
-
 from ..elements import Anisotropic, Cylindrical, Directions, Isotropic, SolidSection
 from .elasticity import elasticity_of
 from .structure import Body, Material, Orientation

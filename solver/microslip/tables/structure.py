@@ -1,7 +1,5 @@
 """The tables that say what a structure is made of: its model file, materials, bodies, supports and connections."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What every table is made of: no key that it does not know, the kinds of numbers that keys take, their units in model files."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Consistent units of model files, and what their quantities are in SI units."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

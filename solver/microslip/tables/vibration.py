@@ -1,7 +1,5 @@
 """The tables of loads, outputs and damping."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Growth of a small disturbance of a steady state, marched in time (docs/theory.md, section 10)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .march import March

@@ -1,7 +1,5 @@
 """The reduced model for time integration: the data of harmonic balance, on every rank (docs/theory.md, section 10)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

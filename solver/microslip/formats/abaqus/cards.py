@@ -1,7 +1,5 @@
 """The cards of an input file and its included files: keyword, parameters, data lines."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 

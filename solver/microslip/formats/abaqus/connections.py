@@ -1,7 +1,5 @@
 """Connections of nodes: ties, couplings, rigid bodies, cuts."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import MeshError
@@ -17,12 +15,7 @@ from .scopes import Scope
 
 
 def take_connections(model: InputModel) -> None:
-    """Take ties, couplings, rigid bodies and cuts.
-
-    Raises
-    ------
-    MeshError : surfaces, sets or nodes that do not exist
-    """
+    """Take ties, couplings, rigid bodies and cuts.  Raises MeshError: surfaces, sets or nodes that do not exist."""
     coupling: tuple[Scope, Card] | None = None
     for scope, card in model.cards:
         if card.keyword == "COUPLING":
@@ -38,12 +31,7 @@ def take_connections(model: InputModel) -> None:
 
 
 def surface_of(model: InputModel, scope: Scope, word: str, where: str) -> str:
-    """Return the name of the group of a surface.
-
-    Raises
-    ------
-    MeshError : there is no such surface
-    """
+    """Return the name of the group of a surface.  Raises MeshError: there is no such surface."""
     names, key = model.mesh.find(scope, word)
     if key not in names.surfaces:
         near = hint(key, names.surfaces, lambda near: repr(model.mesh.spelled(near)))

@@ -1,7 +1,5 @@
 """Surfaces in contact: *CONTACT PAIR with the stiffness and friction of its *SURFACE INTERACTION."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,16 +74,11 @@ def _interactions(model: InputModel) -> dict[str, _Interaction]:
             interactions[name] = _with_normal_behaviour(interactions[name], card)
         elif card.keyword == "FRICTION" and name in interactions:
             interactions[name] = _rubbing(interactions[name], card)
-    for card in _before_vibration(model):
+    for card in (card for step in model.steps_until for _, card in step.cards):
         changed = interactions.get(card.parameter("INTERACTION")) if card.keyword == "CHANGE FRICTION" else None
         if changed is not None:
             interactions[card.parameter("INTERACTION")] = _lacking(changed, friction=f"{card.where}: *CHANGE FRICTION")
     return interactions
-
-
-def _before_vibration(model: InputModel) -> list[Card]:
-    """Return the cards of the steps up to the chosen one."""
-    return [card for step in model.steps_until for _, card in step.cards]
 
 
 def _lacking(interaction: _Interaction, **why: str) -> _Interaction:

@@ -1,7 +1,5 @@
 """*CYCLIC SYMMETRY MODEL and its *TIE of CalculiX: the sector, and the keys of [cyclic] that a scene needs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import MeshError

@@ -1,7 +1,5 @@
 """Point masses, springs and dampers: *MASS, *ROTARY INERTIA, *SPRING and *DASHPOT with their elements."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

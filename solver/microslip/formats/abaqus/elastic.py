@@ -1,7 +1,5 @@
 """Elastic constants and thermal expansions, and their axes: *ORIENTATION."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """*EQUATION: linear equations between displacements, in the axes of the nodes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import MeshError

@@ -1,7 +1,5 @@
 """Keywords of Abaqus and CalculiX: the effect of each, and whether it changes a linear vibration of the solids."""
 
-from __future__ import annotations
-
 from ...messages.words import nearest
 from ..draft import Findings
 from .cards import Card

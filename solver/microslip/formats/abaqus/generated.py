@@ -1,7 +1,5 @@
 """Nodes and elements generated from others: *NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace

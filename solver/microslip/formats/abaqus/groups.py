@@ -1,7 +1,5 @@
 """Cells and groups of a file model: from elements, sets and surfaces of the cards."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 

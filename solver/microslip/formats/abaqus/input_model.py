@@ -1,7 +1,5 @@
 """The structure of an input file while the cards are read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Nodes, elements, sets and surfaces of all instances, and the lookup of names and numbers of the file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 

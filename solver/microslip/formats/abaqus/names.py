@@ -1,7 +1,5 @@
 """Numbers and names of one scope, and positions of numbers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

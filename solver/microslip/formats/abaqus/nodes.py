@@ -1,7 +1,5 @@
 """*NODE, *ELEMENT and their coordinate systems: numbers, coordinates and connectivity of one scope."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

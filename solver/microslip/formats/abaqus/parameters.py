@@ -1,7 +1,5 @@
 """Known parameters of the keywords that are taken over, and their full forms."""
 
-from __future__ import annotations
-
 from .cards import Card
 
 # Each parameter is read here, has no effect on a linear vibration, or is a separate finding.

@@ -1,7 +1,5 @@
 """Materials and sections of solids, and the quadrature of their elements."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import MeshError

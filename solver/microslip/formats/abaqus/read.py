@@ -1,7 +1,5 @@
 """Read a complete input file of Abaqus or CalculiX: the mesh and all other data of the structure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ...messages.errors import MeshError
@@ -26,6 +24,7 @@ from .steps import chosen_step, table_of_steps
 from .supports import take_supports, take_transforms
 
 _MESH_CARDS = CARDS | GENERATING_CARDS
+_OF_ONE_STEP = ("MODEL CHANGE", "CONTACT PAIR", "SELECT CYCLIC SYMMETRY MODES")  # in a later step they change that step alone
 _TAKEN = {" ".join(word.split()) for word in TAKEN.split(",")}
 
 
@@ -120,13 +119,8 @@ def _find_rest(model: InputModel) -> None:
     for step in model.steps:
         for _, card in step.cards:
             counts = step in model.steps_until
-            if card.keyword not in _TAKEN and card not in model.loading and (counts or not _is_known_to_change(card)):
+            if card.keyword not in _TAKEN and card not in model.loading and (counts or card.keyword not in _OF_ONE_STEP):
                 add_card(model.findings, card)
-
-
-def _is_known_to_change(card: Card) -> bool:
-    """Return whether a card of a later step only changes that step."""
-    return card.keyword in ("MODEL CHANGE", "CONTACT PAIR", "SELECT CYCLIC SYMMETRY MODES")
 
 
 def _find_initial(model: InputModel, card: Card) -> None:

@@ -1,7 +1,5 @@
 """Parts, instances and the assembly: the scope of the numbers and names of each card."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Loads of the static steps before the vibration: *CLOAD, *DLOAD, ..., at the end of those steps."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 
@@ -77,7 +75,7 @@ def take_statics(model: InputModel) -> None:
     at_rest, vibration = model.steps_at_rest, model.step
     acting, loaded = _Acting(), []
     for step in at_rest:
-        if _is_loaded(step):
+        if any(card.keyword in (*_TAKEN, *_OTHERS, "BOUNDARY") for _, card in step.cards):
             loaded.append(step)
             _take_step(model, step, acting)
     is_about = vibration is not None and vibration.is_perturbation
@@ -103,10 +101,6 @@ def _word(model: InputModel) -> str:
 
 def _are_heated(steps: list[Step]) -> bool:
     return any(card.keyword == "TEMPERATURE" for step in steps for _, card in step.cards)
-
-
-def _is_loaded(step: Step) -> bool:
-    return any(card.keyword in (*_TAKEN, *_OTHERS, "BOUNDARY") for _, card in step.cards)
 
 
 def _refuse(model: InputModel, word: str, where: str, effect: str) -> None:
@@ -267,7 +261,7 @@ def _composed(model: InputModel, acting: _Acting, step: Step, word: str) -> Load
         step=step.number,
         table=Statics.of_file(
             forces=tuple(_forces(model, acting)),
-            pressures=(*_pressures(model, acting), *_on_surfaces(acting)),
+            pressures=tuple(_pressures(model, acting)),
             bolts=tuple(
                 Bolt.of_file(name=name, group=bolts[name], force=abs(value)) for name, value in acting.bolts.items() if value
             ),
@@ -277,11 +271,6 @@ def _composed(model: InputModel, acting: _Acting, step: Step, word: str) -> Load
         axis=(axis[3], axis[4], axis[5]),
         axis_point=(axis[0], axis[1], axis[2]),
     )
-
-
-def _on_surfaces(acting: _Acting) -> list[Pressure]:
-    """Return the pressures on surfaces of the file."""
-    return [Pressure.of_file(group=name, pressure=value) for name, value in acting.surfaces.items() if value]
 
 
 def _forces(model: InputModel, acting: _Acting) -> list[Force]:
@@ -325,7 +314,7 @@ def _moved(model: InputModel, acting: _Acting) -> list[MovedSupport]:
 
 
 def _pressures(model: InputModel, acting: _Acting) -> list[Pressure]:
-    """Return the pressures on faces of elements, on new groups."""
+    """Return the pressures on faces of elements, on new groups, and those on surfaces of the file."""
     alike: dict[float, dict[int, list[int]]] = {}
     for (element, face), value in acting.faces.items():
         if value:
@@ -336,4 +325,4 @@ def _pressures(model: InputModel, acting: _Acting) -> list[Pressure]:
         for face, elements in faces.items():
             add_faces(model.grouped, name, np.unique(elements), f"S{face}", "*DLOAD")
         pressures.append(Pressure.of_file(group=name, pressure=value))
-    return pressures
+    return pressures + [Pressure.of_file(group=name, pressure=value) for name, value in acting.surfaces.items() if value]

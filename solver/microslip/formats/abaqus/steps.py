@@ -1,7 +1,5 @@
 """The steps of an input file: choice of a step, and a table of their conditions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from ...messages.errors import MeshError

@@ -1,7 +1,5 @@
 """*BOUNDARY and *TRANSFORM: supports in model axes or in axes of the nodes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import MeshError
@@ -25,12 +23,7 @@ _NAMED = {
 
 
 def take_transforms(model: InputModel) -> None:
-    """Store the axes of nodes with *TRANSFORM.
-
-    Raises
-    ------
-    MeshError : points that do not define axes
-    """
+    """Store the axes of nodes with *TRANSFORM.  Raises MeshError: points that do not define axes."""
     for scope, card in model.cards:
         if card.keyword != "TRANSFORM":
             continue

@@ -1,7 +1,5 @@
 """Temperatures of the vibrating structure: material values and thermal loads."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -21,12 +19,7 @@ _FIRST_ALONE = "values depend on the temperature or on fields; those of the firs
 
 
 def temperatures_of(model: InputModel, scope: Scope, card: Card) -> dict[int, float]:
-    """Return the temperatures of a card, by node.
-
-    Raises
-    ------
-    MeshError : sets that do not exist, words in place of numbers
-    """
+    """Return the temperatures of a card, by node.  Raises MeshError: sets that do not exist, words in place of numbers."""
     temperatures: dict[int, float] = {}
     for words, where in card.lines():
         value = number(words[1]) if len(words) > 1 else None

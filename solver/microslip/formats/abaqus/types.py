@@ -1,7 +1,5 @@
 """Element types of Abaqus and CalculiX: their cells, the quadrature of solids, the effects of other types."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

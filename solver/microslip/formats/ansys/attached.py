@@ -1,7 +1,5 @@
 """Point masses, springs and rigid regions of an archive, with groups of their nodes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

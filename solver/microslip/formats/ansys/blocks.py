@@ -1,7 +1,5 @@
 """The blocks of an Ansys file: nodes, elements, components; a library reads archives, this module input files."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -43,12 +41,7 @@ def blocks_of_library(path: str) -> Blocks:
 
 
 def blocks_of_archive(archive: Any) -> Blocks:
-    """Return the blocks of an archive read by mapdl-archive.  Local.
-
-    Raises
-    ------
-    MeshError : it has no node or no element
-    """
+    """Return the blocks of an archive read by mapdl-archive.  Local.  Raises MeshError: it has no node or no element."""
     if archive.nnum is None or not len(archive.nnum) or not archive.n_elem:
         raise MeshError("its NBLOCK or EBLOCK is empty or damaged")
     numbers = np.asarray(archive.nnum, dtype=np.int64)

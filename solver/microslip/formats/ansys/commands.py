@@ -36,12 +36,7 @@ class Command:
         return self.fields[i] if i < len(self.fields) else ""
 
     def number(self, i: int) -> float:
-        """Return field i as a number, 0 if empty.
-
-        Raises
-        ------
-        MeshError : the field is not a number
-        """
+        """Return field i as a number, 0 if empty.  Raises MeshError: the field is not a number."""
         text = self.field(i)
         try:
             return float(text.upper().replace("D", "E")) if text else 0.0

@@ -1,7 +1,5 @@
 """Constraints of displacements in an archive: D, CE, CP and CERIG, and rotated nodal axes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contact elements of a file: the two surfaces of each pair as groups, and the kind of contact."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The content of the commands of an archive: types, materials, constants, constraints, and findings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Checks of the blocks of an archive: stated counts against content, and content against the library's reading."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The elements of an archive: solids as bodies, surfaces as groups of faces, others as findings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

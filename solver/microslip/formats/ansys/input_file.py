@@ -1,7 +1,5 @@
 """Convert commands of an input file to commands of an archive: parameters replaced, words in full, set-up omitted."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Materials of an archive by the labels of MP and MPDATA: isotropic, or orthotropic along element axes (ESYS)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -11,8 +11,6 @@
 Releases differ: MAPDL for ANSYS, a blank line after the product, "Elapsed Time=" for "CP=" (2026).
 """
 
-from __future__ import annotations
-
 import os
 import re
 import tempfile

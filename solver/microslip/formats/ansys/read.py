@@ -1,7 +1,5 @@
 """Read an Ansys archive or input file: its blocks and commands."""
 
-from __future__ import annotations
-
 import os
 import re
 from itertools import islice

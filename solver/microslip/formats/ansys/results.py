@@ -1,7 +1,5 @@
 """Read the model in a results file of Ansys (.rst): mesh, materials, components, supports."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Mapping
 from dataclasses import replace

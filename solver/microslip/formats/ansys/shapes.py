@@ -1,7 +1,5 @@
 """The shapes of Ansys solids: hexahedra with coincident nodes (equal numbers) are prisms, pyramids and tetrahedra."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Abaqus, *MATRIX GENERATE and *MATRIX OUTPUT: job_STIF1.mtx, by nodes and degrees of freedom, or by rows."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

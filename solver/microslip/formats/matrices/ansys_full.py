@@ -1,7 +1,5 @@
 """Ansys' .full: assembled stiffness, mass and damping, with node and direction of each equation."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import CaseError

@@ -5,8 +5,6 @@ interleaved by rows: the first row of each, then the second. No file written by 
 matrices that are not symmetric are refused.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import CaseError

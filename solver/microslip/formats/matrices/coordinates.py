@@ -1,7 +1,5 @@
 """CalculiX, *FREQUENCY, SOLVER=MATRIXSTORAGE: one triangle in job.sti and job.mas, the rows' DOFs in job.dof."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...messages.errors import CaseError

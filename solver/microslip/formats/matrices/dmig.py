@@ -1,7 +1,5 @@
 """Nastran's DMIG entries, of bulk data or a punch file: matrices by grid points and components, read by pyNastran."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Unformatted records of Fortran: a length in bytes, the content, the length once more."""
 
-from __future__ import annotations
-
 import struct
 from typing import IO
 

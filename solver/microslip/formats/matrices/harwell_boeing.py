@@ -1,7 +1,5 @@
 """Harwell-Boeing and Rutherford-Boeing: compressed columns in fields of fixed width."""
 
-from __future__ import annotations
-
 from itertools import islice
 
 import numpy as np
@@ -14,12 +12,7 @@ from .text import fixed_width, fortran_format
 
 
 def read_harwell_boeing(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file: assembled, real or integer.  Local.
-
-    Raises
-    ------
-    CaseError, ResourceError : the file is faulty
-    """
+    """Return the matrix of a file: assembled, real or integer.  Local.  Raises CaseError, ResourceError: the file is faulty."""
     with open(wanted.path, "rb") as file:
         head = [file.readline(200).decode("latin-1") for _ in range(4)]
         kind = head[2][:3].upper()

@@ -3,8 +3,6 @@
 SciPy 1.10 crashes on some damaged files and allocates any stated shape.
 """
 
-from __future__ import annotations
-
 from math import prod
 
 import numpy as np

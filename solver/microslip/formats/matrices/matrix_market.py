@@ -1,7 +1,5 @@
 """Matrix Market: SciPy reads it, after its header has been checked against the size of the file."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

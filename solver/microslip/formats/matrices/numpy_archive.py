@@ -1,7 +1,5 @@
 """NumPy archives, .npz, of scipy.sparse.save_npz or numpy.savez.  Objects are never unpickled."""
 
-from __future__ import annotations
-
 import zipfile
 
 import numpy as np

@@ -3,8 +3,6 @@
 pyNastran only reads matrices whose names it knows.
 """
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -19,12 +17,7 @@ _NUMBERS = {1: "f4", 2: "f8"}  # by the type code of the trailer; 3 and 4 are co
 
 
 def read_op2(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, or the wanted one of several.  Local.
-
-    Raises
-    ------
-    CaseError, ResourceError : the file is faulty
-    """
+    """Return the matrix of a file, or the wanted one of several.  Local.  Raises CaseError, ResourceError: the file is faulty."""
     with open(wanted.path, "rb") as file:
         blocks = {block.name: block for block in _Walk(file, wanted).blocks() if block.is_matrix}
         if not blocks:

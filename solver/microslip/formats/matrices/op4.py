@@ -35,12 +35,7 @@ class _Head:
 
 
 def read_op4(wanted: Wanted) -> FileMatrix:
-    """Return the matrix of a file, or the wanted one of several.  Local.
-
-    Raises
-    ------
-    CaseError, ResourceError : the file is faulty
-    """
+    """Return the matrix of a file, or the wanted one of several.  Local.  Raises CaseError, ResourceError: the file is faulty."""
     with open(wanted.path, "rb") as file:
         reader, positions = _reader(file, wanted), dict[str, int]()
         position = file.tell()

@@ -1,7 +1,5 @@
 """PETSc's binary matrix files: AIJ and dense, 32-bit or 64-bit indices, 64-bit real numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 
@@ -18,12 +16,7 @@ def is_petsc(head: bytes) -> bool:
 
 
 def read_petsc(wanted: Wanted) -> FileMatrix:
-    """Return the first matrix of a file.  Local.
-
-    Raises
-    ------
-    CaseError : the file is faulty
-    """
+    """Return the first matrix of a file.  Local.  Raises CaseError: the file is faulty."""
     data = np.memmap(wanted.path, dtype=np.uint8, mode="r") if wanted.size else np.empty(0, dtype=np.uint8)
     if not is_petsc(bytes(data[:8])):
         raise CaseError(f"{wanted.where} is not a matrix of PETSc")

@@ -1,7 +1,5 @@
 """Read a matrix of another program in any known format.  Local; no MPI, no PETSc."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module

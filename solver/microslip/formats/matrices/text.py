@@ -1,7 +1,5 @@
 """Numbers in text files: columns, read in blocks, and Fortran fields of fixed width."""
 
-from __future__ import annotations
-
 import re
 from typing import IO
 

@@ -1,7 +1,5 @@
 """Effects of the cards of bulk data that are not taken over: text by name, and whether the effect changes the answer."""
 
-from __future__ import annotations
-
 # loads, dynamics, output, tables: stated in the scene
 HARMLESS = set(
     "ENDDATA GRID GRDSET CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S CTETRA CPENTA CHEXA CPYRAM PSOLID MAT1 MAT9 MAT11 SPC SPC1 "

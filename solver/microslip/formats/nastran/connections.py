@@ -1,7 +1,5 @@
 """Rigid and distributing elements, point masses, springs and dampers of bulk data."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

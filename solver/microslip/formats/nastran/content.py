@@ -1,7 +1,5 @@
 """The structure assembled from bulk data, and the axes of its grid points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Materials of bulk data: MAT1, MAT9 and MAT11, and their axes by PSOLID."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

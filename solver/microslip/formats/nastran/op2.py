@@ -1,7 +1,5 @@
 """The model in Nastran's output .op2: its geometry tables, read by pyNastran."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ A card is plain if it is in fixed fields of 8 or 16 characters, or in free field
 model and has only its numbers.  The lines of plain cards are removed from the text; pyNastran reads the remaining cards.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Read Nastran bulk data: pyNastran reads the cards, and this module assembles the structure."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re
@@ -196,12 +194,7 @@ def _source(text: str) -> tuple[Any, bool]:
 
 
 def _text(includes: Includes, path: str, within: tuple[str, ...] = ()) -> bytes:
-    """Return the text of a file with its included files inserted.
-
-    Raises
-    ------
-    MeshError : as in ``Includes``
-    """
+    """Return the text of a file with its included files inserted.  Raises MeshError: as in ``Includes``."""
     content = includes.read(path)
     if b"INCLUDE" not in content.upper():
         return content

@@ -1,7 +1,5 @@
 """Supports and equations of bulk data, in the axes of the grid points."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

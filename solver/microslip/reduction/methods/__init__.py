@@ -5,8 +5,6 @@ structure's modes with their exact static response, it has a ``selection`` of th
 not depend on methods.  A file may have ``check`` (of the size, before any solve) and ``check_modes``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Protocol

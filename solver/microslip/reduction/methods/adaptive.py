@@ -1,7 +1,5 @@
 """`adaptive`: Algorithm 1 of Yuan et al. (2020), with the pairs that did not stick in the last solution."""
 
-from __future__ import annotations
-
 from ...points.selection import NonStickingPairs
 from ..facts import Facts
 from ..settings import ReductionSettings

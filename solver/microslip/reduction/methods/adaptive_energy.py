@@ -1,7 +1,5 @@
 """`adaptive-energy`: as `adaptive`, with the pairs that dissipated energy or opened in the last solution."""
 
-from __future__ import annotations
-
 from ...points.selection import DissipatingPairs
 from ..facts import Facts
 from ..settings import ReductionSettings

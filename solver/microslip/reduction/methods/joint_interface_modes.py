@@ -11,8 +11,6 @@ structure, so that the linear response is that of `receptance` for any number of
 in phi; the static shapes of the loads are in the basis.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...linear.dense import gram, multiply

@@ -1,7 +1,5 @@
 """`receptance`: all pairs are included; a sticking pair costs only the evaluation of its contact law."""
 
-from __future__ import annotations
-
 from ...points.selection import AllPairs
 from ..facts import Facts
 from ..settings import ReductionSettings

@@ -7,8 +7,6 @@ of unit forces at the interface and of the loads.  By default there is a unit fo
 pair, so that all of them remain physical; with ``[solver] condensed`` on the relative DOFs only, 3 per pair.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse as sp
 

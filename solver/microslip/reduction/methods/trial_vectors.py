@@ -15,8 +15,6 @@ is 1 / (omega_i^2 omega_j^2), the motion of the two modes under equal forces; th
 stuck structure; the static shapes of the loads are in the basis.  ``[solver] interface_modes`` directions are retained.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...linear.joint_springs import joint_stiffness

@@ -1,7 +1,5 @@
 """The curves of a report as figures of plotly: plain dictionaries for JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -34,7 +32,8 @@ def figures_of(results: ResultFile) -> dict[str, Figure]:
     """
     if results.shown.is_static:
         return _static_figures(results)
-    levels = [(level, colour) for level, colour in zip(results.levels, _colours(len(results.levels))) if len(level.frequency)]
+    colours = map(matplotlib.colors.to_hex, level_colours(len(results.levels)))
+    levels = [(level, colour) for level, colour in zip(results.levels, colours) if len(level.frequency)]
     figures: dict[str, Figure] = {}
     for k in range(min(len(results.outputs), MOST_OUTPUTS)):
         figures[f"response_{k}"] = _response(results, levels, k, False)
@@ -52,10 +51,6 @@ def figures_of(results: ResultFile) -> dict[str, Figure]:
     for i, curve in enumerate(results.over):
         figures |= _over(results, i, curve)
     return figures
-
-
-def _colours(n: int) -> list[str]:
-    return [matplotlib.colors.to_hex(colour) for colour in level_colours(n)]
 
 
 def _response(results: ResultFile, levels, k: int, per_level: bool) -> Figure:

@@ -1,7 +1,5 @@
 """Maps of the joint for a report: surfaces laid flat as drawings whose cells the page colours, and the numbers of every pair."""
 
-from __future__ import annotations
-
 from html import escape
 from typing import Any
 

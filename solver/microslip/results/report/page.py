@@ -1,7 +1,5 @@
 """report.html: everything of a run on one page, from results.h5 alone, that needs no network."""
 
-from __future__ import annotations
-
 import json
 from html import escape
 from importlib.resources import files
@@ -45,12 +43,7 @@ def write_report(path: str, folder: str | Path) -> str:
 
 
 def plotly_js() -> str:
-    """Return plotly's library for browsers, which the page carries with it.
-
-    Raises
-    ------
-    CaseError : plotly is not installed
-    """
+    """Return plotly's library for browsers, which the page carries with it.  Raises CaseError: plotly is not installed."""
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:

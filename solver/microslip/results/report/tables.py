@@ -1,7 +1,5 @@
 """The words and tables of a report as HTML.  Whatever comes from a user's file passes through ``escape``."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from html import escape
 

@@ -1,7 +1,5 @@
 """What the views in space show: the outer surface, its motions and shapes, and the joint in it, packed for the page."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from html import escape

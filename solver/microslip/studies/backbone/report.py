@@ -1,7 +1,5 @@
 """A nonlinear mode as a table, backbone.csv, backbone.h5, backbone.png and synthesis.png.  Rank 0 only."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,11 +96,7 @@ def records(result: Backbone) -> list[dict[str, Any]]:
         for name, of in (("frequency_error_Hz", "frequency"), ("damping_ratio_error", "damping")):
             columns[name] = np.full(len(result.points), np.nan)
             columns[name][at] = [abs(getattr(check, of)) for check in result.checks]
-    return [{name: _plain_number(values[i]) for name, values in columns.items()} for i in range(len(result.points))]
-
-
-def _plain_number(value: Any) -> float | int:
-    return int(value) if isinstance(value, np.integer) else float(value)
+    return [{name: values[i].item() for name, values in columns.items()} for i in range(len(result.points))]
 
 
 def write_arrays(result: Backbone, path: str) -> None:

@@ -1,11 +1,10 @@
 """The command `backbone`: build, follow a nonlinear mode, compare with statics and forced responses; tables and pictures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...library.backbone import Backbone, backbone
 from ...library.build import build
@@ -17,15 +16,10 @@ from ...observe.stops import Stops, goes_on
 from ...parallel.agree import on_root
 from ...restart.cache import cache_of
 from ...restart.folder import Restart
+from ...scene.schema import Scene
 from ...system.versions import versions
+from ...system.walltime import TimeLimit
 from .report import Forced, write_backbone
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
-    from ...system.walltime import TimeLimit
-
 
 WIDTHS = 3.0  # half-power widths on each side of the mode, in which forced responses are computed
 

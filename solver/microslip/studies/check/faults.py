@@ -1,7 +1,5 @@
 """All independent faults of a scene and its files in one message, collected after the first one has ended a check."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeVar
 

@@ -1,7 +1,5 @@
 """The sets marked in the picture of a mesh: those used by a scene, or named by a model file."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...formats.model import FileModel

@@ -1,9 +1,6 @@
 """The memory estimate of a run as text, by stage and rank; nothing is solved."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -102,24 +99,15 @@ def _peaks(
     basis = memory_of_basis(n_owned, facts.coordinates(settings, counts)) if facts.makes_basis else columns
     stages["reduction"] = held + basis
     static = 72.0 * n_pairs * own_pairs
-    points = _bytes_a_point(n_pairs, N_H) * scene.response.points * (len(scene.response.levels) + 1) * (comm.rank == 0)
+    a_point = 8.0 * (6 * n_pairs * N_H + 8 * n_pairs) + 4e3  # motion and forces of pairs, a few numbers of each and in all
+    points = a_point * scene.response.points * (len(scene.response.levels) + 1) * (comm.rank == 0)
     stages["response"] = held + 2.5 * static + points
     stages["pictures"] = held + static + points + PICTURES
-    return _rising(stages)
-
-
-def _rising(stages: dict[str, float]) -> dict[str, float]:
-    """Return the running maximum of the peaks of the stages.  Local."""
-    return dict(zip(stages, np.maximum.accumulate(list(stages.values())).tolist()))
+    return dict(zip(stages, np.maximum.accumulate(list(stages.values())).tolist()))  # the peak up to each
 
 
 def _n_modes(scene: Scene, n_dof: int) -> int:
     return min(scene.solver.modes or PICKED, n_dof)
-
-
-def _bytes_a_point(n_pairs: int, N_H: int) -> float:
-    """Return the bytes of a recorded point: motion and forces of the pairs, and a few numbers per pair and per point."""
-    return 8.0 * (6 * n_pairs * N_H + 8 * n_pairs) + 4e3
 
 
 def _by_size(n_dof: int) -> float:
@@ -127,8 +115,7 @@ def _by_size(n_dof: int) -> float:
     return 1.0e9 * (n_dof / 122_124) ** (4.0 / 3.0)
 
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from mpi4py import MPI
 
 _MIB = 1024.0**2
 

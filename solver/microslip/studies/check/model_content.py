@@ -1,7 +1,5 @@
 """The content of a model file as lines: elements, bodies with volume and mass, materials, groups, findings."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Mapping
 

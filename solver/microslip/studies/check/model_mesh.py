@@ -1,7 +1,5 @@
 """The mesh of all bodies of a model file, without a scene."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...formats.model import KINDS, FileModel, Group

@@ -1,7 +1,5 @@
 """The picture of a mesh with its sets: shaded bodies, and the sets drawn among the edges of the bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

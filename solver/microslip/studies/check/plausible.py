@@ -1,7 +1,5 @@
 """Detection of wrong units: implausible materials and lengths, and units in which they would be plausible."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import numpy as np

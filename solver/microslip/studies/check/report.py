@@ -1,7 +1,5 @@
 """The report of `check`: content of a scene and resources of a run, as lines."""
 
-from __future__ import annotations
-
 from collections.abc import Container
 
 import numpy as np
@@ -20,9 +18,11 @@ from ...messages.words import place
 from ...modes.limits import FEW, refuse_too_many
 from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
-from ...scene.schema import ACCURACY_OF_MODES, Load, Output, Scene
+from ...scene.schema import Scene
+from ...scene.solution import ACCURACY_OF_MODES
 from ...tables.structure import Mass, Spring
 from ...tables.units import UNITS
+from ...tables.vibration import Load, Output
 from . import model_content as content
 from .plausible import SI, suspicion
 
@@ -122,12 +122,7 @@ def _bolts(mesh: Mesh, scene: Scene) -> list[str]:
 
 
 def description_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
-    """Return the lines of ``description`` for a scene given as matrices.  Local, on rank 0.
-
-    Raises
-    ------
-    CaseError : too many modes
-    """
+    """Return the lines of ``description`` for a scene given as matrices.  Local, on rank 0.  Raises CaseError: too many modes."""
     massless = f"; {given.n_massless} DOF without mass" if given.n_massless else ""
     damping = "" if given.C is None else f", damping {given.C.nnz}"
     return [

@@ -1,9 +1,8 @@
 """The command `check`: read and check a scene, list its content and optionally draw it."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...assembly.check import check_elements
 from ...assembly.matrices import read_structure
@@ -20,9 +19,6 @@ from .marks import marks_of_scene
 from .memory_report import memory_of_matrices, memory_of_mesh
 from .picture import draw
 from .report import description, description_of_matrices
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 
 def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:

@@ -1,7 +1,5 @@
 """Comparison of methods at the same points: the table, compare.csv and compare.png.  Rank 0 only."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol

@@ -1,9 +1,8 @@
 """The command `compare`: one structure, several methods at the same frequencies, one table."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...continuation.grid import at_frequencies
 from ...library.build import Structure, build
@@ -16,13 +15,9 @@ from ...parallel.agree import on_root
 from ...points.branch import Branch
 from ...reduction.methods import METHODS, check_modes
 from ...results.measures import shown_with
+from ...scene.schema import Scene
 from ...system.versions import versions
 from .report import Row, write_comparison
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 LARGEST_REFERENCE = 20_000  # DOF up to which `full` is the default reference
 

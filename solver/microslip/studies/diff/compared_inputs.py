@@ -1,7 +1,5 @@
 """Differences between the inputs of two results and the programs that computed them."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Mapping

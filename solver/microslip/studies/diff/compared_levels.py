@@ -1,7 +1,5 @@
 """Comparison of a level of two results: curves, peaks, losses, states and error bars.  NumPy and SciPy only."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

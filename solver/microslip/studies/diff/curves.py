@@ -4,8 +4,6 @@ The space of a curve has the frequency, in half widths of the resonance, and the
 coordinates.  Where a curve turns back in frequency (a fold), the nearest part is compared.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The picture diff.png: both curves of each level, and their difference."""
 
-from __future__ import annotations
-
 import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D

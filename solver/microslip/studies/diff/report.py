@@ -1,41 +1,47 @@
-"""The comparison of two results as text, table and JSON."""
-
-from __future__ import annotations
+"""The comparison of two results as text, table and JSON, and the files of the command `diff`."""
 
 import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from ...messages.words import listed
 from ...observe.screen_table import screen_table
 from ...results.record import COMPLETE, ResultFile
+from ...system.files import atomic_write, make_folder
 from .compared_inputs import Change
 from .compared_levels import LevelDifference
-from .story import Difference
+from .picture import draw
+from .story import Difference, diff
 
 _MOST = 60  # largest number of characters of a value
 _RESOLVED = 0.9  # of a difference: if less exceeds the resolution of the points, the text states it
 _ROUNDING = 1e-14  # rounding, relative to the peak
 _HEAD = (
-    "level",
-    "output",
-    "points",
-    "difference %",
-    "at Hz",
-    "peak A",
-    "B",
-    "change %",
-    "at Hz A",
-    "B",
-    "shift %",
-    "friction loss A, J",
-    "B",
-    "slip A, B",
-    "open A, B",
-    "in bars",
-)
+    "level|output|points|difference %|at Hz|peak A|B|change %|at Hz A|B|shift %|friction loss A, J|B|slip A, B|open A, B|in bars"
+).split("|")
+DIFFERENT = 1  # exit status, as in diff(1)
+
+
+def compare_files(a: str, b: str, tolerance: float | None, bars: bool, out: Path | None, as_json: bool) -> tuple[str, int]:
+    """Return the comparison of two result files, and the exit status: 0 equal, 1 different.  Local.
+
+    With a folder ``out`` diff.png and diff.json are written there.
+
+    Raises
+    ------
+    CaseError : a file cannot be read or written
+    ResourceError : the disk is full
+    """
+    comparison = diff(a, b, tolerance, bars)
+    if out is not None:
+        make_folder(str(out))
+        draw(comparison, str(out / "diff.png"))
+        with atomic_write(str(out / "diff.json")) as beside:
+            Path(beside).write_text(json_of(comparison) + "\n", encoding="utf-8")
+    return (json_of(comparison) if as_json else text_of(comparison)), 0 if comparison.is_same else DIFFERENT
 
 
 def text_of(comparison: Difference) -> str:

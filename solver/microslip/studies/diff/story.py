@@ -1,7 +1,5 @@
 """The comparison of two results: inputs, structure, every level; one verdict."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,12 +81,7 @@ class Difference:
 
 
 def diff(path_a: str, path_b: str, tolerance: float | None = None, bars: bool = False) -> Difference:
-    """Return the difference of two result files.  Local; no MPI, no PETSc.
-
-    Raises
-    ------
-    CaseError : a file cannot be read
-    """
+    """Return the difference of two result files.  Local; no MPI, no PETSc.  Raises CaseError: a file cannot be read."""
     return compared(read_results(path_a, motion=False), read_results(path_b, motion=False), tolerance, bars)
 
 

@@ -1,10 +1,7 @@
 """The arrays of an export with names, units and meanings, the same in model.npz and model.mat."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +11,8 @@ from ...library.settings import band, excitation, units_of
 from ...mesh.data import ContactPairs, Mesh
 from ...points.band import frequency_band
 from ...reduction.reduction import Reduction
+from ...scene.schema import Scene
 from .interface_model import InterfaceModel
-
-if TYPE_CHECKING:
-    from ...scene.schema import Scene
 
 
 @dataclass(frozen=True, eq=False)

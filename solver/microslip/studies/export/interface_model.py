@@ -8,8 +8,6 @@ with du_b the independent relative displacements, psi their static shapes, chi t
 coordinates with relative interface DOFs.  The change of coordinates is exact.  NumPy only; local.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

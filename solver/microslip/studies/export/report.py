@@ -1,12 +1,9 @@
 """The files of an export: model.npz, model.mat, recovery, README.txt and the scripts.  Rank 0 only."""
 
-from __future__ import annotations
-
 import shutil
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.io
@@ -14,11 +11,9 @@ import scipy.io
 from ...contact.laws import ELASTIC_COULOMB, LAWS
 from ...messages.errors import CaseError
 from ...messages.words import listed
+from ...scene.schema import Scene
 from ...system.files import atomic_write, make_folder
 from .contents import Entry
-
-if TYPE_CHECKING:
-    from ...scene.schema import Scene
 
 SCRIPTS = ("run_nlvib.m", "nlvib_residual.m", "run_tmdsimpy.py", "run_pyharm.py", "exported_model.py")
 LARGEST_MAT = 2**31 - 1  # bytes of an array in a .mat file of version 5

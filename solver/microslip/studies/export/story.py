@@ -1,10 +1,9 @@
 """The command `export`: build, reduce, form matrices, write them with a README and a script for each other program."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...library.build import Structure, build
 from ...library.prepare import reduced
@@ -18,15 +17,11 @@ from ...reduction.expand import node_fields
 from ...reduction.methods import METHODS, SELECTIONS
 from ...reduction.reduction import Reduction
 from ...reduction.settings import ReductionSettings
+from ...scene.schema import Scene
 from ...system.versions import versions
 from .contents import contents, recovery
 from .interface_model import interface_model
 from .report import write_export
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 FINITE = tuple(name for name in METHODS if name not in SELECTIONS)  # others: exact static response, no finite matrices
 INSTEAD = "joint-interface-modes"  # default: same modes, and all static shapes of relative displacements

@@ -1,18 +1,16 @@
 """An identification as tables, identified.csv and fit.csv, a picture and a scene.  Rank 0 only."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
 from ...formats.csv_table import numbered_rows
-from ...library.identify import IN_FILE
+from ...library.identify import IN_FILE, Identified
 from ...library.settings import output_names, units_of
 from ...observe.screen_table import screen_table
 from ...results.style import FAINT, INK, RC, WIDTH, Page, level_colours, plain, with_prefix
@@ -20,9 +18,6 @@ from ...scene.inputs import named_files
 from ...scene.toml_text import as_toml
 from ...system.files import atomic_write, make_folder
 from ..records import write_csv
-
-if TYPE_CHECKING:
-    from ...library.identify import Identified
 
 
 def write_identified(found: Identified, scene: Any, folder: Path) -> str:

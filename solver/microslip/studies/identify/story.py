@@ -1,9 +1,8 @@
 """The story of an identification: build, fit, table, picture, and the scene with the values put in."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...formats.measured import read_measured
 from ...library.build import build
@@ -12,13 +11,9 @@ from ...library.settings import output_names, refuse_discs, refuse_statics, unit
 from ...messages.errors import CaseError, ConvergenceError
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
+from ...scene.schema import Scene
 from ...system.versions import versions
 from .report import write_identified
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 
 def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[str, ...], options: tuple[str, ...] = ()) -> None:
@@ -51,12 +46,7 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
 
 
 def bounds_of(text: str) -> tuple[str, tuple[float, float]]:
-    """Return the number and its bounds of KEY=LOW:HIGH.  Local.
-
-    Raises
-    ------
-    CaseError : another text
-    """
+    """Return the number and its bounds of KEY=LOW:HIGH.  Local.  Raises CaseError: another text."""
     key, _, ends = text.partition("=")
     low, _, high = ends.partition(":")
     try:

@@ -1,14 +1,12 @@
 """Frequencies against speed of rotation: families of modes and their engine-order crossings (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
+from mpi4py import MPI
 from scipy.optimize import linear_sum_assignment
 
 from ...linear.dense import gram
@@ -16,9 +14,6 @@ from ...observe.screen_table import screen_table
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled
 from ...system.files import make_folder
 from ..records import cell, write_csv
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 ORDERS = 6  # default number of engine orders
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")

@@ -1,21 +1,15 @@
 """Coriolis forces in the command `modes`: the matrix of a scene, and what its modes become (docs/theory.md, section 12)."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from mpi4py import MPI
 
 from ...assembly.coriolis import Coriolis, coriolis
 from ...library.build import Assembled, assembled, without_reference
 from ...linear.dense import multiply
+from ...linear.joint_springs import Linearised
 from ...modes.coriolis import Waves, waves
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...linear.joint_springs import Linearised
-    from ...modes.eigen import Modes
-    from ...observe.log import RunLog
-    from ...scene.schema import Scene
+from ...modes.eigen import Modes
+from ...observe.log import RunLog
+from ...scene.schema import Scene
 
 BASIS = 2  # modes without Coriolis forces for each mode with them
 _LARGE = 1e-3  # residual above which frequencies, with errors of its square, are in doubt

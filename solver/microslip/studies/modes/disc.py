@@ -1,20 +1,21 @@
 """The modes of a disc at every nodal diameter: table, interference diagram and shapes on all sectors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
+from ...assembly.coriolis import Coriolis
 from ...library.build import Assembled, factor_of
 from ...library.settings import reduction_settings
+from ...linear.joint_springs import Linearised
 from ...messages.errors import CaseError
-from ...modes.eigen import first_of
+from ...modes.coriolis import Waves
+from ...modes.eigen import Modes, first_of
 from ...modes.hermitian import lowest_modes_of
 from ...observe.log import RunLog
 from ...observe.screen_table import screen_table
@@ -25,18 +26,12 @@ from ...reduction.stuck import project_modes
 from ...results.style import BOXED, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, some
 from ...results.vtk import write_modes
 from ...results.whole_disc import whole_mesh, whole_shapes
+from ...scene.schema import Scene
 from ...system.files import make_folder
 from ..records import cell, write_csv
 from .campbell import Crossing
 from .coriolis import basis_size, waves_of
 from .report import joint_shares
-
-if TYPE_CHECKING:
-    from ...assembly.coriolis import Coriolis
-    from ...linear.joint_springs import Linearised
-    from ...modes.coriolis import Waves
-    from ...modes.eigen import Modes
-    from ...scene.schema import Scene
 
 DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen

@@ -1,16 +1,15 @@
 """The Campbell diagram of a disc: the modes of every nodal diameter about the state of rest at several speeds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
+from ...assembly.coriolis import Coriolis
 from ...library.build import Assembled
 from ...messages.errors import CaseError
 from ...observe.log import RunLog
@@ -33,9 +32,6 @@ from .disc import (
     write_resonances,
     write_shapes,
 )
-
-if TYPE_CHECKING:
-    from ...assembly.coriolis import Coriolis
 
 _NAMED = 16  # engine orders in the picture
 

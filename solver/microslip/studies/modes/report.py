@@ -1,7 +1,5 @@
 """The modes of a structure as a table, modes.csv, modes.png and modes.vtkhdf.  Rank 0 only."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,41 +1,34 @@
 """The command `modes`: assemble, factor, lowest modes with proof, effective masses, table and pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 
+from ...assembly.system import System
 from ...library.build import Assembled, factor_of
 from ...library.settings import reduction_settings
 from ...linear.dense import gram, multiply
+from ...linear.joint_springs import Linearised
 from ...messages.errors import CaseError
 from ...modes.coriolis import Waves
-from ...modes.eigen import first_of, lowest_modes
+from ...modes.eigen import Modes, first_of, lowest_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...reduction.expand import node_fields
 from ...reduction.modal_structure import damped_modes
 from ...reduction.stuck import project_modes
 from ...scene.read import changed
+from ...scene.schema import Scene
 from ...system.versions import versions
 from .campbell import ORDERS, Families, write_campbell
 from .coriolis import basis_size, of_modes, takes_coriolis, waves_of, with_matrix
 from .disc import Excited, diameters_of, show_disc
 from .disc_at_speed import show_at_speeds
 from .report import ModeTable, joint_shares, write_modes_of
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...assembly.system import System
-    from ...linear.joint_springs import Linearised
-    from ...modes.eigen import Modes
-    from ...scene.schema import Scene
 
 COUNT = 12  # default number of modes
 
@@ -106,12 +99,7 @@ def _of_structure(scene: Scene, comm: MPI.Comm, folder: Path, request: Request, 
 
 
 def at_speed(scene: Scene, speed: float) -> Scene:
-    """Return the scene with a speed of rotation [rad/s].  Local.
-
-    Raises
-    ------
-    CaseError : the scene has no axis
-    """
+    """Return the scene with a speed of rotation [rad/s].  Local.  Raises CaseError: the scene has no axis."""
     return changed(scene, {"statics": {"rotation_speed": speed}})
 
 

@@ -1,7 +1,5 @@
 """Candidates that a run accepts as joints, by the checks of the run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 

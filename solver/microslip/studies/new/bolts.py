@@ -1,7 +1,5 @@
 """Bolts of a mesh: connected parts with a round, solid shank and a head or nuts at its ends, and the place of a cut."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -70,7 +68,8 @@ def find_bolts(mesh: Mesh, skin: Skin, touching: Touching, body_of: Mapping[str,
     shanks = [shank for i, of_part in parts.items() if (shank := _shank(i, of_part)) is not None]
     shanks = [_with_nuts(skin, touching, shank, parts, {other.part for other in shanks}) for shank in shanks]
     cuts = _cuts_of_file(mesh, inner) if shanks else []
-    return [replace(shank, group=_cut_of(shank, part, cuts)) for shank in shanks]
+    group_of = {int(part[nodes[0]]): name for name, nodes in reversed(cuts) if (part[nodes] == part[nodes[0]]).all()}
+    return [replace(shank, group=group_of.get(shank.part)) for shank in shanks]
 
 
 def uncut(mesh: Mesh, file: FileModel, bolts: Sequence[Shank]) -> list[Shank]:
@@ -188,8 +187,3 @@ def _cuts_of_file(mesh: Mesh, inner: Collection[str]) -> list[tuple[str, np.ndar
         except MeshError:
             continue
     return sorted(cuts, key=lambda cut: cut[0])
-
-
-def _cut_of(shank: Shank, part: np.ndarray, cuts: Sequence[tuple[str, np.ndarray]]) -> str | None:
-    """Return the first group that cuts a shank."""
-    return next((name for name, nodes in cuts if (part[nodes] == shank.part).all()), None)

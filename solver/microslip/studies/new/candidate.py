@@ -1,7 +1,5 @@
 """Two surfaces that may be a joint, with their properties."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

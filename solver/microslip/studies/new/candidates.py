@@ -1,7 +1,5 @@
 """Candidates for joints: touching surfaces of different bodies, with names of the file or new names."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 

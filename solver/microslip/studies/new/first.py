@@ -1,7 +1,5 @@
 """What is known of a first scene."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ...formats.model import FileModel, FileStep, Finding, LoadsAtRest

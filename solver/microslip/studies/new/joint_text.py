@@ -1,7 +1,5 @@
 """Joints, ties and bolts of a first scene as text, with unknown values as comments to be filled in."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

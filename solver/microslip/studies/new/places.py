@@ -1,7 +1,5 @@
 """Supports, load and output of a first scene."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The text of a first scene: data of the file are stated, unknown values are comments to be filled in."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 from ...scene.toml_text import key_text, value_text

@@ -1,7 +1,5 @@
 """Solutions at a frequency as a table, search.csv, curves.csv and search.png.  Rank 0 only."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,22 +1,17 @@
 """The story of a search: build, search at a frequency, continue if requested; table, search.csv, curves.csv, search.png."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...library.build import build
 from ...library.search import STARTS, refuse_what_has_one, search
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
+from ...scene.schema import Scene
 from ...system.versions import versions
 from .report import write_search
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Pictures of a sweep: numbers over one key, maps of two, scatter, tornado, Sobol indices, percentile bands.  Rank 0 only."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

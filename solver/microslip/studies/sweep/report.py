@@ -1,9 +1,7 @@
 """A sweep as tables and pictures: sweep.csv, sweep.h5, and what suits its design.  Rank 0 only."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import matplotlib
@@ -14,14 +12,12 @@ from ...library.sample_peaks import DONE, FAILED, MISSING, OUTSIDE
 from ...library.sweep import NUMBERS, SMOOTH, SweepTable
 from ...observe.screen_table import screen_table
 from ...results.style import RC, some
+from ...scene.schema import Scene
 from ...system.files import atomic_write, file_errors, make_folder
 from ...system.hdf5 import written_hdf5
 from ..records import cell, write_csv
 from .pictures import draw_bands, draw_effects, draw_grid, draw_indices, draw_map, draw_scatter
 from .statistics import Effect, effects_of, percentiles
-
-if TYPE_CHECKING:
-    from ...scene.schema import Scene
 
 _ROWS = 16  # of the table on the screen
 _LEAST = 8  # samples with a peak, from which percentiles are given

@@ -1,7 +1,5 @@
 """What the command line of a sweep states: lists and ranges, scatter, a table of samples; and the design that follows."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Statistics of samples: percentiles with their ranges, the effect of each number on the peak.  Local."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@
 A line that an interruption has cut is no JSON and is passed over; so is one of another key.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

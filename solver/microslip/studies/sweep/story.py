@@ -1,12 +1,11 @@
 """The story of a sweep: samples, structures on groups of ranks, peaks as the groups come to them, table, files, pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...library.build import build
 from ...library.design import Design
@@ -19,6 +18,7 @@ from ...observe.stops import goes_on
 from ...parallel.agree import on_root
 from ...parallel.rank_groups import Counter, Groups, Reports, dealt, split
 from ...restart.identity import identity_of
+from ...scene.schema import Scene
 from ...system.signals import raise_stop
 from ...system.versions import versions
 from ...system.walltime import TimeLimit
@@ -26,11 +26,6 @@ from ...system.watchdog import unwatched
 from .report import write_sweep
 from .request import Request, design_of, refusal
 from .stored import keys_of, read_samples, remove_samples, store
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 MARGIN, SLOWEST = 5.0, 2.0  # s before the end of the time, and times the slowest sample, at which no further one begins
 MOST_SAID = 10  # samples that failed

@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ...continuation.accuracy import Accuracy, accuracy_of
 from ...continuation.grid import solved_at, task_at
@@ -26,12 +27,8 @@ from ...points.branch import Branch, Point
 from ...points.error_parts import total
 from ...receptance.truncated_modes import EnrichedModel
 from ...scene.read import changed
+from ...scene.schema import Scene
 from .study import Curve, Run, Setting
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 SHORT = 1.0  # s: a shorter response is solved again, and the smaller time is used
 
@@ -189,7 +186,7 @@ class Bench:
 
     def _timed_branches(self, prepared: Prepared, setting: Setting, omegas, bars: bool) -> Timed:
         """Return the branches of all levels and their times; error bars are timed separately unless the response needs them."""
-        start, branches, spent = Stopwatch.read(), [], np.zeros(2)
+        start, branches, spent = stopwatch(), [], np.zeros(2)
         response = self.response(prepared, setting)
         for level, points in omegas.items():
             problem = response.at_level(level)
@@ -200,7 +197,7 @@ class Bench:
             branches.append(solved_at(task, list(points)))
             if estimator is not None and accuracy is None:
                 spent += estimator.spent
-        (wall, cpu), (wall_of_bars, cpu_of_bars) = self.comm.bcast((Stopwatch.read() - start, spent))
+        (wall, cpu), (wall_of_bars, cpu_of_bars) = self.comm.bcast((stopwatch() - start, spent))
         return Timed(branches, float(wall - wall_of_bars), float(cpu - cpu_of_bars), float(wall), float(cpu))
 
 
@@ -215,13 +212,9 @@ class Timed:
     cpu_with_bars: float  # s
 
 
-class Stopwatch:
-    """Wall and processor time of this process."""
-
-    @staticmethod
-    def read() -> np.ndarray:
-        """Return both [s]."""
-        return np.array([time.perf_counter(), time.process_time()])
+def stopwatch() -> np.ndarray:
+    """Return wall and processor time of this process [s].  Local."""
+    return np.array([time.perf_counter(), time.process_time()])
 
 
 class TimedEstimator(ErrorEstimator):
@@ -232,9 +225,9 @@ class TimedEstimator(ErrorEstimator):
         self.spent = np.zeros(2)
 
     def at(self, *point: Any, **known: Any) -> Estimate | None:
-        start = Stopwatch.read()
+        start = stopwatch()
         estimate = super().at(*point, **known)
-        self.spent += Stopwatch.read() - start
+        self.spent += stopwatch() - start
         return estimate
 
 

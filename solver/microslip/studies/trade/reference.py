@@ -4,8 +4,6 @@ Every refinement step (rung) is solved at all points, each from the solution of 
 form a series, and its remainder is the uncertainty of the reference.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

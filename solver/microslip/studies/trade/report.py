@@ -1,7 +1,5 @@
 """The report of a trade: table, trade.csv, sentences about each setting, and choices.  Rank 0 only."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -64,26 +62,9 @@ COLUMNS: dict[str, tuple[str, Callable[[Record], Any]]] = {  # heading, and the 
     "corrected_percent": ("corrected %", lambda of: 100 * of.corrected),
 }
 SHOWN = (
-    "knob",
-    "value",
-    "modes",
-    "harmonics",
-    "samples",
-    "unknowns",
-    "setup_s",
-    "seconds",
-    "cpu_s",
-    "cpu_with_bars_s",
-    "error_percent",
-    "corrected_percent",
-    "rms_percent",
-    "own_percent",
-    "peak_percent",
-    "bar_percent",
-    "covered_percent",
-    "bar_over_error",
-    "on_front",
-)
+    "knob value modes harmonics samples unknowns setup_s seconds cpu_s cpu_with_bars_s error_percent corrected_percent "
+    "rms_percent own_percent peak_percent bar_percent covered_percent bar_over_error on_front"
+).split()
 
 
 def write_trade(study: Study, scene: Titled, folder: str) -> str:
@@ -300,9 +281,8 @@ def _beside_fixed(study: Study, run: Run) -> str:
 
 def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
     """Return a sentence on cost and effect of a step from one value of a setting to the next."""
-    name = {"tolerance": "tolerance", "eps": "eps"}.get(knob, knob)
     first, second = (_value(knob, run) for run in (before, after))
-    text = f"{name} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
+    text = f"{knob} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
     text += _more_setup(before, after) if knob == "modes" else ""
     knob_errors = study.own(before, knob), study.own(after, knob)
     if knob == "harmonics":
@@ -333,8 +313,7 @@ def front_lines(study: Study) -> list[str]:
     """Return the runs of the Pareto front, one line each."""
     lines = []
     for run in study.front():
-        name = str(run.setting)
-        lines.append(f"{run.cost:8.3g} s  error {_known(study.score(run).error, study):>14}  {name}")
+        lines.append(f"{run.cost:8.3g} s  error {_known(study.score(run).error, study):>14}  {run.setting}")
     return lines or ["no run reached every frequency"]
 
 

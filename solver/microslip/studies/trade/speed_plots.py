@@ -1,7 +1,5 @@
 """The picture of a trade: error against time, and error bars against errors.  Rank 0 only."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch

@@ -1,13 +1,12 @@
 """The command `trade`: one structure, many settings at the same frequencies, compared with a reference of known error."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from math import gcd
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...library.build import build
 from ...library.settings import by_method, reduction_settings, refuse_statics
@@ -20,17 +19,13 @@ from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
 from ...scene.checks import OF_DISCS
 from ...scene.read import changed
+from ...scene.schema import Scene
 from ...system.versions import versions
 from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
 from .reference import Ladder, find_reference, frequencies
 from .report import write_trade
 from .study import ACCURACY, BASE, COMBINED, KNOBS, TARGETS, Run, Setting, Study, promising
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 SECONDS = 105.0  # default time budget
 UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8  # fractions of the time budget
@@ -81,12 +76,7 @@ def trade(scene: Scene, comm: MPI.Comm, folder: Path, request: Request | None = 
 
 
 def check_request(scene: Scene, request: Request) -> None:
-    """Refuse unsuitable scenes and options.  Local.
-
-    Raises
-    ------
-    CaseError
-    """
+    """Refuse unsuitable scenes and options.  Local.  Raises CaseError."""
     for name in request.knobs:
         if name not in KNOBS:
             raise CaseError(f"--knobs: unknown knob {name!r}{hint(name, KNOBS, str)}; known: {', '.join(KNOBS)}")
@@ -117,12 +107,7 @@ def check_request(scene: Scene, request: Request) -> None:
 
 
 def check_loads(scene: Scene) -> None:
-    """Refuse loads without motion in harmonic 1, in which errors are measured.  Local.
-
-    Raises
-    ------
-    CaseError
-    """
+    """Refuse loads without motion in harmonic 1, in which errors are measured.  Local.  Raises CaseError."""
     numbers = sorted({load.harmonic for load in scene.loads} - {0})
     if not numbers:
         raise CaseError(

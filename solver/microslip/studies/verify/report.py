@@ -1,7 +1,5 @@
 """Comparison of harmonic balance and time integration: table, verify.csv and verify.png.  Rank 0 only."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,13 +1,11 @@
 """The command `verify`: the curve by harmonic balance, and time integration of the same model at some of its points."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 
 from ...continuation.levels import ResponseProblem, follow_levels
 from ...fourier.amplitudes import to_real
@@ -23,6 +21,7 @@ from ...points.branch import Branch
 from ...receptance.motions import modal_motion
 from ...receptance.reduced_model import ReducedModel
 from ...scene.read import changed
+from ...scene.schema import Scene
 from ...system.versions import versions
 from ...transient.growth import growth
 from ...transient.march import Cycle, March
@@ -30,11 +29,6 @@ from ...transient.steady import Found, Start, coefficients, energies, from_harmo
 from ...transient.transient_model import TransientModel, transient_model
 from ..check.report import resolution
 from .report import Check, Loop, write_verification
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 SHARES = (0.85, 0.75)  # fractions of the peak at the verified points on both sides; 0.71 bounds the half-power band
 TOLERANCE = 1e-5  # distance from the steady state, relative to the motion

@@ -1,12 +1,10 @@
 """The jumps of cycles of a wear study on disk: a killed study continues after its last one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from mpi4py import MPI
 
 from ...library.jumps import WornState
 from ...library.wear import WearCycle, wear_of
@@ -14,12 +12,8 @@ from ...parallel.agree import on_root
 from ...restart.branch_files import of_point, to_point
 from ...restart.identity import identity_of
 from ...restart.records import Arrays, Journal, checked_read, length_of, read_records, unpack
+from ...scene.schema import Scene
 from ...system.files import make_folder
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 NAME = "wear.jumps"
 _POINT = "point/"

@@ -1,7 +1,5 @@
 """A wear study as a table, wear.csv, wear.png, wear_map.png, a group of results.h5 and wear.vtkhdf.  Rank 0 only."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

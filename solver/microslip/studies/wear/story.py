@@ -1,9 +1,8 @@
 """The story of a wear study: build, cycle, jump, again; curves of the new and the worn joint; table, files, pictures."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from mpi4py import MPI
 
 from ...library.build import build
 from ...library.follow_response import follow
@@ -15,14 +14,10 @@ from ...messages.errors import ConvergenceError
 from ...observe.log import RunLog
 from ...observe.stops import goes_on
 from ...parallel.agree import on_root
+from ...scene.schema import Scene
 from ...system.versions import versions
 from .progress import Progress, State
 from .report import write_wear
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-    from ...scene.schema import Scene
 
 
 def study(scene: Scene, comm: MPI.Comm, folder: Path, options: tuple[str, ...] = (), fresh: bool = False) -> None:
