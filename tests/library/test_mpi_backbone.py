@@ -1,6 +1,7 @@
 """microslip.backbone: from a scene to frequency and damping over amplitude, files and messages; on any number of ranks."""
 
 import csv
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -234,3 +235,18 @@ def test_the_command_writes_table_arrays_and_pictures(scene_file, program, share
             assert file["energy"].shape == (len(rows), 1) and file["energy"].attrs["unit"] == "J" and file.attrs["failure"] == ""
         assert {"backbone.png", "synthesis.png", "synthesis.csv"} <= {each.name for each in (shared_path / "out").iterdir()}
         assert "level 0.4: peak" in out and "by statics and Masing's rules" in out
+
+
+@pytest.mark.pictures
+def test_the_command_computes_forced_responses_where_the_scene_names_the_mode_followed(scene_file, program, shared_path):
+    path = scene_file(one_mass(), points=8, samples=64)
+
+    def names_the_mode():
+        text = path.read_text()
+        path.write_text(text.replace(re.search(r"frequencies = .*", text)[0], "mode = 1\nspan = [0.7, 1.3]"))
+
+    on_root(COMM, names_the_mode)
+    status, out, err = program("backbone", path, "--out", shared_path / "out", "--levels", "0.4", "--farthest", "5")
+    assert (status, err) == (0, "")
+    if COMM.rank == 0:
+        assert "level 0.4: peak" in out

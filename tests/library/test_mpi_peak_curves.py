@@ -226,3 +226,19 @@ def test_the_peak_over_the_damping_ratio_of_all_modes(comm, shared_path):
         for name in ("amplitude", "frequency"):
             assert getattr(curve, name)[-1] == pytest.approx(getattr(other, name)[-1], rel=1e-5)
         assert curve.error[-1] == pytest.approx(other.error[-1], rel=1e-3)
+
+
+def test_without_damping_the_peak_of_the_stuck_structure_is_no_beginning(comm, shared_path):
+    """Its motion is infinite; the linearisation there has no slipping pair and is singular."""
+
+    def write():
+        loads = [{"vector": np.array([1.0, 0.0]), "harmonic": 1, "phase": 0.0}]
+        system = scenes.make_system(
+            "two masses", np.eye(2), np.array([[2.0, -1.0], [-1.0, 2.0]]), [[0, -1, -1, -1, -1, -1]], mu=1.0, N0=1.0, k_t=1.0,
+            k_n=0.0, C=np.zeros((2, 2)), loads=loads, output=[1.0, 0.0], omega=(0.5, 3.0), levels={},
+        )  # fmt: skip
+        return write_matrix_scene(shared_path, system, [0.5], (0.5, 3.0), points=20, harmonics=1, samples=128, error_bars=False)
+
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+        curves = microslip.peaks(structure, {"level": (0.5, 1.0)})
+    assert curves and all("on the way up to 0.5 N" in curve.points.failure for curve in curves)

@@ -91,6 +91,11 @@ class PeakOver(ProblemBase):
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
         return {self.varies: 1.0}, {"omega": 1.0}
 
+    def where(self, parameter: float) -> str:
+        if self.varies == "level":
+            return f"level {parameter:.4g} N"
+        return f"the value {parameter:.4g} at level {self.level:.4g} N"
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FromSolution(LinearResponse):

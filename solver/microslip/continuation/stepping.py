@@ -112,8 +112,9 @@ def step(
 
 def message(solver: PointSolver, parameter: float, solution: Correction, steps: ArcLength) -> str:
     """Say that and why a branch ends."""
+    advice = "reduce ds_min or ds, or the level" if solver.problem.maximum is None else "the peak is followed no further"
     return (
         f"hb: no convergence beyond {solver.problem.where(parameter)} after {solution.newton} iterations: "
         f"{solution.failure or 'the branch turns back'}; the step was halved down to [continuation] "
-        f"ds_min = {steps.ds_min:.1e}: reduce ds_min or ds, or the level"
+        f"ds_min = {steps.ds_min:.1e}: {advice}"
     )

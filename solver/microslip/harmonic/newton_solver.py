@@ -92,7 +92,7 @@ class NewtonSolver:
         b = np.concatenate([of_active, b_nu - self._border.moved]) if self.last else of_active
         x, outcome = gmres.solve(b, self.preconditioner is not None, rtol)
         is_exact = isinstance(self.preconditioner, WholeInverse) and self.preconditioner.made_at is at
-        if outcome.reason < 0 and at.n_rows <= LARGEST_AT_LAST and not is_exact and not gmres.reached(self._rtol):
+        if outcome.reason < 0 and 0 < at.n_rows <= LARGEST_AT_LAST and not is_exact and not gmres.reached(self._rtol):
             self.preconditioner = WholeInverse(at)
             x, outcome = gmres.solve(b, True, rtol)
         n = len(of_active)

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from ...library.backbone import Backbone, backbone
 from ...library.build import build
-from ...library.respond import respond
+from ...library.respond import Keys, respond
 from ...library.response import Response
 from ...messages.errors import ConvergenceError
 from ...observe.log import RunLog
@@ -73,9 +73,10 @@ def study(
         forced: list[Forced] = []
         if request.levels and result.points:
             with log.stage("forced responses"):
-                response = respond(
-                    structure, levels=request.levels, frequencies=band(result, scene), peaks=True, error_bars=False
-                )
+                keys: Keys = {"levels": request.levels, "peaks": True, "error_bars": False}
+                if (about := band(result, scene)) is not None:
+                    keys["frequencies"] = about
+                response = respond(structure, **keys)
                 forced = [beside(result, response, level) for level in request.levels]
         log.note(on_root(comm, write_backbone, result, forced, scene, folder))
         restart.share_columns(log)
