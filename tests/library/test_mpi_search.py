@@ -43,6 +43,11 @@ def test_three_solutions_of_which_one_is_unstable(scene):
     assert sorted(one.stable for one in found.solutions) == [False, True, True]
     sizes = [float(one.amplitude[0]) for one in found.solutions]
     assert sizes == sorted(sizes) and all(one.residual < 1e-8 for one in found.solutions)
+    assert found.curve.multipliers is not None and len(found.curve.multipliers) == len(found.curve.frequency)
+    stable = np.array([is_stable(multipliers) for multipliers in found.curve.multipliers])
+    way = np.diff(found.curve.frequency)[1:-1]  # between the folds the curve goes down
+    np.testing.assert_array_equal(stable[1:-2][way < 0.0][1:-1], False)
+    assert stable[0] and stable[-1]
     structure.close()
 
 

@@ -55,9 +55,9 @@ class FromThere(ForcedResponse):
         return FromSolution(self, solution=self.begins)
 
 
-def curve_through(of: ResponseProblem, level: float, omega: float) -> Branch:
-    """Return the curve of a level, a frequency [rad/s] among its points, without peaks and bifurcations.  Collective."""
-    settings = replace(of.settings, peaks=False, stability=False)
+def curve_through(of: ResponseProblem, level: float, omega: float, has_stability: bool = False) -> Branch:
+    """Return the curve of a level, a frequency [rad/s] among its points, without peaks.  Collective."""
+    settings = replace(of.settings, peaks=False, stability=has_stability)
     return follow_level(replace(of, settings=settings, sweep=replace(of.sweep, at=(omega,))), level)
 
 

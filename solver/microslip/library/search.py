@@ -121,7 +121,7 @@ def search(
     prepared, _ = prepared_with(structure, {}, {**keys, "levels": [level], "peaks": False}, has_bars=has_bars)
     of, omega = prepared.response, 2.0 * np.pi * at
     refuse_outside(prepared, at)
-    curve = curve_through(of, level, omega)
+    curve = curve_through(of, level, omega, has_stability)
     found = solutions_at(of, curve, omega, starts, seed, has_stability)
     solutions = []
     for one in found:

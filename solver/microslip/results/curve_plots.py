@@ -284,7 +284,7 @@ def _curve(ax, level: LevelResult, values, colour, style="-", lw=1.2, shows_stab
     """
     for segment in segments(level.segment):
         n = segment.stop - segment.start
-        for part, is_stable in runs(level, segment) if shows_stability else ((segment, True),):
+        for part, is_stable in runs(level.stable, segment) if shows_stability else ((segment, True),):
             dashes = style if is_stable else DASHES
             marker = "." if n < 3 else None
             ax.plot(level.frequency[part], values[part], ls=dashes, lw=lw, color=colour, marker=marker, ms=5.0)

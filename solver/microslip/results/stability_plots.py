@@ -16,13 +16,14 @@ DASHES = (0.0, (3.0, 1.5))  # of unstable parts
 _MARKS = dict(zip(KINDS, "Ds^v"))
 
 
-def runs(level: LevelResult, segment: slice) -> Iterator[tuple[slice, bool]]:
+def runs(stable: np.ndarray | None, segment: slice) -> Iterator[tuple[slice, bool]]:
     """Yield the parts of a segment between whose points the curve is stable, or not, and which it is.  Local.
 
-    Between a stable and an unstable point the curve counts as unstable; without multipliers all of it is one part.
+    ``stable`` (n,) tells it of each point; between a stable and an unstable one the curve counts as unstable.  Without it all of
+    the segment is one part.
     """
     n = segment.stop - segment.start
-    stable = np.ones(n, dtype=bool) if level.stable is None else level.stable[segment].astype(bool)
+    stable = np.ones(n, dtype=bool) if stable is None else stable[segment].astype(bool)
     between = stable[:-1] & stable[1:] if n > 1 else stable
     starts = [0, *(np.flatnonzero(np.diff(between)) + 1).tolist(), len(between)]
     for a, b in zip(starts, starts[1:]):

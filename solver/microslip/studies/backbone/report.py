@@ -290,7 +290,11 @@ def draw_forced(result: Backbone, forced: Sequence[Forced], scene: Titled, path:
     axes.plot(result.frequency, size * factor, color=FAINT, lw=0.9)
     for colour, each in zip(colours, forced):
         axes.plot(each.frequency, np.abs(each.amplitude[:, 0]) * factor, color=colour)
-        axes.plot(each.by_mode.frequency, np.abs(each.by_mode.coefficients[:, 0]) * factor, color=INK, ls="--", lw=0.9)
+        frequency, sizes = each.by_mode.frequency, np.abs(each.by_mode.coefficients[:, 0]) * factor
+        if not np.isfinite(each.by_mode.resonance) and len(frequency) > 1:  # beyond the mode's amplitudes: no line across
+            between = int(np.argmax(sizes[:-1] + sizes[1:])) + 1
+            frequency, sizes = np.insert(frequency, between, np.nan), np.insert(sizes, between, np.nan)
+        axes.plot(frequency, sizes, color=INK, ls="--", lw=0.9)
         axes.plot(each.by_mode.resonance, each.by_mode.peak[0] * factor, "o", color=INK, ms=3.5, mfc="white")
     highest = max(float(np.abs(each.amplitude[:, 0]).max(initial=0.0)) for each in forced)
     lowest = min(float(np.abs(each.amplitude[:, 0]).min(initial=np.inf)) for each in forced)

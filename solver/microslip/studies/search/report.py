@@ -11,6 +11,8 @@ from ...library.search import FollowedCurve, Search, SolutionAt
 from ...observe.screen_table import screen_table
 from ...points.multipliers import is_stable
 from ...results.layout import log_scale
+from ...results.measures import segments
+from ...results.stability_plots import DASHES, runs
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, plain, with_prefix
 from ...system.files import make_folder
 from ..records import cell, write_csv
@@ -156,15 +158,19 @@ def draw(result: Search, scene: Titled, path: str) -> None:
     for stable, label in ((True, "stable"), (False, "unstable"), (None, "stability not computed")):
         if any(one.stable is stable for one in result.solutions):
             handles.append(Line2D([], [], color=INK, lw=0, marker="o", ms=4.5, mfc=_filled(stable), label=label))
+    drawn = [result.curve, *followed]
+    if any(curve.multipliers is not None and not all(map(is_stable, curve.multipliers)) for curve in drawn):
+        handles.append(Line2D([], [], color=INK, ls=DASHES, label="unstable part"))
     name = plain(result.outputs[0], 24)
     says = f"solutions found at {result.frequency:g} Hz and {result.level:g} {result.level_unit}, amplitude of {name}"
     page = Page(scene, says, WIDTH, 3.2, handles)
     axes = page.grid(1, 1).subplots()
     axes.axvline(result.frequency, color=FAINT, lw=0.8)
     for curve, colour in ((result.curve, _ACCENT), *((curve, _SECOND) for curve in followed)):
-        for segment in np.unique(curve.segment):
-            of = curve.segment == segment
-            axes.plot(curve.frequency[of], curve.amplitude[of, 0] * factor, color=colour)
+        of_points = None if curve.multipliers is None else np.array([is_stable(m) for m in curve.multipliers])
+        for segment in segments(curve.segment):
+            for part, holds in runs(of_points, segment):
+                axes.plot(curve.frequency[part], curve.amplitude[part, 0] * factor, color=colour, ls="-" if holds else DASHES)
     for one in result.solutions:
         axes.plot(result.frequency, one.amplitude[0] * factor, "o", color=INK, ms=4.5, mfc=_filled(one.stable), zorder=4)
     axes.set(xlabel="frequency [Hz]", ylabel=f"amplitude [{unit}]")
