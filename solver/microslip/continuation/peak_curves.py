@@ -119,7 +119,7 @@ def beginnings(of: ResponseProblem, request: PeakRequest) -> list[Peak]:
         low, high = (end / (2.0 * np.pi) for end in sorted((of.sweep.start, of.sweep.stop)))
         raise CaseError(
             f"[[response.over]]: output {request.output + 1} has no peak between {low:.6g} and {high:.6g} Hz while all pairs "
-            "stick; widen [response] frequencies, or name another output"
+            "are closed and stick, those open at rest, too; widen [response] frequencies, or name another output"
         )
     return peaks
 
