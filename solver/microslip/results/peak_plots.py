@@ -80,7 +80,7 @@ def _draw_row(row, lines: list[Resonance], unit: str, name: str) -> None:
         log_scale(row[0], "x", "y")
     else:
         row[0].set(xlim=(0.0, None), ylim=(0.0, None))
-    row[2].set_ylim(0.0, None)
+    row[2].set_ylim(0.0, 1.05 * row[2].get_ylim()[1])  # the margin of the data alone would cut the highest mark
 
 
 def mark_peaks(ax, level: LevelResult, output: int, factor: float, colour) -> None:
