@@ -1,4 +1,4 @@
-"""The receptance on synthetic data: dense formulas, adjoint, rates, blocks, modal and full damping, one family and two."""
+"""The receptance on synthetic data: dense formulas, adjoint, rates, blocks, modal and full damping, one to three groups."""
 
 import weakref
 from dataclasses import replace
@@ -66,7 +66,7 @@ def receptance(modes, seed=0):
 
 
 def model_of(*receptances, harmonics=HARMONICS):
-    """Return a model of one group of harmonics, or of two: the even and the odd ones."""
+    """Return a model of as many groups as receptances: of two, the even and the odd harmonics."""
     rng = np.random.default_rng(0)
     rng.standard_normal((3 * N_PAIRS + N_OUT + N_LOADS,) * 2)
     per_group = PerGroup(lambda group: receptances[group], lambda n: n % len(receptances), tuple(range(len(receptances))))
@@ -86,6 +86,12 @@ def split(full=False, seeds=(1, 2), sizes=(4, 6), statics=(0, 3), is_complex=Fal
     return model_of(even, receptance(modes_of(seeds[1], sizes[1], full, is_complex), statics[1]))
 
 
+def thirds(full):
+    """A real group of the mean, and complex groups of harmonic 1 and of harmonics 2 and 5, with different numbers of modes."""
+    of_complex = [receptance(modes_of(2 + i, 6 - i, full[i], is_complex=True), 3 + i) for i in range(2)]
+    return model_of(receptance(modes_of(1, 4)), *of_complex)
+
+
 MODELS = {
     "modal": lambda: model_of(receptance(modes_of(1, 4))),
     "full": lambda: model_of(receptance(modes_of(1, 4, full=True))),
@@ -93,6 +99,8 @@ MODELS = {
     "two full": lambda: split(full=True),
     "two, complex": lambda: split(is_complex=True),
     "two, complex full": lambda: split(full=True, is_complex=True),
+    "three, of 1 and 2 harmonics": lambda: thirds((False, False)),
+    "three, one full": lambda: thirds((False, True)),
 }
 of_each_model = pytest.mark.parametrize("name", list(MODELS))
 

@@ -23,7 +23,7 @@ class GroupColumns:
     """
 
     def __init__(self, group: HarmonicGroup, c: Flexibility, active: np.ndarray, owned: slice):
-        self.group, self.c, modes = group, c, group.receptance.modes
+        self.group, self.c, modes, self.is_complex = group, c, group.receptance.modes, group.receptance.is_complex
         self.G_static = group.receptance.static.G_static.chosen(active)
         self.R_active = modes.R_phi if 3 * len(active) == len(modes.R_phi) else modes.R_phi[rows_of(active)]
         self.R_owned = modes.R_phi[owned]
@@ -170,41 +170,45 @@ class ReceptanceColumns:
 
 
 class ActiveColumns:
-    """Columns and rows of G_n(omega) of active pairs, in one array per group, in single or double precision.
+    """Columns and rows of G_n(omega) of active pairs, in single or double precision.
 
     Forces have the unit 1 / ``unit`` [N], the same on all ranks, so that single precision neither overflows nor underflows,
     independent of the units of the scene.  Collective on the model's communicator.
     """
 
     def __init__(self, G: ReceptanceColumns, precision: type):
-        self.model, self.precision = G.model, precision
+        self.precision, self.n_rows = precision, len(G.rows)
         largest = max(group.G_static.largest for group in G.groups)
         self.unit = max(G.model.comm.allgather(largest)) or 1.0  # m/N
-        self._groups = [
-            (_ComplexGroup if group.group.receptance.is_complex else _RealGroup)(group, G.rows, self.unit, precision)
-            for group in G.groups
+        self._parts: list[_RealGroup | _ComplexGroups] = [
+            (_ComplexGroups if groups[0].is_complex else _RealGroup)(groups, G.rows, self.unit, precision)
+            for groups in _parted(G)
         ]
-        self.n_rows = len(G.rows)
         self.move_to(G)
 
     def move_to(self, G: ReceptanceColumns) -> None:
         """Update to the frequency of ``G``, which has the same pairs.  Local."""
-        for scaled, group in zip(self._groups, G.groups):
-            scaled.c = Flexibility(group.c.c * scaled.R_unit * (scaled.R_unit / self.unit))  # no unit
+        for part, groups in zip(self._parts, _parted(G)):
+            part.move_to(groups, self.unit)
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
-        if len(self._groups) == 1:
-            return self._groups[0].apply(p)
-        return self.model.joined([scaled.apply(p[:, group.columns]) for scaled, group in zip(self._groups, self.model.groups)])
+        if len(self._parts) == 1:
+            return self._parts[0].apply(p)
+        motion = np.empty((self.n_rows, p.shape[1]))
+        for part in self._parts:
+            motion[:, part.coefficients] = part.apply(p[:, part.coefficients])
+        return motion
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         """Return G p for several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in these units.  Local."""
         p = p.astype(self.precision, copy=False)
-        if len(self._groups) == 1:
-            return self._groups[0].apply_to_several(p)
-        of_groups = zip(self._groups, self.model.groups)
-        return self.model.joined([scaled.apply_to_several(p[..., group.columns]) for scaled, group in of_groups])
+        if len(self._parts) == 1:
+            return self._parts[0].apply_to_several(p)
+        motion = np.empty((len(p), self.n_rows, p.shape[2]))
+        for part in self._parts:
+            motion[..., part.coefficients] = part.apply_to_several(p[..., part.coefficients])
+        return motion
 
     def in_units(self, P: np.ndarray) -> np.ndarray:
         """Return tangents P [N/m] scaled to forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
@@ -212,21 +216,31 @@ class ActiveColumns:
         return np.multiply(P, self.unit, out=unitless, casting="same_kind")
 
 
+def _parted(G: ReceptanceColumns) -> list[list[GroupColumns]]:
+    """Return the groups whose products are computed together: each real group alone, all complex groups."""
+    complex_groups = [group for group in G.groups if group.is_complex]
+    return [[group] for group in G.groups if not group.is_complex] + ([complex_groups] if complex_groups else [])
+
+
 class _RealGroup:
     """The columns of a real group: static columns followed by modes, multiplied by compiled products."""
 
     c: Flexibility  # without unit
 
-    def __init__(self, G: GroupColumns, rows: np.ndarray, unit: float, precision: type):
+    def __init__(self, groups: list[GroupColumns], rows: np.ndarray, unit: float, precision: type):
+        (G,) = groups
         self.harmonics, self.n_rows, n_modes = G.group.harmonics, len(rows), G.R_active.shape[1]
-        self.N_H = self.harmonics.n_coefficients
-        self.R_unit = float(np.abs(G.R_active).max(initial=0.0)) or 1.0  # kg^-1/2
+        self.N_H, self.coefficients = self.harmonics.n_coefficients, G.group.columns
+        self.R_unit = _largest(G.R_active)  # kg^-1/2
         self.columns: np.ndarray = np.empty((len(G.R_active), self.n_rows + n_modes), dtype=precision)
         G.G_static.write_columns(rows, unit, self.columns[:, : self.n_rows])
         self.columns[:, self.n_rows :] = G.R_active / self.R_unit
         self._rows = Rows.of(self.columns)
         self.R_rows: np.ndarray = np.ascontiguousarray(G.R_owned[rows].T / self.R_unit, dtype=precision)  # (n_modes, 3 m)
         self.cosines = np.array([self.harmonics.columns(n).start for n in self.harmonics.chosen], dtype=np.intp)
+
+    def move_to(self, groups: list[GroupColumns], unit: float) -> None:
+        self.c = Flexibility(groups[0].c.c * self.R_unit * (self.R_unit / unit))
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         return self._answered(self._rows.combined(p)).T
@@ -247,26 +261,51 @@ class _RealGroup:
         return product[:, : self.n_rows]
 
 
-class _ComplexGroup:
-    """The columns of a complex group, multiplied by complex products of NumPy."""
+class _ComplexGroups:
+    """The columns of all complex groups (g,), multiplied together by complex products of NumPy.
 
-    c: Flexibility  # without unit
+    A group with fewer harmonics than another repeats its last one, a group with fewer modes has further ones that vanish.
+    """
 
-    def __init__(self, G: GroupColumns, rows: np.ndarray, unit: float, precision: type):
+    def __init__(self, groups: list[GroupColumns], rows: np.ndarray, unit: float, precision: type):
         self.n_rows, kind = len(rows), np.complex64 if precision is np.float32 else np.complex128
-        self.R_unit = float(np.abs(G.R_active).max(initial=0.0)) or 1.0  # kg^-1/2
-        static, R = G.static_block(np.arange(len(G.R_active)), rows).T / unit, G.R_active / self.R_unit
-        self.columns: np.ndarray = np.hstack([static, R.conj()]).astype(kind)  # (3 n_active, 3 m + n_modes)
-        self.R_rows: np.ndarray = (G.R_owned[rows].T / self.R_unit).astype(kind)  # (n_modes, 3 m)
+        self.coefficients = np.concatenate([np.atleast_1d(np.r_[group.group.columns]) for group in groups])
+        counts = np.array([len(group.group.harmonics) for group in groups])
+        steps = np.arange(counts.max())
+        self.amplitudes = (np.cumsum(counts) - counts)[:, None] + np.minimum(steps, counts[:, None] - 1)  # (g, h) places in p
+        self.first_places = np.flatnonzero(steps < counts[:, None])  # of the harmonics in (g h,)
+        self.R_units = [_largest(group.R_active) for group in groups]  # kg^-1/2
+        n_modes = max(group.R_active.shape[1] for group in groups)
+        self.columns: np.ndarray = np.zeros((len(groups), len(groups[0].R_active), self.n_rows + n_modes), dtype=kind)
+        self.R_rows: np.ndarray = np.zeros((len(groups), n_modes, self.n_rows), dtype=kind)
+        for columns, R_rows, group, R_unit in zip(self.columns, self.R_rows, groups, self.R_units):
+            m = group.R_active.shape[1]
+            columns[:, : self.n_rows] = group.G_static.columns(rows) * (1.0 / unit)
+            columns[:, self.n_rows : self.n_rows + m] = group.R_active.conj() / R_unit
+            R_rows[:m] = group.R_owned[rows].T / R_unit
+
+    def move_to(self, groups: list[GroupColumns], unit: float) -> None:
+        (g, h), m = self.amplitudes.shape, self.R_rows.shape[1]
+        self.couple = any(group.c.couples_modes for group in groups)
+        self.c: np.ndarray = np.zeros((g, h, m, m) if self.couple else (g, h, m), dtype=self.columns.dtype)
+        for c, group, R_unit, places in zip(self.c, groups, self.R_units, self.amplitudes - self.amplitudes[:, :1]):
+            of_group = (group.c.matrices if self.couple else group.c.c.T)[places] * (R_unit * (R_unit / unit))  # no unit
+            c[tuple(map(slice, of_group.shape))] = of_group
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         return self.apply_to_several(p[None])[0]
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
-        n, rows, N_H = p.shape
-        amplitudes = to_complex(p.reshape(n * rows, N_H)).reshape(n, rows, N_H // 2).transpose(0, 2, 1)  # (n, n_harmonics, rows)
-        product: np.ndarray = amplitudes.astype(self.columns.dtype, copy=False) @ self.columns
-        forces, c = product[..., self.n_rows :], self.c.c
-        eta = np.einsum("hij,nhj->nhi", c, forces) if self.c.couples_modes else forces * c.T
-        motion = product[..., : self.n_rows] + eta.astype(self.columns.dtype, copy=False) @ self.R_rows
-        return to_real(motion.transpose(0, 2, 1).reshape(n * self.n_rows, N_H // 2), N_H).reshape(n, self.n_rows, N_H)
+        (n, rows, N_H), (g, h), m = p.shape, self.amplitudes.shape, self.R_rows.shape[1]
+        of_all = to_complex(p.reshape(n * rows, N_H)).reshape(n, rows, N_H // 2).transpose(2, 0, 1)
+        product = of_all[self.amplitudes].astype(self.columns.dtype).reshape(g, h * n, rows) @ self.columns
+        forces = product[..., self.n_rows :].reshape(g, h, n, m)
+        eta = np.einsum("ghij,ghnj->ghni", self.c, forces) if self.couple else forces * self.c[:, :, None]
+        motion = product[..., : self.n_rows] + eta.reshape(g, h * n, m) @ self.R_rows
+        of_harmonics = motion.reshape(g * h, n, self.n_rows)[self.first_places].transpose(1, 2, 0)
+        return to_real(of_harmonics.reshape(n * self.n_rows, N_H // 2), N_H).reshape(n, self.n_rows, N_H)
+
+
+def _largest(R: np.ndarray) -> float:
+    """Return the largest magnitude of participations, 1 if all vanish."""
+    return float(np.abs(R).max(initial=0.0)) or 1.0

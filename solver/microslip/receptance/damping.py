@@ -148,6 +148,11 @@ class Flexibility:
     def couples_modes(self) -> bool:
         return self.c.ndim == 3
 
+    @property
+    def matrices(self) -> np.ndarray:
+        """The matrices c_n, (n_harmonics, m, m)."""
+        return self.c if self.couples_modes else _full(self.c)
+
     @cached_property
     def _conjugate(self) -> np.ndarray:
         return self.c.conj()
