@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -34,7 +33,7 @@ from ..reduction.choose_modes import choose_modes
 from ..reduction.memory_of_modes import memory_of_modes, refuse_modes
 from ..reduction.methods import check_size, keeps_to_K_L
 from ..reduction.mistuning import with_static_shapes
-from ..reduction.stuck import Factored, OnDemand, StuckStructure, static_response
+from ..reduction.stuck import Factored, ModesOf, OnDemand, StuckStructure, static_response
 from ..reduction.whole_disc import WholeDisc, of_all_sectors, with_other_blades
 from ..results.whole_disc import turns, whole_mesh
 from ..scene.schema import Scene
@@ -145,9 +144,7 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None,
     return stuck_structure(without_reference(assembled(scene, comm, log), keeps_reference), log)
 
 
-def rebuilt(
-    scene: Scene, comm: MPI.Comm, log: RunLog, cached: FactorCache | None, modes_of: Callable[[Linearised], Modes]
-) -> Factored:
+def rebuilt(scene: Scene, comm: MPI.Comm, log: RunLog, cached: FactorCache | None, modes_of: ModesOf) -> Factored:
     """Return the large parts of a restored structure: assembled again, with a cached factor and cached modes.
 
     Collective, and so is ``modes_of``.
@@ -157,7 +154,11 @@ def rebuilt(
     CaseError, MeshError, ResourceError : on every rank
     """
     log.note("the structure is assembled again, its modes are known")
-    parts = without_reference(assembled(scene, comm, log), False)
+    return factored_of(without_reference(assembled(scene, comm, log), False), log, cached, modes_of)
+
+
+def factored_of(parts: Assembled, log: RunLog, cached: FactorCache | None, modes_of: ModesOf) -> Factored:
+    """Return the large parts of a structure with known modes.  Collective, and so is ``modes_of``; raises as :func:`rebuilt`."""
     linearised = factor_of(parts, log, cached=cached, has_later=False)
     with log.stage("modes"):
         modes = modes_of(linearised)
@@ -302,7 +303,7 @@ def _stuck(parts: Assembled, log: RunLog, **of_group: Any) -> Structure:
             "response state false, and compare the frequencies of `microslip modes` with and without them"
         )
     settings, rest, linearised = reduction_settings(parts.scene), parts.rest, factor_of(parts, log)
-    refuse_modes(linearised, settings)
+    refuse_modes(linearised.K_L, linearised.factor, settings)
     with log.stage("modes"):
         structure = Structure.of(
             linearised,

@@ -31,13 +31,12 @@ def libraries_used(prepared: Prepared, branches: Sequence[Branch], results: Path
 
 def _of_structure(structure: Structure, version: dict[str, str]) -> dict[str, str]:
     """Return the libraries used for the structure.  Local; the same on every rank."""
-    linearised, n_ranks = structure.linearised, structure.comm.size
-    K_L, info = linearised.K_L, linearised.factor.info
+    K_L, info, n_ranks = structure.K_L, structure.factor.info, structure.comm.size
     known = f", {_CACHED}" if "restored_from" in info else ""
     by_option, is_ours = f"{info['package']}, by PETSc's options", "ordering" in info
     return {
         "matrices": f"PETSc {version['PETSc']} {K_L.getType()}, {K_L.getSize()[0]} DOF",
-        "partition": f"{linearised.system.split_by}, {n_ranks} ranks" if n_ranks > 1 else "none on one rank",
+        "partition": f"{structure.system.split_by}, {n_ranks} ranks" if n_ranks > 1 else "none on one rank",
         "factor": f"MUMPS {version.get('MUMPS', '')} Cholesky{known}" if is_ours else by_option,
         "order": info["ordering"] + known if is_ours else by_option,
         "modes": structure.modes.info.get("method", _CACHED),

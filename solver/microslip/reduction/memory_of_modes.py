@@ -5,7 +5,7 @@ from petsc4py import PETSc
 from ..guards.memory import refuse_beyond
 from ..linear.analysis import FactorMemory
 from ..linear.dense import entries_owned
-from ..linear.joint_springs import Linearised
+from ..linear.factor import Factor
 from ..modes.shift_invert import basis_size
 from .settings import ReductionSettings
 
@@ -31,7 +31,7 @@ def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMem
     return vectors + max(proof, SHARPENED)
 
 
-def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
+def refuse_modes(K_L: PETSc.Mat, factor: Factor, settings: ReductionSettings) -> None:
     """Raise ResourceError if the modes and their proof do not fit into memory with the factor, before they are computed.
 
     Collective.
@@ -40,12 +40,13 @@ def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
     ------
     ResourceError : on every rank
     """
-    K_L, comm = linearised.K_L, linearised.system.comm
-    needed = memory_of_modes(K_L, settings, linearised.factor.info.get("memory"))
+    needed = memory_of_modes(K_L, settings, factor.info.get("memory"))
     advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
     if settings.verify_modes:
         advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factorisation"
-    refuse_beyond(comm, needed, f"{settings.where}: {min(settings.modes or PICKED, K_L.getSize()[0])} modes", advice)
+    refuse_beyond(
+        K_L.comm.tompi4py(), needed, f"{settings.where}: {min(settings.modes or PICKED, K_L.getSize()[0])} modes", advice
+    )
 
 
 def of_proof(entries: float, fronts: float) -> float:

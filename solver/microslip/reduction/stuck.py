@@ -54,6 +54,9 @@ class Factored:
     mesh: Mesh | None = None  # rank 0 only; None for matrices whose rows do not belong to nodes
 
 
+ModesOf = Callable[[Linearised], Modes]  # computes or restores the modes of a factored structure; collective
+
+
 class OnDemand:
     """The large parts of a structure, computed on demand.
 

@@ -175,13 +175,13 @@ class Restart:
 
     def share_factor(self, prepared: Prepared, log: RunLog) -> None:
         """Store the factor in the cache, if this run has one that the cache lacks."""
-        factored = prepared.structure.factored.value
-        if self.cache is None or factored is None or self.scene.cyclic is not None:
+        structure = prepared.structure
+        if self.cache is None or structure.factored.value is None or self.scene.cyclic is not None:
             return
-        if not self.cache.factor.is_wanted(factored.linearised.factor):
+        if not self.cache.factor.is_wanted(structure.factor):
             return
         with log.stage("factor for other runs"):
-            problem = self.cache.share_factor(factored.linearised.factor)
+            problem = self.cache.share_factor(structure.factor)
         if problem:
             log.note(problem)
 

@@ -13,24 +13,13 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from ..library.build import (
-    Assembled,
-    Structure,
-    assembled,
-    conjugate_of,
-    correct_soft_modes,
-    factor_of,
-    of_diameter,
-    without_reference,
-)
+from ..library.build import Assembled, Structure, assembled, conjugate_of, factored_of, of_diameter, without_reference
 from ..library.settings import reduction_settings
-from ..linear.joint_springs import Linearised
-from ..modes.eigen import Modes
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..receptance.per_group import PerGroup, only_group
 from ..reduction.choose_modes import choose_modes
-from ..reduction.stuck import Factored
+from ..reduction.stuck import Factored, ModesOf
 from ..scene.schema import Scene
 from .cache import Cache, joints_of, pairs_for
 from .records import Disk
@@ -126,16 +115,13 @@ class StoredDisc:
         self.log.note(why)
         return structure, files.path / record[1]["modes"]
 
-    def _large(self, d: int, modes_of: Callable[[Linearised], Modes]) -> Factored:
+    def _large(self, d: int, modes_of: ModesOf) -> Factored:
         """Return matrices, factor and modes of a nodal diameter."""
         parts = self._parts
         sectors = parts.rest.system.sectors
         assert sectors is not None, "a disc"
         system = parts.rest.system if d == 0 else sectors.system(d)
-        linearised = factor_of(replace(parts, rest=replace(parts.rest, system=system)), self.log, has_later=False)
-        modes = modes_of(linearised)
-        correct_soft_modes(linearised, modes, self.scene)
-        return Factored(linearised, modes, parts.mesh)
+        return factored_of(replace(parts, rest=replace(parts.rest, system=system)), self.log, None, modes_of)
 
     def _write(self, d: int, structure: Structure, modes: Path | None = None) -> None:
         """Store the structure of a nodal diameter in this folder and in the cache; ``modes`` is a file that has its modes."""

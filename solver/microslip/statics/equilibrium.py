@@ -13,17 +13,19 @@ import numpy as np
 from mpi4py import MPI
 from scipy.linalg import lapack
 
+from ..assembly.pretension import Bolts
+from ..assembly.system import System
 from ..contact.law import Law
 from ..contact.laws import are_springs, pressed_to
 from ..guards.memory import refuse_beyond
-from ..linear.joint_springs import Linearised
+from ..linear.joint_springs import Linearised, linearise
 from ..mesh.data import ContactPairs
 from ..messages.errors import ConvergenceError, ResourceError
 from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
 from ..parallel.ownership import gathered_rows, rows_of, split_evenly, summed
 from ..receptance.static_columns import StaticColumns
-from .bolts import BoltsAtRest, Cuts, of_loads
+from .bolts import BoltsAtRest, Cuts, cuts_of, of_loads
 
 TOLERANCE = 1e-12  # of the relative displacement over its largest value
 MOST_ITERATIONS = 60
@@ -60,15 +62,38 @@ class Flexibility:
     """R K_L^-1 R^T by columns, computed when first needed; each rank has the rows of its pairs."""
 
     def __init__(self, linearised: Linearised):
-        R, self.comm = linearised.system.R, linearised.system.comm
-        self.linearised, self._R_T, self.n_pairs = linearised, R.T.tocsc(), R.shape[0] // 3
+        self.linearised, self.system, self.comm = linearised, linearised.system, linearised.system.comm
+        self._R_T, self.n_pairs = self.system.R.T.tocsc(), self.system.R.shape[0] // 3
         self._limits = split_evenly(self.n_pairs, self.comm.size)
         self.owned = slice(*self._limits[self.comm.rank :][:2])  # pairs
         self._columns = StaticColumns(self.n_pairs, self.owned.stop - self.owned.start, self._solve)
 
+    @classmethod
+    def of(cls, system: System, pairs: ContactPairs, where: str = "") -> Flexibility:
+        """Return the flexibility of the structure with all ``pairs`` stuck, whose stiffness is factored.  Collective.
+
+        Raises
+        ------
+        CaseError, ResourceError : as :func:`~microslip.linear.joint_springs.linearise`; on every rank
+        """
+        return cls(linearise(system, pairs, where))
+
+    def destroy(self) -> None:
+        """Free the factor.  Collective."""
+        self.linearised.destroy()
+
+    def cuts(self, bolts: Bolts, where: str = "") -> Cuts:
+        """Return the cuts of the bolts in the stuck structure.  Collective: one solve per bolt.
+
+        Raises
+        ------
+        CaseError : a bolt that clamps nothing; on every rank
+        """
+        return cuts_of(self.linearised, bolts, where)
+
     def _solve(self, pairs: np.ndarray) -> np.ndarray:
         """Return this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Collective."""
-        return static_columns(self.linearised, self.linearised.system.R, self._R_T[:, rows_of(pairs)], 3 * self._limits)
+        return static_columns(self.linearised, self.system.R, self._R_T[:, rows_of(pairs)], 3 * self._limits)
 
     @property
     def known(self) -> np.ndarray:
@@ -147,7 +172,7 @@ def equilibrium(
     ConvergenceError : no equilibrium; the text names the bodies that lose contact; on every rank
     ResourceError : more pairs open or slip than a dense solve allows; on every rank
     """
-    linearised, system, comm = G.linearised, G.linearised.system, G.linearised.system.comm
+    linearised, system, comm = G.linearised, G.system, G.comm
     first, last = linearised.K_L.getOwnershipRange()
     R_owned = system.R[:, first:last]
     u_load = linearised.factor.solve(forces_owned[:, None])[:, 0]
@@ -182,7 +207,7 @@ def stuck_forces(G: Flexibility, pairs: ContactPairs, forces_owned: np.ndarray, 
 
     Collective; arguments as in :func:`equilibrium`.
     """
-    linearised, comm = G.linearised, G.linearised.system.comm
+    linearised, comm = G.linearised, G.comm
     first, last = linearised.K_L.getOwnershipRange()
     du = comm.bcast(summed(comm, linearised.system.R[:, first:last] @ linearised.factor.solve(forces_owned[:, None])[:, 0]))
     if cuts is not None:

@@ -7,7 +7,6 @@ import numpy as np
 from mpi4py import MPI
 
 from ..assembly.system import System
-from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError, ConvergenceError
 from .equilibrium import Flexibility, Rest, equilibrium
@@ -84,11 +83,11 @@ def _step(sought: Sought, u: np.ndarray, fraction: float, is_stressed: bool) -> 
     """Return the rest of the structure linearised about a displacement.  Collective; frees its factor."""
     about = sought.about(u, fraction, is_stressed)
     try:
-        linearised = linearise(about.system, about.pairs)
+        G = Flexibility.of(about.system, about.pairs)
         try:
             loads = fraction * sought.forces_owned + about.forces_owned
-            return equilibrium(Flexibility(linearised), about.pairs, loads, sought.n_steps, free_bodies=sought.free_bodies)
+            return equilibrium(G, about.pairs, loads, sought.n_steps, free_bodies=sought.free_bodies)
         finally:
-            linearised.destroy()
+            G.destroy()
     finally:
         about.system.destroy(sought.system)

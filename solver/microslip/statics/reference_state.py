@@ -17,7 +17,6 @@ from ..assembly.reactions import acting_at_rest
 from ..assembly.sectors import Sectors
 from ..assembly.spin import stated_statics
 from ..assembly.system import System
-from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.deformed import stretched
 from ..messages.errors import CaseError, ConvergenceError
@@ -26,7 +25,7 @@ from ..parallel.agree import on_root
 from ..parallel.ownership import summed
 from ..tables.structure_tables import StructureTables
 from .balance import Balance, balance_of
-from .bolts import BoltsAtRest, Cuts, cuts_of
+from .bolts import BoltsAtRest, Cuts
 from .contact_check import check_contact
 from .equilibrium import Flexibility, Rest, equilibrium, stuck_forces
 from .large_displacements import About, Sought, large_equilibrium
@@ -85,7 +84,7 @@ class ReferenceState:
     @cached_property
     def flexibility(self) -> Flexibility:
         """The flexibility of the stuck structure with its factor; independent of friction and preload.  Collective."""
-        return Flexibility(linearise(self.system, self.pairs, self.where))
+        return Flexibility.of(self.system, self.pairs, self.where)
 
     @cached_property
     def cuts(self) -> Cuts | None:
@@ -95,7 +94,7 @@ class ReferenceState:
         ------
         CaseError : a bolt that clamps nothing; on every rank
         """
-        return None if self.bolts is None else cuts_of(self.flexibility.linearised, self.bolts, self.where)
+        return None if self.bolts is None else self.flexibility.cuts(self.bolts, self.where)
 
     def close(self, other: System | None = None) -> None:
         """Free the factor, if there is one, and results that need it; they are computed again when needed.  Collective.
@@ -105,7 +104,7 @@ class ReferenceState:
         vars(self).pop("cuts", None)
         flexibility = vars(self).pop("flexibility", None)
         if flexibility is not None:
-            flexibility.linearised.destroy()
+            flexibility.destroy()
         sectors, others = self.system.sectors, None if other is None else other.sectors
         if isinstance(sectors, Sectors) and not (isinstance(others, Sectors) and others.shared is sectors.shared):
             sectors.free_shared()

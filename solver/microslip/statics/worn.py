@@ -33,7 +33,6 @@ def worn_at_rest(G: Flexibility, pairs: ContactPairs, depth: np.ndarray) -> Cont
     changed, lost = with_gaps(pairs, depth)
     if not lost.any():
         return changed
-    first, last = G.linearised.K_L.getOwnershipRange()
-    forces_owned = -(G.linearised.system.R[2::3, first:last].T @ lost)
+    forces_owned = -(G.system.R[2::3, G.system.rows].T @ lost)
     rest = equilibrium(G, changed, forces_owned, STEPS)
     return replace(at_rest(changed, rest), open_at_rest=pairs.open_at_rest)
