@@ -230,7 +230,8 @@ def statics_in_words(result: Backbone, quasi: QuasiStatic | None) -> list[str]:
             "back for the way there in the other direction"
         )
     if quasi.failure is not None:
-        lines.append(f"  it ends at {at(quasi.amplitude[-1])}: {quasi.failure}")
+        last = quasi.amplitude[quasi.amplitude <= result.amplitude.max()].max(initial=quasi.amplitude[0])
+        lines.append(f"  it ends at {at(last)}: {quasi.failure}")
     return lines
 
 
@@ -291,9 +292,10 @@ def draw_backbone(result: Backbone, scene: Titled, path: str) -> None:
             within = quasi.amplitude <= result.amplitude.max()
             rising = np.argsort(result.amplitude)
             at = np.interp(quasi.amplitude[within], result.amplitude[rising], size[rising] * factor)
-            holds = quasi.amplitude[within] <= quasi.opens
-            axes.plot(at[holds], of_quasi[within][holds], color=_SECOND, ls="--", zorder=3)
-            axes.plot(at[~holds], of_quasi[within][~holds], color=_SECOND, ls=":", lw=0.9, zorder=3)
+            n = int(np.count_nonzero(quasi.amplitude[within] <= quasi.opens))
+            axes.plot(at[:n], of_quasi[within][:n], color=_SECOND, ls="--", zorder=3)
+            if n < len(at):
+                axes.plot(at[max(n - 1, 0) :], of_quasi[within][max(n - 1, 0) :], color=_SECOND, ls=":", lw=0.9, zorder=3)
         axes.plot(size * factor, values, color=_ACCENT, marker="o", ms=2.5)
         for meeting in result.meetings:
             at, value = (np.interp(meeting.place, np.arange(len(size)), each) for each in (size * factor, values))
