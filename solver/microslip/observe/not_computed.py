@@ -10,8 +10,8 @@ from ..points.error_parts import PARTS, SAFETY
 FAINT = 1e-3  # of the largest output: smaller outputs are compared with this value
 TOO_LITTLE = 1e-6  # of the peak: smaller effects are not quantified
 NO_BOUND = (
-    "a bar above 100 % is no estimate: next to a fold or a resonance with little damping the amplitude at a fixed frequency changes "
-    "without bound, or no solution with more harmonics is near; use more harmonics"
+    "a bar above 100 % is no estimate: next to a fold or a resonance with little damping the amplitude at a fixed frequency "
+    "changes without bound, or no solution with more harmonics is near; use more harmonics"
 )
 
 
