@@ -18,6 +18,7 @@ ROUNDING = 1e-10  # of the largest motion of a pair in any mode
 SLIPS_FROM = 1e-3  # of the amplitude at which a pair is at its limit, where a pair slips from the first motion on
 AT_LIMIT = 1e-8  # of the amplitude without friction forces at rest: a pair that slips from less is at its friction limit at rest
 FARTHEST = 1e4  # times the amplitude of first slip: as far as a mode is followed where its joint comes to no gross slip
+FINER = 8  # times the samples of the scene, at which the linear motion is tested for slip
 GROWTH, WITHIN = 1.05, 1e-9  # of an amplitude: growth of the next one tried, and the interval that encloses the first slip
 
 
@@ -57,7 +58,9 @@ def pairs_without_springs(prepared: Prepared) -> tuple[Prepared, int]:
 
 
 def first_slip(prepared: Prepared, problem: NonlinearMode) -> Begin:
-    """Return the modal amplitude at which the first pair slips, opens or touches, to 1e-9 of it.  Collective.
+    """Return the modal amplitude at which the first pair slips, opens or touches, to 1e-9 of it or to its samples.
+
+    Collective.
 
     Where some pairs slip from the first motion on, it is a small amplitude.
     """
@@ -87,10 +90,16 @@ def _enclosed(problem: NonlinearMode, low: float) -> float:
     if not np.isfinite(low):
         return np.inf
 
-    def sticks(q: float) -> bool:
-        return problem.curve.holds((float(np.log(q)), problem.omega, problem.sigma))
+    equation = problem.equation
+    finer = problem.with_equation(equation.resolved(equation.harmonics, FINER * equation.n_samples))
 
-    high, end = low * (1.0 + WITHIN), FARTHEST * low
+    def sticks(q: float) -> bool:
+        return finer.curve.holds((float(np.log(q)), problem.omega, problem.sigma))
+
+    unseen = low * (1.0 + (np.pi / finer.equation.n_samples) ** 2)  # up to there a maximum may lie between samples
+    if not sticks(unseen):
+        return low
+    low, high, end = unseen, unseen * GROWTH, FARTHEST * low
     while sticks(high) and high < end:
         low, high = high, high * GROWTH
     while high > low * (1.0 + WITHIN):
