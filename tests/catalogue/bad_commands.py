@@ -97,7 +97,7 @@ COMMANDS = [
     line("verify at no frequency", "verify lap.toml --out out --at 99,x", "'99,x' are not numbers above 0"),
     line("verify outside the range", "verify lap.toml --out out --at 5000", "--at", "5000 Hz"),
     line("odd number of steps", "verify lap.toml --out out --steps 33", "'33' is not an even number of at least 16"),
-    line("backbone of no such mode", "backbone lap.toml --out out --mode 9", "there is no mode 9: 5 were computed"),
+    line("backbone of no such mode", "backbone lap.toml --out out --mode 9", "there is no mode 9: 5 modes were computed"),
     line("backbone that ends before it begins", "backbone lap.toml --out out --farthest 0.5", "'0.5' is not a number above 1"),
     line("search without a frequency", "search lap.toml --out out", "the following arguments are required: --at"),
     line("search outside the range", "search lap.toml --out out --at 5000", "search: --at = 5000 Hz lies outside"),

@@ -1,6 +1,7 @@
 """What run.log says was not computed, as a user reads it; and what was.  The first test on one and two ranks."""
 
 from itertools import takewhile
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ import scipy.sparse as sp
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
+from microslip.observe.not_computed import changes
 from microslip.parallel.agree import on_root
+from microslip.points.error_parts import PARTS, SAFETY
 from microslip.results.draw import draw_share
 
 pytestmark = pytest.mark.ranks(1)
@@ -45,6 +48,15 @@ def test_the_level_that_sticks_is_scaled_and_the_other_solved(comm, shared_path,
     assert "damping matrix: [damping] states the damping of each mode" in said
     assert "fields for ParaView: the scene has no mesh" in said
     assert not any(line.startswith(("static columns", "error bars", "even harmonics")) for line in said)
+
+
+@pytest.mark.parametrize(("bar", "is_estimate"), [(0.1, True), (30.0, False)])
+def test_a_bar_above_the_amplitude_is_said_to_be_no_estimate(bar, is_estimate):
+    error = np.full((1, len(PARTS)), bar / SAFETY)
+    points = [SimpleNamespace(response=np.array([[0.0, 1.0, 0.0]]), error=error)]
+    says = changes([SimpleNamespace(points=points, level=2.0)], "harmonics")
+    assert says.startswith(f"effect by the error bars up to {100.0 * bar:.3g} % of the peak, at 2 N")
+    assert ("no estimate" in says) != is_estimate
 
 
 def test_no_static_column_where_nothing_slips(tmp_path, program):

@@ -17,7 +17,7 @@ from microslip.contact.law import STICK
 from microslip.library.backbone import ModePoint, comes_to_gross_slip
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
-from microslip.studies.backbone.report import Forced
+from microslip.studies.backbone.report import Forced, in_words
 from microslip.studies.backbone.story import band
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -68,6 +68,15 @@ def on_a_stop():
         omega=(0.5, 2.0),
         levels={},
     )
+
+
+def one_slack():
+    """The two masses with a second joint, closed without a preload, at the second mass."""
+    both = {
+        name: np.array(values)
+        for name, values in {"mu": [1.0] * 2, "N0": [1.0, 0.0], "k_t": [1.0] * 2, "k_n": [0.0, 1.0]}.items()
+    }
+    return two_masses() | both | {"pair_dofs": [[0, -1, -1, -1, -1, -1], [-1, -1, 1, -1, -1, -1]], "separate": np.zeros(2, bool)}
 
 
 @pytest.fixture
@@ -170,13 +179,104 @@ def test_a_mode_that_moves_no_pair_but_for_rounding_is_a_line(structure):
     assert "moves no pair of a joint" in modes[0].notes[-1]
 
 
+def with_a_gap(gap=1.0):
+    """Two coupled masses: the first on a friction element, the second before a stop."""
+    return scenes.make_system(
+        "gap",
+        np.eye(2),
+        np.array([[1.3, -0.3], [-0.3, 1.6]]),
+        [[0, -1, -1, -1, -1, -1], [-1, -1, 1, -1, -1, -1]],
+        mu=[1.0, 0.3],
+        N0=[1.0, -2.0 * gap],
+        k_t=[1.0, 0.5],
+        k_n=[1.0, 2.0],
+        C=0.02 * np.eye(2),
+        loads=[{"vector": [1.0, 0.0], "harmonic": 1, "phase": 0.0}],
+        output=[1.0, 0.0],
+        omega=(0.5, 3.0),
+        levels={},
+    )
+
+
+@pytest.mark.parametrize("mode", (1, 2))
+def test_a_mode_begins_about_rest_where_pairs_are_open(structure, mode):
+    """Not with all pairs closed, whose modes have 1.49 and 1.91 rad/s: 1.22 and 1.55, until one slips or touches."""
+    result = microslip.backbone(structure(with_a_gap(), harmonics=3), mode=mode, farthest=1.2)
+    squares, phi = np.linalg.eigh(with_a_gap()["K"] + np.diag([1.0, 0.0]))
+    omega, (x, z) = np.sqrt(squares[mode - 1]), np.abs(phi[:, mode - 1])
+    assert result.linear_frequency * 2.0 * np.pi == pytest.approx(omega, rel=1e-12)
+    assert result.linear_damping == pytest.approx(0.01 / omega)
+    assert result.first_slip == pytest.approx(min(1.0 / x, 1.0 / z), rel=1e-8)
+    assert result.frequency[0] == pytest.approx(result.linear_frequency, rel=1e-8)
+    assert (result.open_at_rest, result.counts_open) == (1, True)
+    assert "1 pair has a gap and is open at rest" in result.notes[-1]
+    assert result.quasi_static.frequency[0] == pytest.approx(result.linear_frequency, rel=1e-8)
+
+
+def test_a_mass_before_a_stop_has_the_frequency_of_its_two_parts(structure):
+    """Half a cycle of sqrt(k / m) = 1 and more, the rest of the cycle at 2: the stop has three times the spring."""
+    system = scenes.make_system(
+        "stop", np.eye(1), np.eye(1), [[-1, -1, 0, -1, -1, -1]], mu=0.3, N0=-1.5, k_t=0.5, k_n=3.0, C=[[1e-6]],
+        loads=[{"vector": [1.0], "harmonic": 1, "phase": 0.0}], output=[1.0], omega=(0.5, 2.0), levels={},
+    )  # fmt: skip
+    mode = microslip.backbone(structure(system, harmonics=15, samples=1024), farthest=10.0)
+    assert mode.first_slip == pytest.approx(0.5) and mode.linear_frequency == pytest.approx(0.5 / np.pi)
+    assert mode.frequency[-1] == pytest.approx(_of_a_stop(mode.response[-1, 0], 0.5), rel=1e-4)
+    assert 0.5 < mode.quasi_static.opens < 0.6
+
+
+def _of_a_stop(harmonics, gap):
+    """Return the frequency [Hz] of the free vibration before a stop of stiffness 3, k = m = 1, of a motion's amplitude."""
+    theta = np.linspace(0.0, 2.0 * np.pi, 4001)
+    n = np.arange(1, (len(harmonics) + 1) // 2)[:, None]
+    u = harmonics[0] + harmonics[1::2] @ np.cos(n * theta) + harmonics[2::2] @ np.sin(n * theta)
+    A = max(u.max(), -u.min())  # on the free side
+    in_contact = np.arccos(0.25 * gap / np.hypot(0.25 * gap, 0.5 * np.sqrt(A**2 - gap**2)))
+    return 1.0 / (np.pi + 2.0 * np.arcsin(gap / A) + in_contact)
+
+
+def test_first_slip_with_a_friction_force_at_rest_is_exact(structure):
+    """Across the motion: |T| = mu N where (k_t x)^2 + T0^2 = (mu N)^2; along it the rest of the limit."""
+    built = structure(one_mass())
+    for T0, x in (((0.0, 0.6), 0.8), ((0.6, 0.0), 0.4)):
+        pairs = replace(built.pairs, T0=np.array([T0]))
+        mode = microslip.backbone(replace(built, pairs=pairs, results={}), farthest=1.5, quasi_static=False, error_bars=False)
+        assert mode.first_slip == pytest.approx(x, rel=1e-8) and not mode.slips_at_rest
+        assert mode.slipping[0] == 0
+
+
+def test_pairs_at_their_limit_at_rest_do_not_make_the_first_amplitude_rounding(structure):
+    built = structure(two_masses() | {"pair_dofs": [[0, -1, -1, -1, -1, -1]]})
+    pairs = replace(built.pairs, T0=np.array([[1.0 - 1e-15, 0.0]]))
+    mode = microslip.backbone(replace(built, pairs=pairs, results={}), farthest=1.5, quasi_static=False, error_bars=False)
+    assert mode.slips_at_rest and mode.first_slip == pytest.approx(1e-3)
+
+
+def test_the_quasi_static_mode_says_where_it_does_not_hold_and_why_it_ends(structure):
+    """A mass that lifts off, and one that only friction holds, which slides away under the load of both limits."""
+    lifts = one_mass(k_n=np.ones(1), N0=np.ones(1), pair_dofs=[[-1, -1, 0, -1, -1, -1]])
+    both = {"mu": np.array([1.0, 0.05])} | {name: np.ones(2) for name in ("N0", "k_t", "k_n")}
+    slides = one_mass(K=np.zeros((1, 1)), pair_dofs=[[0, -1, -1, -1, -1, -1]] * 2, separate=np.zeros(2, bool), **both)
+    one, other = (
+        microslip.backbone(structure(system, harmonics=2), farthest=farthest)
+        for system, farthest in ((lifts, 5.0), (slides, 24.0))
+    )
+    assert 0.999 < one.quasi_static.opens < 1.2 and one.quasi_static.failure is None
+    assert np.isinf(other.quasi_static.opens) and "no static equilibrium" in other.quasi_static.failure
+    assert any("these rules do not hold" in line for line in in_words(one))
+    assert 2.0 * 0.525 == pytest.approx((2.0 * np.pi * other.quasi_static.frequency[-1]) ** 2 * other.quasi_static.amplitude[-1])
+    assert any("it ends at" in line for line in in_words(other))
+
+
 @pytest.mark.ranks(1)
 def test_forced_responses_are_computed_about_the_mode():
     """Three half-power widths beyond its frequencies, and above 0 however much it is damped."""
     mode = SimpleNamespace(mode=2, linear_frequency=3.0, frequency=np.array([3.0, 2.5]), damping=np.array([0.01, 0.2]))
-    mode.linear_damping = 0.01
+    mode.linear_damping, mode.counts_open = 0.01, False
     scenes_of = [SimpleNamespace(response=SimpleNamespace(mode=number)) for number in (2, 1, None)]
     assert [band(mode, scene) for scene in scenes_of] == [None, *[pytest.approx((2.5 / 2.2, 3.0 * 2.2))] * 2]
+    mode.counts_open = True  # its number is not that of the scene
+    assert band(mode, scenes_of[0]) == pytest.approx((2.5 / 2.2, 3.0 * 2.2))
 
 
 @pytest.mark.ranks(1)
@@ -209,9 +309,11 @@ def test_a_harmonic_that_meets_another_mode_is_said(structure):
 @pytest.mark.parametrize(
     ("system", "mode", "says"),
     [
-        (one_mass(), 2, "there is no mode 2: 1 were computed"),
+        (one_mass(), 2, "there is no mode 2: the structure has 1 mode, and only --mode 1 can be followed"),
         (one_mass(mu=np.zeros(1)), 1, "no pair has friction"),
-        (on_a_stop(), 1, "open at rest or without a preload"),
+        (on_a_stop() | {"N0": np.zeros(1)}, 1, "no pair has friction and a preload, and none a gap"),
+        (one_slack(), 2, "all pairs that mode 2 moves are closed without a preload"),
+        (on_a_stop() | {"K": np.diag([2.0, 0.0])}, 1, "1 of 1 pairs are open at rest, and without their springs"),
         (one_mass(loads=[{"vector": [1.0], "harmonic": n, "phase": 0.0} for n in (0, 1)]), 1, "[[loads]] with harmonic = 0"),
     ],
 )

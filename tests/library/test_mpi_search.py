@@ -4,6 +4,7 @@ import csv
 
 import numpy as np
 import pytest
+from discs import write_sector
 from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import scenes
@@ -58,6 +59,42 @@ def test_one_solution_and_the_files(scene, shared_path):
             (row,) = csv.DictReader(file)
         assert row["stable"] == "1" and row["found"] == "curve"
         assert (shared_path / "out" / "search.png").exists() and not (shared_path / "out" / "curves.csv").exists()
+
+
+END = """[damping]
+ratio = 0.01
+[response]
+levels = [20.0]
+frequencies = [1700.0, 1745.0]
+at = [1715.0]
+points = 8
+[solver]
+modes = {modes}
+harmonics = 1
+error_bars = false
+samples = 64
+"""
+
+
+@pytest.mark.ranks(1)
+def test_a_whole_disc_has_the_wave_of_one_sector(shared_path):
+    """Of all outputs; one sector alone is refused, since other solutions need not be waves."""
+    how = {"friction": 0.05, "name": "one", "wave": {"engine_order": 1}}
+    one = on_root(COMM, lambda: write_sector(shared_path, 3, END.format(modes=54), **how))
+    how |= {"name": "whole", "wave": {"engine_order": 1, "whole": True}}
+    whole = on_root(COMM, lambda: write_sector(shared_path, 3, END.format(modes=54), **how))
+    with microslip.build(microslip.read(one), COMM) as of_one, microslip.build(microslip.read(whole), COMM) as of_all:
+        with pytest.raises(CaseError, match="one sector knows only waves"):
+            microslip.search(of_one, 1715.0)
+        curve = microslip.respond(of_one).level(20.0)
+        i = int(np.argmin(np.abs(curve.frequency - 1715.0)))
+        found = microslip.search(of_all, 1715.0, starts=1)
+        (solution,) = found.solutions
+        assert found.outputs == ("tip 0", "tip 1", "tip 2") and len(found.units) == 3
+        size = np.hypot(*curve.response[i, 0, 1:3])
+        assert solution.amplitude == pytest.approx([size] * 3, rel=1e-6)
+        assert np.diff(np.unwrap(solution.phase)) == pytest.approx([2.0 * np.pi / 3.0] * 2, abs=1e-6)
+        assert solution.slipping == 3 * np.count_nonzero(curve.state[i] == 1) > 0 and solution.stable
 
 
 def test_a_frequency_outside_the_range(scene):

@@ -185,7 +185,10 @@ def test_error_bars_may_be_left_out_where_accuracy_has_modes_alone_to_choose(tmp
 def test_statics_ask_for_constant_loads_and_a_method_that_bears_them(tmp_path):
     found = message(tmp_path, "harmonics = 3", "harmonics = 0").splitlines()
     assert found[0] == "2 mistakes"
-    assert "[[loads]] 1 harmonic = 1: [solver] harmonics = 0 leaves it out; raise that, or lower the load's" in found[1]
+    assert (
+        "[[loads]] 1 harmonic = 1: [solver] harmonics = 0 is a static balance, in which nothing vibrates; state at least 1"
+        in found[1]
+    )
     assert '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates' in found[2]
     constant = GOOD.replace("harmonic = 1", "harmonic = 0").replace("harmonics = 3", "harmonics = 0")
     assert GOOD.count("modes = 20") == 1

@@ -1,5 +1,7 @@
 """Folds and stability along a curve with two states, a mass that strikes a stop; every test runs on any number of ranks."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from dense_model import branch, forced, reduced
@@ -7,6 +9,7 @@ from mpi4py import MPI
 from oracles import scenes
 from oracles.shooting import Point as Shooting
 
+import microslip
 from microslip.continuation.bifurcations import bifurcations_of, kind_of
 from microslip.continuation.peaks import iterate_of
 from microslip.continuation.point_record import with_stability
@@ -17,6 +20,7 @@ from microslip.points.multipliers import is_stable
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 H, N_SAMPLES, LEVEL = 5, 64, 0.2
+SCENE = Path(__file__).parents[2] / "jobs" / "stop.toml"
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +49,18 @@ def test_folds_are_where_the_frequency_turns(curve):
         is_maximum = omega[i] > omega[i - 1]
         beyond = omega[i - 1 : i + 3].max() - fold.omega if is_maximum else fold.omega - omega[i - 1 : i + 3].min()
         assert beyond < 1e-9  # no point of the curve lies beyond
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize(("harmonics", "samples", "most"), [(3, 128, 9e-2), (7, 256, 1.2e-2), (15, 512, 3e-3), (31, 1024, 6e-4)])
+def test_the_multiplier_at_a_fold_comes_to_1_with_the_harmonics(harmonics, samples, most):
+    """Of the fold of the truncated equations: at both folds of jobs/stop.toml, also from below."""
+    with microslip.build(microslip.read(SCENE), COMM) as structure:
+        keys = {"frequencies": (0.18, 0.21), "levels": [0.2], "stability": True, "error_bars": False}
+        curve = microslip.respond(structure, harmonics=harmonics, samples=samples, **keys).level(0.2)
+        away = [abs(each.multiplier - 1.0) for each in curve.bifurcations if each.kind == FOLD]
+    print(f"{harmonics} harmonics, {samples} samples: multiplier less 1 at the folds {', '.join(f'{each:.1e}' for each in away)}")
+    assert len(away) == 2 and 0.2 * most < max(away) < most
 
 
 def test_the_curve_is_unstable_between_its_folds(curve):

@@ -22,7 +22,7 @@ import microslip
 from microslip.continuation.nonlinear_mode import NonlinearMode, follow_mode
 from microslip.fourier.amplitudes import to_real
 from microslip.harmonic.balance import HarmonicBalance
-from microslip.library.backbone import first_slip
+from microslip.library.mode_at_rest import first_slip
 from microslip.library.respond import prepared_with
 from microslip.points.sweep import Sweep
 from microslip.receptance.motions import modal_motion
@@ -39,7 +39,7 @@ def decay(scene: str, largest: float, periods: int, **keys):
     prepared, _ = prepared_with(structure, {}, {"error_bars": False} | keys, has_bars=False)
     model, law = prepared.model, prepared.response.law
     problem = NonlinearMode.of(HarmonicBalance.of_all(model, law, prepared.response.settings.samples), 0)
-    first = float(np.log(first_slip(prepared, 0)))
+    first = float(np.log(first_slip(prepared, problem).amplitude))
     branch = follow_mode(problem, Sweep(first, first + float(np.log(largest))), 1e-8)
     assert branch.failure is None, branch.failure
     mode = np.array([(np.exp(a), omega, -sigma / (2.0 * omega)) for a, omega, sigma in (p.parameters for p in branch.points)])

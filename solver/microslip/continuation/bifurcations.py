@@ -16,7 +16,7 @@ from ..points.branch import Branch
 from ..points.multipliers import BEYOND, n_unstable
 from ..points.selection import AllPairs
 from ..points.sweep import Sweep
-from ..stability.multipliers import multipliers_at
+from ..stability.multipliers import N_STEPS, multipliers_at
 from .constraint_rows import Plane, Scaling
 from .corrector import BorderedSystem
 from .iterate import Iterate
@@ -27,6 +27,7 @@ from .problems import ForcedResponse
 
 CLOSE = 1e-6  # of the way between two points, to which a bifurcation is enclosed
 _REAL = 1e-3  # imaginary part, beside 1, up to which a multiplier is real
+N_STEPS_AT_FOLDS = 512  # of the map of a cycle there, whose multiplier 1 is then as exact as the harmonics
 
 
 class NotEnclosed(Exception):
@@ -90,7 +91,7 @@ def bifurcation_between(problem: ForcedResponse, branch: Branch, i: int, j: int,
 def _record(solver: PointSolver, there: Iterate, k: int) -> Bifurcation:
     """Return what is said of a place.  Collective."""
     equation, at = solver.equation, solver.problem.at(there.parameters)
-    values = multipliers_at(equation, at, there.U).values
+    values = multipliers_at(equation, at, there.U, N_STEPS if k else N_STEPS_AT_FOLDS).values
     multiplier = complex(values[k - 1] if k else values[np.argmin(np.abs(values - 1.0))])
     forces = equation.contact_forces(there.U, equation.every_pair, tangents=False)
     amplitudes = output_amplitude(equation.model_at(at), at, equation.full_force(forces))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ..contact.law import STICK
+from ..contact.law import OPEN, STICK
 from ..continuation.checkpointer import NO_CHECKPOINTS, Checkpointer
 from ..continuation.nonlinear_mode import NonlinearMode, QuasiStaticMode, follow_mode, follow_pushes, resolved_again
 from ..fourier.amplitudes import to_complex
@@ -24,15 +24,14 @@ from ..points.sweep import Sweep
 from ..receptance.motions import modal_motion
 from ..receptance.reduced_model import ReducedModel
 from .build import Structure
+from .mode_at_rest import FARTHEST, Begin, first_slip, moved_by, pairs_without_springs
 from .prepare import Prepared
 from .respond import OfJoints, prepared_with
 from .settings import refuse_statics, units_of
 
-FARTHEST = 1e4  # times the amplitude of first slip: as far as a mode is followed where its joint comes to no gross slip
-ROUNDING = 1e-10  # of the largest motion of a pair in any mode
-SLIPS_FROM = 1e-3  # of the amplitude at which a pair is at its limit, where a law slips from the first motion on
 NONE = 1e-12  # damping ratio by friction below which nothing slips: rounding, of either sign
 PAST = 0.5  # of the largest damping ratio by friction, to which it has fallen where a mode is followed no further
+AT_BEGIN = 1e-3  # of the static load of the first point: what pairs may take from it where a mode begins
 CHECKED = 6  # points that are solved again for their error
 BETWEEN, LOWEST = 20, 1e-3  # of synthesised responses: amplitudes from point to point, and the lowest over that of first slip
 BEYOND = 10.0  # times the amplitude at which the last pair left sticking, the same
@@ -67,6 +66,8 @@ class QuasiStatic:
     frequency: np.ndarray  # (n,) Hz
     damping: np.ndarray  # (n,) -
     seconds: float
+    opens: float  # kg^1/2 m, amplitude of the first point at which a pair opens or touches, unknown to the rules; inf: none
+    failure: str | None  # why it ends below the largest amplitude of the mode
 
     def at(self, amplitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return frequency [Hz] and damping ratio at amplitudes; NaN outside.  Local."""
@@ -96,7 +97,7 @@ class Backbone:
     level_unit: str
     linear_frequency: float  # Hz, all pairs stuck
     linear_damping: float  # -
-    first_slip: float  # kg^1/2 m, the amplitude at which the first pair slips; infinite if the mode moves no pair
+    first_slip: float  # kg^1/2 m, q at which the first pair slips, opens or touches; infinite if the mode moves no pair
     points: tuple[ModePoint, ...]
     quasi_static: QuasiStatic | None
     meetings: tuple[Meeting, ...]
@@ -105,6 +106,9 @@ class Backbone:
     failure: str | None
     notes: tuple[str, ...] = ()
     joints: tuple[str, ...] = field(default=(), repr=False)  # of each pair
+    slips_at_rest: bool = False  # whether some pairs slip from the first motion on; the mode then begins at a small amplitude
+    open_at_rest: int = 0  # number of pairs
+    counts_open: bool = False  # whether modes are counted with pairs open that [response] mode counts as closed
 
     def _of(self, name: str) -> np.ndarray:
         return np.array([getattr(point, name) for point in self.points])
@@ -262,15 +266,16 @@ def backbone(
     """
     prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys, has_bars=False)
     refuse_what_has_none(prepared, mode)
+    prepared, n_released = pairs_without_springs(prepared)
     start = time.perf_counter()
     equation = HarmonicBalance.of_all(prepared.model, prepared.response.law, prepared.response.settings.samples)
     problem = NonlinearMode.of(equation, mode - 1)
-    first = first_slip(prepared, mode - 1)
-    if not np.isfinite(first):
+    begin = first_slip(prepared, problem)
+    if not np.isfinite(begin.amplitude):
         if moved_by(prepared, mode - 1).any():
             raise CaseError(
-                f"{structure.scene.path}: backbone: all pairs that mode {mode} moves are open at rest or without a preload: "
-                "nothing sticks at small amplitudes, so that there is no mode to begin from; state a preload"
+                f"{structure.scene.path}: backbone: all pairs that mode {mode} moves are closed without a preload: nothing "
+                "sticks at small amplitudes, so that there is no mode to begin from; state a preload or a gap"
             )
         return _line(prepared, problem, mode, notes)
     points = list[ModePoint]()
@@ -285,15 +290,21 @@ def backbone(
     def is_gross(point: Point) -> bool:
         return farthest is None and comes_to_gross_slip([*points, at(point)])
 
-    low = float(np.log(first))
+    low = float(np.log(begin.amplitude))
     sweep, tolerance = Sweep(low, low + float(np.log(farthest or FARTHEST))), prepared.response.settings.tolerance
     branch = follow_mode(problem, sweep, tolerance, record, is_gross, checkpointer=checkpointer)
     seconds = time.perf_counter() - start
     checks = checked(problem, branch, points, tolerance) if error_bars else ()
-    quasi = None
+    quasi: QuasiStatic | str | None = None
     if quasi_static and structure.scene.cyclic is None and len(points) > 1:
-        quasi = by_statics(equation, problem, points)
-    return _backbone(prepared, problem, mode, first, tuple(points), quasi, checks, seconds, branch.failure, notes)
+        opens = on_root(equation.comm, opens_from, branch, prepared.pairs.open_at_rest)
+        quasi = by_statics(equation, problem, points, opens)
+    if isinstance(quasi, str):
+        notes, quasi = (*notes, f"mode {mode} by statics and Masing's rules: left out, {quasi}"), None
+    if n_released:
+        which = f"{n_released} pairs have a gap and are" if n_released > 1 else "1 pair has a gap and is"
+        notes = (*notes, f"{which} open at rest: modes are counted without springs there")
+    return _backbone(prepared, problem, mode, begin, tuple(points), quasi, checks, seconds, branch.failure, notes, n_released)
 
 
 def comes_to_gross_slip(points: list[ModePoint]) -> bool:
@@ -311,7 +322,14 @@ def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
     k, _ = model.index_of(1)
     n = len(model.groups[k].receptance.modes.omega_n)
     if not 1 <= mode <= n:
-        raise CaseError(f"{where}: there is no mode {mode}: {n} were computed; --mode takes 1 to {n}, or raise [solver] modes")
+        all_modes = prepared.structure.n_elastic
+        has, choice = f"{n} mode{'s' * (n > 1)}", "only --mode 1" if n == 1 else f"--mode 1 to {n}"
+        if n >= all_modes:
+            raise CaseError(f"{where}: there is no mode {mode}: the structure has {has}, and {choice} can be followed")
+        raise CaseError(
+            f"{where}: there is no mode {mode}: {has} {'were' if n > 1 else 'was'} computed; state {choice}, or raise "
+            "[solver] modes"
+        )
     if pairs.n_pairs == 0:
         raise CaseError(f"{where}: the scene has no [[joints]]: frequency and damping do not depend on the amplitude")
     if any(load.harmonic == 0 for load in scene.loads):
@@ -320,28 +338,7 @@ def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
             "it out (loads that vibrate do no harm: they do not act)"
         )
     if not np.isfinite(prepared.response.law.utilisation(np.ones((pairs.n_pairs, 3)))).any():
-        raise CaseError(f"{where}: no pair has friction and a preload: nothing sticks, and no amplitude is the first to slip")
-
-
-def first_slip(prepared: Prepared, j: int) -> float:
-    """Return the modal amplitude at which the first pair leaves sticking, or for laws without one a small one.  Local.
-
-    Exact for a preload without shear; infinite where the mode moves no pair.
-    """
-    moved, law = moved_by(prepared, j), prepared.response.law
-    with np.errstate(divide="ignore"):
-        at_limit = 1.0 / law.utilisation(moved)
-    most = law.slip_safety(moved)
-    usual = float(np.min(at_limit[at_limit > 0.0], initial=np.inf))
-    return float(max(np.min(most, initial=np.inf), SLIPS_FROM * usual)) if np.isfinite(usual) else np.inf
-
-
-def moved_by(prepared: Prepared, j: int) -> np.ndarray:
-    """Return the motion of all pairs in mode j, (n_pairs, 3) [kg^-1/2]; 0 where it is rounding beside any mode's.  Local."""
-    k, _ = prepared.model.index_of(1)
-    R_phi = np.abs(prepared.model.groups[k].receptance.modes.R_phi)
-    moved = R_phi[:, j].reshape(-1, 3)
-    return np.where(moved > ROUNDING * R_phi.max(initial=0.0), moved, 0.0)
+        raise CaseError(f"{where}: no pair has friction and a preload, and none a gap: no amplitude is the first to slip")
 
 
 def supply(problem: NonlinearMode, point: Point) -> float:
@@ -407,8 +404,11 @@ def checked(problem: NonlinearMode, branch: Branch, points: list[ModePoint], tol
     )
 
 
-def by_statics(equation: HarmonicBalance, problem: NonlinearMode, points: list[ModePoint]) -> QuasiStatic:
-    """Return the mode by statics and Masing's rules, eq. (15.5), over the amplitudes of the points.  Collective."""
+def by_statics(equation: HarmonicBalance, problem: NonlinearMode, points: list[ModePoint], opens: float) -> QuasiStatic | str:
+    """Return the mode by statics and Masing's rules, eq. (15.5), over the amplitudes of the points, or why there is none.
+
+    Collective.
+    """
     start, j = time.perf_counter(), problem.j
     modes = equation.model.groups[equation.model.index_of(1)[0]].receptance.modes
     R_j, omega_j = modes.R_phi[:, j], float(modes.omega_n[j])
@@ -418,18 +418,44 @@ def by_statics(equation: HarmonicBalance, problem: NonlinearMode, points: list[M
     statics = QuasiStaticMode.of(equation, j)
     branch = follow_pushes(statics, sweep, 1e-8)
     pushed = (
-        [(np.exp(point.parameters[0]), R_j @ point.p[:, :, 0].ravel()) for point in branch.points]
+        [(np.exp(point.parameters[0]), R_j @ point.p[:, :, 0].ravel(), (point.state == STICK).any()) for point in branch.points]
         if equation.comm.rank == 0
         else []
     )
-    load, lost = np.array(equation.comm.bcast(pushed)).T  # q', minus the force that slip takes away
+    load, lost, sticks = np.array(equation.comm.bcast(pushed)).reshape(-1, 3).T  # q', minus the force that slip takes away
     q = load - lost / omega_j**2
+    n = 1 + int(np.argmin(np.diff(q, append=-np.inf) > 0.0))  # up to the largest amplitude
+    failure = None
+    if n < len(q):
+        failure = "beyond, the amplitude falls while the static load grows"
+    elif branch.failure is not None:
+        why = branch.failure.split("; the step was", 1)[0]
+        failure = f"no static equilibrium was found beyond ({'no pair sticks any more' if not sticks[-1] else why})"
+    if len(q) < 2 or n < 2:
+        return f"under the first static loads {failure}"
+    load, lost, q = load[:n], lost[:n], q[:n]
+    if abs(lost[0]) > AT_BEGIN * omega_j**2 * load[0]:
+        return (
+            "the smallest static load already moves pairs that are at their friction limit, or closed without a preload, at rest"
+        )
     less = -lost  # omega_j^2 q - alpha
     omega = np.sqrt(omega_j**2 * load / q)
     loss = 8.0 * (0.5 * less * q - np.concatenate([[0.0], np.cumsum(_areas(q, less))]))
     loss[loss < 0.0] = np.nan  # no loop that Masing's rules know: the normal forces vary too much
     damping = loss / (2.0 * np.pi * (omega * q) ** 2) - problem.sigma / (2.0 * omega)
-    return QuasiStatic(q, omega / (2.0 * np.pi), damping, time.perf_counter() - start)
+    return QuasiStatic(q, omega / (2.0 * np.pi), damping, time.perf_counter() - start, opens, failure)
+
+
+def opens_from(branch: Branch, open_at_rest: np.ndarray) -> float:
+    """Return the amplitude of the first point at which a closed pair opens or an open one touches; infinite if none does.
+
+    Local, on rank 0.
+    """
+    for point in branch.points:
+        touches = point.p.reshape(len(open_at_rest), -1).any(axis=1)
+        if np.where(open_at_rest, touches, point.state == OPEN).any():
+            return float(np.exp(point.parameters[0]))
+    return float("inf")
 
 
 def _between(y: np.ndarray, along: np.ndarray) -> np.ndarray:
@@ -464,20 +490,21 @@ def meetings_of(model: ReducedModel, j: int, points: tuple[ModePoint, ...]) -> t
 def _line(prepared: Prepared, problem: NonlinearMode, mode: int, notes: tuple[str, ...]) -> Backbone:
     """Return the backbone of a mode that moves no pair."""
     why = f"mode {mode} moves no pair of a joint: its frequency and damping are the same at any amplitude"
-    return _backbone(prepared, problem, mode, np.inf, (), None, (), 0.0, None, (*notes, why))
+    return _backbone(prepared, problem, mode, Begin(np.inf), (), None, (), 0.0, None, (*notes, why))
 
 
 def _backbone(
     prepared: Prepared,
     problem: NonlinearMode,
     mode: int,
-    first: float,
+    begin: Begin,
     points: tuple[ModePoint, ...],
     quasi: QuasiStatic | None,
     checks: tuple[Check, ...],
     seconds: float,
     failure: str | None,
     notes: tuple[str, ...],
+    n_released: int = 0,
 ) -> Backbone:
     units = units_of(prepared.scene)
     return Backbone(
@@ -487,7 +514,7 @@ def _backbone(
         level_unit=units.level,
         linear_frequency=problem.omega / (2.0 * np.pi),
         linear_damping=-problem.sigma / (2.0 * problem.omega),
-        first_slip=first,
+        first_slip=begin.amplitude,
         points=points,
         quasi_static=quasi,
         meetings=meetings_of(prepared.model, problem.j, points),
@@ -496,4 +523,7 @@ def _backbone(
         failure=failure,
         notes=notes,
         joints=tuple(prepared.pairs.joint),
+        slips_at_rest=not begin.is_first_slip,
+        open_at_rest=int(np.count_nonzero(prepared.pairs.open_at_rest)),
+        counts_open=n_released > 0,
     )

@@ -17,7 +17,7 @@ from ..scene.schema import Scene
 from .build import Structure
 from .prepare import Prepared
 from .respond import prepared_with
-from .settings import refuse_statics, units_of
+from .settings import output_names, refuse_statics, units_of
 
 STARTS = 30
 
@@ -49,6 +49,7 @@ class SolutionAt:
     open: int
     source: str  # "curve", "level" or "deflation"
     curve: FollowedCurve | None = None  # through it; None unless asked for, or where it lies on the curve of the search
+    notes: tuple[str, ...] = ()  # of the point, as that the mean slip is held by springs
 
     @property
     def amplitude(self) -> np.ndarray:
@@ -111,7 +112,7 @@ def search(
 
     Raises
     ------
-    CaseError : a frequency outside the range, a disc, no joint, nothing that vibrates; on every rank
+    CaseError : a frequency outside the range, a disc of one sector, no joint, nothing that vibrates; on every rank
     ConvergenceError, ResourceError : no solution was found; on every rank
     """
     level = max(structure.scene.response.levels) if level is None else float(level)
@@ -128,8 +129,7 @@ def search(
         through = continued(of, level, one, has_stability) if follow and one.source != ON_CURVE else None
         solutions.append(_solution(one, through))
     scene, units = prepared.scene, units_of(prepared.scene)
-    names = tuple(output.name for output in scene.outputs)
-    return Search(at, level, units.level, names, units.outputs, tuple(solutions), _curve(curve), starts)
+    return Search(at, level, units.level, output_names(scene), units.outputs, tuple(solutions), _curve(curve), starts)
 
 
 def refuse_what_has_one(scene: Scene) -> None:
@@ -138,9 +138,10 @@ def refuse_what_has_one(scene: Scene) -> None:
     refuse_statics(scene, "search")
     if not scene.joints:
         raise CaseError(f"{where}: the scene has no [[joints]]: its response is linear, one solution at each frequency")
-    if scene.cyclic is not None:
+    if scene.cyclic is not None and not scene.cyclic.whole:
         raise CaseError(
-            f"{where}: [cyclic]: other solutions of a disc need not be waves, and one sector knows no others; mesh all sectors"
+            f"{where}: [cyclic]: one sector knows only waves, and other solutions of a disc need not be waves; state whole = "
+            "true in [cyclic]"
         )
 
 
@@ -157,7 +158,7 @@ def refuse_outside(prepared: Prepared, at: float) -> None:
 def _solution(one: Solution, through: Branch | None) -> SolutionAt:
     point, curve = one.point, None if through is None else _curve(through)
     slipping, is_open = (int(np.count_nonzero(point.state == kind)) for kind in (SLIP, OPEN))
-    return SolutionAt(point.response, one.residual, point.multipliers, slipping, is_open, one.source, curve)
+    return SolutionAt(point.response, one.residual, point.multipliers, slipping, is_open, one.source, curve, point.notes)
 
 
 def _curve(branch: Branch) -> FollowedCurve:

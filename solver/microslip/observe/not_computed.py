@@ -9,6 +9,10 @@ from ..points.error_parts import PARTS, SAFETY
 
 FAINT = 1e-3  # of the largest output: smaller outputs are compared with this value
 TOO_LITTLE = 1e-6  # of the peak: smaller effects are not quantified
+NO_BOUND = (
+    "a bar above 100 % is no estimate: next to a fold or a resonance with little damping the amplitude at a fixed frequency "
+    "changes without bound, or no solution with more harmonics is near; use more harmonics"
+)
 
 
 @dataclass(frozen=True)
@@ -106,7 +110,8 @@ def changes(branches: list[Branch], part: str) -> str:
     share, where = _most(branches, part)
     if share < TOO_LITTLE:
         return f"effect by the error bars below {TOO_LITTLE:.0e} of the peak"
-    return f"effect by the error bars up to {100.0 * share:.3g} % of the peak, at {where:g} N"
+    text = f"effect by the error bars up to {100.0 * share:.3g} % of the peak, at {where:g} N"
+    return text if share <= 1.0 else f"{text}: {NO_BOUND}"
 
 
 def _most(branches: list[Branch], part: str) -> tuple[float, float]:

@@ -36,7 +36,9 @@ def _page(results: ResultFile, curves: Sequence[PeaksOver]) -> Page:
     handles = (
         [Line2D([], [], color=_COLOURS[i % 6], label=f"peak {i + 1}") for i in range(len(curves))] if len(curves) > 1 else []
     )
-    handles += [Line2D([], [], ls="", marker=m, ms=4.5, mfc="white", mec=INK, label=f"from here {text}") for text, m in marked]
+    handles += [
+        Line2D([], [], ls="", marker=m, ms=4.5, mfc="white", mec=INK, label=f"first point where {text}") for text, m in marked
+    ]
     handles += [Line2D([], [], **LINEAR, label="all pairs stick")] if has_linear(curves[0].key) else []
     says = f"peak of {name} over {'the level' if first.key == 'level' else plain(first.key, 50)}{of_level}"
     page = Page(results, f"{says}; damping ratio of one mode with this amplitude per unit of the level", WIDTH, 4.4, handles)

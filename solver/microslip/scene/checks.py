@@ -154,9 +154,13 @@ def _harmonics(scene: Scene) -> list[str]:
     """Return mistakes: loads in a harmonic outside the solution, and error bars with a list of harmonics."""
     stated = scene.solver.harmonics
     text, remedy = (f"{list(stated)}", "add it") if isinstance(stated, tuple) else (f"{stated}", "raise that")
+    change = "change" if isinstance(stated, tuple) else "lower"
     mistakes = [
-        f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = {text} leaves it out; {remedy}, or "
-        f"{'change' if isinstance(stated, tuple) else 'lower'} the load's"
+        f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = 0 is a static balance, in which nothing vibrates; "
+        f"state at least {load.harmonic}, or harmonic = 0 of a constant load"
+        if scene.is_static
+        else f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = {text} leaves it out; {remedy}, or {change} "
+        "the load's harmonic"
         for number, load in enumerate(scene.loads, 1)
         if load.harmonic not in scene.chosen_harmonics
     ]

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...contact.law import OPEN, SLIP
-from ...library.backbone import Backbone, Synthesis
+from ...library.backbone import Backbone, QuasiStatic, Synthesis
 from ...observe.screen_table import screen_table
 from ...points.peak import Peak
 from ...results.layout import log_scale
@@ -173,19 +173,12 @@ def in_words(result: Backbone) -> list[str]:
     size = np.abs(result.shape[:, 0]) * result.amplitude
     unit, name = result.units[0], result.outputs[0]
     lines = [
-        f"mode {result.mode}, all pairs stuck: {result.linear_frequency:.7g} Hz, damping {100.0 * result.linear_damping:.4g} %; "
-        f"the first pair leaves sticking at {size[0]:.4g} {unit} of {name}",
+        f"mode {result.mode}, {rest_in_words(result)}: {result.linear_frequency:.7g} Hz, "
+        f"damping {100.0 * result.linear_damping:.4g} %; " + first_in_words(result, f"{size[0]:.4g} {unit} of {name}"),
         f"largest damping {100.0 * result.damping[top]:.4g} % at {size[top]:.4g} {unit}, {result.frequency[top]:.7g} Hz; "
         f"{len(result.points)} points in {result.seconds:.3g} s",
+        *statics_in_words(result, result.quasi_static),
     ]
-    if result.quasi_static is not None:
-        frequency, damping = result.quasi_static.at(result.amplitude)
-        shift = np.nanmax(np.abs(frequency - result.frequency)) / max(np.ptp(result.frequency), 1e-300)
-        lines.append(
-            f"by statics and Masing's rules: frequency within {100.0 * shift:.2g} % of the shift, damping within "
-            f"{100.0 * np.nanmax(np.abs(damping - result.damping)) / result.damping.max():.2g} % of the largest, "
-            f"in {result.quasi_static.seconds:.2g} s"
-        )
     if result.checks:
         lines.append(
             f"with twice the harmonics and samples, at {len(result.checks)} points: frequency within "
@@ -198,6 +191,47 @@ def in_words(result: Backbone) -> list[str]:
             f"superharmonic resonance: {meeting.harmonic} x {meeting.frequency:.6g} Hz meets mode {meeting.mode} of the stuck "
             f"structure at about {at:.3g} {unit} of {name}"
         )
+    return lines
+
+
+def rest_in_words(result: Backbone) -> str:
+    """Return the state of the pairs at rest, in which modes are counted."""
+    n = result.open_at_rest
+    return f"{n} pair{'s' * (n > 1)} open at rest, the others stuck" if n else "all pairs stuck"
+
+
+def first_in_words(result: Backbone, amplitude: str) -> str:
+    """Return at which amplitude the first pair leaves its state at rest."""
+    if result.slips_at_rest:
+        return f"some pairs slip, open or touch from the first motion on; computed from {amplitude}"
+    return f"the first pair {'slips, opens or touches' if result.open_at_rest else 'leaves sticking'} at {amplitude}"
+
+
+def statics_in_words(result: Backbone, quasi: QuasiStatic | None) -> list[str]:
+    """Return lines on the mode by statics and Masing's rules: its difference, where pairs open, and why it ends."""
+    if quasi is None:
+        return []
+    size, rising = np.abs(result.shape[:, 0]) * result.amplitude, np.argsort(result.amplitude)
+    frequency, damping = quasi.at(result.amplitude)
+    is_known = np.isfinite(damping)
+    shift = np.nanmax(np.abs(frequency - result.frequency)) / max(np.ptp(result.frequency), 1e-300)
+    worst = np.abs(damping - result.damping)[is_known].max(initial=0.0) / result.damping.max()
+
+    def at(q: float) -> str:
+        return f"{np.interp(q, result.amplitude[rising], size[rising]):.4g} {result.units[0]}"
+
+    lines = [
+        f"by statics and Masing's rules: frequency within {100.0 * shift:.2g} % of the shift, damping within "
+        f"{100.0 * worst:.2g} % of the largest, in {quasi.seconds:.2g} s"
+    ]
+    if np.isfinite(quasi.opens):
+        lines.append(
+            f"  from {at(quasi.opens)} on pairs open or touch in one direction of the motion, and Masing's rules do not hold: "
+            "they take unloading as the mirror image of loading"
+        )
+    if quasi.failure is not None:
+        last = quasi.amplitude[quasi.amplitude <= result.amplitude.max()].max(initial=quasi.amplitude[0])
+        lines.append(f"  it ends at {at(last)}: {quasi.failure}")
     return lines
 
 
@@ -228,8 +262,12 @@ def draw_backbone(result: Backbone, scene: Titled, path: str) -> None:
     handles = [Line2D([], [], color=_ACCENT, marker="o", ms=3.0, label="nonlinear mode")]
     if quasi is not None:
         handles.append(Line2D([], [], color=_SECOND, ls="--", label="by statics and Masing's rules"))
+        if quasi.opens < quasi.amplitude[-1]:
+            handles.append(
+                Line2D([], [], color=_SECOND, ls=":", lw=0.9, label="the same where pairs open or touch: does not hold")
+            )
     handles += [
-        Line2D([], [], color=FAINT, lw=0.8, ls=":", label="all pairs stuck"),
+        Line2D([], [], color=FAINT, lw=0.8, ls=":", label=rest_in_words(result)),
         *(
             [Line2D([], [], color=INK, marker="v", lw=0, ms=5.0, mfc="none", label="superharmonic resonance")]
             if result.meetings
@@ -254,7 +292,10 @@ def draw_backbone(result: Backbone, scene: Titled, path: str) -> None:
             within = quasi.amplitude <= result.amplitude.max()
             rising = np.argsort(result.amplitude)
             at = np.interp(quasi.amplitude[within], result.amplitude[rising], size[rising] * factor)
-            axes.plot(at, of_quasi[within], color=_SECOND, ls="--", zorder=3)
+            n = int(np.count_nonzero(quasi.amplitude[within] <= quasi.opens))
+            axes.plot(at[:n], of_quasi[within][:n], color=_SECOND, ls="--", zorder=3)
+            if n < len(at):
+                axes.plot(at[max(n - 1, 0) :], of_quasi[within][max(n - 1, 0) :], color=_SECOND, ls=":", lw=0.9, zorder=3)
         axes.plot(size * factor, values, color=_ACCENT, marker="o", ms=2.5)
         for meeting in result.meetings:
             at, value = (np.interp(meeting.place, np.arange(len(size)), each) for each in (size * factor, values))

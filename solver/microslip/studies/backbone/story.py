@@ -92,7 +92,7 @@ def study(
 
 def band(result: Backbone, scene: Scene) -> tuple[float, float] | None:
     """Return the range of the forced responses [Hz], about the mode; None where that of the scene is about this mode.  Local."""
-    if scene.response.mode == result.mode:
+    if scene.response.mode == result.mode and not result.counts_open:
         return None
     met, far = [result.linear_frequency, *result.frequency], WIDTHS * 2.0 * max(result.linear_damping, *result.damping)
     return min(met) / (1.0 + far), max(met) * (1.0 + far)

@@ -39,7 +39,7 @@ def write_search(result: Search, scene: Titled, folder: Path) -> str:
         write_csv(str(folder / "curves.csv"), followed[0], followed)
     with matplotlib.rc_context(RC):
         draw(result, scene, str(folder / "search.png"))
-    return "\n".join([on_screen(result), in_words(result), *returning(result), *ended(result)])
+    return "\n".join([on_screen(result), in_words(result), *noted(result), *returning(result), *ended(result)])
 
 
 def record(result: Search, one: SolutionAt) -> dict[str, Any]:
@@ -108,6 +108,13 @@ def in_words(result: Search) -> str:
     which = "one solution" if n == 1 else f"{n} solutions"
     more = "with more --starts others may be found" if n > 1 else "no other from these starts; there may be others"
     return f"{which} found at {at}, with {result.starts} starts: {more}"
+
+
+def noted(result: Search) -> list[str]:
+    """Return the notes of the solutions, each with their numbers."""
+    notes = dict.fromkeys(note for one in result.solutions for note in one.notes)
+    of = {note: [str(i) for i, one in enumerate(result.solutions, 1) if note in one.notes] for note in notes}
+    return [f"solution{'s' * (len(numbers) > 1)} {', '.join(numbers)}: {note}" for note, numbers in of.items()]
 
 
 def returning(result: Search) -> list[str]:
