@@ -1,6 +1,7 @@
 """Peaks over numbers of a scene, [[response.over]]: one mass on a Jenkins element against its closed form; on any number of ranks."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,11 @@ from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 
 import microslip
-from microslip.continuation import follow
 from microslip.continuation.peak_curves import PeakRequest, beginnings
+from microslip.continuation.point_solver import PointSolver
 from microslip.harmonic.operating_point import LawParameter
 from microslip.library.prepare import prepare
-from microslip.messages.errors import CaseError, ConvergenceError
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
 from microslip.scene.read import changed
@@ -120,14 +121,13 @@ def test_a_peak_over_friction_begins_where_the_pair_slides(structure):
 
 @pytest.mark.ranks(1)
 def test_a_requested_value_without_a_solution_is_noted_and_the_curve_goes_on(structure, monkeypatch):
-    solved = follow.solved
+    solve_at = PointSolver.solve_at
 
-    def fails_at_one(leg, guess, selected, requested, notes=()):
-        if guess.parameter == 0.4:
-            raise ConvergenceError("not here")
-        return solved(leg, guess, selected, requested, notes)
+    def fails_at_one(solver, guess, *rest):
+        solution, selected = solve_at(solver, guess, *rest)
+        return replace(solution, failure="not here" if guess.parameter == 0.4 else solution.failure), selected
 
-    monkeypatch.setattr(follow, "solved", fails_at_one)
+    monkeypatch.setattr(PointSolver, "solve_at", fails_at_one)
     (curve,) = microslip.peaks(structure, {"level": LEVELS}, values=(0.4, 0.8))
     assert not curve.points.failure and curve.value[-1] == LEVELS[1] and 0.8 in curve.value and 0.4 not in curve.value
     (note,) = filter(None, curve.points.notes)

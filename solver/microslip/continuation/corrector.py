@@ -7,7 +7,7 @@ parameters and their rows on the last rank.  SNES is an adapter: residual and li
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -23,6 +23,9 @@ from ..system.watchdog import moved
 from .constraint_rows import Constraint, Place, Scaling
 from .iterate import Iterate
 from .problems import Problem
+
+if TYPE_CHECKING:
+    from .maximum_by_phase import Beside
 
 PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton gives up where so many iterations leave more than this share of the residual
 MOST_ITERATIONS = 20
@@ -176,6 +179,7 @@ class Corrector:
     ):
         self.comm, self.shape, self.tolerance, self.k = comm, shape, tolerance, n_parameters
         self._tangents_at_end, self._is_first = tangents_at_end, False
+        self.beside: Beside | None = None  # of the last maximum by its phase
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
         self.n_U = int(np.prod(shape))
         self.newton_solver = NewtonSolver(comm)
