@@ -23,8 +23,8 @@ from ..harmonic.operating_point import OperatingPoint
 from ..harmonic.preconditioner import HarmonicPreconditioner, PairsPreconditioner
 from ..harmonic.whole_inverse import WholeInverse
 from .accuracy import Memory, Resolution
+from .beside import Beside
 from .iterate import Iterate, PointState
-from .maximum_by_phase import Beside
 from .point_solver import Workspace
 from .problems import Problem
 from .state import BranchState

@@ -7,7 +7,7 @@ parameters and their rows on the last rank.  SNES is an adapter: residual and li
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -20,12 +20,10 @@ from ..harmonic.operating_point import ContactForces
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from ..parallel.petsc import free
 from ..system.watchdog import moved
+from .beside import Beside
 from .constraint_rows import Constraint, Place, Scaling
 from .iterate import Iterate
 from .problems import Problem
-
-if TYPE_CHECKING:
-    from .maximum_by_phase import Beside
 
 PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton gives up where so many iterations leave more than this share of the residual
 MOST_ITERATIONS = 20

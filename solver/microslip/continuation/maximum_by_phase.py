@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..error_estimate.estimate import output_amplitude
+from .beside import Beside
 from .constraint_rows import Constraint, Plane
 from .corrector import BorderedSystem, Correction, Corrector
 from .iterate import Iterate
@@ -34,15 +35,6 @@ LOOSE = 1e-5  # tolerance of solutions that only place the top: it moves by abou
 FAR = 2.0  # times the frequency of the guess, or less than its inverse, at which a solution belongs to no peak here
 ELSEWHERE = "the solution at this phase lies elsewhere"
 NO_MAXIMUM = "the output has no maximum near by"
-
-
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """What lay beside a maximum: there the next one along a branch is looked for first, which saves iterations."""
-
-    apart: float  # rad
-    bend: float  # 1/rad2, of the amplitude over the phase: 1 for one mode
-    sides: tuple[Iterate, Iterate]  # the solutions before and after, turned to the phase of the maximum, less it; U over its size
 
 
 @dataclass(frozen=True, eq=False)
