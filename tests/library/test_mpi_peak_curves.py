@@ -1,6 +1,7 @@
 """Peaks over numbers of a scene, [[response.over]]: one mass on a Jenkins element against its closed form; on any number of ranks."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,12 @@ from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 
 import microslip
-from microslip.continuation import follow
+from microslip.continuation import peak_curves
 from microslip.continuation.peak_curves import PeakRequest, beginnings
+from microslip.continuation.point_solver import PointSolver
 from microslip.harmonic.operating_point import LawParameter
 from microslip.library.prepare import prepare
-from microslip.messages.errors import CaseError, ConvergenceError
+from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
 from microslip.scene.read import changed
@@ -120,14 +122,13 @@ def test_a_peak_over_friction_begins_where_the_pair_slides(structure):
 
 @pytest.mark.ranks(1)
 def test_a_requested_value_without_a_solution_is_noted_and_the_curve_goes_on(structure, monkeypatch):
-    solved = follow.solved
+    solve_at = PointSolver.solve_at
 
-    def fails_at_one(leg, guess, selected, requested, notes=()):
-        if guess.parameter == 0.4:
-            raise ConvergenceError("not here")
-        return solved(leg, guess, selected, requested, notes)
+    def fails_at_one(solver, guess, *rest):
+        solution, selected = solve_at(solver, guess, *rest)
+        return replace(solution, failure="not here" if guess.parameter == 0.4 else solution.failure), selected
 
-    monkeypatch.setattr(follow, "solved", fails_at_one)
+    monkeypatch.setattr(PointSolver, "solve_at", fails_at_one)
     (curve,) = microslip.peaks(structure, {"level": LEVELS}, values=(0.4, 0.8))
     assert not curve.points.failure and curve.value[-1] == LEVELS[1] and 0.8 in curve.value and 0.4 not in curve.value
     (note,) = filter(None, curve.points.notes)
@@ -228,8 +229,7 @@ def test_the_peak_over_the_damping_ratio_of_all_modes(comm, shared_path):
         assert curve.error[-1] == pytest.approx(other.error[-1], rel=1e-3)
 
 
-def test_without_damping_the_peak_of_the_stuck_structure_is_no_beginning(comm, shared_path):
-    """Its motion is infinite; the linearisation there has no slipping pair and is singular."""
+def test_without_damping_the_peak_of_the_stuck_structure_is_infinite(comm, shared_path):
 
     def write():
         loads = [{"vector": np.array([1.0, 0.0]), "harmonic": 1, "phase": 0.0}]
@@ -241,4 +241,34 @@ def test_without_damping_the_peak_of_the_stuck_structure_is_no_beginning(comm, s
 
     with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
         curves = microslip.peaks(structure, {"level": (0.5, 1.0)})
-    assert curves and all("on the way up to 0.5 N" in curve.points.failure for curve in curves)
+    assert curves and all("the peak is infinite while all pairs stick" in curve.points.failure for curve in curves)
+
+
+def test_a_peak_begins_on_the_curve_where_no_peak_over_the_level_leads_there(comm, shared_path, monkeypatch):
+    n, level = 3, 5.0
+    first = np.eye(n)[0]
+    system = scenes.make_system(
+        "chain", np.eye(n), 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1), [[0, -1, -1, -1, -1, -1]], mu=1.0, N0=1.0, k_t=1.0,
+        k_n=0.0, zeta=0.03, loads=[{"vector": first, "harmonic": 1, "phase": 0.0}], output=first, omega=(0.3, 2.5), levels={},
+    )  # fmt: skip
+
+    def write():
+        keys = {"outputs": [0], "points": 60, "harmonics": 1, "samples": 128, "error_bars": False}
+        return write_matrix_scene(shared_path, system, [level], system["omega"], **keys)
+
+    follow_peak = peak_curves.follow_peak
+
+    def without_lead(equation, varies, sweep, *rest, **keys):
+        branch = follow_peak(equation, varies, sweep, *rest, **keys)
+        return replace(branch, failure="lost") if sweep.stop == level else branch
+
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+        led = microslip.peaks(structure, {"level": (level, 4.0)})
+        monkeypatch.setattr(peak_curves, "follow_peak", without_lead)
+        begun = microslip.peaks(structure, {"level": (level, 4.0)})
+    assert len(led) == len(begun) == n and not any(curve.points.failure for curve in (*led, *begun))
+    for one, other in zip(led, begun):
+        for place in (0, -1):
+            assert one.value[place] == other.value[place]
+            assert other.frequency[place] == pytest.approx(one.frequency[place], rel=1e-4)
+            assert other.amplitude[place] == pytest.approx(one.amplitude[place], rel=1e-4)

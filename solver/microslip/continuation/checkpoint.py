@@ -1,7 +1,8 @@
 """The state of a branch as arrays, independent of the number of ranks; a restored state continues bitwise identically.
 
-What is kept beside the last points: the resolution, the hold of the mean slip, what the accuracy has learnt, the next step, and
-where preconditioners were made.  These are no part of a solution, but decide its last bits; they are made there again.
+What is kept beside the last points: the resolution, the hold of the mean slip, what the accuracy has learnt, the next step, what
+lay beside the last maximum, and where preconditioners were made, which are made there again.  These are no part of a solution,
+but decide its last bits.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from ..harmonic.operating_point import OperatingPoint
 from ..harmonic.preconditioner import HarmonicPreconditioner, PairsPreconditioner
 from ..harmonic.whole_inverse import WholeInverse
 from .accuracy import Memory, Resolution
+from .beside import Beside
 from .iterate import Iterate, PointState
 from .point_solver import Workspace
 from .problems import Problem
@@ -72,7 +74,10 @@ def parts_of(task: BranchTask, state: BranchState) -> dict[str, Part]:
         point = getattr(state, name)
         if point is not None:
             parts[name] = Part(point, partial(point_arrays, solver.equation, point))
-    newton = solver.workspace.newton_solver(solver.equation, solver.resolution)
+    corrector = solver.workspace.corrector(solver.equation, solver.resolution)
+    if corrector.beside is not None:
+        parts["beside"] = Part(corrector.beside, partial(_of_beside, solver.equation, corrector.beside))
+    newton = corrector.newton_solver
     adjoint, forward = (task.estimator.adjoint_solver, task.estimator.forward_solver) if task.estimator else (None, None)
     for name, solver_of in (("newton", newton), ("adjoint", adjoint), ("forward", forward)):
         if solver_of and solver_of.preconditioner is not None:
@@ -92,9 +97,11 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     calm, patience = (dict(zip(parts, map(int, counts))) for counts in arrays["counts"].reshape(2, -1))
     memory = Memory(arrays.get("peak"), calm, patience)
     points = {name: point_state(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
-    newton = workspace.newton_solver(solver.equation, solver.resolution)
+    corrector = workspace.corrector(solver.equation, solver.resolution)
+    if "beside/bend" in arrays:
+        corrector.beside = _beside(under("beside", arrays), owned)
     made = _made_again(under("newton", arrays), solver.problem) if "newton/U" in arrays else None
-    newton.restore(made, bool(wants_preconditioner))
+    corrector.newton_solver.restore(made, bool(wants_preconditioner))
     if task.estimator is not None:
         exact = task.estimator.exact
         if "adjoint/U" in arrays:
@@ -128,6 +135,24 @@ def point_state(arrays: Arrays, owned: slice) -> PointState:
     there = Iterate(arrays["U"][owned].copy(), parameters, _harmonics(arrays["harmonics"]))
     size, force, sticks, sliding, moved = map(float, arrays["numbers"])
     return PointState(there, arrays["selected"], size, force, bool(sticks), sliding, moved, arrays["amplitude"])
+
+
+def _of_beside(equation: HarmonicBalance, beside: Beside) -> Arrays:
+    """Return the arrays of what lies beside a maximum.  Collective."""
+    return {
+        "apart": np.array(beside.apart),
+        "bend": np.array(beside.bend),
+        "U": np.stack([equation.gather(side.U) for side in beside.sides]),
+        "parameters": np.array([side.parameters for side in beside.sides]),
+        "harmonics": np.array(beside.sides[0].harmonics.chosen),
+    }
+
+
+def _beside(arrays: Arrays, owned: slice) -> Beside:
+    """Return what lies beside a maximum.  Local."""
+    harmonics, sides = _harmonics(arrays["harmonics"]), zip(arrays["U"], arrays["parameters"])
+    before, after = (Iterate(U[owned].copy(), tuple(map(float, parameters)), harmonics) for U, parameters in sides)
+    return Beside(float(arrays["apart"]), float(arrays["bend"]), (before, after))
 
 
 # -- where a preconditioner was made -------------------------------------------------------------------------------

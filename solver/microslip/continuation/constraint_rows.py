@@ -84,6 +84,11 @@ class Plane:
         n_nu[0] = 1.0
         return cls(about, np.zeros_like(about.U), tuple(n_nu))
 
+    @property
+    def is_at_value(self) -> bool:
+        """Whether it is such a row.  Local, the same on all ranks."""
+        return self.n_nu[0] == 1.0 and not any(self.n_nu[1:])
+
     def of_motion(self, U: np.ndarray, scaling: Scaling) -> float:
         return float(np.vdot(self.n_U, U - self.about.U)) / scaling.U
 

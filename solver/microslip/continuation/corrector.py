@@ -20,6 +20,7 @@ from ..harmonic.operating_point import ContactForces
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from ..parallel.petsc import free
 from ..system.watchdog import moved
+from .beside import Beside
 from .constraint_rows import Constraint, Place, Scaling
 from .iterate import Iterate
 from .problems import Problem
@@ -176,6 +177,7 @@ class Corrector:
     ):
         self.comm, self.shape, self.tolerance, self.k = comm, shape, tolerance, n_parameters
         self._tangents_at_end, self._is_first = tangents_at_end, False
+        self.beside: Beside | None = None  # of the last maximum by its phase
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
         self.n_U = int(np.prod(shape))
         self.newton_solver = NewtonSolver(comm)

@@ -182,7 +182,8 @@ def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accept
     was = leg.state.solver
     state, missed = _requested(leg, solution[0].iterate, solution[1])
     solution, solver = state.solver.still(solution, was)
-    after = accept(leg.task, replace(state, solver=solver), solution, notes=(*notes, *missed))
+    is_requested = solution[0].iterate.parameter in leg.task.sweep.at
+    after = accept(leg.task, replace(state, solver=solver), solution, requested=is_requested, notes=(*notes, *missed))
     leg.emit(after.point)
     return after
 

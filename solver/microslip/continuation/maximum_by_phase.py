@@ -3,28 +3,37 @@
 Along a resonance the motion of the pairs turns by half a cycle, folds included.  Solutions are taken at a given phase theta of
 that motion, and the amplitude of the output is the parabola through three of them: its top is the maximum.  The distance of the
 three is far above that of the corners where samples begin or end to slip, so that these do not count, and the top varies
-smoothly with other parameters.  A mode that hardly moves the pairs does not turn their motion; then the phase is that of the
+smoothly with other parameters.  Two solutions beside the phase and one at the top are enough where the last maximum of the branch
+tells the bend of the parabola.  A mode that hardly moves the pairs does not turn their motion; then the phase is that of the
 output.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..error_estimate.estimate import output_amplitude
+from .beside import Beside
 from .constraint_rows import Constraint, Plane
 from .corrector import BorderedSystem, Correction, Corrector
 from .iterate import Iterate
 from .output_rows import PhaseRow
 
-APART = 0.04  # rad between the three solutions, at least
+APART = 0.04  # rad between the solutions, at least
 SAMPLES = 2.0  # and at least as many samples of the contact law: maxima of the sampled curve lie about one apart
-NEAR = 1.0  # of that distance within which the top of a parabola is taken as the maximum
+NEAR = 0.5  # of that distance within which a parabola has its top where the solution between is the highest
+NEXT = 1.5  # of that distance up to which a search goes on by it
+SETTLED = 0.02  # of that distance between a solution at the top and the top of the parabola through it
+MOST_TOPS = 3  # solutions at a top until it settles
 FARTHEST = 8.0  # of that distance by which a search goes on at most
+REACH = 0.25 * np.pi  # rad from the guess, to which it goes at most
 MOST_TRIES = 12
-LOOSE = 1e-5  # tolerance of the three, which only place the top: it moves by about their error over the distance
+LOOSE = 1e-5  # tolerance of solutions that only place the top: it moves by about their error over the distance
+FAR = 2.0  # times the frequency of the guess, or less than its inverse, at which a solution belongs to no peak here
+ELSEWHERE = "the solution at this phase lies elsewhere"
 NO_MAXIMUM = "the output has no maximum near by"
 
 
@@ -43,13 +52,49 @@ class MaximumByPhase:
         return _Search(self, corrector, system, guess, is_patient).maximum()
 
 
+@dataclass(frozen=True, eq=False)
+class _Three:
+    """Solutions at the phases -1, ``t`` and 1 about a phase, in units of the distance; that between may be a guess, at 0."""
+
+    t: float
+    solutions: tuple[Iterate, Iterate, Iterate]
+    sizes: tuple[float, float, float]  # m, their amplitudes
+    is_even: bool  # solutions at -1, 0 and 1
+
+    @property
+    def has_top(self) -> bool:
+        """Whether the solution between is the highest: the top of the parabola lies within half the distance of it."""
+        return self.sizes[1] >= max(self.sizes)
+
+    @property
+    def bend(self) -> float:
+        """The bend of the parabola through the amplitudes, above 0 where it has a top [m]."""
+        low, size, high = self.sizes
+        return (2.0 * size - (1.0 - self.t) * low - (1.0 + self.t) * high) / (1.0 - self.t**2)
+
+    @property
+    def top(self) -> float:
+        """Where this parabola is highest."""
+        rise = 0.5 * (self.sizes[2] - self.sizes[0])
+        if self.bend <= 0.0:
+            return FARTHEST * float(np.sign(rise))
+        return float(np.clip(rise / self.bend, -FARTHEST, FARTHEST))
+
+    def at(self, t: float) -> Iterate:
+        """Return the place at ``t`` of the parabola through the solutions; beyond them, of a line.  Local."""
+        if abs(t) <= 1.0:
+            return combined(self.solutions, through(self.t, t))
+        return combined(self.solutions, (0.5 * (self.t - t), 1.0, 0.5 * (t - self.t)))
+
+
 class _Search:
     """The search for one maximum.  Collective on the communicator of the corrector."""
 
     def __init__(self, row: MaximumByPhase, corrector: Corrector, system: BorderedSystem, guess: Iterate, is_patient: bool):
         self.row, self.corrector, self.system, self.guess, self.is_patient = row, corrector, system, guess, is_patient
         self.newton = self.krylov = 0
-        self.apart = max(APART, SAMPLES * 2.0 * np.pi / system.equation.n_samples)
+        self.apart, beside = max(APART, SAMPLES * 2.0 * np.pi / system.equation.n_samples), corrector.beside
+        self.known = beside if beside is not None and beside.apart == self.apart else None
         if row.is_of_output:
             a = self.output(guess)
             self.size, self.phase = abs(a), float(np.angle(a))
@@ -61,56 +106,148 @@ class _Search:
         """Return the maximum, or the last solve with why there is none."""
         if self.size == 0.0:
             return Correction(self.guess, 0, 0, float("inf"), "nothing moves: no phase")
-        theta, about, before = 0.0, self.guess, None
+        theta, about, before, three = 0.0, self.guess, None, None
         ends = [-np.inf, np.inf]  # phases between which the amplitude has its top
         for _ in range(MOST_TRIES):
-            here = self.solved(theta, about, self.system.constraints)
-            if here.failure is not None:
+            three = three or self.two_sides(theta, about) or self.with_middle(theta, about)
+            if isinstance(three, Correction):
                 if before is None:
-                    return self.counted(here)
-                theta, about = 0.5 * (theta + before[0]), halfway(before[1], about)
+                    return self.counted(three)
+                theta, about, three = 0.5 * (theta + before[0]), halfway(before[1], about), None
                 continue
-            held = (Plane.fixed_parameter(here.iterate),)
-            low = self.solved(theta - self.apart, self.as_one_mode(here.iterate, -self.apart), held)
-            if low.failure is not None:
-                return self.counted(low)
-            high = self.solved(theta + self.apart, self.opposite(low.iterate, here.iterate), held)
-            if high.failure is not None:
-                high = self.solved(theta + self.apart, self.turned(here.iterate, self.apart), held)
-            if high.failure is not None:
-                return self.counted(high)
-            sizes = np.array([abs(self.output(solution.iterate)) for solution in (low, here, high)])
-            top, before = top_of(sizes), (theta, here.iterate)
+            if abs(three.top) <= NEAR:
+                found, three = self.settled(theta, three)
+                if found is not None:
+                    return self.counted(found)
+            if not three.is_even:
+                three = self.with_middle(theta, three.at(0.0), three)
+                continue
+            top, before = three.top, (theta, three.at(0.0))
             ends[0 if top > 0.0 else 1] = theta
-            if abs(top) > NEAR and not ends[0] + self.apart < theta + self.apart * top < ends[1] - self.apart:
+            if not ends[0] < theta + self.apart * top < ends[1]:
                 top = (0.5 * sum(ends) - theta) / self.apart
-            theta, about = theta + self.apart * top, along(low.iterate, here.iterate, high.iterate, top)
-            if abs(top) <= NEAR:
-                return self.counted(self.solved(theta, about, self.system.constraints, is_top=True))
-        return self.counted(here, NO_MAXIMUM)
+            is_next = abs(top) <= NEXT
+            top = float(np.sign(top)) if is_next else top
+            theta, about = theta + self.apart * top, three.at(top)
+            if not (ends[0] < theta < ends[1] and abs(theta) <= REACH):
+                break
+            three = self.shifted(theta, three, int(top)) if is_next else None
+        return self.counted(self.last, NO_MAXIMUM)
+
+    def settled(self, theta: float, three: _Three) -> tuple[Correction | None, _Three]:
+        """Return the solution at the top and the parabola through it; none where that lies lower than one beside a mere guess."""
+        found, is_sure = None, three.is_even
+        for _ in range(MOST_TOPS):
+            t = three.top
+            found = self.solved(theta + self.apart * t, three.at(t), self.system.constraints, is_top=True)
+            if found.failure is not None or not self.is_at_value:
+                return found, three
+            low, _, high = three.solutions
+            three = self.three(low, found.iterate, high, t=t)
+            if not three.has_top:
+                return found if is_sure else None, three
+            if abs(three.top - t) <= SETTLED:
+                break
+        self.corrector.beside = self.beside(three)
+        return found, three
+
+    # -- the solutions before and after a phase ---------------------------------------------------------------------
+
+    def two_sides(self, theta: float, about: Iterate) -> _Three | None:
+        """Return those solutions at the value of the first parameter, with that between as at the last maximum; None without."""
+        if not self.is_at_value:
+            return None
+        sides, bend = [], 1.0 if self.known is None else self.known.bend
+        for way, share in ((-1, 1.0), (1, 0.5)):  # what both are off by is moved from the first one, of the rest one half
+            guess = self.side(about, way)
+            solution = self.solved(theta + way * self.apart, guess, self.system.constraints)
+            if solution.failure is not None:
+                return None
+            sides.append(solution.iterate)
+            off = self.turned(combined((solution.iterate, guess), (share, -share)), -way * self.apart)
+            about = combined((about, off), (1.0, 1.0))
+        low, high = (abs(self.output(side)) for side in sides)
+        size = 0.5 * (low + high) / (1.0 - 0.5 * bend * self.apart**2)
+        return _Three(0.0, (sides[0], about, sides[1]), (low, size, high), is_even=False)
+
+    def with_middle(self, theta: float, about: Iterate, sides: _Three | None = None) -> _Three | Correction:
+        """Return those solutions and that between, which is solved for first if they are not known; the solve that fails."""
+        here = self.solved(theta, about, self.system.constraints)
+        if here.failure is not None:
+            return here
+        if sides is not None:
+            low, _, high = sides.solutions
+            return self.three(low, here.iterate, high)
+        held = (Plane.fixed_parameter(here.iterate),)
+        before = self.solved(theta - self.apart, self.as_one_mode(here.iterate, -1), held)
+        if before.failure is not None:
+            return before
+        after = self.solved(theta + self.apart, self.opposite(before.iterate, here.iterate, 1), held)
+        if after.failure is not None:
+            after = self.solved(theta + self.apart, self.turned(here.iterate, self.apart), held)
+        return after if after.failure is not None else self.three(before.iterate, here.iterate, after.iterate)
+
+    def shifted(self, theta: float, three: _Three, way: int) -> _Three | Correction:
+        """Return the solutions about the next phase ``theta``, one ``way`` on; the solve that fails."""
+        middle, here = three.solutions[1], three.solutions[1 + way]
+        held = (Plane.fixed_parameter(here),)
+        beyond = self.solved(theta + way * self.apart, self.opposite(middle, here, way), held)
+        if beyond.failure is not None:
+            return beyond
+        low, high = (middle, beyond.iterate)[::way]
+        return self.three(low, here, high)
+
+    def three(self, low: Iterate, here: Iterate, high: Iterate, t: float = 0.0) -> _Three:
+        """Return three solutions with their amplitudes."""
+        before, size, after = (abs(self.output(there)) for there in (low, here, high))
+        return _Three(t, (low, here, high), (before, size, after), is_even=t == 0.0)
+
+    @property
+    def is_at_value(self) -> bool:
+        """Whether the row of the step holds the first parameter at its value.  Local, the same on all ranks."""
+        return all(isinstance(row, Plane) and row.is_at_value for row in self.system.constraints)
+
+    def side(self, there: Iterate, way: int) -> Iterate:
+        """Return about the solution beside one near the top, as beside the last maximum.  Local."""
+        if self.known is None:
+            return self.as_one_mode(there, way)
+        side = self.known.sides[way > 0].on(there.harmonics)
+        return self.turned(combined((there, replace(side, U=self.size * side.U)), (1.0, 1.0)), way * self.apart)
+
+    def beside(self, three: _Three) -> Beside:
+        """Return what lies beside the maximum, which is that between.  Local."""
+        low, here, high = (
+            self.turned(there, (three.t - t) * self.apart) for there, t in zip(three.solutions, (-1.0, three.t, 1.0))
+        )
+        places = (combined((low, here, high), through(three.t, three.t + way)) for way in (-1.0, 1.0))
+        before, after = (combined((place, here), (1.0, -1.0)) for place in places)
+        sides = replace(before, U=before.U / self.size), replace(after, U=after.U / self.size)
+        return Beside(self.apart, three.bend / (three.sizes[1] * self.apart**2), sides)
 
     def turned(self, there: Iterate, theta: float) -> Iterate:
         """Return the motion of the pairs ``theta`` [rad] later, where it turns with the mode.  Local."""
         return there if self.row.is_of_output else rotated(there, theta)
 
-    def as_one_mode(self, there: Iterate, theta: float) -> Iterate:
-        """Return about the solution ``theta`` [rad] beyond one near the top of a resonance, as if it were of one mode.  Local."""
-        width, turned = self.system.scaling.parameters[1], self.turned(there, theta)
+    def as_one_mode(self, there: Iterate, way: int) -> Iterate:
+        """Return about the solution beside one near the top of a resonance, as if it were of one mode.  Local."""
+        theta, width = way * self.apart, self.system.scaling.parameters[1]
+        turned = self.turned(there, theta)
         value, omega = turned.parameters
         size = 1.0 if self.row.is_of_output else np.cos(theta)
         return replace(turned, U=size * turned.U, parameters=(value, omega - 0.5 * width * np.tan(theta)))
 
-    def opposite(self, side: Iterate, here: Iterate) -> Iterate:
-        """Return about the solution as far beyond ``here`` as ``side`` is before it, on the line through both.  Local."""
-        parameters = 2.0 * np.array(here.parameters) - side.parameters
-        U = 2.0 * here.U - self.turned(side, self.apart).U
-        return self.turned(replace(here, U=U, parameters=tuple(map(float, parameters))), self.apart)
+    def opposite(self, side: Iterate, here: Iterate, way: int) -> Iterate:
+        """Return about the solution one ``way`` on from ``here``, on the line through ``side``, which is before it.  Local."""
+        return self.turned(combined((here, self.turned(side, way * self.apart)), (2.0, -1.0)), way * self.apart)
 
     def solved(self, theta: float, guess: Iterate, constraints: tuple[Constraint, ...], is_top: bool = False) -> Correction:
         """Return the solution ``theta`` [rad] beyond the phase of the guess of the search, under other rows."""
         system, tolerance = replace(self.system, constraints=(self.at(theta), *constraints)), self.corrector.tolerance
         solution = self.corrector.correct(system, guess, self.is_patient, tolerance if is_top else max(tolerance, LOOSE))
         self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
+        if solution.failure is None and not 1.0 / FAR < solution.iterate.parameters[1] / self.guess.parameters[1] < FAR:
+            solution = replace(solution, failure=ELSEWHERE)
+        self.last = solution
         return solution
 
     def at(self, theta: float) -> Constraint:
@@ -144,21 +281,22 @@ def rotated(there: Iterate, theta: float) -> Iterate:
 
 def halfway(a: Iterate, b: Iterate) -> Iterate:
     """Return the middle of two iterates.  Local."""
-    parameters = 0.5 * (np.array(a.parameters) + b.parameters)
-    return replace(b, U=0.5 * (a.U + b.U), parameters=tuple(map(float, parameters)))
+    return combined((a, b), (0.5, 0.5))
 
 
-def top_of(sizes: np.ndarray) -> float:
-    """Return where the parabola through three sizes at -1, 0 and 1 is highest, within the reach of a search."""
-    rise, bend = 0.5 * (sizes[2] - sizes[0]), sizes[0] - 2.0 * sizes[1] + sizes[2]
-    if bend >= 0.0:
-        return FARTHEST * float(np.sign(rise))
-    return float(np.clip(-rise / bend, -FARTHEST, FARTHEST))
+def combined(places: Sequence[Iterate], weights: Sequence[float]) -> Iterate:
+    """Return a weighted sum of iterates, their parameters included.  Local."""
+    U, parameters = np.zeros_like(places[0].U), np.zeros(len(places[0].parameters))
+    for there, weight in zip(places, weights):
+        U += weight * there.U
+        parameters += weight * np.array(there.parameters)
+    return replace(places[0], U=U, parameters=tuple(map(float, parameters)))
 
 
-def along(low: Iterate, here: Iterate, high: Iterate, t: float) -> Iterate:
-    """Return the place at ``t`` of the parabola through three solutions at -1, 0 and 1; beyond, of a line.  Local."""
-    weights = (0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)) if abs(t) <= 1.0 else (-0.5 * t, 1.0, 0.5 * t)
-    U = weights[0] * low.U + weights[1] * here.U + weights[2] * high.U
-    parameters = np.array([there.parameters for there in (low, here, high)]).T @ weights
-    return replace(here, U=U, parameters=tuple(map(float, parameters)))
+def through(t: float, at: float) -> tuple[float, float, float]:
+    """Return the weights at a place of the values at -1, ``t`` and 1 in the parabola through them.  Local."""
+    return (
+        (at - t) * (at - 1.0) / (2.0 * (1.0 + t)),
+        (at + 1.0) * (at - 1.0) / (t**2 - 1.0),
+        (at + 1.0) * (at - t) / (2.0 * (1.0 - t)),
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -19,13 +20,16 @@ from ..receptance.motions import linear_motion, output_motion
 from ..receptance.reduced_model import ReducedModel
 from .accuracy import accuracy_of
 from .checkpointer import NO_CHECKPOINTS, Checkpointer
+from .follow import follow_branch
 from .iterate import Iterate
-from .levels import ResponseProblem, linear_curve
-from .peaks import follow_peak, harmonics_of, iterate_of, nobody
+from .levels import ResponseProblem, linear_curve, most_points
+from .peaks import follow_peak, harmonics_of, iterate_of, maxima, nobody
 from .problems import ForcedResponse
 from .resonances import FAINT_PEAK
 
 STUCK = 0.9  # of the level from which the first pair slips at a linear peak: all stick there
+UNDAMPED = 1e-7  # damping ratio of a linear peak below which it is that of no damping: a width found by its samples
+UNBOUNDED = "the peak is infinite while all pairs stick, as nothing damps it: it is not followed; state [damping]"
 LEAST = 1e-3  # of the level to be reached, at which a peak begins of which some pairs slip or are open at every level
 
 
@@ -77,23 +81,27 @@ def peak_curves(
     ------
     CaseError : the output has no linear peak in the range of frequencies, or the law does not have the values of the range
     """
-    equation = of.at_level(request.level).equation
-    peaks = enumerate(beginnings(of, request))
-    return [_completed(of, request, equation, peak, on_point, checkpointer_of(k)) for k, peak in peaks]
+    peaks = beginnings(of, request)
+    tops = cache(partial(tops_at_begin, of, request))
+
+    def curve(k: int) -> PeakCurve:
+        return _completed(of, request, peaks[k], lambda: top_of_peak(tops(), peaks, k), on_point, checkpointer_of(k))
+
+    return [curve(k) for k in range(len(peaks))]
 
 
 def _completed(
     of: ResponseProblem,
     request: PeakRequest,
-    equation: HarmonicBalance,
     stuck: Peak,
+    top: Callable[[], Iterate | None],
     on_point: Callable[[Point], None],
     checkpointer: Checkpointer,
 ) -> PeakCurve:
     """Return the curve of one peak, from its checkpoints if it was followed to its end.  Collective."""
     branch = checkpointer.finished()
     if branch is None:
-        curve = _follow(of, request, equation, stuck, on_point, checkpointer)
+        curve = _follow(of, request, stuck, top, on_point, checkpointer)
         if curve.branch.points:  # else the way to the first point failed, and is tried again
             checkpointer.finish(curve.branch)
         return curve
@@ -127,21 +135,28 @@ def beginnings(of: ResponseProblem, request: PeakRequest) -> list[Peak]:
 def _follow(
     of: ResponseProblem,
     request: PeakRequest,
-    equation: HarmonicBalance,
     stuck: Peak,
+    top: Callable[[], Iterate | None],
     on_point: Callable[[Point], None],
     checkpointer: Checkpointer,
 ) -> PeakCurve:
-    """Return the curve of one peak, from its last checkpoint if there is one.  Collective."""
-    at_begin, tolerance, varies = equation.under(request.begin), of.settings.tolerance, request.varies
+    """Return the curve of one peak, from its last checkpoint if there is one.  Collective.
+
+    It begins at the ``top`` of the curve at the begin of the range where no peak over the level leads there.
+    """
+    equation, tolerance, varies = of.at_level(request.level).equation, of.settings.tolerance, request.varies
+    at_begin = equation.under(request.begin)
     begin, begins, level = request.begin.level, None, 0.0 if varies == "level" else request.level
     damping = request.begin.damping
     sticks = STUCK * slips_from(at_begin, stuck.omega, damping)
+    if stuck.damping < UNDAMPED:
+        return PeakCurve(stuck, Branch(level, failure=UNBOUNDED))
     if sticks < begin:
         lead = follow_peak(at_begin, "level", Sweep(max(sticks, LEAST * begin), begin), stuck, tolerance, damping=damping)
-        if lead.failure is not None:
-            return PeakCurve(stuck, Branch(level, failure=f"on the way up to {begin:g} N: {lead.failure}"))
-        begins = _arrived(lead, ForcedResponse(at_begin, begin), request)
+        begins = top() if lead.failure else _arrived(lead, ForcedResponse(at_begin, begin), request)
+        if begins is None:
+            why = f"on the way up to {begin:g} N: {lead.failure}; nor has the curve there a peak that belongs to this one"
+            return PeakCurve(stuck, Branch(level, failure=why))
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
     accuracy = accuracy_of(of.settings, equation) if estimator else None
     accuracy = accuracy and replace(accuracy, chooses_steps=False)
@@ -160,6 +175,50 @@ def _follow(
     )
     branch.level = level
     return PeakCurve(stuck, branch)
+
+
+@dataclass(frozen=True, eq=False)
+class _AtBegin(ForcedResponse):
+    """The response at the begin of a range."""
+
+    damping: float  # -, factor
+
+    def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        return replace(super().at(parameters), damping=self.damping)
+
+
+def tops_at_begin(of: ResponseProblem, request: PeakRequest) -> list[tuple[float, Iterate]]:
+    """Return amplitudes and motions of the maxima of the output on the response at the begin of a range, by rising frequency.
+
+    Collective.
+    """
+    at, equation = request.begin, of.at_level(request.level).equation
+    problem = _AtBegin(equation.under(at), at.level, at.damping)
+    task = replace(of.task(at.level), problem=problem, sweep=replace(of.sweep, at=()))
+    branch = follow_branch(task, most_points(of.settings.points))
+    if branch.failure is not None:
+        back = follow_branch(replace(task, sweep=task.sweep.reverse), most_points(of.settings.points), segment=1)
+        branch = branch.with_segment_from_the_other_end(back)
+    points = [branch.points[i] for output, i in maxima(branch) if output == request.output]
+    motions = [iterate_of(point, problem, harmonics_of(branch, point, equation.harmonics)) for point in points]
+    tops = [
+        (float(np.hypot(*point.response[request.output, 1:3])), replace(there, parameters=(request.range[0], point.omega)))
+        for point, there in zip(points, motions)
+    ]
+    return sorted(tops, key=lambda top: top[1].parameters[1])
+
+
+def top_of_peak(tops: list[tuple[float, Iterate]], peaks: list[Peak], k: int) -> Iterate | None:
+    """Return the top of a curve that belongs to the ``k``-th linear peak; None where none does.  Local.
+
+    As many tops as peaks belong to them in their order.  Else a peak has the highest top between the peak before it and itself:
+    slip and gaps only lower a frequency.
+    """
+    if len(tops) == len(peaks):
+        return tops[k][1]
+    below, own = peaks[k - 1].omega if k > 0 else 0.0, peaks[k].omega
+    between = [top for top in tops if below < top[1].parameters[1] <= own + peaks[k].width]
+    return max(between, key=lambda top: top[0])[1] if between else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,6 +91,12 @@ class PeakOver(ProblemBase):
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
         return {self.varies: 1.0}, {"omega": 1.0}
 
+    def without_solution(self, parameter: float, why: str) -> str:
+        return (
+            f"hb: no first peak at {self.where(parameter)}: neither from the peak near by ({why}) nor from rest, over the level "
+            "or over further damping; begin at another value, or raise [solver] samples"
+        )
+
     def where(self, parameter: float) -> str:
         if self.varies == "level":
             return f"level {parameter:.4g} N"

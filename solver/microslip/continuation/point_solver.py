@@ -50,8 +50,9 @@ class Workspace:
         """Return the corrector of a resolution, a new one in place of the last where that is another.  Collective."""
         if self._resolution != resolution:
             self.destroy()
-            self._resolution = resolution
+            self._resolution, beside = resolution, self._corrector.beside
             self._corrector = self._new_corrector(equation)
+            self._corrector.beside = beside
         return self._corrector
 
     def _new_corrector(self, equation: HarmonicBalance) -> Corrector:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from ..receptance.motions import static_motion
@@ -27,23 +29,77 @@ def predict(
         direction = float(np.sign(now.iterate.parameter - before.iterate.parameter))
         guess = solver.on_curve(now.iterate.parameter + direction * linear_step(solver, now, ds))
         return guess, Plane.fixed_parameter(guess)
-    d_U, d_nu, length = difference(solver, before, now, now.size)
-    line_U, line_nu = ds / length * d_U, ds / length * d_nu
-    ahead_U, ahead_nu = line_U, line_nu
-    if earlier is not None and not before.sticks and ds < FAR_AHEAD * length:
-        e_U, e_nu, e_length = difference(solver, earlier, before, now.size)
-        share = ds * (ds + length) / (length + e_length)  # Newton's divided differences in the arc length
-        ahead_U = line_U + share * (d_U / length - e_U / e_length)
-        ahead_nu = line_nu + share * (d_nu / length - e_nu / e_length)
+    ahead = Ahead.of(solver, earlier, before, now, ds)
     is_by_parameter = solver.problem.maximum is not None and ds > BY_PARAMETER
-    if is_by_parameter and ahead_nu[0] * d_nu[0] <= 0.0:  # a value that was passed has the solution that was there
-        ahead_U, ahead_nu = line_U, line_nu
-    guess = solver.beside(now.iterate, ahead_U, ahead_nu)
+    guess = ahead.at(ds, is_by_parameter)
     if is_by_parameter:
         return guess, Plane.fixed_parameter(guess)
-    normal = d_U / (now.size * length)
+    normal = ahead.d_U / now.size
     normal[..., solver.harmonics.mean] = 0.0
-    return guess, Plane(guess, normal, tuple(d_nu / length))
+    return guess, Plane(guess, normal, tuple(ahead.d_nu))
+
+
+def requested_ahead(
+    solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, ds: float
+) -> Iterate | None:
+    """Return the guess of a maximum at the next requested value of the parameter, within a step ``ds``.  Collective.
+
+    None where there is no such value, or the step is none of the parameter.
+    """
+    if solver.problem.maximum is None or now.sticks or ds <= BY_PARAMETER or not solver.sweep.at:
+        return None
+    ahead, here = Ahead.of(solver, earlier, before, now, ds), now.iterate.parameter
+    for value in solver.sweep.requested_between(here, ahead.at(ds, True).parameter):
+        return ahead.at(ahead.length_to(value), True).at(value)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class Ahead:
+    """The parabola through the last three points in the arc length, the line through two where there is no other."""
+
+    solver: PointSolver
+    now: PointState
+    length: float  # of the last step
+    d_U: np.ndarray  # (n_owned, 3, N_H) m, over a length of 1 along the line
+    d_nu: np.ndarray  # (k,) -, the same
+    bend_U: np.ndarray | None = (
+        None  # times the length and the length from the point before: what the parabola leaves the line by
+    )
+    bend_nu: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, ds: float) -> Ahead:
+        """Return that for steps up to ``ds``.  Collective."""
+        d_U, d_nu, length = difference(solver, before, now, now.size)
+        line = cls(solver, now, length, d_U / length, d_nu / length)
+        if earlier is None or before.sticks or ds >= FAR_AHEAD * length:
+            return line
+        e_U, e_nu, e_length = difference(solver, earlier, before, now.size)
+        whole = length + e_length  # Newton's divided differences in the arc length
+        return replace(line, bend_U=(line.d_U - e_U / e_length) / whole, bend_nu=(line.d_nu - e_nu / e_length) / whole)
+
+    def at(self, ds: float, is_by_parameter: bool) -> Iterate:
+        """Return the place a step ahead; ``is_by_parameter``: on the line where the parabola leads the parameter back.  Local.
+
+        A value that was passed has the solution that was there.
+        """
+        d_U, d_nu = ds * self.d_U, ds * self.d_nu
+        if self.bend_U is not None and self.bend_nu is not None:
+            share = ds * (ds + self.length)
+            bent = d_nu + share * self.bend_nu
+            if not is_by_parameter or bent[0] * d_nu[0] > 0.0:
+                d_U, d_nu = d_U + share * self.bend_U, bent
+        return self.solver.beside(self.now.iterate, d_U, d_nu)
+
+    def length_to(self, value: float) -> float:
+        """Return the shortest step to a value of the parameter.  Local."""
+        way = (value - self.now.iterate.parameter) / self.solver.units[0]
+        bend = 0.0 if self.bend_nu is None else self.bend_nu[0]
+        slope = self.d_nu[0] + bend * self.length
+        root = slope**2 + 4.0 * bend * way  # of way = slope ds + bend ds^2
+        ds = 2.0 * way / (slope + np.copysign(np.sqrt(root), way)) if root >= 0.0 and slope * way > 0.0 else 0.0
+        return float(ds) if ds > 0.0 else float(way / self.d_nu[0])
 
 
 def difference(solver: PointSolver, a: PointState, b: PointState, size: float) -> tuple[np.ndarray, np.ndarray, float]:

@@ -9,7 +9,7 @@ from ..messages.errors import ConvergenceError
 from .corrector import Correction
 from .iterate import PointState
 from .point_solver import PointSolver, Solution
-from .predictor import linear_step, predict
+from .predictor import linear_step, predict, requested_ahead
 from .resonances import passed_over, stay_stuck
 from .steps import ArcLength
 from .ways_out import Stuck, across_the_corner, left, ways_on
@@ -71,8 +71,8 @@ def step(
 ) -> Stepped:
     """Return the next converged point and the step that reached it, shortened until Newton converges and no resonance is passed.
 
-    Collective.  Where the shortest step passes one yet, or none leads to it, the step says so.  Where none down to the shortest
-    leads on, a way out does.
+    Collective.  A maximum is solved for at the next requested value first, if one lies within the step.  Where the shortest step
+    passes a resonance yet, or none leads to it, the step says so.  Where none down to the shortest leads on, a way out does.
 
     Raises
     ------
@@ -80,7 +80,11 @@ def step(
     """
     earlier, before, now = earlier and solver.carried(earlier), solver.carried(before), solver.carried(now)
     stuck, passing = Stuck("ahead", solver, steps, may_hold, earlier=earlier, before=before, now=now), None
-    is_short = ds < SHORT * steps.ds
+    is_short, requested = ds < SHORT * steps.ds, requested_ahead(solver, earlier, before, now, ds)
+    if requested is not None:
+        solution, selected = solver.solve_near(requested, now)
+        if solution.failure is None and not left(solver, before, now, solution.iterate, max(ds, steps.ds), may_turn=True):
+            return Stepped(solver, (solution, selected), ds)
     while True:
         guess, plane = predict(solver, earlier, before, now, ds)
         solution, selected = solver.solve(guess, plane, now.size, now.selected, now.force)

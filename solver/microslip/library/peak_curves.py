@@ -139,7 +139,8 @@ def peaks(
 
     Parameters
     ----------
-    over : by ``"level"`` or ``"joints.NAME.friction"`` and the like, the two ends of the range
+    over : the two ends of the range, by ``"level"`` [N], ``"damping"`` (a factor of all damping), ``"damping.ratio"`` or a number
+        of a joint, ``"joints.NAME.friction"`` and the like
     output : its name; the first one if None
     values : that are points of each curve
     level : N, where another number varies; the highest of the scene if None
