@@ -149,10 +149,12 @@ class ErrorEstimator:
         changes = self.changes(exact, U, at, equation.full_force(forces), p)
         truncation = self.enriched_of(equation.model).truncation(there, at.sigma, at.damping)
         n_samples = 0 if truncation.is_exact else SAMPLES_OF_MODES
-        through_joint = JointChanges.nothing(
-            2 * n_out, n_samples, exact.model.N_H
-        )  # all pairs stick, also in the enriched problems
-        if len(forces.active) > 0 or changes.are_any:
+        through_joint = JointChanges.nothing(2 * n_out, n_samples, exact.model.N_H)
+        all_stick = len(forces.active) == 0 and not changes.are_any  # also in the enriched problems
+        if all_stick and self.enriched.is_solved:
+            self.last = None
+            return Estimate.of_modes_alone(truncation.changes(at.level, at.omega, p, through_joint.modes))
+        if not all_stick:
             through_joint = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes, truncation)
         by_harmonics, by_samples, by_pairs, by_sliders, by_solver, by_basis = through_joint.linear
         if not self.enriched.is_solved:
