@@ -9,7 +9,7 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation.grid import at_frequencies, solved_at, task_at
-from microslip.error_estimate.correction import MOST_STEPS, corrected
+from microslip.error_estimate.correction import MOST_STEPS, Estimate, corrected
 from microslip.error_estimate.estimate import Changes, ErrorEstimator
 from microslip.harmonic import adjoint_solver
 from microslip.harmonic.linearisation import Linearisation
@@ -216,6 +216,15 @@ def test_what_sticks_needs_no_correction():
 
 
 LINEAR = np.array([[0.0, 0.0], [0.3, 0.4], [0.0, 0.1], [0.0, 0.0], [0.0, 0.0], [0.0, 0.2]])
+
+
+def test_the_bar_where_all_stick_is_that_without_any_change_through_the_joint():
+    truncated, nothing = np.array([3.0, 0.0, 4.0, 1.0]), np.zeros((6, 4))
+    parts = nothing.copy()
+    parts[PARTS.index("modes")] = truncated
+    expected, found = corrected(parts, nothing, nothing[:1], True, truncated, np.ones(4)), Estimate.of_modes_alone(truncated)
+    for name in ("parts", "correction", "remaining", "is_near"):
+        assert np.array_equal(getattr(found, name), getattr(expected, name))
 
 
 @pytest.mark.parametrize("second", [[0.01, 0.0], [1.0, 1.0], [-0.3, -0.4]])

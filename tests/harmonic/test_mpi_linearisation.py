@@ -277,3 +277,18 @@ def test_further_damping_ends_at_the_problem_itself_and_begins_without_vibration
     assert end == pytest.approx(U, abs=1e-13 * size)
     assert COMM.allreduce(np.abs(begin[..., 1:]).max(initial=0.0), op=MPI.MAX) < 1e-4 * size
     assert homotopy.where(0.5).endswith("damped further by 555 M")
+
+
+def test_forces_and_columns_of_the_last_evaluation_are_reused_for_the_same_point_only():
+    equation, fresh = chain(), chain()
+    U = np.zeros(equation.shape)
+    first = equation.contact_forces(U, equation.every_pair, tangents=False)
+    again = equation.contact_forces(U, equation.every_pair, tangents=True)  # sticking pairs have no tangents
+    assert first.P is None and again.P.shape == (0, 3 * equation.model.N_H, 3 * equation.model.N_H)
+    p = np.random.default_rng(5).standard_normal((3 * equation.model.n_pairs, equation.model.N_H))
+    pairs = np.arange(equation.model.n_pairs)
+    for omega, active in [(OMEGA, pairs), (OMEGA, pairs), (OMEGA, pairs[:1]), (1.1 * OMEGA, pairs[:1]), (OMEGA, pairs)]:
+        at, columns = OperatingPoint(omega, LEVEL), replace(fresh).receptance(OperatingPoint(omega, LEVEL), active)
+        some = p[: 3 * len(active)]
+        np.testing.assert_array_equal(equation.receptance(at, active).apply(some), columns.apply(some))
+    assert equation.receptance(at, pairs) is equation.receptance(at, pairs)

@@ -172,7 +172,7 @@ class ElasticCoulomb:
             U, separate = np.ascontiguousarray(U, dtype=np.float64), self.separate.view(np.uint8)
             pairs = Pairs(U, self.mu, self.N0, self.k_t, self.k_n, separate, self.w0)
             leaves(sampling, pairs, state)
-            active = np.flatnonzero(state)
+            active = state.nonzero()[0]
         P = np.empty((len(active), 3 * N_H, 3 * N_H)) if tangents else None
         if len(active) > 0:
             march(sampling, pairs, active, p, state, creeps, P)

@@ -1,5 +1,7 @@
 """The amplitude corrected by an enriched problem, and the bar of the remaining error (docs/theory.md, section 11)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +26,14 @@ class Estimate:
     remaining: np.ndarray  # (n_outputs,) error bar of the corrected amplitudes [m]
     is_near: bool = True  # a solution of the enriched equations was found near the point
     adjoint: Adjoint | None = None  # of the outputs; None where all pairs stick
+
+    @classmethod
+    def of_modes_alone(cls, truncated: np.ndarray) -> Estimate:
+        """Return the estimate where all pairs stick, also in the enriched problems, from the changes by truncated modes."""
+        of_modes = _sizes(truncated)
+        sizes = np.zeros((len(of_modes), len(PARTS)))
+        sizes[:, PARTS.index("modes")] = of_modes
+        return cls(sizes, np.zeros(len(sizes), dtype=complex), total(sizes))
 
 
 def corrected(
@@ -82,5 +92,5 @@ def parts_of_corrected(parts: np.ndarray, remaining: np.ndarray) -> np.ndarray:
 
 def _sizes(values: np.ndarray) -> np.ndarray:
     """Return the sizes (..., n_outputs) of rows of cos 1, then sin 1, (..., 2 n_outputs)."""
-    cos, sin = np.split(values, 2, axis=-1)
-    return np.hypot(cos, sin)
+    n = values.shape[-1] // 2
+    return np.hypot(values[..., :n], values[..., n:])

@@ -149,10 +149,12 @@ class ErrorEstimator:
         changes = self.changes(exact, U, at, equation.full_force(forces), p)
         truncation = self.enriched_of(equation.model).truncation(there, at.sigma, at.damping)
         n_samples = 0 if truncation.is_exact else SAMPLES_OF_MODES
-        through_joint = JointChanges.nothing(
-            2 * n_out, n_samples, exact.model.N_H
-        )  # all pairs stick, also in the enriched problems
-        if len(forces.active) > 0 or changes.are_any:
+        through_joint = JointChanges.nothing(2 * n_out, n_samples, exact.model.N_H)
+        all_stick = len(forces.active) == 0 and not changes.are_any  # also in the enriched problems
+        if all_stick and self.enriched.is_solved:
+            self.last = None
+            return Estimate.of_modes_alone(truncation.changes(at.level, at.omega, p, through_joint.modes))
+        if not all_stick:
             through_joint = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes, truncation)
         by_harmonics, by_samples, by_pairs, by_sliders, by_solver, by_basis = through_joint.linear
         if not self.enriched.is_solved:
@@ -237,13 +239,15 @@ class ErrorEstimator:
         steps: list[np.ndarray] = []
         exact, more, wider = linear.equation, changes.wider.harmonics, changes.wider
         start = exact.harmonics.carry(U, more) + changes.higher
+        others = changes.of_all - changes.harmonics - changes.without
         x, mixing = start, Anderson(wider)
         for _ in range(MOST_STEPS):
             forces = wider.contact_forces(x, exact.every_pair, tangents=False)
-            d_p = more.carry(wider.full_force(forces), exact.harmonics) - changes.without + changes.of_all - changes.harmonics
-            loaded = np.flatnonzero((p + d_p).reshape(exact.model.n_pairs, -1).any(axis=1))
+            d_p = more.carry(wider.full_force(forces), exact.harmonics) + others
+            p_now = p + d_p
+            loaded = np.flatnonzero(p_now.reshape(exact.model.n_pairs, -1).any(axis=1))
             low = more.carry(x, exact.harmonics)
-            residual = exact.residual_under(low, linear.at, loaded, (p + d_p)[rows_of(loaded)])
+            residual = exact.residual_under(low, linear.at, loaded, p_now[rows_of(loaded)])
             B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
             d_U, _, is_found = linear.solve_several(B, self.forward_solver)
             value = above(wider, linear.at, exact.harmonics, forces) + exact.harmonics.carry(low + d_U.reshape(U.shape), more)

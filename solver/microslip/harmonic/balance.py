@@ -88,7 +88,7 @@ class HarmonicBalance:
         Collective on ``comm``: one gather, which also sums the ``extras`` of the ranks.  ``selected`` (n_pairs,) bool is
         the same on every rank.
         """
-        chosen = np.flatnonzero(selected[self.model.owned])
+        chosen = selected[self.model.owned].nonzero()[0]
         cycle = self._cycle(U, chosen, tangents)
         state = np.zeros(self.n_owned, dtype=np.uint8)
         state[chosen] = cycle.state
@@ -98,7 +98,7 @@ class HarmonicBalance:
         if self.comm.size > 1:
             actives, forces, sums = zip(*self.comm.allgather((active, p_owned, np.array(extras))))
             active, p, extras = np.concatenate(actives), np.concatenate(forces), tuple(sum(sums))
-        P = cycle.P if tangents else None
+        P = (self._no_tangents if cycle.P is None else cycle.P) if tangents else None
         return ContactForces(U, selected, state, bool(cycle.creeps.any()), active_owned, P, active, p, extras)
 
     def _cycle(self, U: np.ndarray, chosen: np.ndarray, tangents: bool) -> ContactCycle:
@@ -108,7 +108,7 @@ class HarmonicBalance:
         """
         key = U.tobytes(), chosen.tobytes()
         known, cycle = self._known.get("cycle", (None, None))
-        if known != key or (tangents and cycle.P is None):
+        if known != key or (tangents and cycle.P is None and len(cycle.active) > 0):
             everything = len(chosen) == self.n_owned
             law, motion = (self.law, U) if everything else (self.law.take(chosen), U[chosen])
             cycle = law.cycle(motion, self.n_samples, tangents=tangents, harmonics=self.harmonics)
@@ -116,6 +116,11 @@ class HarmonicBalance:
                 hold_mean_slip(cycle, self.held if everything else self.held[chosen])
             self._known["cycle"] = key, cycle
         return cycle
+
+    @property
+    def _no_tangents(self) -> np.ndarray:
+        """Tangents of no pair, (0, 3 N_H, 3 N_H)."""
+        return np.empty((0, 3 * self.model.N_H, 3 * self.model.N_H))
 
     def full_force(self, forces: ContactForces) -> np.ndarray:
         """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""
@@ -263,8 +268,8 @@ class HarmonicBalance:
         return d_U
 
     def receptance(self, at: OperatingPoint, active: np.ndarray) -> ReceptanceColumns:
-        """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are missing."""
-        return ReceptanceColumns(self.model_at(at), at.omega, active)
+        """Return G restricted to the columns of the ``active`` pairs; cached.  Collective where static columns are missing."""
+        return self._cached("columns", (at, active.tobytes()), lambda: ReceptanceColumns(self.model_at(at), at.omega, active))
 
     def residual(
         self, U: np.ndarray, at: OperatingPoint, forces: ContactForces, G: ReceptanceColumns | None = None

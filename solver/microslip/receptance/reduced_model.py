@@ -76,12 +76,12 @@ class ReducedModel(ReducedStructure):
         ------
         CaseError : a load acts in a harmonic that is not in the set
         """
+        if harmonics == self.harmonics:
+            return self
         loaded = [n for n in self.harmonics.chosen if self.f[:, self.harmonics.columns(n)].any()]
         left_out = [n for n in loaded if n not in harmonics]
         if left_out:
             raise CaseError(f"[[loads]] acts in harmonic {left_out[0]}, which is not one of the harmonics {harmonics}")
-        if harmonics == self.harmonics:
-            return self
         f = self.harmonics.carry(self.f, harmonics)
         return replace(self, f=f, harmonics=harmonics, H_recorded=self.recorded.highest)
 

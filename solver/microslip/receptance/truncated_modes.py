@@ -139,7 +139,7 @@ class Truncation:
         p : (3 n_pairs, N_H) forces of the pairs [N]
         samples : (2 n_outputs, SAMPLES, N_H) samples of R^H tau, the adjoint forces of an output on the pairs
         """
-        model, f = self.model, level * self.model.f
+        model, f, acts = self.model, level * self.model.f, p.any() or samples.any()  # not where all pairs stick
         factors, total = np.broadcast_to(model.output_factors(omega), model.n_outputs), np.zeros(2 * model.n_outputs)
         for group, truncated, c in zip(model.groups, self.of_groups, model.flexibilities(omega)):
             if truncated is None:
@@ -147,7 +147,8 @@ class Truncation:
             of_group = f[:, group.columns], p[:, group.columns]
             if 1 in group.harmonics:
                 total = total + np.tile(factors, 2) * _straight(truncated, group, c, omega, *of_group)
-            total = total + truncated.through_joint(group, omega, *of_group, samples[..., group.columns], factors)
+            if acts:
+                total = total + truncated.through_joint(group, omega, *of_group, samples[..., group.columns], factors)
         return total
 
 

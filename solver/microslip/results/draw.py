@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import io
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,4 +44,22 @@ def draw_share(folder: Path, share: slice) -> None:
         from .plots import draw_all  # not before: matplotlib takes a fifth of a second
     finally:
         matplotlib.artist.kwdoc = kwdoc
-    draw_all(str(folder / "results.h5"), str(folder), share)
+    with fonts_in_memory():
+        draw_all(str(folder / "results.h5"), str(folder), share)
+
+
+@contextmanager
+def fonts_in_memory() -> Iterator[None]:
+    """Let matplotlib read fonts from memory: from a file it reads each letter again at every use, in pieces, for 0.1 s a run."""
+    import matplotlib.ft2font
+
+    of_file = matplotlib.ft2font.FT2Font
+
+    def in_memory(path: str, *args, **kwargs):
+        return of_file(io.BytesIO(Path(path).read_bytes()), *args, **kwargs)
+
+    matplotlib.ft2font.FT2Font = in_memory
+    try:
+        yield
+    finally:
+        matplotlib.ft2font.FT2Font = of_file
