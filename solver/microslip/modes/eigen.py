@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..linear.dense import column_norms, gram, multiply
+from ..linear.lockstep import after_others
 from ..linear.sector_factor import DiameterFactor
 from ..messages.errors import CaseError, ConvergenceError
 from .inertia import count_below, find_gap
@@ -168,6 +169,7 @@ def _solve(
             )
         if not verify or info.get("complete"):
             return theta, phi_owned, info
+        after_others()  # a factorisation without their search spaces in memory, whose shift serves all nodal diameters
         n_below, sigma = find_gap(1.0 / theta, n_modes, _shifts(linearised))
         missing = _count_below(linearised, sigma) - n_below
         if missing == 0:

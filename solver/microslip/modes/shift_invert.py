@@ -194,7 +194,11 @@ def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, .
     messages: list[str] = []
     for _ in range(_TRIES):
         with patient():
-            eps.solve()  # after a signal in here, the object cannot be freed
+            try:
+                eps.solve()
+            except BaseException:
+                eps.incRef()  # never freed: SLEPc cannot free a solver that was interrupted
+                raise
         basis = eps.getDimensions()[1]
         if _has_modes(eps, n_wanted):
             return tuple(messages)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from ...assembly.coriolis import Coriolis
 from ...library.build import Assembled, factor_of
 from ...library.settings import reduction_settings
 from ...linear.joint_springs import Linearised
+from ...linear.lockstep import in_lockstep
 from ...messages.errors import CaseError
 from ...modes.coriolis import Waves
 from ...modes.eigen import Modes, first_of
@@ -36,6 +38,7 @@ from .report import joint_shares
 DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
+_TOGETHER = 4  # nodal diameters whose modes are computed in lockstep
 _APART = 0.025  # distance of two numbers of modes over the height of the picture
 
 
@@ -166,28 +169,42 @@ def modes_by_diameter(
     scene, system = parts.scene, parts.rest.system
     sectors = system.sectors
     assert sectors is not None, "a disc"
-    for d in diameters:
-        of_d = system if d == 0 else sectors.system(d)
-        with log.stage(f"nodal diameter {d}"):
-            try:
-                linearised = factor_of(replace(parts, rest=replace(parts.rest, system=of_d)), log)
-            except CaseError as problem:
-                of_d.destroy()
-                if scene.supports or d > 1:
-                    raise CaseError(f"nodal diameter {d}: {problem}") from problem
-                log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {problem}")
-                continue
-            linearised.let_K_go()
-            n, fewer_will_do = min(basis_size(scene, count), of_d.n_dof), scene.solver.modes is None or matrix is not None
-            computed = lowest_modes_of(linearised, n, scene.solver.verify_modes, fewer_will_do)
+    fewer_will_do = scene.solver.modes is None or matrix is not None
+    for first in range(0, len(diameters), _TOGETHER):
+        some = diameters[first : first + _TOGETHER]
+        with log.stage(f"nodal diameter{'s' * (len(some) > 1)} {', '.join(map(str, some))}"):
+            structures = _structures(parts, some, log)
+            n, verify = basis_size(scene, count), scene.solver.verify_modes
+            modes = in_lockstep(
+                [partial(lowest_modes_of, each, min(n, each.maps.n_dof), verify, fewer_will_do) for each in structures.values()]
+            )
+        for (d, linearised), computed in zip(structures.items(), modes):
             both = None if matrix is None else waves_of(linearised, computed, matrix, count, log)
-        log.note(f"nodal diameter {d}: {'' if both is None else 'modes without Coriolis forces '}{computed.completeness}")
-        yield d, linearised, first_of(computed, count), both
-        linearised.destroy()
-        of_d.destroy()
+            log.note(f"nodal diameter {d}: {'' if both is None else 'modes without Coriolis forces '}{computed.completeness}")
+            yield d, linearised, first_of(computed, count), both
+            linearised.destroy()
+            linearised.maps.destroy()
     sectors.destroy()
     if matrix is not None:
         matrix.destroy()
+
+
+def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict[int, Linearised]:
+    """Return the stuck structures of nodal diameters by these, but for those in which a free disc is rigid.  Collective."""
+    scene, system, structures = parts.scene, parts.rest.system, {}
+    assert system.sectors is not None, "a disc"
+    for d in diameters:
+        of_d = system if d == 0 else system.sectors.system(d)
+        try:
+            structures[d] = factor_of(replace(parts, rest=replace(parts.rest, system=of_d)), log)
+        except CaseError as problem:
+            of_d.destroy()
+            if scene.supports or d > 1:
+                raise CaseError(f"nodal diameter {d}: {problem}") from problem
+            log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {problem}")
+            continue
+        structures[d].let_K_go()
+    return structures
 
 
 def table_of(
