@@ -32,10 +32,11 @@ def at_once(answers: Callable[[Sequence[Request]], Sequence[Answer]], request: R
     return here.parent.switch((answers, request)) if isinstance(here, _Coroutine) else answers([request])[0]
 
 
-def after_others() -> None:
-    """In lockstep, wait until every computation waits here or has ended.  Local."""
+def after_others(release: Callable[[], None]) -> None:
+    """In lockstep, ``release`` memory and wait until every computation waits here or has ended.  Local."""
     here = getcurrent()
     if isinstance(here, _Coroutine):
+        release()
         here.parent.switch((None, None))
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 _PREFIX, _OF_INERTIA = "static_", "modes_inertia_"  # of the PETSc options
 _BLOCK = 64  # columns that LAPACK eliminates together, five times as fast as one by one
-_MOST = 128  # right-hand sides of several nodal diameters in one pass over the factor
+_MOST = 48  # right-hand sides of several nodal diameters in one pass over the factor
 _LARGE = "the two faces of [cyclic] with {} degrees of freedom"
 _FEWER = "mesh the faces of the sector more coarsely, or lay them where the sector is thinner"
 
@@ -324,26 +324,31 @@ class DiameterFactor:
 
     of_sector: SectorFactor
     system: System  # of the nodal diameter, with its own maps
-    L: np.ndarray | None  # of P(d)^H S P(d), on rank 0
+    L: np.ndarray | None = None  # of P(d)^H S P(d), on rank 0, while solves need it
     order: Order | None = None
 
     @classmethod
     def of(cls, of_sector: SectorFactor, system: System) -> tuple[DiameterFactor, dict[str, Any]]:
         """Return the factor and its report; "code" is one of MUMPS' where there is none.  Collective."""
-        between = of_sector.springs_on_faces(system)
-
-        def factored() -> np.ndarray | None:
-            assert of_sector.dense is not None, "of a definite matrix"
-            S = of_sector.dense[2].at(system.phase, between)
-            try:
-                return scipy.linalg.cholesky(S, lower=True, overwrite_a=True)
-            except np.linalg.LinAlgError:
-                return None
-
-        L = on_root(of_sector.comm, factored, share=False) if of_sector.is_definite else None
-        is_definite = of_sector.is_definite and bool(of_sector.comm.bcast(L is not None))
+        factor = cls(of_sector, system)
+        is_definite = of_sector.is_definite and on_root(of_sector.comm, factor._is_factored)
         info = dict(of_sector.info) | {"face": len(of_sector.boundary.leading)}
-        return cls(of_sector, system, L), info | ({"negative": 0} if is_definite else {"code": mumps.SINGULAR[-1]})
+        return factor, info | ({"negative": 0} if is_definite else {"code": mumps.SINGULAR[-1]})
+
+    def _is_factored(self) -> bool:
+        """Factor P(d)^H S P(d), eq. (14.8), where that is not done; return whether it is definite.  Local, rank 0."""
+        if self.L is None:
+            assert self.of_sector.dense is not None, "of a definite matrix"
+            S = self.of_sector.dense[2].at(self.system.phase, self.of_sector.springs_on_faces(self.system))
+            try:
+                self.L = scipy.linalg.cholesky(S, lower=True, overwrite_a=True)
+            except np.linalg.LinAlgError:
+                return False
+        return True
+
+    def forget(self) -> None:
+        """Free the factor on the faces; it is computed again when needed.  Local."""
+        self.L = None
 
     @property
     def _is_complex(self) -> bool:
@@ -377,7 +382,7 @@ class DiameterFactor:
 
     def on_faces(self, F: np.ndarray) -> np.ndarray:
         """Return P_f S(d)^-1 P_f^H F, eq. (14.9), (n_f, q), real and then imaginary parts where complex.  Local, rank 0."""
-        assert self.L is not None, "of a definite matrix"
+        self._is_factored()
         P, m = self._P, F.shape[1] // 2
         r = P.conj().T @ (F[:, :m] + 1j * F[:, m:] if self._is_complex else F)
         of_faces = P @ scipy.linalg.cho_solve((self.L, True), r, overwrite_b=True, check_finite=False)
@@ -416,8 +421,8 @@ class DiameterFactor:
         return np.zeros((0, 0)) if found is None else found
 
     def count_below(self, sigma: float) -> int:
-        """Return how many eigenvalues of (A, M) lie below ``sigma``, those of a real form twice.  Collective."""
-        return self.of_sector.count_below(sigma, self.system) * (2 if self._is_complex else 1)
+        """Return how many eigenvalues of the nodal diameter lie below ``sigma``.  Collective."""
+        return self.of_sector.count_below(sigma, self.system)
 
     def destroy(self) -> None:
         """Free what is of this nodal diameter alone.  Collective."""
