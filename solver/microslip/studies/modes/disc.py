@@ -32,6 +32,7 @@ from ...results.vtk import write_modes
 from ...results.whole_disc import whole_mesh, whole_shapes
 from ...scene.schema import Scene
 from ...system.files import make_folder
+from ...system.memory import give_back
 from ..records import cell, write_csv
 from .campbell import Crossing
 from .coriolis import basis_size, waves_of
@@ -177,6 +178,7 @@ def modes_by_diameter(
     system.destroy()  # its matrices, and not those of the sectors
     for first in range(0, len(diameters), together):
         some = diameters[first : first + together]
+        give_back()
         with log.stage(f"nodal diameter{'s' * (len(some) > 1)} {', '.join(map(str, some))}"):
             structures = _structures(parts, some, log)
             modes = in_lockstep(
