@@ -125,7 +125,7 @@ $(VENV)/packages: .ci/packages Makefile
 
 $(VENV)/python: $(VENV)/packages .ci/constraints.txt
 	$(PYTHON) -m venv --system-site-packages $(VENV)
-	$(PIP) pymetis meshio shapely mapdl-archive pyNastran plotly 'pydantic>=2' rich 'Cython>=3' wheel
+	$(PIP) pymetis meshio shapely greenlet mapdl-archive pyNastran plotly 'pydantic>=2' rich 'Cython>=3' wheel
 	@touch $@
 
 $(VENV)/installed: $(VENV)/python setup.py pyproject.toml $(KERNEL)

@@ -35,7 +35,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings state shapes and units ...
 suppress_warnings = ["ref.python"]  # ... in words, which name no class
 autodoc_mock_imports = [
-    name for name in ("petsc4py", "slepc4py", "mpi4py", "h5py", "pymetis", "shapely") if find_spec(name) is None
+    name for name in ("petsc4py", "slepc4py", "mpi4py", "h5py", "pymetis", "shapely", "greenlet") if find_spec(name) is None
 ]
 
 

@@ -30,6 +30,7 @@ class Bare:
 
     def __init__(self, dof=None):
         self.comm, self.dof, self.parts, self.part_names = comm, dof, None, ()
+        self.maps, self.is_complex = self, False
 
 
 def structure(K, M, empty_rank=None, dof=None):

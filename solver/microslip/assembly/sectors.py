@@ -89,10 +89,10 @@ class Sectors:
             return 1.0
         return -1.0 if 2 * d % self.n_sectors == 0 else complex(np.exp(2j * np.pi * d / self.n_sectors))
 
-    def system(self, d: int) -> System:
+    def system(self, d: int, explicit: bool = True) -> System:
         """Return the system of nodal diameter d, 0 to ``n_sectors`` - 1, docs/theory.md, eq. (14.2).
 
-        Collective: products of sparse matrices.
+        Collective: products of sparse matrices.  Matrices of a real phase have entries if ``explicit``; the others never have.
 
         Raises
         ------
@@ -101,12 +101,12 @@ class Sectors:
         phase, sector = self.phase(d), self.sector
         T = (self.T @ self.unfolding.at(phase)).tocsr()
         of_d = replace(sector, R=sector.R - phase * self.R_next)
-        matrices = self.at_diameter(sector.K, phase), self.at_diameter(sector.M, phase)
+        matrices = self.at_diameter(sector.K, phase, explicit), self.at_diameter(sector.M, phase, explicit)
         return replace(constrained(of_d, replace(self.constraints, T=T), self.part, matrices), sectors=self, phase=phase)
 
-    def at_diameter(self, A: PETSc.Mat, phase: complex) -> PETSc.Mat:
-        """Return P(d)^H A P(d), in real form and as products with A where the phase is complex.  Collective."""
-        if np.iscomplexobj(phase):
+    def at_diameter(self, A: PETSc.Mat, phase: complex, explicit: bool = True) -> PETSc.Mat:
+        """Return P(d)^H A P(d), with entries if ``explicit`` and the phase is real, otherwise as products with A.  Collective."""
+        if np.iscomplexobj(phase) or not explicit:
             return WaveMatrix.matrix(A, self.unfolding, phase)
         return projected(A, self.unfolding, float(np.real(phase)))
 

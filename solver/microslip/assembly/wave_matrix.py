@@ -79,7 +79,7 @@ def _free_at_exit() -> None:
 
 
 class WaveMatrix:
-    """P(d)^H A P(d) + B with a complex phase, eq. (14.6), in real form: the context of a PETSc matrix of type "python".
+    """P(d)^H A P(d) + B, eq. (14.6): the context of a PETSc matrix of type "python", with a complex phase in real form.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class WaveMatrix:
     """
 
     def __init__(self, A: PETSc.Mat, unfolding: Unfolding, phase: complex, added: sp.csr_matrix | None = None):
-        self.A, self.unfolding, self.phase = A, unfolding, phase
+        self.A, self.unfolding, self.phase, self.is_complex = A, unfolding, phase, np.iscomplexobj(phase)
         self.comm = A.comm.tompi4py()
         first, last = unfolding.w_ranges[self.comm.rank : self.comm.rank + 2]
         self._n_owned = int(last - first)
@@ -101,33 +101,46 @@ class WaveMatrix:
 
     @classmethod
     def matrix(cls, A: PETSc.Mat, unfolding: Unfolding, phase: complex, added: sp.csr_matrix | None = None) -> PETSc.Mat:
-        """Return it as a PETSc matrix (2 n_w, 2 n_w).  Collective."""
+        """Return it as a PETSc matrix, (2 n_w, 2 n_w) with a complex phase, (n_w, n_w) with a real one.  Collective."""
         context = cls(A, unfolding, phase, added)
-        sizes = (2 * context._n_owned, 2 * int(unfolding.w_ranges[-1]))
+        copies = 1 + context.is_complex
+        sizes = (copies * context._n_owned, copies * int(unfolding.w_ranges[-1]))
         matrix = PETSc.Mat().createPython((sizes, sizes), context, comm=A.comm)
         matrix.setUp()
         _LIVING.append(weakref.ref(matrix))
         return matrix
 
     def unfolded(self, X_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of P(d) X, complex (n_v_owned, m).  Collective."""
-        of_high = _complex(self.unfolding.follow(self.comm, np.hstack([X_owned.real, X_owned.imag])))
-        return np.vstack([X_owned, self.phase * of_high])
+        """Return this rank's rows of P(d) X, (n_v_owned, 2 m): the real and then the imaginary parts.  Collective.
+
+        With a real phase X and the result are real, (n_v_owned, m).
+        """
+        if not self.is_complex:
+            return np.vstack([X_owned, self.phase * self.unfolding.follow(self.comm, X_owned)])
+        m, n_high = X_owned.shape[1], int(np.diff(self.unfolding.v_ranges)[self.comm.rank]) - self._n_owned
+        V_owned: np.ndarray = np.empty((self._n_owned + n_high, 2 * m), order="F")
+        V_owned[: self._n_owned, :m], V_owned[: self._n_owned, m:] = X_owned.real, X_owned.imag
+        of_high = self.phase * _complex(self.unfolding.follow(self.comm, V_owned[: self._n_owned]))
+        V_owned[self._n_owned :, :m], V_owned[self._n_owned :, m:] = of_high.real, of_high.imag
+        return V_owned
 
     def folded(self, Y_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of P(d)^H Y, complex (n_w_owned, m).  Collective."""
-        of_high = np.conj(self.phase) * Y_owned[self._n_owned :]
-        return Y_owned[: self._n_owned] + _complex(self.unfolding.lead(self.comm, np.hstack([of_high.real, of_high.imag])))
+        """Return this rank's rows of P(d)^H Y, (n_w_owned, m) as X, for Y as :meth:`unfolded` returns it.  Collective."""
+        if not self.is_complex:
+            return Y_owned[: self._n_owned] + self.unfolding.lead(self.comm, self.phase * Y_owned[self._n_owned :])
+        of_high = np.conj(self.phase) * _complex(Y_owned[self._n_owned :])
+        product = _complex(Y_owned[: self._n_owned])
+        product += _complex(self.unfolding.lead(self.comm, np.hstack([of_high.real, of_high.imag])))
+        return product
 
     def multiply(self, X_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of the product with complex columns (n_w_owned, m).  Collective."""
-        V_owned = self.unfolded(X_owned)
-        product = self.folded(_complex(times(self.A, np.hstack([V_owned.real, V_owned.imag]))))
+        """Return this rank's rows of the product with columns (n_w_owned, m), complex as the phase.  Collective."""
+        product = self.folded(times(self.A, self.unfolded(X_owned)))
         return product if self._added is None else product + self._added_owned @ self._of_all(X_owned)
 
     def _of_all(self, X_owned: np.ndarray) -> np.ndarray:
         """Return the rows of X that B sees, of all ranks.  Collective: a sum."""
-        rows: np.ndarray = np.zeros((len(self._seen), X_owned.shape[1]), dtype=complex)
+        rows: np.ndarray = np.zeros((len(self._seen), X_owned.shape[1]), dtype=X_owned.dtype)
         rows[self._seen_owned] = X_owned[self._places]
         return self.comm.allreduce(rows)
 
@@ -139,8 +152,10 @@ class WaveMatrix:
         return np.einsum("im,im->m", X.conj(), self._added[self._seen][:, self._seen] @ X).real
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Multiply a vector in real form: what PETSc calls.  Collective."""
-        y.setArray(real_columns(self.multiply(complex_columns(x.getArray()[:, None])))[:, 0])
+        """Multiply a vector, of a complex phase in real form: what PETSc calls.  Collective."""
+        column = x.getArray()[:, None]
+        product = real_columns(self.multiply(complex_columns(column))) if self.is_complex else self.multiply(column)
+        y.setArray(product[:, 0])
 
     multTranspose = mult
 
@@ -154,7 +169,7 @@ class WaveMatrix:
         if self._added is not None:
             first = self.unfolding.w_ranges[self.comm.rank]
             here[:, 0] += self._added.diagonal().real[first : first + self._n_owned]
-        diagonal.setArray(np.repeat(here[:, 0], 2))
+        diagonal.setArray(np.repeat(here[:, 0], 1 + self.is_complex))
 
     def _of_squares(self) -> PETSc.Mat:
         """Return the squares of the entries of P_1^T.  Collective."""
@@ -168,7 +183,16 @@ class WaveMatrix:
         return squared
 
     def explicit(self) -> PETSc.Mat:
-        """Return the matrix in real form with all of its entries, for small structures and for messages.  Collective."""
+        """Return the matrix with all of its entries, for small structures and for messages.  Collective."""
+        if not self.is_complex:
+            matrix = projected(self.A, self.unfolding, float(self.phase.real))
+            if self._added is not None:
+                owned = self._added[slice(*matrix.getOwnershipRange())]
+                owned.sort_indices()
+                added = _distributed(owned, self._n_owned, self.comm)
+                matrix.axpy(1.0, added, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+                added.destroy()
+            return matrix
         P = self.unfolding.at(self.phase)
         r = self.comm.rank
         owned = P[self.unfolding.v_ranges[r] : self.unfolding.v_ranges[r + 1]]
@@ -229,7 +253,9 @@ def _distributed(owned: sp.csr_matrix, n_columns_owned: int, comm: MPI.Comm) -> 
 def _complex(X: np.ndarray) -> np.ndarray:
     """Return complex columns from the real parts of all and then the imaginary ones.  Local."""
     m = X.shape[1] // 2
-    return X[:, :m] + 1j * X[:, m:]
+    Z: np.ndarray = np.empty((len(X), m), dtype=complex, order="F")
+    Z.real, Z.imag = X[:, :m], X[:, m:]
+    return Z
 
 
 def times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:

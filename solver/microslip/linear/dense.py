@@ -29,7 +29,9 @@ def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     Collective on A's communicator: one matrix product.
     """
     wave = wave_matrix(A)
-    if wave is not None:
+    if wave is not None and not (wave.is_complex or np.iscomplexobj(X_owned)):
+        return wave.multiply(X_owned)
+    if wave is not None and wave.is_complex:
         return wave.multiply(X_owned) if np.iscomplexobj(X_owned) else real_columns(wave.multiply(complex_columns(X_owned)))
     if np.iscomplexobj(X_owned):
         return complex_columns(multiply(A, real_columns(X_owned)))
@@ -67,7 +69,7 @@ def gram(comm: MPI.Comm, X_owned: np.ndarray, Y_owned: np.ndarray) -> np.ndarray
 
 def column_norms(comm: MPI.Comm, X_owned: np.ndarray) -> np.ndarray:
     """Return the Euclidean norm of each column, (m,), on every rank.  Collective on ``comm``: one sum."""
-    return np.sqrt(summed(comm, np.einsum("ij,ij->j", X_owned, X_owned)))
+    return np.sqrt(summed(comm, np.einsum("ij,ij->j", X_owned.conj(), X_owned).real))
 
 
 def diagonal_owned(A: PETSc.Mat) -> np.ndarray:

@@ -15,7 +15,7 @@ from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError
 from ..parallel.petsc import free
 from .analysis import FactorMemory
-from .dense import add_springs, add_to, entries_owned, frobenius_norm
+from .dense import add_springs, add_to, entries_owned, frobenius_norm, wave_matrix
 from .factor import Factor, FactorCache
 from .mumps import ADVICE
 from .sector_factor import DiameterFactor, SectorFactor
@@ -113,7 +113,7 @@ def _at_diameter(system: System, K_J: np.ndarray, where: str) -> Linearised:
     if key not in sectors.shared:
         sectors.shared[key] = SectorFactor(sectors, K_J)
     of_sector: SectorFactor = sectors.shared[key]
-    if maps.is_complex:
+    if wave_matrix(system.K) is not None:
         between = of_sector.springs_between(maps)
         K_L, springs = WaveMatrix.matrix(of_sector.K_L, sectors.unfolding, maps.phase, between), None
     else:

@@ -7,7 +7,9 @@ static columns of its pairs are products of small matrices.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +25,7 @@ from ..parallel.agree import on_root
 from ..parallel.petsc import free
 from . import bridge, mumps
 from .dense import add_springs
+from .lockstep import at_once
 from .ordering import Order
 
 if TYPE_CHECKING:
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 
 _PREFIX, _OF_INERTIA = "static_", "modes_inertia_"  # of the PETSc options
 _BLOCK = 64  # columns that LAPACK eliminates together, five times as fast as one by one
+_MOST = 48  # right-hand sides of several nodal diameters in one pass over the factor
 _LARGE = "the two faces of [cyclic] with {} degrees of freedom"
 _FEWER = "mesh the faces of the sector more coarsely, or lay them where the sector is thinner"
 
@@ -166,6 +170,49 @@ class SectorFactor:
         between, leading = self.springs_between(system), self.boundary.leading
         return between[leading][:, leading].toarray() if between.nnz else None
 
+    def solved(self, requests: Sequence[tuple[DiameterFactor, np.ndarray | sp.csc_matrix]]) -> list[np.ndarray]:
+        """Return solutions at nodal diameters for forces on the sector's rows, both real and then imaginary parts.
+
+        Collective: one pass over the factor for every ``_MOST`` columns.  Forces are this rank's rows (n_v_owned, q), or sparse
+        (n_v, q) and the same on every rank; solutions are this rank's rows without those of the high face, (n_w_owned, q).
+        """
+        solutions: list[np.ndarray] = []
+        while len(solutions) < len(requests):
+            rest = requests[len(solutions) :]
+            ends = np.cumsum([F.shape[1] for _, F in rest])
+            n = max(int(np.searchsorted(ends, _MOST, side="right")), 1)
+            F = rest[0][1] if n == 1 else np.hstack([F for _, F in rest[:n]])
+            solutions += np.split(self._solved(F, [diameter for diameter, _ in rest[:n]], ends[: n - 1]), ends[: n - 1], axis=1)
+        return solutions
+
+    def _solved(self, F: np.ndarray | sp.csc_matrix, diameters: Sequence[DiameterFactor], ends: np.ndarray) -> np.ndarray:
+        """Return the solutions of one pass, whose columns belong to ``diameters``, split before ``ends``.  Collective."""
+        unfolding, comm, rows = self.sectors.unfolding, self.comm, self.boundary.rows
+        w_owned = int(np.diff(unfolding.w_ranges)[comm.rank])
+        if self.interior is not None:
+            reduced = self.interior.reduced(F)
+            x = self.on_boundary(reduced, diameters, ends) if comm.rank == 0 else reduced
+            return self.interior.expanded(x)[:w_owned]
+        gathered = comm.gather(F) if not sp.issparse(F) else [F.toarray()]
+        x = np.empty((0, F.shape[1]))
+        if comm.rank == 0 and gathered is not None:
+            of_all = np.concatenate(gathered)
+            x = np.zeros_like(of_all)
+            x[rows] = self.on_boundary(of_all[rows], diameters, ends)
+        return comm.bcast(x)[unfolding.v_ranges[comm.rank] :][:w_owned]
+
+    def on_boundary(self, F: np.ndarray, diameters: Sequence[DiameterFactor], ends: np.ndarray) -> np.ndarray:
+        """Return S(d)^-1 F on joint and faces, (n_j + n_f, q), of columns as in :meth:`_solved`, eq. (14.9).
+
+        Local, rank 0.  The matrices of the joint are real, and are applied to the columns of all diameters.
+        """
+        assert self.dense is not None, "of a definite matrix"
+        L_j, X, _ = self.dense
+        of_joint = _substituted(L_j, F[: len(L_j)])
+        forces = np.split(F[len(L_j) :] - X.T @ of_joint, ends, axis=1)
+        of_faces = np.hstack([diameter.on_faces(each) for diameter, each in zip(diameters, forces)])
+        return np.concatenate([_substituted(L_j, of_joint - X @ of_faces, trans=1), of_faces])
+
     def destroy(self) -> None:
         """Free the factors and K_L.  Collective."""
         if self.interior is not None:
@@ -277,37 +324,43 @@ class DiameterFactor:
 
     of_sector: SectorFactor
     system: System  # of the nodal diameter, with its own maps
-    L: np.ndarray | None  # of P(d)^H S P(d), on rank 0
+    L: np.ndarray | None = None  # of P(d)^H S P(d), on rank 0, while solves need it
     order: Order | None = None
 
     @classmethod
     def of(cls, of_sector: SectorFactor, system: System) -> tuple[DiameterFactor, dict[str, Any]]:
         """Return the factor and its report; "code" is one of MUMPS' where there is none.  Collective."""
-        between = of_sector.springs_on_faces(system)
-
-        def factored() -> np.ndarray | None:
-            assert of_sector.dense is not None, "of a definite matrix"
-            S = of_sector.dense[2].at(system.phase, between)
-            try:
-                return scipy.linalg.cholesky(S, lower=True, overwrite_a=True)
-            except np.linalg.LinAlgError:
-                return None
-
-        L = on_root(of_sector.comm, factored, share=False) if of_sector.is_definite else None
-        is_definite = of_sector.is_definite and bool(of_sector.comm.bcast(L is not None))
+        factor = cls(of_sector, system)
+        is_definite = of_sector.is_definite and on_root(of_sector.comm, factor._is_factored)
         info = dict(of_sector.info) | {"face": len(of_sector.boundary.leading)}
-        return cls(of_sector, system, L), info | ({"negative": 0} if is_definite else {"code": mumps.SINGULAR[-1]})
+        return factor, info | ({"negative": 0} if is_definite else {"code": mumps.SINGULAR[-1]})
+
+    def _is_factored(self) -> bool:
+        """Factor P(d)^H S P(d), eq. (14.8), where that is not done; return whether it is definite.  Local, rank 0."""
+        if self.L is None:
+            assert self.of_sector.dense is not None, "of a definite matrix"
+            S = self.of_sector.dense[2].at(self.system.phase, self.of_sector.springs_on_faces(self.system))
+            try:
+                self.L = scipy.linalg.cholesky(S, lower=True, overwrite_a=True)
+            except np.linalg.LinAlgError:
+                return False
+        return True
+
+    def forget(self) -> None:
+        """Free the factor on the faces; it is computed again when needed.  Local."""
+        self.L = None
 
     @property
     def _is_complex(self) -> bool:
         return self.system.is_complex
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.  Collective."""
+        """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.  Collective, with others in lockstep."""
         unfolding, comm = self.of_sector.sectors.unfolding, self.of_sector.comm
         parts = np.hstack([B_owned[0::2], B_owned[1::2]]) if self._is_complex else B_owned
         n_high = np.diff(unfolding.v_ranges - unfolding.w_ranges)[comm.rank]
-        return self._solved(np.vstack([parts, np.zeros((n_high, parts.shape[1]))]))
+        F = np.vstack([parts, np.zeros((n_high, parts.shape[1]))])
+        return self._in_real_form(at_once(self.of_sector.solved, (self, F)))
 
     def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
         """Return the same for sparse B (n_dof, m), the same on every rank.  Collective."""
@@ -315,48 +368,30 @@ class DiameterFactor:
         parts = sp.hstack([B[0::2], B[1::2]]) if self._is_complex else B
         parts = parts.tocoo()
         rows = unfolding.rows_of_w(parts.row)
-        return self._solved(sp.csc_matrix((parts.data, (rows, parts.col)), (int(unfolding.v_ranges[-1]), parts.shape[1])))
+        F = sp.csc_matrix((parts.data, (rows, parts.col)), (int(unfolding.v_ranges[-1]), parts.shape[1]))
+        return self._in_real_form(self.of_sector.solved([(self, F)])[0])
 
-    def _solved(self, F: np.ndarray | sp.csc_matrix) -> np.ndarray:
-        """Return the solution for forces on the sector's rows, real and then imaginary parts.  Collective."""
-        interior, comm = self.of_sector.interior, self.of_sector.comm
-        boundary, unfolding = self.of_sector.boundary, self.of_sector.sectors.unfolding
-        rows = boundary.rows
-        w_owned = int(np.diff(unfolding.w_ranges)[comm.rank])
-        if interior is None:
-            gathered = comm.gather(F) if not sp.issparse(F) else [F.toarray()]
-            x = np.empty((0, F.shape[1]))
-            if comm.rank == 0 and gathered is not None:
-                of_all = np.concatenate(gathered)
-                x = np.zeros_like(of_all)
-                x[rows] = self._on_boundary(of_all[rows])
-            X_owned = comm.bcast(x)[unfolding.v_ranges[comm.rank] :][:w_owned]
-        else:
-            reduced = interior.reduced(F)
-            X_owned = interior.expanded(self._on_boundary(reduced) if comm.rank == 0 else reduced)[:w_owned]
+    def _in_real_form(self, X_owned: np.ndarray) -> np.ndarray:
+        """Return complex columns, real and then imaginary parts, in real form.  Local."""
         if not self._is_complex:
             return X_owned
         m = X_owned.shape[1] // 2
-        real: np.ndarray = np.empty((2 * w_owned, m), order="F")
+        real: np.ndarray = np.empty((2 * len(X_owned), m), order="F")
         real[0::2], real[1::2] = X_owned[:, :m], X_owned[:, m:]
         return real
 
-    def _on_boundary(self, F: np.ndarray) -> np.ndarray:
-        """Return S(d)^-1 F on joint and faces, (n_j + n_f, m), real and then imaginary parts where complex, eq. (14.9).
-
-        Local, rank 0.  The matrices of the joint are real, and are applied to both parts.
-        """
-        assert self.of_sector.dense is not None and self.L is not None, "of a definite matrix"
-        L_j, X, _ = self.of_sector.dense
-        P, m = self.of_sector.boundary.at(self.system.phase), F.shape[1] // 2
-        of_joint = _substituted(L_j, F[: len(L_j)])
-        r = F[len(L_j) :] - X.T @ of_joint
-        r = P.conj().T @ (r[:, :m] + 1j * r[:, m:] if self._is_complex else r)
+    def on_faces(self, F: np.ndarray) -> np.ndarray:
+        """Return P_f S(d)^-1 P_f^H F, eq. (14.9), (n_f, q), real and then imaginary parts where complex.  Local, rank 0."""
+        self._is_factored()
+        P, m = self._P, F.shape[1] // 2
+        r = P.conj().T @ (F[:, :m] + 1j * F[:, m:] if self._is_complex else F)
         of_faces = P @ scipy.linalg.cho_solve((self.L, True), r, overwrite_b=True, check_finite=False)
-        if self._is_complex:
-            of_faces = np.hstack([of_faces.real, of_faces.imag])
-        of_joint = _substituted(L_j, of_joint - X @ of_faces, trans=1)
-        return np.concatenate([of_joint, of_faces])
+        return np.hstack([of_faces.real, of_faces.imag]) if self._is_complex else of_faces
+
+    @cached_property
+    def _P(self) -> sp.csr_matrix:
+        """P(d) of the faces.  Local."""
+        return self.of_sector.boundary.at(self.system.phase)
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
         """Return entries of A^-1 on rank 0, (0, 0) elsewhere; None where they belong to eliminated rows.  Collective."""
@@ -375,7 +410,7 @@ class DiameterFactor:
         def entries() -> np.ndarray:
             F = np.zeros((len(of_boundary), copies * len(forced)))
             F[known[at[1]], np.arange(len(forced))] = 1.0
-            G = self._on_boundary(F)[known[at[0]]][of_seen]
+            G = self.of_sector.on_boundary(F, [self], np.empty(0, int))[known[at[0]]][of_seen]
             if not self._is_complex:
                 return G[:, of_forced]
             real, imaginary = G[:, of_forced], G[:, len(forced) + of_forced]
@@ -386,8 +421,8 @@ class DiameterFactor:
         return np.zeros((0, 0)) if found is None else found
 
     def count_below(self, sigma: float) -> int:
-        """Return how many eigenvalues of (A, M) lie below ``sigma``, those of a real form twice.  Collective."""
-        return self.of_sector.count_below(sigma, self.system) * (2 if self._is_complex else 1)
+        """Return how many eigenvalues of the nodal diameter lie below ``sigma``.  Collective."""
+        return self.of_sector.count_below(sigma, self.system)
 
     def destroy(self) -> None:
         """Free what is of this nodal diameter alone.  Collective."""

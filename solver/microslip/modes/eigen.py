@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..linear.dense import column_norms, gram, multiply
+from ..linear.lockstep import after_others
 from ..linear.sector_factor import DiameterFactor
 from ..messages.errors import CaseError, ConvergenceError
+from .hermitian import complex_modes
 from .inertia import count_below, find_gap
 from .lapack import dense_modes
 from .limits import SHARE
@@ -63,7 +65,7 @@ def lowest_modes(
 ) -> Modes:
     """Return the ``n_modes`` lowest modes of (K_L, M), for a free structure the lowest elastic modes.
 
-    Collective on the system's communicator.
+    Collective on the system's communicator.  Of complex matrices, which ``linearised`` has in real form, the modes are complex.
 
     Parameters
     ----------
@@ -74,7 +76,7 @@ def lowest_modes(
 
     Returns
     -------
-    Modes : phi^T M phi = I; the largest component of each mode is positive, independent of the partition
+    Modes : phi^H M phi = I; the largest component of each mode is real and positive, independent of the partition
 
     Raises
     ------
@@ -82,7 +84,7 @@ def lowest_modes(
     ConvergenceError : no convergence, a residual too large, or a mode missing after all tries; on every rank
     """
     start = perf_counter()
-    n_dof = linearised.M.getSize()[0] - linearised.factor.n_rigid
+    n_dof = linearised.M.getSize()[0] // _copies(linearised) - linearised.factor.n_rigid
     if fewer_will_do:
         n_modes = min(n_modes, n_dof)
     if not 1 <= n_modes <= n_dof:
@@ -90,18 +92,20 @@ def lowest_modes(
             f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; ask for 1 to {n_dof} modes"
         )
     theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify, search)
-    eigenvalues, phi_owned = 1.0 / theta[:n_modes], orthonormalised(linearised, phi_owned[:, :n_modes])
-    forces = _forces(linearised, phi_owned)
+    eigenvalues = 1.0 / theta[:n_modes]
+    phi_owned, M_phi_owned = orthonormalised(linearised, phi_owned[:, :n_modes])
+    forces = _forces(linearised, phi_owned, M_phi_owned)
     for _ in range(_CORRECTIONS):
         if not np.any(_residuals(linearised, eigenvalues, phi_owned, forces)[1] > 1.0):
             break
         eigenvalues, phi_owned = iterated_once(linearised, phi_owned)
-        forces = _forces(linearised, phi_owned)
+        forces = _forces(linearised, phi_owned, multiply(linearised.M, phi_owned))
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, eigenvalues, phi_owned))
     order = np.argsort(eigenvalues)
     info["residual"] = _check(linearised, eigenvalues[order], phi_owned[:, order], tuple(each[:, order] for each in forces))
     eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order]
-    phi_owned = phi_owned * np.sign(largest_components(linearised, phi_owned, user_order(linearised)))
+    largest = largest_components(linearised, phi_owned, user_order(linearised)[:: _copies(linearised)])
+    phi_owned = phi_owned * (largest.conj() / np.abs(largest))
     info["seconds"] = perf_counter() - start
     return Modes(np.sqrt(eigenvalues), np.asfortranarray(phi_owned), info)
 
@@ -111,11 +115,15 @@ def first_of(modes: Modes, n_modes: int) -> Modes:
     return Modes(modes.omega_n[:n_modes], modes.phi_owned[:, :n_modes], modes.info)
 
 
-def is_complete(linearised: Linearised, modes: Modes, n_modes: int, copies: int = 1) -> bool:
+def _copies(linearised: Linearised) -> int:
+    """Return the number of modes in the real form, for each one.  Local."""
+    return 2 if linearised.maps.is_complex else 1
+
+
+def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
     """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: up to two factorisations.
 
-    If possible, all computed modes except the last are proved at once, as another run may need more of them.  For a complex
-    matrix in real form ``copies`` is 2, as each mode is counted twice.
+    If possible, all computed modes except the last are proved at once, as another run may need more of them.
     """
     if modes.info.get("complete", True):
         return True  # all of the spectrum
@@ -123,10 +131,16 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int, copies: int 
     least = find_gap(squares, n_modes)
     most = max(least, find_gap(squares, len(squares) - 1)) if n_modes < len(squares) else least
     for n_below, sigma in dict.fromkeys((most, least)):
-        if _count_below(linearised, sigma) == copies * n_below:
+        if _count_below(linearised, sigma) == n_below:
             modes.info.update(_proof(n_below, sigma))
             return True
     return False
+
+
+def _before_proof(linearised: Linearised) -> None:
+    """In lockstep, wait for the end of all searches: their spaces are freed, and one shift serves all diameters.  Local."""
+    if isinstance(linearised.factor.solver, DiameterFactor):
+        after_others(linearised.factor.solver.forget)
 
 
 def _count_below(linearised: Linearised, sigma: float) -> int:
@@ -134,7 +148,8 @@ def _count_below(linearised: Linearised, sigma: float) -> int:
     factor = linearised.factor
     if isinstance(factor.solver, DiameterFactor):
         return factor.solver.count_below(sigma)
-    return count_below(linearised.K_L, linearised.M, sigma, factor.solver.order) - factor.n_rigid
+    n_below = count_below(linearised.K_L, linearised.M, sigma, factor.solver.order) - factor.n_rigid
+    return n_below // _copies(linearised)
 
 
 def _shifts(linearised: Linearised) -> tuple[float, ...]:
@@ -155,10 +170,11 @@ def _solve(
 
     If fewer motions have mass, all of them, which must be at least ``n_least``.
     """
-    n_dof = linearised.M.getSize()[0]
-    if n_dof <= _DENSE or SHARE * n_modes > n_dof:
-        return dense_modes(linearised, n_modes, n_least)  # all of the spectrum: nothing can be missing
-    n_wanted, search = n_modes + _GUARD * verify, search or ModeSearch(linearised)
+    n_dof, copies = linearised.M.getSize()[0], _copies(linearised)
+    if n_dof <= _DENSE or SHARE * copies * n_modes > n_dof:  # all of the spectrum: nothing can be missing
+        theta, phi_owned, info = dense_modes(linearised, copies * n_modes, copies * n_least)
+        return *(complex_modes(linearised, theta, phi_owned) if copies == 2 else (theta, phi_owned)), info
+    n_wanted, search = n_modes + _GUARD // copies * verify, search or ModeSearch(linearised)
     for _ in range(_MAX_TRIES):
         theta, phi_owned, info = search.lowest(n_wanted)
         if len(theta) < n_least:
@@ -168,6 +184,7 @@ def _solve(
             )
         if not verify or info.get("complete"):
             return theta, phi_owned, info
+        _before_proof(linearised)
         n_below, sigma = find_gap(1.0 / theta, n_modes, _shifts(linearised))
         missing = _count_below(linearised, sigma) - n_below
         if missing == 0:
@@ -183,10 +200,9 @@ def _solve(
 Forces = tuple[np.ndarray, ...]  # K_L phi and M phi of modes, (n_owned, n) each
 
 
-def _forces(linearised: Linearised, phi_owned: np.ndarray) -> Forces:
-    """Return K_L phi and M phi, two products.  Collective."""
-    elastic_owned = linearised.factor.without_inertia(multiply(linearised.K_L, phi_owned))
-    return elastic_owned, multiply(linearised.M, phi_owned)
+def _forces(linearised: Linearised, phi_owned: np.ndarray, M_phi_owned: np.ndarray) -> Forces:
+    """Return K_L phi, one product, and M phi.  Collective."""
+    return linearised.factor.without_inertia(multiply(linearised.K_L, phi_owned)), M_phi_owned
 
 
 def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray, forces: Forces) -> float:
@@ -202,7 +218,7 @@ def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarra
         )
     skewness = float(np.max(np.abs(gram(comm, phi_owned, forces[1]) - np.eye(len(eigenvalues)))))
     if not skewness <= 1e-8:
-        raise ConvergenceError(f"modes: |phi^T M phi - I| = {skewness:.1e}, limit 1e-8; ask for fewer [solver] modes")
+        raise ConvergenceError(f"modes: |phi^H M phi - I| = {skewness:.1e}, limit 1e-8; ask for fewer [solver] modes")
     return float(np.max(residual))
 
 
@@ -217,7 +233,7 @@ def _residuals(
     inertia_owned = M_phi_owned * eigenvalues
     error = column_norms(comm, elastic_owned - inertia_owned)
     size = column_norms(comm, inertia_owned)
-    rounding = column_norms(comm, linearised.factor.diagonal_owned[:, None] * phi_owned)
+    rounding = column_norms(comm, linearised.factor.diagonal_owned[:: _copies(linearised), None] * phi_owned)
     return error / size, error / (RESIDUAL_LIMIT * size + _ROUNDING * rounding)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.linalg
 from petsc4py import PETSc
 
-from ..assembly.real_form import complex_columns
+from ..assembly.real_form import complex_columns, real_columns
 from ..linear.dense import gram, multiply, wave_matrix
 from ..parallel.ownership import summed
 from ._energies import energies
@@ -25,38 +25,46 @@ if TYPE_CHECKING:
 _NOISE = 1e-11  # of omega_n^2: expected rounding error that is accepted
 
 
-def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
-    """Return the modes with phi^T M phi = I to roundoff, (n_owned, n); an eigensolver reaches only its tolerance.
+def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (phi, M phi) of modes with phi^H M phi = I to roundoff, (n_owned, n); an eigensolver reaches only its tolerance.
 
     Collective: one product and one sum.  Gram-Schmidt in ascending order, by the Cholesky factor.
     """
-    overlap = gram(linearised.system.comm, phi_owned, multiply(linearised.M, phi_owned))
-    factor = scipy.linalg.cholesky(0.5 * (overlap + overlap.T))
-    return scipy.linalg.solve_triangular(factor, phi_owned.T, trans="T").T
+    M_phi_owned = multiply(linearised.M, phi_owned)
+    overlap = gram(linearised.system.comm, phi_owned, M_phi_owned)
+    factor = scipy.linalg.cholesky(0.5 * (overlap + overlap.conj().T))
+    phi_owned, M_phi_owned = (
+        scipy.linalg.solve_triangular(factor, each.T, trans="T", check_finite=False).T for each in (phi_owned, M_phi_owned)
+    )
+    return phi_owned, M_phi_owned
 
 
 def iterated_once(
     linearised: Linearised, phi_owned: np.ndarray, solve: Callable[[np.ndarray], np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (eigenvalues, phi) after a step of subspace iteration, omega_n^2 ascending [rad2/s2], phi^T M phi = I.
+    """Return (eigenvalues, phi) after a step of subspace iteration, omega_n^2 ascending [rad2/s2], phi^H M phi = I.
 
     Collective: one block of solves, by default checked and refined.  With joints much stiffer than the bodies, residuals after
     solves without refinement are above the limit.
     """
     comm, solve = linearised.system.comm, solve or linearised.factor.solve
-    X_owned = orthonormalised(linearised, solve(multiply(linearised.M, phi_owned)))
+    forces_owned = multiply(linearised.M, phi_owned)
+    is_complex = np.iscomplexobj(forces_owned)
+    X_owned = complex_columns(solve(real_columns(forces_owned))) if is_complex else solve(forces_owned)
+    X_owned, _ = orthonormalised(linearised, X_owned)
     eigenvalues, rotation = comm.bcast(np.linalg.eigh(gram(comm, X_owned, multiply(linearised.K_L, X_owned))))
     return eigenvalues, X_owned @ rotation
 
 
 def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
-    """Return omega_n^2 = phi^T K_L phi for the modes with visible rounding errors, the given values otherwise, (n,) [rad2/s2].
+    """Return omega_n^2 = phi^H K_L phi for the modes with visible rounding errors, the given values otherwise, (n,) [rad2/s2].
 
-    Collective.  phi is M-normalised.  The rounding error is estimated as eps phi^T diag(K_L) phi / sqrt(n_dof), as for a sum of
+    Collective.  phi is M-normalised.  The rounding error is estimated as eps phi^H diag(K_L) phi / sqrt(n_dof), as for a sum of
     independent errors.
     """
     comm, n_dof = linearised.system.comm, linearised.M.getSize()[0]
-    sizes = summed(comm, linearised.factor.diagonal_owned @ phi_owned**2)
+    is_complex = np.iscomplexobj(phi_owned)
+    sizes = summed(comm, linearised.factor.diagonal_owned[:: 1 + is_complex] @ np.abs(phi_owned) ** 2)
     noisy = np.flatnonzero(np.finfo(float).eps * sizes > _NOISE * np.sqrt(n_dof) * eigenvalues)
     if len(noisy) == 0:
         return eigenvalues
@@ -64,15 +72,13 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
     X_owned = phi_owned[:, noisy]
     wave = wave_matrix(linearised.K_L)
     if wave is None:
+        X_owned = real_columns(X_owned) if is_complex else X_owned
         eigenvalues[noisy] = sum(comm.allgather(_energies(linearised.K_L, X_owned, np.concatenate(comm.allgather(X_owned)))))
         return eigenvalues
-    Z_owned = complex_columns(X_owned)
-    V_owned = wave.unfolded(Z_owned)
-    of_sector = sum(
-        np.sum(comm.allgather(_energies(wave.A, part, np.concatenate(comm.allgather(part)))), axis=0)
-        for part in (V_owned.real, V_owned.imag)
-    )
-    eigenvalues[noisy] = of_sector + wave.added_energy(Z_owned)
+    Z_owned = X_owned if is_complex or not wave.is_complex else complex_columns(X_owned)
+    parts_owned = wave.unfolded(Z_owned)
+    of_parts = np.sum(comm.allgather(_energies(wave.A, parts_owned, np.concatenate(comm.allgather(parts_owned)))), axis=0)
+    eigenvalues[noisy] = of_parts.reshape(-1, len(noisy)).sum(axis=0) + wave.added_energy(Z_owned)
     return eigenvalues
 
 

@@ -13,11 +13,13 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
+from ..assembly.real_form import real_columns
 from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
 from ..parallel.petsc import free
 from ..system.watchdog import moved, patient
+from .hermitian import complex_modes
 from .rayleigh import iterated_once
 
 if TYPE_CHECKING:
@@ -58,7 +60,9 @@ class ModeSearch:
     def __init__(self, linearised: Linearised):
         self.linearised = linearised
         self._theta = np.zeros(0)  # descending
-        self._phi_owned = np.zeros((linearised.M.getLocalSize()[0], 0), order="F")
+        self._is_complex = linearised.maps.is_complex  # all in real form, but for the modes
+        kind, n_owned = (complex, 2) if self._is_complex else (float, 1)
+        self._phi_owned = np.zeros((linearised.M.getLocalSize()[0] // n_owned, 0), kind, order="F")
         self._least = 0  # lower bound of the number of modes to compute
         has_rows = np.diff(linearised.M.getOwnershipRanges()).min() > 0
         self._in_blocks = "subspace" if has_rows else "krylovschur"  # SLEPc 3.18 cannot normalise a block without rows
@@ -89,13 +93,17 @@ class ModeSearch:
 
     def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
         """Return at least ``n_wanted`` (theta, phi), more than stored so far, and information on the search."""
-        linearised, n_dof, n_before = self.linearised, self.linearised.M.getSize()[0], len(self._theta)
+        linearised, n_dof = self.linearised, self.linearised.M.getSize()[0]
+        before_owned = self._phi_owned
+        if self._is_complex:
+            before_owned, n_wanted = real_columns(np.hstack([before_owned, 1j * before_owned])), 2 * n_wanted
+        n_before = before_owned.shape[1]
         kind = PETSc.Options(PREFIX).getString("eps_type", self._kind)
         is_deflated = kind != "subspace" and n_before > 0
         n_sought = n_wanted - n_before * is_deflated
         eps, solves = SLEPc.EPS().create(linearised.K_L.comm), _SolvesByFactor(linearised.factor)
         ksp = _solver(linearised.K_L.comm, solves)
-        start, *before = [_vector(linearised.M, column) for column in (self._start(), *self._phi_owned.T)]
+        start, *before = [_vector(linearised.M, column) for column in (self._start(), *before_owned.T)]
         eps.setOptionsPrefix(PREFIX)
         eps.setOperators(linearised.K_L, linearised.M)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
@@ -117,10 +125,12 @@ class ModeSearch:
         eps.setFromOptions()
         try:
             messages = _solve_with_room(eps, n_sought, n_dof - n_before * is_deflated)
-            phi_owned, info = _converged(eps, linearised)
+            theta, phi_owned, info = _converged(eps, linearised)
         finally:
             free(start, *before, ksp, eps)
             solves.factor = None  # petsc4py may not free the object that refers to it
+        if self._is_complex:
+            _, phi_owned = complex_modes(linearised, theta, phi_owned)
         if is_deflated:
             phi_owned = np.hstack([self._phi_owned, phi_owned])
         eigenvalues, phi_owned = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)
@@ -194,7 +204,11 @@ def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, .
     messages: list[str] = []
     for _ in range(_TRIES):
         with patient():
-            eps.solve()  # after a signal in here, the object cannot be freed
+            try:
+                eps.solve()
+            except BaseException:
+                eps.incRef()  # never freed: SLEPc cannot free a solver that was interrupted
+                raise
         basis = eps.getDimensions()[1]
         if _has_modes(eps, n_wanted):
             return tuple(messages)
@@ -214,11 +228,12 @@ def _has_modes(eps: SLEPc.EPS, n_wanted: int) -> bool:
     return eps.getConverged() >= n_wanted or eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN
 
 
-def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, dict]:
-    """Return the converged modes, (n_owned, n), and a report of the search.  Collective."""
+def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, np.ndarray, dict]:
+    """Return the converged (theta, phi), (n,) and (n_owned, n), and a report of the search.  Collective."""
     n_modes = eps.getConverged()
     phi_owned = np.zeros((linearised.M.getLocalSize()[0], n_modes), order="F")
     vector = linearised.M.createVecRight()
+    theta = np.array([1.0 / eps.getEigenvalue(k).real for k in range(n_modes)])
     for k in range(n_modes):
         eps.getEigenvector(k, vector)
         phi_owned[:, k] = vector.getArray()
@@ -229,4 +244,4 @@ def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, dict
         "restarts": eps.getIterationNumber(),
         "complete": eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN,
     }
-    return phi_owned, info
+    return theta, phi_owned, info

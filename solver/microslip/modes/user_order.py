@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 def user_order(linearised: Linearised) -> np.ndarray:
     """Return (n_owned,) the position of each owned row in an order that is independent of the partition.  Local."""
-    maps = getattr(linearised.system, "maps", linearised.system)
+    maps = linearised.maps
     row_start, row_end = linearised.M.getOwnershipRange()
     if maps is not linearised.system:  # real and imaginary parts alternate
         number = _places(maps, maps.rows.start, maps.rows.stop)

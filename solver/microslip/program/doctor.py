@@ -241,6 +241,7 @@ PARTS = (
     Part("meshio", _module("meshio"), _pip("meshio"), is_plain=True),
     Part("pymetis", lambda: _distribution("pymetis"), _pip("pymetis")),
     Part("shapely", lambda: _distribution("shapely"), _pip("shapely")),
+    Part("greenlet", lambda: _distribution("greenlet"), _pip("greenlet")),
     Part("h5py", _h5py, _debian("python3-h5py-mpi python3-h5py")),
     Part("mpi4py", _mpi, _debian("python3-mpi4py")),
     Part("mpirun", _mpirun, _debian("openmpi-bin")),

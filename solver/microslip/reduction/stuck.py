@@ -20,8 +20,8 @@ from ..linear.rigid_modes import RigidModes
 from ..mesh.data import ContactPairs, Mesh
 from ..messages.errors import CaseError
 from ..modes.constraint import RowSums, static_columns
-from ..modes.eigen import Modes, first_of, is_complete
-from ..modes.hermitian import conjugated, lowest_modes_of
+from ..modes.eigen import Modes, first_of, is_complete, lowest_modes
+from ..modes.hermitian import conjugated
 from ..modes.rayleigh import sharpened
 from ..modes.shift_invert import ModeSearch
 from ..modes.user_order import in_user_order
@@ -342,7 +342,7 @@ class StuckStructure:
         self, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: ModeSearch | None = None
     ) -> Modes:
         """Return the lowest modes; arguments and errors as in :func:`~microslip.modes.eigen.lowest_modes`."""
-        modes = lowest_modes_of(self.linearised, n_modes, verify, fewer_will_do, search)
+        modes = lowest_modes(self.linearised, n_modes, verify, fewer_will_do, search)
         return conjugated(modes) if self.is_conjugate else modes
 
     def with_lowest(
@@ -366,7 +366,7 @@ class StuckStructure:
         if n_modes <= self.n_proved:
             return self.using(n_modes)
         factored = self.factored()
-        if not is_complete(factored.linearised, factored.modes, n_modes, 2 if self.is_complex else 1):
+        if not is_complete(factored.linearised, factored.modes, n_modes):
             return None
         return replace(self, n_modes=n_modes, n_proved=factored.modes.n_proved)
 

@@ -25,8 +25,7 @@ from ..assembly.real_form import complex_columns, real_columns
 from ..library.build import Structure, rebuilt
 from ..linear.factor import FactorCache
 from ..linear.joint_springs import Linearised
-from ..modes.eigen import Modes
-from ..modes.hermitian import lowest_modes_of
+from ..modes.eigen import Modes, lowest_modes
 from ..modes.user_order import from_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
@@ -81,7 +80,7 @@ class StoredStructure:
         """Return the modes of a file, or compute them again if it is missing or damaged.  Collective."""
         record = on_root(self.comm, read_modes, self.path / name, share=False)
         if not self.comm.bcast(record is not None):
-            return lowest_modes_of(linearised, len(omega_n))
+            return lowest_modes(linearised, len(omega_n))
         proof = {"complete": False, "proved": n_proved}
         if not linearised.maps.is_complex:
             return Modes(omega_n, from_user_order(linearised, record), proof)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,16 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...assembly.coriolis import Coriolis
+from ...assembly.sectors import Sectors
+from ...guards.memory import memory_left
 from ...library.build import Assembled, factor_of
 from ...library.settings import reduction_settings
 from ...linear.joint_springs import Linearised
+from ...linear.lockstep import in_lockstep
 from ...messages.errors import CaseError
 from ...modes.coriolis import Waves
-from ...modes.eigen import Modes, first_of
-from ...modes.hermitian import lowest_modes_of
+from ...modes.eigen import Modes, first_of, lowest_modes
+from ...modes.shift_invert import basis_size as space_size
 from ...observe.log import RunLog
 from ...observe.screen_table import screen_table
 from ...parallel.agree import on_root
@@ -28,6 +32,7 @@ from ...results.vtk import write_modes
 from ...results.whole_disc import whole_mesh, whole_shapes
 from ...scene.schema import Scene
 from ...system.files import make_folder
+from ...system.memory import give_back
 from ..records import cell, write_csv
 from .campbell import Crossing
 from .coriolis import basis_size, waves_of
@@ -36,6 +41,7 @@ from .report import joint_shares
 DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
+_TOGETHER, _SHARE = 5, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
 _APART = 0.025  # distance of two numbers of modes over the height of the picture
 
 
@@ -166,28 +172,51 @@ def modes_by_diameter(
     scene, system = parts.scene, parts.rest.system
     sectors = system.sectors
     assert sectors is not None, "a disc"
-    for d in diameters:
-        of_d = system if d == 0 else sectors.system(d)
-        with log.stage(f"nodal diameter {d}"):
-            try:
-                linearised = factor_of(replace(parts, rest=replace(parts.rest, system=of_d)), log)
-            except CaseError as problem:
-                of_d.destroy()
-                if scene.supports or d > 1:
-                    raise CaseError(f"nodal diameter {d}: {problem}") from problem
-                log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {problem}")
-                continue
-            linearised.let_K_go()
-            n, fewer_will_do = min(basis_size(scene, count), of_d.n_dof), scene.solver.modes is None or matrix is not None
-            computed = lowest_modes_of(linearised, n, scene.solver.verify_modes, fewer_will_do)
+    n, verify = basis_size(scene, count), scene.solver.verify_modes
+    fewer_will_do = scene.solver.modes is None or matrix is not None
+    together = _together(2 * n, 2 * system.n_dof, log)
+    system.destroy()  # its matrices, and not those of the sectors
+    for first in range(0, len(diameters), together):
+        some = diameters[first : first + together]
+        give_back()
+        with log.stage(f"nodal diameter{'s' * (len(some) > 1)} {', '.join(map(str, some))}"):
+            structures = _structures(parts, some, log)
+            modes = in_lockstep(
+                [partial(lowest_modes, each, min(n, each.maps.n_dof), verify, fewer_will_do) for each in structures.values()]
+            )
+        for (d, linearised), computed in zip(structures.items(), modes):
             both = None if matrix is None else waves_of(linearised, computed, matrix, count, log)
-        log.note(f"nodal diameter {d}: {'' if both is None else 'modes without Coriolis forces '}{computed.completeness}")
-        yield d, linearised, first_of(computed, count), both
-        linearised.destroy()
-        of_d.destroy()
+            log.note(f"nodal diameter {d}: {'' if both is None else 'modes without Coriolis forces '}{computed.completeness}")
+            yield d, linearised, first_of(computed, count), both
+            linearised.destroy()
+            linearised.maps.destroy()
     sectors.destroy()
     if matrix is not None:
         matrix.destroy()
+
+
+def _together(n_modes: int, n_dof: int, log: RunLog) -> int:
+    """Return the number of nodal diameters whose searches are in memory at once, of sizes in real form.  Collective."""
+    needed = 8.0 * n_dof * space_size(n_modes, n_dof)
+    return int(np.clip(_SHARE * memory_left(log.comm) / needed, 1, _TOGETHER))
+
+
+def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict[int, Linearised]:
+    """Return the stuck structures of nodal diameters by these, but for those in which a free disc is rigid.  Collective."""
+    scene, sectors, structures = parts.scene, parts.rest.system.sectors, {}
+    assert isinstance(sectors, Sectors), "a disc"
+    for d in diameters:
+        of_d = sectors.system(d, explicit=False)
+        try:
+            structures[d] = factor_of(replace(parts, rest=replace(parts.rest, system=of_d)), log)
+        except CaseError as problem:
+            of_d.destroy()
+            if scene.supports or d > 1:
+                raise CaseError(f"nodal diameter {d}: {problem}") from problem
+            log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {problem}")
+            continue
+        structures[d].let_K_go()
+    return structures
 
 
 def table_of(

@@ -1,0 +1,129 @@
+"""Computations in lockstep: one call answers the requests of all, and an error of one ends all."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from discs import write_sector
+from greenlet import getcurrent
+from mpi4py import MPI
+
+from microslip.library.build import assembled
+from microslip.linear.lockstep import after_others, at_once, in_lockstep
+from microslip.linear.mumps import MumpsFactor
+from microslip.messages.errors import ResourceError
+from microslip.modes import eigen
+from microslip.modes.eigen import lowest_modes
+from microslip.observe.log import RunLog
+from microslip.parallel.agree import on_root
+from microslip.scene.read import read_scene
+from microslip.studies.modes.disc import _structures, modes_by_diameter
+
+COMM = MPI.COMM_WORLD
+END = "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [1400.0, 1410.0]\npoints = 3\n[solver]\nmodes = 4\n"
+
+
+class Squares:
+    """Squares of numbers, and how many were computed at once."""
+
+    def __init__(self):
+        self.sizes = []
+
+    def __call__(self, numbers):
+        self.sizes.append(len(numbers))
+        return [number**2 for number in numbers]
+
+
+def sum_of_squares(squares, n, order):
+    """Return the sum of the first n squares; say when each computation is at its end."""
+    total = sum(at_once(squares, number) for number in range(n))
+    after_others(lambda: order.append(-n))
+    order.append(n)
+    return total
+
+
+@pytest.mark.ranks(1)
+def test_one_call_answers_the_requests_of_all():
+    squares, order = Squares(), []
+    assert in_lockstep([partial(sum_of_squares, squares, n, order) for n in (2, 4, 0, 3)]) == [1, 14, 0, 5]
+    assert squares.sizes == [3, 3, 2, 1]
+    assert order == [0, -2, -3, -4, 2, 4, 0, 3]  # none before the last one has all of its squares
+    assert sum_of_squares(squares, 3, order) == 5 and squares.sizes[4:] == [1, 1, 1]  # by itself
+    assert in_lockstep([]) == []
+
+
+@pytest.mark.ranks(1)
+def test_functions_are_called_one_after_the_other():
+    squares, others = Squares(), Squares()
+    assert in_lockstep([partial(at_once, each, n) for each, n in ((squares, 2), (others, 3), (squares, 4))]) == [4, 9, 16]
+    assert squares.sizes == [2] and others.sizes == [1]
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("where", ["answer", "computation"])
+def test_an_error_ends_all_where_they_wait(where):
+    ended, hub = [], getcurrent()
+
+    def answers(requests):
+        if where == "answer":
+            raise ValueError("no answer")
+        return requests
+
+    def computation(number):
+        try:
+            at_once(answers, number)
+            if number == 1:
+                raise ValueError("no answer")
+            at_once(answers, number)
+        finally:
+            ended.append(number)
+
+    with pytest.raises(ValueError, match="no answer"):
+        in_lockstep([partial(computation, number) for number in range(3)])
+    assert sorted(ended) == [0, 1, 2] and getcurrent() is hub
+
+
+@pytest.fixture
+def disc(shared_path, monkeypatch):
+    """A disc of six sectors, whose modes are SLEPc's."""
+    monkeypatch.setattr(eigen, "_DENSE", 0)
+    monkeypatch.setattr(eigen, "SHARE", 1)
+    return assembled(read_scene(on_root(COMM, lambda: write_sector(shared_path, 6, END))), COMM, RunLog(COMM, screen=False))
+
+
+@pytest.mark.ranks(1, 2, 3)
+def test_modes_in_lockstep_are_those_of_one_diameter_at_a_time(disc, monkeypatch):
+    log, passes = RunLog(COMM, screen=False), []
+    one_pass = MumpsFactor.reduced
+    monkeypatch.setattr(MumpsFactor, "reduced", lambda self, B: passes.append(B.shape[1]) or one_pass(self, B))
+    structures = _structures(disc, [1, 2, 3], log)  # the last one is real
+    searches = [partial(lowest_modes, structure, 4) for structure in structures.values()]
+    alone, n_alone = [search() for search in searches], len(passes)
+    together = in_lockstep(searches)
+    assert len(passes) - n_alone < n_alone / 2
+    for one, other in zip(alone, together):
+        assert one.info["proof"].split(" below")[0] == other.info["proof"].split(" below")[0]
+        np.testing.assert_allclose(other.omega_n, one.omega_n, rtol=1e-10)
+    for structure in structures.values():
+        structure.destroy()
+
+
+@pytest.mark.ranks(1, 2)
+def test_a_solve_that_fails_ends_all_searches(disc, monkeypatch):
+    one_pass, n = MumpsFactor.reduced, iter(range(1000))
+
+    def failing(self, B):
+        if next(n) == 12:
+            raise ResourceError("no memory")
+        return one_pass(self, B)
+
+    log = RunLog(COMM, screen=False)
+    with monkeypatch.context() as changed, pytest.raises(ResourceError, match="no memory"):
+        changed.setattr(MumpsFactor, "reduced", failing)
+        next(modes_by_diameter(disc, None, 4, range(4), log))
+    structure, n = _structures(disc, [1], log)[1], iter(range(1000))
+    with monkeypatch.context() as changed, pytest.raises(ResourceError, match="no memory"):  # one search by itself
+        changed.setattr(MumpsFactor, "reduced", failing)
+        lowest_modes(structure, 4)
+    assert len(lowest_modes(structure, 4).omega_n) == 4
+    structure.destroy()
