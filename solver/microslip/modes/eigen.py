@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -118,6 +118,11 @@ def first_of(modes: Modes, n_modes: int) -> Modes:
 def _copies(linearised: Linearised) -> int:
     """Return the number of modes in the real form, for each one.  Local."""
     return 2 if linearised.maps.is_complex else 1
+
+
+def conjugated(modes: Modes) -> Modes:
+    """Return the modes of the conjugate matrices.  Local."""
+    return replace(modes, phi_owned=modes.phi_owned.conj())
 
 
 def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:

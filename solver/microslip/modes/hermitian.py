@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +11,6 @@ from ..linear.dense import gram, multiply
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
-    from .eigen import Modes
 
 _EQUAL = 1e-6  # relative difference of squared frequencies up to which modes are separated together
 _MISSING = 0.5  # squared norm below which a combination of modes is none: with the partner of each mode it is 2, otherwise 1
@@ -21,7 +19,7 @@ _MISSING = 0.5  # squared norm below which a combination of modes is none: with 
 def complex_modes(linearised: Linearised, theta: np.ndarray, real_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (theta, phi) of a complex (K_L, M), theta descending, from those of its real form, where each theta is there twice.
 
-    Collective: sums.  docs/theory.md, eq. (14.5).  As complex vectors the real modes span a space of half their number, or of
+    Collective: sums.  As complex vectors the real modes span a space of half their number, or of
     more where partners of the last ones are missing.
     """
     order = np.argsort(-theta, kind="stable")
@@ -32,7 +30,7 @@ def complex_modes(linearised: Linearised, theta: np.ndarray, real_owned: np.ndar
 
 
 def _of_planes(linearised: Linearised, theta: np.ndarray, real_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (theta, phi) of the complex modes that real ones of equal frequencies span.  Collective: sums."""
+    """Return (theta, phi) of the complex modes that real ones of equal frequencies span, eq. (14.5).  Collective: sums."""
     comm, Z_owned = linearised.system.comm, complex_columns(real_owned)
     sizes, X = comm.bcast(np.linalg.eigh(gram(comm, Z_owned, multiply(linearised.M, Z_owned))))
     is_there = sizes > _MISSING
@@ -43,8 +41,3 @@ def _of_planes(linearised: Linearised, theta: np.ndarray, real_owned: np.ndarray
     K = gram(comm, phi_owned, multiply(linearised.K_L, phi_owned))
     squares, Q = comm.bcast(np.linalg.eigh(0.5 * (K + K.conj().T)))
     return theta[::2] if 2 * m == len(theta) else 1.0 / squares, phi_owned @ Q
-
-
-def conjugated(modes: Modes) -> Modes:
-    """Return the modes of the conjugate matrices.  Local."""
-    return replace(modes, phi_owned=modes.phi_owned.conj())

@@ -20,8 +20,7 @@ from ..linear.rigid_modes import RigidModes
 from ..mesh.data import ContactPairs, Mesh
 from ..messages.errors import CaseError
 from ..modes.constraint import RowSums, static_columns
-from ..modes.eigen import Modes, first_of, is_complete, lowest_modes
-from ..modes.hermitian import conjugated
+from ..modes.eigen import Modes, conjugated, first_of, is_complete, lowest_modes
 from ..modes.rayleigh import sharpened
 from ..modes.shift_invert import ModeSearch
 from ..modes.user_order import in_user_order
