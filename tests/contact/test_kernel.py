@@ -451,3 +451,17 @@ def test_a_pair_apart_at_rest_stays_so_up_to_its_gap():
     assert law.slip_safety(amplitudes) == pytest.approx([2.0]) and law.utilisation(amplitudes) == pytest.approx([0.5])
     with pytest.raises(ValueError, match="is open at rest, and has a preload"):
         replace(law, N0=np.ones(1))
+
+
+@pytest.mark.parametrize("n_samples", [64, 256])
+@pytest.mark.parametrize("excess", [1e-3, 1e-5, 2e-6, 1e-6])
+def test_a_slider_between_two_samples_drifts_to_the_line_through_them(excess, n_samples):
+    """The motion passes the two ends of a line a little farther apart than the limits; the slider ends on that line."""
+    one, U = np.ones(1), np.zeros((1, 3, 5))
+    law = ElasticCoulomb(mu=0.5 * one, N0=2.0 * one, k_t=one, k_n=one, separate=np.zeros(1, dtype=bool))
+    U[0, 0, 1], U[0, 1, 3] = 1.0 + excess, 0.3  # x = (1 + excess) cos t, y = 0.3 cos 2 t, within 1 about y = 0.3 between the ends
+    cycle = law.cycle(U, n_samples, tangents=False)
+    assert not cycle.creeps[0] and cycle.state[0] == SLIP
+    assert cycle.p[0, 1, 0] == pytest.approx(-0.3, rel=5.0 * excess)  # the path between the samples has ends of order excess
+    nearby = law.cycle(U * (1.0 + 1e-12), n_samples, tangents=False)
+    assert np.abs(nearby.p - cycle.p).max() < 1e-9

@@ -512,11 +512,40 @@ INLINED int find_corner(const aft_group *group, index_t N_t, int l, double toler
     return 0;
 }
 
+/* The position at the start of a period of a slider that two samples push back and forth along the line through both, which are
+ * farther apart than the sum of their limits: the cycle that they have by themselves.  Returns 0 if no two samples do so. */
+INLINED int find_line(const aft_group *group, index_t N_t, int l, double *w)
+{
+    double to[2] = {w[0], w[LANES]}, d_1[2], d_2[2], g_1, g_2;
+    index_t first = -1, last = -1;
+    for (int i = 0; i < 8; i++) {
+        const index_t j_1 = farthest(group, N_t, l, to, NULL, &g_1, d_1);
+        const index_t j_2 = j_1 < 0 ? -1 : farthest(group, N_t, l, to, d_1, &g_2, d_2);
+        if (j_2 < 0)
+            return 0;
+        if (first == (j_1 < j_2 ? j_1 : j_2) && last == (j_1 < j_2 ? j_2 : j_1)) {
+            w[0] = to[0];
+            w[LANES] = to[1];
+            return 1;
+        }
+        first = j_1 < j_2 ? j_1 : j_2;
+        last = j_1 < j_2 ? j_2 : j_1;
+        const double *u = group->du + 3 * last * LANES + l, *v = group->du + 3 * first * LANES + l;
+        const double x = u[0] - v[0], y = u[LANES] - v[LANES], size = sqrt(x * x + y * y), rho = group->rho[last * LANES + l];
+        if (!(size > rho + group->rho[first * LANES + l]))
+            return 0;
+        to[0] = u[0] - rho * x / size;
+        to[1] = u[LANES] - rho * y / size;
+    }
+    return 0;
+}
+
 typedef struct {                                    /* a pair whose cycle is not reached yet */
     index_t pair, place;                            /* its number, and its number among the active pairs */
     double w[2];
     int periods;                                    /* marched so far */
     int has_jumped, slides_on;                      /* whether it jumped; whether it has not reached its cycle */
+    int was_on_line;                                /* whether the cycle of two samples was tried */
     search search;
     index_t corner[2];                              /* the samples that hold it */
 } wanderer;
@@ -535,7 +564,10 @@ INLINED void judge(aft_group *group, index_t N_t, int l, double tolerance, wande
         if (pair->periods < MOST_PERIODS) {
             if ((stopped || pair->periods % CORNER_AFTER == 0) && find_corner(group, N_t, l, tolerance, w + l, pair->corner))
                 pair->search.knows = AT_CORNER;
-            else if (change > tolerance || pair->search.knows == JUMPED)
+            else if (!pair->was_on_line && pair->periods % CORNER_AFTER == 0 && find_line(group, N_t, l, w + l)) {
+                pair->was_on_line = 1;
+                pair->search.knows = NOTHING_KNOWN;
+            } else if (change > tolerance || pair->search.knows == JUMPED)
                 look_ahead(&pair->search, c, slipped, w + l);
             else
                 pair->slides_on = pair->has_jumped = 0;

@@ -180,7 +180,7 @@ def next_step(
 def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accepted:
     """Accept a new point, after requested points between the last one and it.  Collective."""
     was = leg.state.solver
-    state, missed = _requested(leg, solution[0].iterate, solution[1])
+    state, missed = _requested(leg, solution, solution[0].iterate.parameter)
     solution, solver = state.solver.still(solution, was)
     is_requested = solution[0].iterate.parameter in leg.task.sweep.at
     after = accept(leg.task, replace(state, solver=solver), solution, requested=is_requested, notes=(*notes, *missed))
@@ -191,21 +191,24 @@ def _arrive(leg: Leg, solution: Solution, notes: tuple[str, ...] = ()) -> Accept
 def _to_limit(leg: Leg, solution: Solution, limit: float, notes: tuple[str, ...] = ()) -> Accepted:
     """Solve at the end of the range that a step has passed, after requested points before it.  Collective."""
     there = interpolate(leg.now.iterate, solution[0].iterate, limit)
-    state, missed = _requested(leg, there, solution[1])
-    end = solved(replace(leg, state=state), there, solution[1], requested=limit in leg.task.sweep.at, notes=(*notes, *missed))
+    state, missed = _requested(leg, solution, limit)
+    end = solved(replace(leg, state=state), there, solution, requested=limit in leg.task.sweep.at, notes=(*notes, *missed))
     leg.emit(end.point)
     return end
 
 
-def _requested(leg: Leg, there: Iterate, selected: np.ndarray) -> tuple[BranchState, tuple[str, ...]]:
-    """Solve at the requested values between the last point and ``there``; return the state after them, and notes.  Collective."""
+def _requested(leg: Leg, beyond: Solution, end: float) -> tuple[BranchState, tuple[str, ...]]:
+    """Solve at the requested values between the last point and ``end``, which is not further than the solution ``beyond``.
+
+    Collective.  Returns the state after them, and notes.
+    """
     missed: list[str] = []
-    for value in leg.task.sweep.requested_between(leg.now.iterate.parameter, there.parameter):
-        harmonics = leg.state.solver.harmonics
+    for value in leg.task.sweep.requested_between(leg.now.iterate.parameter, end):
+        harmonics, there = leg.state.solver.harmonics, beyond[0].iterate
         before = None if leg.state.before is None else leg.state.before.iterate
         between = parabola(before, leg.now.iterate.on(harmonics), there.on(harmonics), value)
         try:
-            solution = solved(leg, between, selected, requested=True)
+            solution = solved(leg, between, beyond, requested=True)
         except ConvergenceError:
             if not leg.task.sweep.may_miss:
                 raise
@@ -216,32 +219,60 @@ def _requested(leg: Leg, there: Iterate, selected: np.ndarray) -> tuple[BranchSt
     return leg.state, tuple(missed)
 
 
-def solved(leg: Leg, guess: Iterate, selected: np.ndarray, requested: bool, notes: tuple[str, ...] = ()) -> Accepted:
-    """Solve at the parameter of a guess on the chord from the last point, or through intermediate points.  Collective."""
-    solver, selected = leg.state.solver, leg.now.selected | selected
+def solved(leg: Leg, guess: Iterate, beyond: Solution, requested: bool, notes: tuple[str, ...] = ()) -> Accepted:
+    """Solve at the parameter of a guess between the last point and the solution ``beyond`` it.  Collective.
+
+    Where Newton's method fails from the guess, through intermediate points.
+    """
+    solver, selected = leg.state.solver, leg.now.selected | beyond[1]
     now, guess = solver.carried(leg.now), guess.on(solver.harmonics)
     solution = solver.solve_near(guess, now, selected)
     if solution[0].failure:
-        solution = approach(solver, now, guess, selected, leg.task.steps)
+        solution = approach(solver, now, guess, beyond[0].iterate.on(solver.harmonics), selected, leg.task.steps)
     return accept(leg.task, leg.state, solution, requested=requested, notes=notes)
 
 
-def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.ndarray, steps: ArcLength) -> Solution:
-    """Solve at the parameter of ``goal`` in steps of the parameter from the last point, halved until Newton converges."""
-    here, towards = now.iterate, goal
-    way = 0.5 * (goal.parameter - here.parameter)
+def approach(
+    solver: PointSolver, now: PointState, goal: Iterate, beyond: Iterate, selected: np.ndarray, steps: ArcLength
+) -> Solution:
+    """Solve at the parameter of ``goal`` in steps of the parameter from the last point, or from the point beyond.  Collective.
+
+    Where neither leads there, as where the curve has a corner, by many small Newton steps from the goal.
+
+    Raises
+    ------
+    ConvergenceError : from neither; on every rank
+    """
+    solution, here = _stepped_to(goal, now.iterate, solver, now, selected)
+    if solution[0].failure is not None and beyond.parameter != goal.parameter:
+        solution, _ = _stepped_to(goal, beyond, solver, now, selected)
+    if solution[0].failure is not None:
+        solution = replace(solver, is_patient=True).solve_near(goal, now, selected)
+    if solution[0].failure is not None:
+        raise ConvergenceError(message(solver, here.parameter, solution[0], steps))
+    return solution
+
+
+def _stepped_to(
+    goal: Iterate, start: Iterate, solver: PointSolver, now: PointState, selected: np.ndarray
+) -> tuple[Solution, Iterate]:
+    """Solve at the parameter of ``goal`` in steps from ``start``, halved until Newton converges.
+
+    Collective.  Returns the last solution, also one that failed, and the place before it.
+    """
+    here, towards, way = start, goal, 0.5 * (goal.parameter - start.parameter)
     while True:
         is_last = abs(goal.parameter - here.parameter) <= 1.001 * abs(way)
         there = goal.parameter if is_last else here.parameter + way
         solution, used = solver.solve_near(interpolate(here, towards, there), now, selected)
         if solution.failure is None and is_last:
-            return solution, used
+            return (solution, used), here
         if solution.failure is None:
             here, towards, selected = solution.iterate, interpolate(here, solution.iterate, goal.parameter), used
             continue
         way /= 2.0
-        if abs(way) < FINEST_WAY * abs(goal.parameter - now.iterate.parameter):
-            raise ConvergenceError(message(solver, here.parameter, solution, steps))
+        if abs(way) < FINEST_WAY * abs(goal.parameter - start.parameter):
+            return (solution, used), here
 
 
 def _wider(task: BranchTask, checkpointer: Checkpointer, workspace: Workspace) -> Restored | None:

@@ -151,7 +151,7 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
         if (there.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
             spent.add(solution[0].newton, solution[0].krylov)
             goal = interpolate(now.iterate.on(solver.harmonics), there, omega)
-            return spent.added_to(solved(Leg(task, state, now), goal, solution[1], requested=True))
+            return spent.added_to(solved(Leg(task, state, now), goal, solution, requested=True))
         after = accept(task, state, solution, on_the_way=True)
         state, solver = after.state, after.state.solver
         spent.add(after.point.newton, after.point.krylov, after.point.seconds)
