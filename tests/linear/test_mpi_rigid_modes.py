@@ -40,7 +40,8 @@ class Free:
         self.A, self.M = distributed(comm, sp.csr_matrix(self.K), ranges), distributed(comm, sp.diags(mass).tocsr(), ranges)
         self.A.setOption(PETSc.Mat.Option.SPD, True)
         rigid_owned = np.asfortranarray(self.motions[self.owned]) if knows_motions else None
-        self.system = SimpleNamespace(comm=comm, rigid_owned=rigid_owned, dof=None, loads=None)
+        self.system = SimpleNamespace(comm=comm, rigid_owned=rigid_owned, dof=None, loads=None, is_complex=False)
+        self.system.maps = self.system
         self.factor = Factor(self.A, self.system, M=self.M)
 
     @property
