@@ -465,3 +465,18 @@ def test_a_slider_between_two_samples_drifts_to_the_line_through_them(excess, n_
     assert cycle.p[0, 1, 0] == pytest.approx(-0.3, rel=5.0 * excess)  # the path between the samples has ends of order excess
     nearby = law.cycle(U * (1.0 + 1e-12), n_samples, tangents=False)
     assert np.abs(nearby.p - cycle.p).max() < 1e-9
+
+
+@pytest.mark.parametrize(("phase", "excess", "across"), [(0.05, 2e-4, 0.1), (0.08, 2e-4, 0.2), (0.11, 3e-4, 0.05), (0.14, 3e-4, 0.1)])
+def test_a_slider_pushed_by_two_neighbouring_samples_reaches_its_cycle(phase, excess, across):
+    """As above with ends between two samples: both push, the slider drifts by 1e-4 of its distance a period."""
+    one, U, angle = np.ones(1), np.zeros((1, 3, 5)), phase * 2.0 * np.pi / 128
+    law = ElasticCoulomb(mu=0.5 * one, N0=2.0 * one, k_t=one, k_n=one, separate=np.zeros(1, dtype=bool))
+    U[0, 0, 1:3] = (1.0 + excess) * np.array([np.cos(angle), np.sin(angle)])
+    U[0, 1, 2:4] = across, 0.3
+    cycle = law.cycle(U, 128)
+    assert not cycle.creeps[0] and cycle.state[0] == SLIP
+    assert cycle.p[0, 1, 0] == pytest.approx(-0.3, rel=5.0 * excess)
+    h = 1e-9  # the cycle, not the path to it, has this derivative
+    ends = [law.cycle(U + way * h * np.eye(15)[6].reshape(1, 3, 5), 128, tangents=False).p for way in (-1.0, 1.0)]
+    assert (ends[1] - ends[0]).ravel() / (2.0 * h) == pytest.approx(cycle.P[0, :, 6], abs=1e-3)

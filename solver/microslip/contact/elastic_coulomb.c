@@ -43,6 +43,7 @@ enum { STICK = 0, SLIP = 1, OPEN = 2 };
 enum { MOST_PERIODS = 100 };                         /* after which a slider that still drifts keeps its position */
 enum { ROUND = 4 };                                 /* periods after which pairs with a steady cycle leave their group */
 enum { CORNER_AFTER = 6 };                          /* periods between searches for a corner */
+enum { NEWTON_AFTER = 24 };                         /* periods from which Newton's method looks for the cycle, every CORNER_AFTER */
 static const double SETTLED = 1e-14;                /* largest change of w in a steady period, relative to the slip distance */
 static const double ROUNDING = 1e-15;               /* the same relative to the motion */
 static const double SLOWEST = 1.0 - 1e-6;           /* convergence rate of a period above which no secant step is made */
@@ -432,6 +433,19 @@ typedef struct {
     double from[2], jump[2];                        /* slider after this period, and the jump from there */
 } search;
 
+/* Move the slider w of a lane by its jump, after a period from w - c to w. */
+INLINED void begin_jump(search *s, const double *c, double *w)
+{
+    for (int a = 0; a < 2; a++) {
+        s->at[a] = w[a * LANES] - c[a * LANES];
+        s->change[a] = c[a * LANES];
+        s->from[a] = w[a * LANES];
+        w[a * LANES] += s->jump[a];
+    }
+    s->share = 1.0;
+    s->knows = JUMPED;
+}
+
 /* Accelerate the convergence of the slider w of a lane, after a period from w - c to w.
  *
  * A period contracts sliders in a single direction with a rate below one, since slip retains only the angle of r.  In this
@@ -461,12 +475,9 @@ INLINED void look_ahead(search *s, const double *c, int slipped, double *w)
     if (!may_jump || !(square > slowest * slowest * moved) || !(dw[0] * dc[0] + dw[1] * dc[1] < 0.0))
         return;
     const double along = (c[0] * dc[0] + c[LANES] * dc[1]) / square;
-    for (int a = 0; a < 2; a++) {
+    for (int a = 0; a < 2; a++)
         s->jump[a] = -along * to[a];
-        w[a * LANES] += s->jump[a];
-    }
-    s->share = 1.0;
-    s->knows = JUMPED;
+    begin_jump(s, c, w);
 }
 
 /* The sample of lane l with the largest excess g = |u - w| - rho about w, and its d; with a direction ``against``, only among the
@@ -540,6 +551,8 @@ INLINED int find_line(const aft_group *group, index_t N_t, int l, double *w)
     return 0;
 }
 
+INLINED int find_newton_step(aft_group *group, index_t N_t, int l, int separate, int sampled, const double c[2], double step[2]);
+
 typedef struct {                                    /* a pair whose cycle is not reached yet */
     index_t pair, place;                            /* its number, and its number among the active pairs */
     double w[2];
@@ -551,7 +564,7 @@ typedef struct {                                    /* a pair whose cycle is not
 } wanderer;
 
 /* Decide how to continue after a period that moved the slider of lane l from group->before to w. */
-INLINED void judge(aft_group *group, index_t N_t, int l, double tolerance, wanderer *pair, double *w)
+INLINED void judge(aft_group *group, index_t N_t, int l, int separate, int sampled, double tolerance, wanderer *pair, double *w)
 {
     const double c[LANES + 1] = {[0] = w[l] - group->before[l], [LANES] = w[LANES + l] - group->before[LANES + l]};
     const double change = fabs(c[0]) + fabs(c[LANES]);
@@ -567,7 +580,10 @@ INLINED void judge(aft_group *group, index_t N_t, int l, double tolerance, wande
             else if (!pair->was_on_line && pair->periods % CORNER_AFTER == 0 && find_line(group, N_t, l, w + l)) {
                 pair->was_on_line = 1;
                 pair->search.knows = NOTHING_KNOWN;
-            } else if (change > tolerance || pair->search.knows == JUMPED)
+            } else if (slipped && pair->periods >= NEWTON_AFTER && pair->periods % CORNER_AFTER == 0
+                       && find_newton_step(group, N_t, l, separate, sampled, (const double[2]){c[0], c[LANES]}, pair->search.jump))
+                begin_jump(&pair->search, c, w + l);
+            else if (change > tolerance || pair->search.knows == JUMPED)
                 look_ahead(&pair->search, c, slipped, w + l);
             else
                 pair->slides_on = pair->has_jumped = 0;
@@ -608,7 +624,7 @@ INLINED void march(aft_group *group, index_t N_t, int separate, int sampled, wan
             if (is_first)
                 pairs[l].slides_on = N_t > 1;
             else
-                judge(group, N_t, l, tolerance[l], pairs + l, w);
+                judge(group, N_t, l, separate, sampled, tolerance[l], pairs + l, w);
             any_slides |= pairs[l].slides_on;
         }
     }
@@ -998,23 +1014,46 @@ INLINED void march_with_derivative(const aft_group *group, const aft_tables *t, 
     }
 }
 
-/* W of the steady cycle of n maps, W = A W + C, eq. (6.5); returns 0, without W, if it is not unique. */
-INLINED int find_fixed_point(const aft_group *group, const aft_tables *t, index_t n, double *W)
+/* M = dw/dw of n maps in turn, and its largest entry; returns the first of them that has an effect. */
+INLINED index_t of_period(const aft_group *group, index_t n, double M[2][2], double *largest)
 {
-    const index_t stride = t->stride;
-    double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}}, largest = 1.0;
     index_t first = n;
-    while (first > 0 && largest > FORGOTTEN) {          /* earlier maps have no effect */
+    M[0][0] = M[1][1] = *largest = 1.0;
+    M[0][1] = M[1][0] = 0.0;
+    while (first > 0 && *largest > FORGOTTEN) {
         const double (*A)[2] = group->maps[--first].slider.A;
-        largest = 0.0;
+        *largest = 0.0;
         for (int a = 0; a < 2; a++) {
             const double x = M[a][0], y = M[a][1];
             for (int b = 0; b < 2; b++) {
                 M[a][b] = x * A[0][b] + y * A[1][b];
-                largest = fabs(M[a][b]) > largest ? fabs(M[a][b]) : largest;
+                *largest = fabs(M[a][b]) > *largest ? fabs(M[a][b]) : *largest;
             }
         }
     }
+    return first;
+}
+
+/* The step of Newton's method for eq. (3.7) from the end of a period that moved the slider of lane l by c, M (1 - M)^-1 c; returns 0
+ * where 1 - M has no inverse. */
+INLINED int find_newton_step(aft_group *group, index_t N_t, int l, int separate, int sampled, const double c[2], double step[2])
+{
+    double M[2][2], largest;
+    of_period(group, find_maps(group, N_t, l, separate, sampled), M, &largest);
+    const double xx = 1.0 - M[0][0], yy = 1.0 - M[1][1], det = xx * yy - M[0][1] * M[1][0];
+    if (!(fabs(det) > 1.0 - SLOWEST))
+        return 0;
+    step[0] = (yy * c[0] + M[0][1] * c[1]) / det - c[0];
+    step[1] = (M[1][0] * c[0] + xx * c[1]) / det - c[1];
+    return 1;
+}
+
+/* W of the steady cycle of n maps, W = A W + C, eq. (6.5); returns 0, without W, if it is not unique. */
+INLINED int find_fixed_point(const aft_group *group, const aft_tables *t, index_t n, double *W)
+{
+    const index_t stride = t->stride;
+    double M[2][2], largest;
+    const index_t first = of_period(group, n, M, &largest);
     const double xx = 1.0 - M[0][0], yy = 1.0 - M[1][1], det = xx * yy - M[0][1] * M[1][0];
     if (!(fabs(det) > 1.0 - SLOWEST))
         return 0;
