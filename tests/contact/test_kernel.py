@@ -467,7 +467,9 @@ def test_a_slider_between_two_samples_drifts_to_the_line_through_them(excess, n_
     assert np.abs(nearby.p - cycle.p).max() < 1e-9
 
 
-@pytest.mark.parametrize(("phase", "excess", "across"), [(0.05, 2e-4, 0.1), (0.08, 2e-4, 0.2), (0.11, 3e-4, 0.05), (0.14, 3e-4, 0.1)])
+@pytest.mark.parametrize(
+    ("phase", "excess", "across"), [(0.05, 2e-4, 0.1), (0.08, 2e-4, 0.2), (0.11, 3e-4, 0.05), (0.14, 3e-4, 0.1)]
+)
 def test_a_slider_pushed_by_two_neighbouring_samples_reaches_its_cycle(phase, excess, across):
     """As above with ends between two samples: both push, the slider drifts by 1e-4 of its distance a period."""
     one, U, angle = np.ones(1), np.zeros((1, 3, 5)), phase * 2.0 * np.pi / 128
