@@ -301,8 +301,9 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
         )
         verify.verify(scene, comm, out, request, command.petsc)
     elif command.name == "trade":
-        turned = trade.Request(command.knobs or trade.KNOBS, command.levels, command.meshes, command.seconds or trade.SECONDS)
-        trade.trade(scene, comm, out, turned, command.petsc)
+        varied = command.parameters or trade.PARAMETERS
+        of_trade = trade.Request(varied, command.levels, command.meshes, command.seconds or trade.SECONDS)
+        trade.trade(scene, comm, out, of_trade, command.petsc)
     else:
         export.export(scene, comm, out, export.Request(command.method, command.recovery), command.petsc)
 

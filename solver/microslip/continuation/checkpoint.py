@@ -140,7 +140,7 @@ def point_state(arrays: Arrays, owned: slice) -> PointState:
 def _of_beside(equation: HarmonicBalance, beside: Beside) -> Arrays:
     """Return the arrays of what lies beside a maximum.  Collective."""
     return {
-        "apart": np.array(beside.apart),
+        "distance": np.array(beside.distance),
         "bend": np.array(beside.bend),
         "U": np.stack([equation.gather(side.U) for side in beside.sides]),
         "parameters": np.array([side.parameters for side in beside.sides]),
@@ -152,7 +152,7 @@ def _beside(arrays: Arrays, owned: slice) -> Beside:
     """Return what lies beside a maximum.  Local."""
     harmonics, sides = _harmonics(arrays["harmonics"]), zip(arrays["U"], arrays["parameters"])
     before, after = (Iterate(U[owned].copy(), tuple(map(float, parameters)), harmonics) for U, parameters in sides)
-    return Beside(float(arrays["apart"]), float(arrays["bend"]), (before, after))
+    return Beside(float(arrays["distance"]), float(arrays["bend"]), (before, after))
 
 
 # -- where a preconditioner was made -------------------------------------------------------------------------------

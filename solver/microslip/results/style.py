@@ -57,7 +57,7 @@ RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key not
     "axes.unicode_minus": True,
 }
 
-# Okabe and Ito: told apart by all kinds of colour vision, and in grey by their lightness
+# Okabe and Ito: distinguished by all kinds of colour vision, and in grey by their lightness
 STATE_COLOURS = ("#56b4e9", "#d55e00", "#1a1a1a")
 STATE_NAMES = ("stick", "slip", "open")
 STATE_STYLES = ("-", "-", "--")

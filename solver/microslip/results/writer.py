@@ -171,7 +171,7 @@ def _write_joint(group: h5py.Group, joint: Joint) -> None:
             group, quantity.dataset, np.asarray(quantity.of(joint), quantity.kind).reshape(quantity.shape(lengths)), quantity.unit
         )
     for name, values in joint.law_columns.items():
-        write_array(group, f"own/{name}", np.asarray(values, "f8"), "")
+        write_array(group, f"law_columns/{name}", np.asarray(values, "f8"), "")
     group.create_group("faces")
     for i, faces in enumerate(joint.faces):
         write_array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")

@@ -42,7 +42,7 @@ DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
 _TOGETHER, _SHARE = 5, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
-_APART = 0.025  # distance of two numbers of modes over the height of the picture
+_DISTANCE = 0.025  # distance of two numbers of modes over the height of the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,7 +321,7 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
 
 def _number_modes(axes, frequency: np.ndarray, highest: float) -> None:
     """Write the numbers of modes at the right, those of close modes together, "3-5".  Local."""
-    starts = [0, *(i for i in range(1, len(frequency)) if frequency[i] - frequency[i - 1] > _APART * highest)]
+    starts = [0, *(i for i in range(1, len(frequency)) if frequency[i] - frequency[i - 1] > _DISTANCE * highest)]
     for first, end in zip(starts, [*starts[1:], len(frequency)]):
         text = f"{first + 1}" if end == first + 1 else f"{first + 1}\u2013{end}"
         place = 0.995, float(frequency[first:end].mean())
