@@ -85,6 +85,7 @@ class ElasticCoulomb:
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return len(self.k_t)
 
     @property

@@ -95,7 +95,7 @@ class Structure(StuckStructure):
     def __enter__(self) -> Structure:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

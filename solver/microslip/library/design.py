@@ -50,6 +50,7 @@ class Design:
 
     @property
     def is_grid(self) -> bool:
+        """Whether the samples form a grid."""
         return self.kind == "grid"
 
     @property

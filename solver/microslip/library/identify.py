@@ -73,12 +73,15 @@ class Fitted:
 
     @property
     def is_log(self) -> bool:
+        """Whether the search takes the logarithm of the number."""
         return self.low > 0.0
 
     def x(self, value: float) -> float:
+        """Return the variable of the search for a value."""
         return float(np.log(value)) if self.is_log else value
 
     def value(self, x: float) -> float:
+        """Return the value for a variable of the search."""
         return float(np.exp(x)) if self.is_log else float(x)
 
 

@@ -227,10 +227,12 @@ class StuckStructure:
 
     @property
     def K_L(self) -> PETSc.Mat:
+        """The stiffness with all pairs stuck; collective if it must be computed first."""
         return self.linearised.K_L
 
     @property
     def M(self) -> PETSc.Mat:
+        """The mass matrix; collective if it must be computed first."""
         return self.linearised.M
 
     @property

@@ -159,6 +159,7 @@ class Joint:
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return len(self.mu)
 
 

@@ -123,13 +123,15 @@ class Titled(Protocol):
     """What has a scene's title: a scene, its results."""
 
     @property
-    def title(self) -> str: ...
+    def title(self) -> str:
+        """The title of the scene."""
 
 
 class PageFigure(Figure):
     """A figure that looks the same wherever it is drawn, and that a notebook shows, without pyplot."""
 
     def draw(self, renderer) -> None:
+        """Draw with the settings of the program."""
         with matplotlib.rc_context(RC):
             super().draw(renderer)
 
