@@ -66,7 +66,7 @@ class PeakPoint:
     amplitude: float  # of harmonic 1
     sides: tuple[Iterate | None, Iterate | None]  # at 1 / sqrt 2 of the amplitude, above and below its frequency; None: not found
     newton: int  # iterations of all solutions
-    by_pairs: np.ndarray | None = None  # derivatives of amplitude, phase and frequency [Hz], as those of a Peak, if asked for
+    by_pairs: np.ndarray | None = None  # derivatives of amplitude, phase and frequency [Hz], as those of a Peak, on request
     by_common: np.ndarray | None = None
 
     @property

@@ -1,4 +1,4 @@
-"""Peaks over a number of the scene: from each peak of the linear response through the range that is asked for."""
+"""Peaks over a number of the scene: from each peak of the linear response through the requested range."""
 
 from __future__ import annotations
 

@@ -268,7 +268,7 @@ class SamplePeaks:
         return replace(sample, newton=newton)
 
     def _halfway(self, x: np.ndarray) -> np.ndarray | None:
-        """Return numbers half the way from the nearest sample, by factors if positive; None where that builds anew."""
+        """Return numbers half the way from the nearest sample, by factors if positive; None where another structure is needed."""
         known = [at for at, *_ in self.solved if np.isfinite(at).all()]
         nearest = self.reference.comm.bcast(min(known, key=lambda at: np.linalg.norm((at - x) / self.spread), default=None))
         others = [i for i in range(len(x)) if i not in self.varied.having("law", "load", "level")]
@@ -448,7 +448,7 @@ class SamplePeaks:
     # -- what a sample changes ---------------------------------------------------------------------------------------
 
     def _problem(self, values: tuple[float, ...]) -> _Problem:
-        """Return the problem of a sample, with as little made anew as its numbers allow.
+        """Return the problem of a sample, which reuses as much as its numbers allow.
 
         Raises
         ------

@@ -143,7 +143,7 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
 
 
 def _before_proof(linearised: Linearised) -> None:
-    """In lockstep, wait for the end of all searches: their spaces are freed, and one shift serves all diameters.  Local."""
+    """In lockstep, wait for the end of all searches: their spaces are freed, and all diameters use one shift.  Local."""
     if isinstance(linearised.factor.solver, DiameterFactor):
         after_others(linearised.factor.solver.forget)
 

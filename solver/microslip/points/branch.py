@@ -112,7 +112,7 @@ class Point:
 
 
 QUANTITIES = declared(Point)
-NOTHING = np.empty((0, 3, 0))  # the motion of a point where it is not kept: on ranks other than 0
+NOTHING = np.empty((0, 3, 0))  # the motion of a point where it is not stored: on ranks other than 0
 CLOSES_TO = 1e-6  # closure of the energy balance beyond which a point deserves a second look
 
 

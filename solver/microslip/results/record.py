@@ -220,7 +220,7 @@ class ResultFile:
 
     @cached_property
     def shown(self) -> Shown:
-        """What is told of an output: the mean where outputs move, but at no point back and forth."""
+        """The quantity shown of an output: the mean where outputs move, but at no point back and forth."""
         responses = [level.response for level in self.solved]
         moves = any(response[..., 1:].any() for response in responses) or not any(
             response[..., 0].any() for response in responses

@@ -43,8 +43,8 @@ NAME = "results.h5"
 class ResultWriter:
     """The result files of a run in ``folder``, which is created; results of an earlier run there are replaced.
 
-    Collective on ``comm``, as is ``put_in_order``: every rank hears of a full disk.  The other methods are local, on rank 0: it
-    is an :class:`~microslip.observe.observer.Observer` of levels that come one after the other or several at a time.
+    Collective on ``comm``, as is ``put_in_order``: every rank raises the error of a full disk.  The other methods are local, on
+    rank 0: it is an :class:`~microslip.observe.observer.Observer` of levels that come one after the other or several at a time.
 
     Parameters
     ----------

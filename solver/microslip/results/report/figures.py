@@ -249,7 +249,7 @@ def _name(level: LevelResult) -> str:
 
 
 def _line(level: LevelResult, values, colour: str, says: str) -> Figure:
-    """Return a curve over the frequency, cut between its segments; ``says`` is told of the point under the pointer."""
+    """Return a curve over the frequency, cut between its segments; ``says`` is shown for the point under the pointer."""
     hover = f"{says}<extra>{_name(level)}</extra>"
     return {
         **_trace(
