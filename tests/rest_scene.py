@@ -63,5 +63,5 @@ def at_one_frequency(comm, scene):
     """Return harmonics 1 to 3 of the output at the frequency requested for, and the states of the pairs."""
     with microslip.build(scene, comm) as structure:
         (level,) = microslip.respond(structure, error_bars=False).results.levels
-    (i,) = np.flatnonzero(level.asked)
+    (i,) = np.flatnonzero(level.requested)
     return level.response[i, 0, 1:], level.state[i], structure.pairs

@@ -60,7 +60,7 @@ def measurement(structure):
     amplitudes = []
     for level in LEVELS:
         response = microslip.respond(structure, levels=level, at=tuple(FREQUENCY))
-        asked = response.level(level).asked.astype(bool)
+        asked = response.level(level).requested.astype(bool)
         amplitudes.append(response["mass"].harmonic(1)[0, : len(asked)][asked])
     a = np.concatenate(amplitudes)
     return columns | {"amplitude_m": np.abs(a), "phase_rad": np.angle(a)}

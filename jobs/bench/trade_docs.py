@@ -2,7 +2,9 @@
 
 python jobs/bench/trade_docs.py                                                     # all four scenes, docs/trade.md
 python jobs/bench/trade_docs.py jobs/fan_small.toml --seconds 60                    # one of them again
+python jobs/bench/trade_docs.py --draw                                              # the page from stored measurements
 
+A measurement is stored in results/SCENE_trade/measured.json.  The first table of the page has rows of all stored measurements.
 """
 
 from __future__ import annotations
@@ -11,32 +13,37 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
+import json
 import shutil
 import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from microslip.parallel.petsc import initialise
 
 initialise()
 import machine
+import numpy as np
 from mpi4py import MPI
-from page_tables import put
+from page_tables import put, table
 
 from microslip.scene.read import read_scene
 from microslip.studies.trade.report import (
     COLUMNS,
     SHOWN,
+    accuracy_sentences,
     choice_lines,
     failure_lines,
-    front_lines,
     mesh_lines,
     reference_lines,
     rows,
-    sentences,
     validation_lines,
+    write_trade,
 )
-from microslip.studies.trade.story import KNOBS, SECONDS, Request, trade
-from microslip.studies.trade.study import TARGETS, Study
+from microslip.studies.trade.story import PARAMETERS, SECONDS, Request, trade
+from microslip.studies.trade.study import TARGETS, Check, Curve, Reference, Run, Setting, Study
 
 SCENES = {
     "jobs/fan_paper.toml": 900.0,
@@ -45,50 +52,105 @@ SCENES = {
     "jobs/spatial.toml": SECONDS,
 }
 WITHOUT_METHODS = ("jobs/fan_paper.toml",)  # rubin alone takes six minutes there: docs/bench_methods.md compares them
+CHOSEN = "scene", "target, % of the peak", "error measured, %", "ratio", "response, s", "set-up, s", "command"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A study of a scene, and what its figures depend on."""
+
+    scene: str
+    study: Study
+    seconds: float
+    date: str
+    machine: list[str]  # processor, versions, ranks
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenes", nargs="*", default=list(SCENES))
     parser.add_argument("--seconds", type=float, help="for each scene (default: as in SCENES)")
+    parser.add_argument("--draw", action="store_true", help="write the page and pictures from stored measurements")
     parser.add_argument("--out", type=Path, default=Path("docs"))
     options = parser.parse_args()
     comm = MPI.COMM_WORLD
-    parts: dict[str, list[str]] = {}
-    for name in options.scenes:
-        scene, folder = read_scene(name), Path("results", f"{Path(name).stem}_trade")
-        start, asked = time.perf_counter(), options.seconds or SCENES.get(name, SECONDS)
-        knobs = tuple(knob for knob in KNOBS if knob != "method" or name not in WITHOUT_METHODS)
-        study = trade(scene, comm, folder, Request(knobs=knobs, seconds=asked))
-        if comm.rank == 0:
-            parts |= of_scene(name, study, time.perf_counter() - start)
-            (options.out / "img").mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(folder / "trade.png", options.out / "img" / f"trade_{Path(name).stem}.png")
+    for name in () if options.draw else options.scenes:
+        measure(name, comm, options.seconds or SCENES.get(name, SECONDS))
     if comm.rank == 0:
-        ranks = f"{comm.size} rank{'s' if comm.size > 1 else ''}, {time.strftime('%Y-%m-%d')}."
-        parts["machine"] = [f"- {line}" for line in (*machine.lines(machine.facts()), ranks)]
-        put(options.out / "trade.md", parts)
+        write_page(options.scenes, options.out)
 
 
-def of_scene(name: str, study: Study, seconds: float) -> dict[str, list[str]]:
-    """Return the parts of the page that are of one scene: its section, and its choices in a line."""
-    lines, stem = section(name, study, seconds), Path(name).stem
-    return {f"{stem}-short": [in_short(study.title, lines)], stem: lines}
+def measure(name: str, comm: MPI.Comm, seconds: float) -> None:
+    """Measure a scene and store the result.  Collective."""
+    start, parameters = time.perf_counter(), [key for key in PARAMETERS if key != "method" or name not in WITHOUT_METHODS]
+    study = trade(read_scene(name), comm, folder_of(name), Request(parameters=tuple(parameters), seconds=seconds))
+    if comm.rank == 0:
+        date, ranks = time.strftime("%Y-%m-%d"), f"{comm.size} rank{'s' if comm.size > 1 else ''}"
+        facts = [*machine.lines(machine.facts()), f"{ranks}, {date}."]
+        stored(name).write_text(to_json(Measured(name, study, time.perf_counter() - start, date, facts)))
 
 
-def in_short(title: str, section: list[str]) -> str:
-    """Return what a scene's section says of its choices, in a line."""
-    choices = (line.replace("--seconds", "`--seconds`") for line in section if line.startswith("for "))
-    return f"- **{title}**: {'. '.join(line[0].upper() + line[1:] for line in choices)}."
+def write_page(names: Sequence[str], out: Path) -> None:
+    """Write the parts of the page that belong to scenes, and the first table from all stored measurements.  Local."""
+    everything = [from_json(stored(name).read_text()) for name in dict.fromkeys([*SCENES, *names]) if stored(name).exists()]
+    parts: dict[str, list[str]] = {"chosen": table(CHOSEN, [row for each in everything for row in chosen(each)], 2)}
+    (out / "img").mkdir(parents=True, exist_ok=True)
+    for each in everything:
+        if each.scene in names:
+            folder, stem = folder_of(each.scene), Path(each.scene).stem
+            write_trade(each.study, read_scene(each.scene), str(folder))
+            shutil.copyfile(folder / "trade.png", out / "img" / f"trade_{stem}.png")
+            parts[stem], parts["machine"] = section(each), [f"- {line}" for line in each.machine]
+    put(out / "trade.md", parts)
 
 
-def section(name: str, study: Study, seconds: float) -> list[str]:
-    """Return what is said of one scene."""
+def folder_of(name: str) -> Path:
+    """Return the folder of the results of a scene.  Local."""
+    return Path("results", f"{Path(name).stem}_trade")
+
+
+def stored(name: str) -> Path:
+    """Return the file of the measurement of a scene.  Local."""
+    return folder_of(name) / "measured.json"
+
+
+# -- the parts of the page ----------------------------------------------------------------------------------------------
+
+
+def chosen(measured: Measured) -> list[list[str]]:
+    """Return the rows of the first table: the fastest setting for each target, or how near the runs come."""
+    study, known, lines = measured.study, measured.study.reference.floor, []
+    best = min(study.complete, key=lambda run: study.score(run).error, default=None)
+    for target in TARGETS:
+        run = study.choice(target) or best
+        if run is None:
+            lines.append(["", f"{100.0 * target:g}", "not reached", "", "", "", ""])
+            continue
+        error = study.score(run).error
+        said, ratio = f"{100.0 * error:.2g}", f"{error / target:.2g}"
+        if run is not study.choice(target):
+            is_open = error <= target or known > target
+            said = f"not decided: {said}, reference known to {100.0 * known:.2g}" if is_open else f"not reached: {said}"
+        times = (f"{run.cost:.2g}", f"{run.setup:.2g}")
+        lines.append(["", f"{100.0 * target:g}", said, ratio, *times, ""])
+    lines[0][0], lines[0][-1] = f"[{study.title}](#{anchor(study.title)})", f"`microslip trade {measured.scene}`"
+    return lines
+
+
+def anchor(title: str) -> str:
+    """Return the anchor of a heading as Markdown makes it."""
+    return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c in "-_")
+
+
+def section(measured: Measured) -> list[str]:
+    """Return the section of a scene: reference, table, what its rows do not say, and the settings of the first table."""
+    study = measured.study
     head = [COLUMNS[key][0] for key in SHOWN]
     cells = [[cell.replace("<", "&lt;") for cell in row] for row in rows(study)]
     reference, *known = reference_lines(study)
-    lines = [
-        f"`microslip trade {name}`, {seconds:.0f} s, {time.strftime('%Y-%m-%d')}.",
+    shared = ", ".join(f"{stage} {spent:.2g} s" for stage, spent in study.shared.items())
+    return [
+        f"`microslip trade {measured.scene}`, {measured.seconds:.0f} s, {measured.date}.",
         "",
         reference[0].upper() + reference[1:] + ":",
         "",
@@ -96,26 +158,55 @@ def section(name: str, study: Study, seconds: float) -> list[str]:
         "",
         *(line[0].upper() + line[1:] + "." for line in validation_lines(study)),
         "",
-        "| " + " | ".join(head) + " |",
-        "| " + " | ".join(["---"] * 2 + ["---:"] * (len(head) - 2)) + " |",
-        *("| " + " | ".join(row) + " |" for row in cells),
+        *table(head, cells, 2),
         "",
-    ]
-    shared = ", ".join(f"{stage} {spent:.2g} s" for stage, spent in study.shared.items())
-    lines += [f"Shared by all: {shared}.", "", *(f"{line[0].upper()}{line[1:]}.\n" for line in failure_lines(study))]
-    lines += ["What each knob costs and buys:", "", *(f"- {line}" for line in sentences(study)), ""]
-    lines += [
-        "The front, of which nothing that was run is both faster and better:",
+        f"Shared by all: {shared}.",
+        "",
+        *(f"{line[0].upper()}{line[1:]}.\n" for line in failure_lines(study)),
+        *(f"- {line}" for line in accuracy_sentences(study)),
+        "",
+        "Settings of the first table:",
         "",
         "```text",
-        *front_lines(study),
+        *"\n".join(line for target in TARGETS for line in choice_lines(study, target)).rstrip().splitlines(),
         "```",
         "",
+        *mesh_lines(study),
     ]
-    lines += ["What it would choose:", "", "```text"]
-    for target in TARGETS:
-        lines += choice_lines(study, target)
-    return [*lines[:-1], "```", "", *mesh_lines(study)]
+
+
+# -- stored measurements ------------------------------------------------------------------------------------------------
+
+
+def to_json(measured: Measured) -> str:
+    """Return a measurement as text; arrays as real and imaginary parts."""
+
+    def as_lists(values: Any) -> Any:
+        values = np.asarray(values)
+        return values.item() if values.ndim == 0 else [values.real.tolist(), values.imag.tolist()]
+
+    return json.dumps(asdict(measured), default=as_lists)
+
+
+def from_json(text: str) -> Measured:
+    """Return the measurement of a text."""
+    data = json.loads(text)
+    study, of_reference = data["study"], data["study"]["reference"]
+
+    def curve(of: dict[str, Any]) -> Curve:
+        omega, (real, imaginary), bar = np.array(of["omega"][0]), np.array(of["u"]), np.array(of["bar"][0])
+        return Curve(of["level"], omega, real + 1j * imaginary, bar)
+
+    def run(of: dict[str, Any]) -> Run:
+        curves, corrected = (tuple(map(curve, of[key])) for key in ("curves", "corrected"))
+        return Run(**{**of, "setting": Setting(**of["setting"]), "curves": curves, "corrected": corrected})
+
+    curves = {each.level: each for each in map(curve, of_reference["curves"].values())}
+    checks = tuple(Check(each["parameter"], tuple(each["values"]), tuple(each["steps"])) for each in of_reference["checks"])
+    reference = Reference(Setting(**of_reference["setting"]), curves, checks, of_reference["seconds"], of_reference["why"])
+    runs, meshes = ([run(each) for each in study[key]] for key in ("runs", "meshes"))
+    base = Setting(**study["base"])
+    return Measured(**{**data, "study": Study(**{**study, "reference": reference, "base": base, "runs": runs, "meshes": meshes})})
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from microslip.parallel.petsc import initialise
 
 initialise()
 import machine
-from catalogue import apart
+from catalogue import processes
 from catalogue.bad_inputs import BY_SORT
 from catalogue.faults import FAULTS, WITHIN
 from catalogue.judge import MARK
@@ -70,9 +70,9 @@ def main() -> None:
             for sort, name, entry in chosen(asked):
                 here = Path(folder, "here")
                 if sort == "fault":
-                    ended, wrong = apart.fault(entry, sound, here, ranks, not asked.once)
+                    ended, wrong = processes.fault(entry, sound, here, ranks, not asked.once)
                 else:
-                    ended, wrong = apart.bad_input(entry, sound, here, ranks)
+                    ended, wrong = processes.bad_input(entry, sound, here, ranks)
                 shutil.rmtree(here)
                 good, n, longest = counts.get((sort, ranks), (0, 0, 0.0))
                 is_longer = getattr(entry, "within", WITHIN) > WITHIN  # the watchdog's own time

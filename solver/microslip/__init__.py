@@ -104,7 +104,7 @@ _FROM = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import a name when it is first asked for; what needs PETSc starts it before."""
+    """Import a name when it is first used; modules that need PETSc start it before."""
     if name not in _FROM:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module, _, original = _FROM[name].partition(":")

@@ -1,4 +1,4 @@
-"""The program: start MPI and PETSc, read what is asked, do it, and end with a status that says how it went."""
+"""The program: start MPI and PETSc, read the command, execute it, and end with a status that states the outcome."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def unfinished(file: str) -> str:
 
 
 def _shown(command: Command, out: Path) -> list:
-    """Write what is asked of a result file and return the files.  Local."""
+    """Write the requested files of a result file and return their names.  Local."""
     from .results.read import refuse_deadly
 
     refuse_deadly(command.file)
@@ -270,7 +270,7 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     elif command.name == "wear":
         wear.study(scene, comm, out, command.petsc, command.fresh)
     elif command.name == "sweep":
-        asked = of_sweep.Request(
+        samples = of_sweep.Request(
             command.swept,
             command.scatter,
             command.table,
@@ -286,7 +286,7 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
             command.fresh,
             command.keep_modes,
         )
-        sweep.study(scene, comm, out, asked, command.petsc, on_root(comm, time_limit, command.walltime))
+        sweep.study(scene, comm, out, samples, command.petsc, on_root(comm, time_limit, command.walltime))
     elif command.name == "compare":
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":
@@ -301,8 +301,9 @@ def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
         )
         verify.verify(scene, comm, out, request, command.petsc)
     elif command.name == "trade":
-        turned = trade.Request(command.knobs or trade.KNOBS, command.levels, command.meshes, command.seconds or trade.SECONDS)
-        trade.trade(scene, comm, out, turned, command.petsc)
+        varied = command.parameters or trade.PARAMETERS
+        of_trade = trade.Request(varied, command.levels, command.meshes, command.seconds or trade.SECONDS)
+        trade.trade(scene, comm, out, of_trade, command.petsc)
     else:
         export.export(scene, comm, out, export.Request(command.method, command.recovery), command.petsc)
 

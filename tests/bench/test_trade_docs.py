@@ -1,5 +1,7 @@
 """The page of trades, from studies made up here."""
 
+from pathlib import Path
+
 import numpy as np
 import trade_docs
 from page_tables import MARKED
@@ -21,17 +23,32 @@ def study():
     )
 
 
-def test_a_section_has_reference_table_sentences_and_choices():
-    text = "\n".join(trade_docs.section("jobs/scene.toml", study(), 9.0))
+def measured(scene):
+    return trade_docs.Measured(scene, study(), 9.0, "2026-01-01", ["Processor: one.", "1 rank, 2026-01-01."])
+
+
+def test_a_section_has_reference_table_and_settings():
+    text = "\n".join(trade_docs.section(measured("jobs/scene.toml")))
     assert "| base |  | 8 | 5 | 256 | 77 | 0.2 | 1.5 | 1.4 | 1.9 | 0.4 |" in text
     assert "harmonics 7 -> 15: 0.4 %, 15 -> 31: 0.1 %; more would change 0.033 %" in text
     assert "of 5 points with an error above that, 100.0 % lie under their bar; the bar is 2.5 times" in text
     assert "for 1 %: error 0.4 % measured" in text and "for 0.1 %: not reached" in text
 
 
-def test_parts_of_a_scene_are_those_of_the_page():
+def test_the_first_table_has_a_row_for_each_target():
+    rows = trade_docs.chosen(measured("jobs/scene.toml"))
+    assert rows[0] == ["[A scene](#a-scene)", "1", "0.4", "0.4", "1.4", "0.2", "`microslip trade jobs/scene.toml`"]
+    assert rows[1][:4] == ["", "0.1", "not reached: 0.4", "4"] and rows[2][2] == "not reached: 0.4"
+
+
+def test_a_stored_measurement_gives_the_same_page():
+    first = measured("jobs/scene.toml")
+    again = trade_docs.from_json(trade_docs.to_json(first))
+    assert trade_docs.section(again) == trade_docs.section(first) and trade_docs.chosen(again) == trade_docs.chosen(first)
+    np.testing.assert_array_equal(again.study.runs[0].curves[0].u, first.study.runs[0].curves[0].u)
+
+
+def test_parts_of_the_page_are_those_of_the_scenes():
     page = (ROOT / "docs" / "trade.md").read_text(encoding="utf-8")
-    parts = {name: text for scene in trade_docs.SCENES for name, text in trade_docs.of_scene(scene, study(), 9.0).items()}
-    assert {*parts, "machine"} == {name for _, name, _ in MARKED.findall(page)}
-    assert parts["spatial-short"][0].startswith("- **A scene**: For 1 %: error 0.4 % measured")
-    assert parts["spatial"][0].startswith("`microslip trade jobs/spatial.toml`, 9 s")
+    stems = [Path(scene).stem for scene in trade_docs.SCENES]
+    assert {*stems, "chosen", "machine"} == {name for _, name, _ in MARKED.findall(page)}

@@ -87,8 +87,8 @@ COMMANDS = [
         spoil=written("m.mat", "frequency_Hz\n"),
     ),
     line("unknown method to compare", "compare lap.toml --out out --methods full,rubbin", "rubbin", "nearest is rubin"),
-    line("unknown knob", "trade lap.toml --out out --knobs mods", "mods", "nearest is modes"),
-    line("mesh to trade that is not there", "trade lap.toml --out out --knobs mesh --meshes none.msh", "none.msh", "there is no"),
+    line("unknown parameter of trade", "trade lap.toml --out out --vary mods", "mods", "nearest is modes"),
+    line("mesh to trade that is not there", "trade lap.toml --out out --vary mesh --meshes none.msh", "none.msh", "there is no"),
     line(
         "another mesh of matrices",
         "trade chain.toml --out out --meshes lap.msh",

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from catalogue import apart
+from catalogue import processes
 from catalogue.faults import FAULTS
 from catalogue.sound import write_sound
 
@@ -24,7 +24,7 @@ def sound(tmp_path_factory):
 @pytest.mark.parametrize("ranks", [1, 2] if ALL else [2])
 @pytest.mark.parametrize("case", [pytest.param(one, id=one.name) for one in FAULTS if ALL or one.name in SOME])
 def test_a_fault(tmp_path, sound, case, ranks):
-    ended, wrong = apart.fault(case, sound, tmp_path / "here", ranks)
+    ended, wrong = processes.fault(case, sound, tmp_path / "here", ranks)
     assert not wrong, ended.said
 
 

@@ -63,8 +63,8 @@ from microslip.program.command_line import Command, parse
         ("trade fan.toml", Command("trade", "fan.toml")),
         ("export fan.toml --method rubin --recovery", Command("export", "fan.toml", method="rubin", recovery=True)),
         (
-            "trade fan.toml --knobs modes,eps --levels 1,2.5 --meshes a.msh,b.msh --seconds 30",
-            Command("trade", "fan.toml", knobs=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0),
+            "trade fan.toml --vary modes,eps --levels 1,2.5 --meshes a.msh,b.msh --seconds 30",
+            Command("trade", "fan.toml", parameters=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0),
         ),
         ("check fan.toml", Command("check", "fan.toml")),
         (

@@ -13,7 +13,7 @@ from msh import write_msh
 from microslip.parallel.agree import on_root
 from microslip.studies.trade import bench
 from microslip.studies.trade import reference as trade_reference
-from microslip.studies.trade.study import KNOBS
+from microslip.studies.trade.study import PARAMETERS
 
 pytestmark = pytest.mark.ranks(1, 2)
 MASS = """
@@ -71,13 +71,15 @@ def rows(folder):
 @pytest.mark.pictures
 def test_one_mass_from_scene_to_choices(program, shared_path, comm):
     seconds = "5" if comm.size == 1 else "1.5"  # several ranks on few processors may not come so far, however many
-    status, out, err = program(write_mass, "--seconds", seconds, "--knobs", "harmonics,samples", "--levels", "0.8")
+    status, out, err = program(write_mass, "--seconds", seconds, "--vary", "harmonics,samples", "--levels", "0.8")
     assert (status, err) == (0, "")
     found = [entry for entry in rows(shared_path) if not entry["failure"]]
-    kinds = {entry["knob"] for entry in found}
+    kinds = {entry["parameter"] for entry in found}
     assert {"base"} <= kinds <= {"base", "harmonics", "samples", "combination", "accuracy"}
-    by_H = {int(entry["harmonics"]): float(entry["error_percent"]) for entry in found if entry["knob"] in ("base", "harmonics")}
-    base = next(entry for entry in found if entry["knob"] == "base")
+    by_H = {
+        int(entry["harmonics"]): float(entry["error_percent"]) for entry in found if entry["parameter"] in ("base", "harmonics")
+    }
+    base = next(entry for entry in found if entry["parameter"] == "base")
     assert float(base["error_percent"]) <= float(base["bar_percent"]) < 5.0
     if comm.size == 1:
         assert by_H[1] > by_H[5] and "harmonics 1 -> 2:" in out
@@ -91,7 +93,7 @@ def test_one_mass_from_scene_to_choices(program, shared_path, comm):
 
 @pytest.mark.study
 @pytest.mark.ranks(1)
-def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path, comm):
+def test_every_parameter_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path, comm):
     other = shared_path / "fine"
 
     def write(folder):
@@ -103,8 +105,8 @@ def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path
     status, out, err = program(write, "--seconds", "3", "--levels", "30", "--meshes", mesh)
     assert (status, err) == (0, "")
     found = rows(shared_path)
-    assert {entry["knob"] for entry in found} >= set(KNOBS)
-    coarse, fine = (entry for entry in found if entry["knob"] == "mesh")
+    assert {entry["parameter"] for entry in found} >= set(PARAMETERS)
+    coarse, fine = (entry for entry in found if entry["parameter"] == "mesh")
     assert float(coarse["error_percent"]) > 1.0 and float(fine["error_percent"]) == 0.0
     assert "meshes, against the finest" in out
 
@@ -136,9 +138,9 @@ def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
         return path
 
     meshes = ",".join(str(shared_path / f"{name}.msh") for name in ("finest", "finer"))
-    status, out, err = program(write, "--seconds", "3", "--levels", "2", "--knobs", "mesh", "--meshes", meshes)
+    status, out, err = program(write, "--seconds", "3", "--levels", "2", "--vary", "mesh", "--meshes", meshes)
     assert (status, err) == (0, "")
-    found = [entry for entry in rows(shared_path) if entry["knob"] == "mesh"]
+    found = [entry for entry in rows(shared_path) if entry["parameter"] == "mesh"]
     assert [entry["value"] for entry in found] == ["coarse.msh", "finer.msh", "finest.msh"]
     assert not any(entry["failure"] for entry in found) and len({entry["points"] for entry in found}) == 1
     peaks = [float(entry["frequency_percent"]) for entry in found]
@@ -195,21 +197,21 @@ def test_an_output_that_does_not_move_is_refused(program):
 
 @pytest.mark.ranks(1)
 def test_without_slip_modes_alone_are_traded_of_what_was_asked(program, shared_path):
-    status, out, err = program(write_bar, "--levels", "0.001", "--seconds", "60", "--knobs", "harmonics,modes,samples")
+    status, out, err = program(write_bar, "--levels", "0.001", "--seconds", "60", "--vary", "harmonics,modes,samples")
     assert (status, err) == (0, "")
     assert out.count("no pair slips or opens at 0.001 N: the response is linear") == 1
     found = rows(shared_path)
-    assert {"base", "modes"} <= {entry["knob"] for entry in found} <= {"base", "modes", "accuracy", "combination"}
+    assert {"base", "modes"} <= {entry["parameter"] for entry in found} <= {"base", "modes", "accuracy", "combination"}
     by_modes = {
         int(entry["modes"]): float(entry["error_percent"])
         for entry in found
-        if entry["knob"] in ("base", "modes") and not entry["failure"]
+        if entry["parameter"] in ("base", "modes") and not entry["failure"]
     }
     assert "    modes = " in out and "    harmonics = " not in out and "    tolerance = " not in out
     assert len(by_modes) > 2 and by_modes[min(by_modes)] > 10.0 * by_modes[max(by_modes)]
 
 
-def test_without_slip_knobs_that_change_nothing_are_refused(program):
-    status, _, err = program(write_mass, "--levels", "0.02", "--knobs", "harmonics,samples")
+def test_without_slip_parameters_that_change_nothing_are_refused(program):
+    status, _, err = program(write_mass, "--levels", "0.02", "--vary", "harmonics,samples")
     assert status == 2
-    assert err.count("--knobs harmonics,samples: no pair slips or opens at 0.02 N, and of a linear response none") == 1
+    assert err.count("--vary harmonics,samples: no pair slips or opens at 0.02 N, and of a linear response none") == 1

@@ -42,7 +42,7 @@ def test_requested_points_are_those_of_the_curve_in_turn(comm, bar, keys):
     first, last = (level.frequency[[0, -1]] for level in (whole, divided))
     assert np.array_equal(first, last) and (divided.state == SLIP).any() and len(divided.frequency) > 20
     peak = np.abs(whole.response[:, 0]).max()
-    a, b = (level.response[level.asked.astype(bool), 0, :3] for level in (whole, divided))
+    a, b = (level.response[level.requested.astype(bool), 0, :3] for level in (whole, divided))
     assert len(a) == len(b) == len(AT) and np.abs(a - b).max() <= tolerance * peak
 
 

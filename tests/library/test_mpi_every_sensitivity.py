@@ -31,7 +31,7 @@ def response_of(comm, folder, system, level, keys=(), **more):
 def of_requested(response, level):
     """Return the complex amplitudes of the outputs at the requested frequency, and its place."""
     of_level = response.level(level)
-    (i,) = np.flatnonzero(of_level.asked)
+    (i,) = np.flatnonzero(of_level.requested)
     return of_level.response[i, :, 1] - 1j * of_level.response[i, :, 2], i
 
 

@@ -53,7 +53,7 @@ def exact(structure):
     for level in LEVELS:
         mu = {"joint": 0.8 * structure.pairs.mu}
         response = microslip.respond(structure, levels=level, friction=mu, ratio=0.03, at=tuple(FREQUENCY))
-        asked = response.level(level).asked.astype(bool)
+        asked = response.level(level).requested.astype(bool)
         a = response["6"].harmonic(1)[0, : len(asked)][asked]
         sizes, phases = [*sizes, np.abs(a)], [*phases, np.angle(a)]
     return columns | {"amplitude_m": np.concatenate(sizes), "phase_rad": np.concatenate(phases)}
@@ -124,7 +124,7 @@ def test_what_data_do_not_see_is_said(structure, exact):
         "level_N": np.full(len(FREQUENCY), 1e-3)
     }
     stuck = microslip.respond(structure, levels=1e-3, at=tuple(FREQUENCY), points=4)
-    asked = stuck.level(1e-3).asked.astype(bool)
+    asked = stuck.level(1e-3).requested.astype(bool)
     a = stuck["6"].harmonic(1)[0, : len(asked)][asked]
     columns |= {"amplitude_m": np.abs(a), "phase_rad": np.angle(a), "sigma_m": 0.02 * np.abs(a)}
     found = microslip.identify(structure, columns, BOUNDS)
@@ -160,7 +160,7 @@ def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, s
 
     with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
         response = microslip.respond(structure, at=at, ratio=0.01, error_bars=False).level(0.3)
-        asked = response.asked.astype(bool)
+        asked = response.requested.astype(bool)
         a = response.response[asked, 0, 1] - 1j * response.response[asked, 0, 2]
         rows = {"frequency_Hz": at, "amplitude_m": np.abs(a), "phase_rad": np.angle(a)}
         without = microslip.identify(structure, rows, fits)

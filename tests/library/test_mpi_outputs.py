@@ -206,7 +206,7 @@ def test_error_bars_hold_for_every_output(comm, shared_path):
             microslip.respond(structure, **keys, **more) for more in ({}, {"harmonics": 13, "samples": 512, "error_bars": False})
         )
         few = microslip.respond(structure, modes=10, **keys)
-    chosen, exact = (np.flatnonzero(one.results.levels[0].asked) for one in (coarse, fine))
+    chosen, exact = (np.flatnonzero(one.results.levels[0].requested) for one in (coarse, fine))
     assert (coarse.results.levels[0].state[chosen] == 1).any()
     for name in coarse.outputs:
         a, b = coarse[name], fine[name]

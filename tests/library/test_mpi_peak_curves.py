@@ -79,7 +79,7 @@ def test_the_peak_over_the_level_is_the_closed_form(structure):
     assert curve.amplitude[slips] == pytest.approx(exact, rel=30.0 / 128**2)
     for level in (0.4, 0.8):
         (i,) = np.flatnonzero(curve.value == level)
-        assert curve.points.asked[i]
+        assert curve.points.requested[i]
     assert curve.damping[0] == pytest.approx(0.5 * C / np.sqrt(2.0), rel=1e-3)
     assert curve.damping[-1] < 0.02 < 0.1 < curve.damping.max()
 

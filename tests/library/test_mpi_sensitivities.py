@@ -45,11 +45,11 @@ def test_a_joint_is_the_sum_of_its_pairs_and_friction_that_of_other_responses(st
     mu = np.unique(structure.pairs.mu)
     of_pairs = (table["mu"].amplitude * structure.pairs.mu).sum(axis=-1)
     assert table[FRICTION].amplitude == pytest.approx(of_pairs, rel=1e-9, nan_ok=True)
-    (i,) = np.flatnonzero(response.level(10.0).asked)
+    (i,) = np.flatnonzero(response.level(10.0).requested)
 
     def amplitude(factor):
         other = microslip.respond(structure, friction={"joint": factor * structure.pairs.mu})
-        (k,) = np.flatnonzero(other.level(10.0).asked)
+        (k,) = np.flatnonzero(other.level(10.0).requested)
         return np.hypot(*other.level(10.0).response[k, :, 1:3].T)
 
     h = 1e-4

@@ -82,7 +82,7 @@ def test_methods_agree(comm, folder, first_frequency):
         with microslip.build(scene, comm) as structure:
             (level,) = microslip.respond(structure, error_bars=False).results.levels
         assert level.state.max() > 0  # some pairs slip
-        found.append(level.response[np.flatnonzero(level.asked)[0]])
+        found.append(level.response[np.flatnonzero(level.requested)[0]])
     size = np.abs(found[0]).max(axis=1, keepdims=True)
     for other in found[1:]:
         assert other / size == pytest.approx(found[0] / size, abs=1e-3)

@@ -101,8 +101,8 @@ def test_waves_of_a_sector_are_those_of_the_ring(comm, shared_path, N):
     path = on_root(comm, lambda: write_sector(shared_path, N, end + table("solver", modes=n), **contact))
     log, all_waves, split, in_full = RunLog(comm, screen=False), [], [], []
     parts, matrix = with_matrix(read_scene(path), comm, log)
-    for d, _, _, (backward, forward) in modes_by_diameter(parts, matrix, n, range(N // 2 + 1), log):
-        is_real = d == 0 or 2 * d == N
+    for at in modes_by_diameter(parts, matrix, n, range(N // 2 + 1), log):
+        is_real, (backward, forward) = at.diameter == 0 or 2 * at.diameter == N, at.waves
         all_waves += [backward.omega] if is_real else [backward.omega, forward.omega]
         split.append(np.abs(backward.omega / forward.omega - 1.0).max())
         assert backward.residual < 1e-6 and forward.residual < 1e-6
@@ -110,9 +110,9 @@ def test_waves_of_a_sector_are_those_of_the_ring(comm, shared_path, N):
         in_full.append((backward.omega[:few], forward.omega[:few]))
     assert max(split) > 1e-3
     parts, matrix = with_matrix(read_scene(path), comm, log)
-    for d, _, _, both in modes_by_diameter(parts, matrix, few, range(N // 2 + 1), log):
-        np.testing.assert_allclose([wave.omega for wave in both], in_full[d], rtol=1e-9)  # from few modes
-        assert max(wave.residual for wave in both) < 1e-5
+    for at in modes_by_diameter(parts, matrix, few, range(N // 2 + 1), log):
+        np.testing.assert_allclose([wave.omega for wave in at.waves], in_full[at.diameter], rtol=1e-9)  # from few modes
+        assert max(wave.residual for wave in at.waves) < 1e-5
 
     def written():
         path = write_ring(shared_path, N, end + table("solver", modes=N * n), **contact)

@@ -166,12 +166,12 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     assert [level.level for level in side] == [level.level for level in turn] == LEVELS
     for a, b in zip(turn, side):
         assert (b.status, b.failure) == ("complete", "")
-        assert b.frequency[b.asked == 1] == pytest.approx(a.frequency[a.asked == 1], rel=1e-14) and (b.asked == 1).sum() == len(
-            AT
-        )
+        assert b.frequency[b.requested == 1] == pytest.approx(a.frequency[a.requested == 1], rel=1e-14) and (
+            b.requested == 1
+        ).sum() == len(AT)
         peak = np.abs(a.response).max()
-        assert np.abs(b.response[b.asked == 1] - a.response[a.asked == 1]).max() < 1e-8 * peak
-        assert np.abs(b.du[b.asked == 1] - a.du[a.asked == 1]).max() < 1e-8 * np.abs(a.du).max()
+        assert np.abs(b.response[b.requested == 1] - a.response[a.requested == 1]).max() < 1e-8 * peak
+        assert np.abs(b.du[b.requested == 1] - a.du[a.requested == 1]).max() < 1e-8 * np.abs(a.du).max()
     keys = [[(row["level_N"], row["point"], row["output"]) for row in rows(shared_path / name)] for name in ("turn", "side")]
     assert keys[0] == keys[1] and len(keys[0]) == 2 * sum(len(level.frequency) for level in turn)
     log = (shared_path / "side" / "run.log").read_text()
@@ -213,7 +213,7 @@ def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, prog
     failed, *whole = read_results(str(shared_path / "out" / "results.h5")).levels
     assert failed.status == "failed" and "no convergence beyond" in failed.failure
     assert [level.status for level in whole] == ["complete", "complete"]
-    assert all((level.asked == 1).sum() == len(AT) for level in whole)
+    assert all((level.requested == 1).sum() == len(AT) for level in whole)
     assert all(level.frequency.max() == pytest.approx(1.6 / (2.0 * np.pi)) for level in whole)
 
 

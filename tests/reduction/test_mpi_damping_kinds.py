@@ -110,7 +110,7 @@ def test_one_mass_on_a_lossy_spring(comm, shared_path):
     np.testing.assert_allclose(response["0"].harmonic(1)[0], exact, atol=1e-12 * np.abs(exact).max())
     np.testing.assert_allclose(result.damping, np.pi * eta * k * np.abs(exact) ** 2, rtol=1e-11)
     np.testing.assert_allclose(result.input, result.damping, rtol=1e-10)
-    assert np.flatnonzero(result.asked).size == 1 and np.abs(exact).max() == pytest.approx(level / (eta * k), rel=1e-3)
+    assert np.flatnonzero(result.requested).size == 1 and np.abs(exact).max() == pytest.approx(level / (eta * k), rel=1e-3)
 
 
 @pytest.mark.study
@@ -126,7 +126,7 @@ def test_methods_agree_where_pairs_slip_and_the_energy_balances(comm, shared_pat
                 structure, method=method, frequencies=(frequencies[0], frequencies[-1]), at=frequencies, error_bars=False
             )
             (level,) = response.results.levels
-            chosen = np.flatnonzero(level.asked)
+            chosen = np.flatnonzero(level.requested)
             curves[method] = level.response[chosen]
             assert (level.state[chosen] == 1).any()
             np.testing.assert_allclose(level.input, level.damping + level.friction, rtol=1e-6)
@@ -165,8 +165,8 @@ def test_error_bars_know_of_it(comm, shared_path, n_modes):
                 at = [float(share * structure.modes.frequency[0]) for share in (0.95, 1.0, 1.05)]
             found.append(microslip.respond(structure, levels=[1e-3], at=at, points=3))
     a, b = (one["corner"] for one in found)
-    chosen = np.flatnonzero(found[0].results.levels[0].asked)
-    exact = np.flatnonzero(found[1].results.levels[0].asked)
+    chosen = np.flatnonzero(found[0].results.levels[0].requested)
+    exact = np.flatnonzero(found[1].results.levels[0].requested)
     missed = np.abs(a.harmonic(1)[0, chosen] - b.harmonic(1)[0, exact])
     assert (missed > 0.0).all() and (missed <= a.error[0, chosen]).all()
     assert (a.error[0, chosen] <= 0.1 * a.amplitude.max()).all()

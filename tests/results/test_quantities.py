@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import h5py
 import numpy as np
 import pytest
 from synthetic_results import branch, two_flanks, write
@@ -58,6 +59,21 @@ def test_a_level_has_every_quantity_by_name_and_nothing_else(tmp_path):
         assert kept.optional or getattr(level, kept.name).shape == (3, *kept.shape(lengths)), kept.name
     with pytest.raises(AttributeError, match="no 'velocity'"):
         _ = level.velocity
+
+
+def test_names_of_earlier_versions_are_read(tmp_path):
+    pairs = two_flanks(2, 1)
+    path = write(tmp_path, [branch(5.0, pairs, n_points=3)], pairs)
+    now = read_results(path)
+    with h5py.File(path, "r+") as file:
+        (level,) = file["levels"].values()
+        level.move("requested", "asked")
+        file["joint"].move("open_at_rest", "apart")
+        file["joint"].create_dataset("own/reference", data=np.arange(float(pairs.n_pairs)))
+    earlier = read_results(path)
+    np.testing.assert_array_equal(earlier.levels[0].requested, now.levels[0].requested)
+    np.testing.assert_array_equal(earlier.joint.open_at_rest, now.joint.open_at_rest)
+    np.testing.assert_array_equal(earlier.joint.law_columns["reference"], np.arange(float(pairs.n_pairs)))
 
 
 def test_the_tables_of_the_guide_are_those_of_the_declarations():

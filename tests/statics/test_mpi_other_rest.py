@@ -31,7 +31,7 @@ def structure(comm, folder):
 def found_at(response):
     """Return harmonics 1 to 3 of the output and forces p at the frequency asked for."""
     (level,) = response.results.levels
-    (i,) = np.flatnonzero(level.asked)
+    (i,) = np.flatnonzero(level.requested)
     return level.response[i, 0, 1:], level.p[i]
 
 

@@ -50,9 +50,11 @@ def curve(error=0.0, bar=0.0, level=3.0):
     return Curve(level, OMEGA, u, np.full(N, bar * np.abs(EXACT).max()))
 
 
-def run(knob, value, seconds, error, bar=np.nan, setup=0.1, failure=None, **changed):
+def run(parameter, value, seconds, error, bar=np.nan, setup=0.1, failure=None, **changed):
     setting = replace(Setting(modes=8, harmonics=5, samples=256), **changed)
-    return Run(knob, value, setting, setup, seconds, seconds, 1.3 * seconds, 1.3 * seconds, 100, (curve(error, bar),), failure)
+    return Run(
+        parameter, value, setting, setup, seconds, seconds, 1.3 * seconds, 1.3 * seconds, 100, (curve(error, bar),), failure
+    )
 
 
 def study(*runs, floor=1e-5):
@@ -82,7 +84,7 @@ def test_the_front_is_what_no_other_beats(points):
 def test_the_cheapest_within_an_accuracy_is_chosen_set_up_included():
     heavy = run("modes", "20", 0.9, 8e-3, setup=5.0, modes=20)
     found = study(*HARMONICS, heavy)
-    assert found.choice(1e-2).knob == BASE
+    assert found.choice(1e-2).parameter == BASE
     assert found.choice(1e-3).setting.harmonics == 13
     assert found.choice(1e-4) is None
     assert "harmonics = 13" in "\n".join(choice_lines(found, 1e-3))
@@ -98,9 +100,9 @@ def test_nothing_is_chosen_by_a_reference_that_is_not_known_well_enough():
 
 def test_a_run_that_failed_is_told_and_never_chosen_nor_on_the_front():
     found = study(run("tolerance", "0.1", 0.01, 0.0, failure="3 N ends after 2 points: no convergence", tolerance=0.1))
-    assert [entry.knob for entry in found.front()] == [BASE]
+    assert [entry.parameter for entry in found.front()] == [BASE]
     assert failure_lines(found) == ["3 N ends after 2 points: no convergence: tolerance 0.1"]
-    assert found.choice(1e-2).knob == BASE
+    assert found.choice(1e-2).parameter == BASE
 
 
 def test_sentences_have_the_numbers_of_the_runs():
@@ -112,7 +114,7 @@ def test_sentences_have_the_numbers_of_the_runs():
 
 def test_methods_are_not_compared_with_a_base_that_was_not_run():
     left_out = study(run("method", "full", 4.0, 8e-3, method="full"))
-    left_out.runs = [replace(one, failure="left out for lack of time") if one.knob == BASE else one for one in left_out.runs]
+    left_out.runs = [replace(one, failure="left out for lack of time") if one.parameter == BASE else one for one in left_out.runs]
     assert sentences(left_out) == []
 
 
@@ -171,11 +173,11 @@ def test_files_and_table(tmp_path):
     found = study(*HARMONICS, run("accuracy", "0.01", 0.7, 4e-3, 9e-3, accuracy=1e-2))
     text = write_trade(found, Scene(), str(tmp_path))
     fixed = min(
-        (entry for entry in found.complete if entry.knob != "accuracy" and found.score(entry).error <= 1e-2),
+        (entry for entry in found.complete if entry.parameter != "accuracy" and found.score(entry).error <= 1e-2),
         key=lambda entry: entry.cost,
     )
     assert found.best_fixed(1e-2) is fixed and found.best_fixed(1e-9) is None
-    compared = f"{0.7 / fixed.cost:.2g}x that of the best fixed setting ({fixed.knob} {fixed.value}".rstrip()
+    compared = f"{0.7 / fixed.cost:.2g}x that of the best fixed setting ({fixed.parameter} {fixed.value}".rstrip()
     assert (
         f"accuracy = 0.01: met, error 0.4 %, in 0.7 s, bars included: {compared}), {0.7 / 1.3 / fixed.cost:.2g}x with its bars"
         in text
@@ -183,6 +185,6 @@ def test_files_and_table(tmp_path):
     assert "for 0.1 %: error 0.05 % measured" in text
     with open(tmp_path / "trade.csv", newline="") as file:
         table = list(csv.DictReader(file))
-    assert [entry["knob"] for entry in table] == [entry.knob for entry in found.ordered()]
+    assert [entry["parameter"] for entry in table] == [entry.parameter for entry in found.ordered()]
     assert float(table[1]["error_percent"]) == pytest.approx(2.6) and float(table[1]["covered_percent"]) == 100.0
     assert (tmp_path / "trade.png").stat().st_size > 10_000

@@ -88,7 +88,7 @@ def test_pairs_pressed_to_many_times_their_preload_meet_the_march_in_time(tmp_pa
     path.write_text(path.read_text().replace('friction_limit = "circle"', LAWS["power"][0]))
     with microslip.build(microslip.read(path), HERE) as structure:
         (found,) = microslip.respond(structure).results.levels
-    ((response,), (bar,)) = found.response[found.asked > 0], total(found.error[found.asked > 0])
+    ((response,), (bar,)) = found.response[found.requested > 0], total(found.error[found.requested > 0])
     of_pairs = zip(*(system[key].tolist() for key in ("mu", "N0", "k_t", "k_n")), (600, 1200, 600), (12.0, 60.0, 20.0))
     law = populations.on_pairs(system["R"], [populations.rough(*four, 2.0, n, most) for *four, n, most in of_pairs])
     march = populations.steady_state(system["M"], system["C"], system["K"], load(system, level), omega, law, 600, 16)
@@ -114,9 +114,9 @@ def test_error_bars_hold_what_harmonics_and_samples_leave(tmp_path, name):
         coarse = microslip.respond(structure).results.levels[0]
         fine = microslip.respond(structure, harmonics=11, samples=256, error_bars=False).results.levels[0]
     (U, bars), (exact, _) = (
-        ((level.response[..., 1] - 1j * level.response[..., 2])[level.asked > 0], level.error) for level in (coarse, fine)
+        ((level.response[..., 1] - 1j * level.response[..., 2])[level.requested > 0], level.error) for level in (coarse, fine)
     )
-    true, parts = np.abs(U - exact), bars[coarse.asked > 0]
+    true, parts = np.abs(U - exact), bars[coarse.requested > 0]
     assert len(U) == len(exact) == len(at)
     assert np.all(true < total(parts)) and 0.5 < np.median(true / parts.sum(axis=-1)) < 1.5
 
@@ -134,7 +134,7 @@ def test_error_bars_know_the_number_of_sliders(tmp_path, name):
         path.write_text(text.replace('friction_limit = "circle"', f"{LAWS[name][0]}\nsliders = {sliders}"))
         with microslip.build(microslip.read(path), HERE) as structure:
             (level,) = microslip.respond(structure).results.levels
-        found.append([values[level.asked > 0] for values in (level.response, level.error)])
+        found.append([values[level.requested > 0] for values in (level.response, level.error)])
     (coarse, parts), (fine, _) = found
     true = np.abs((coarse - fine)[..., 1] - 1j * (coarse - fine)[..., 2])
     told = parts[..., PARTS.index("sliders")]

@@ -55,7 +55,7 @@ def assert_same(comm, found: Difference) -> None:
 
 def assert_same_at(a, b) -> None:
     """Check two curves where both have a point."""
-    (at_a, at_b), peak = (level.response[np.flatnonzero(level.asked), 0] for level in (a, b)), np.abs(a.response[:, 0]).max()
+    (at_a, at_b), peak = (level.response[np.flatnonzero(level.requested), 0] for level in (a, b)), np.abs(a.response[:, 0]).max()
     assert len(at_a) == len(at_b) == len(AT)
     assert np.abs(at_b - at_a).max() <= TOLERANCE * peak
 

@@ -1,7 +1,7 @@
 """A structure given as matrices by the user: K, M and optionally C; pairs, loads and outputs by rows, or by nodes.
 
-DOF numbers count from 0 and are the rows of the matrices.  Which rows belong to which nodes is told by the matrices' own files,
-or by tables beside them: matrix_places.py.
+DOF numbers count from 0 and are the rows of the matrices.  The files of the matrices, or tables in addition, state
+which rows belong to which nodes: matrix_places.py.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from .maps import pair_map
 class Places:
     """The nodes that are known, and where their displacements are.  Rank 0 only."""
 
-    mesh: Mesh  # nodes and their places (NaN where nobody told them); with elements and groups where it is a mesh file
+    mesh: Mesh  # nodes and their places (NaN where they are not stated); with elements and groups where it is a mesh file
     dof: np.ndarray  # (n_nodes, 3) place of each displacement, -1 where there is none
     expand: sp.csr_matrix  # (n_places, n_dof) displacements of all places from the rows: 1, and below it T
 

@@ -237,7 +237,7 @@ def of_point_masses(constraints: Constraints, A: np.ndarray) -> np.ndarray:
 
 
 def _stiffening(block: LocalBlock, chunk: slice, tables: StructureTables, u: np.ndarray) -> np.ndarray:
-    """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
+    """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F on request."""
     body, points = tables.sections[block.body], block.points[chunk]
     of = body.solids(block.kind, points, block.rise_of(chunk))
     sigma = elements.stress_stiffness(of, elements.stress(of, u))

@@ -60,6 +60,7 @@ class Bundle:
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return self.elements.n_pairs // self.size
 
     @cached_property

@@ -21,6 +21,7 @@ class CombinedLaw:
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return sum(len(pairs) for pairs, _ in self.parts)
 
     @property

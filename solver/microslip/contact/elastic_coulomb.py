@@ -85,6 +85,7 @@ class ElasticCoulomb:
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return len(self.k_t)
 
     @property
@@ -283,7 +284,7 @@ class ElasticCoulomb:
             self._last.update(key=key, cycle=bare.cycle(still, n_samples, True, harmonics))
         cycle = self._last["cycle"]
         active, N_H, rate = cycle.active, U.shape[2], np.zeros_like(U)
-        assert cycle.P is not None, "asked for"
+        assert cycle.P is not None, "requested"
         P = cycle.P.reshape(-1, 3, N_H, 3, N_H)
         if name in ("mu", "k_t"):
             column = getattr(self, name)

@@ -50,6 +50,7 @@ class Iwan(OfElements):
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return len(self.K_T)
 
     @cached_property

@@ -18,6 +18,7 @@ class Keys:
 
     @property
     def all(self) -> tuple[str, ...]:
+        """All keys of the law."""
         return (*self.of_file, *self.needed_with_pairs, *self.further)
 
 

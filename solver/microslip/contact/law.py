@@ -36,7 +36,8 @@ class Law(Protocol):
     """
 
     @property
-    def n_pairs(self) -> int: ...
+    def n_pairs(self) -> int:
+        """The number of pairs."""
 
     @property
     def stiffness(self) -> np.ndarray:

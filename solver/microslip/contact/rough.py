@@ -70,6 +70,7 @@ class Rough(OfElements):
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return len(self.N0)
 
     @cached_property

@@ -27,6 +27,7 @@ class StartedLaw:
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return self.law.n_pairs
 
     @property

@@ -84,7 +84,7 @@ class Accuracy:
     coarsest : with which a branch starts, and below which it never goes
     keeps : parts whose resolution the scene states
     chooses_steps : whether the step length follows from the accuracy, or from the number of points that the scene states
-    tightest : tolerance of a point whose residual is felt
+    tightest : tolerance of a point whose residual matters
     is_corrected : whether it counts for the corrected amplitude, and what remains of its bar
     """
 

@@ -11,6 +11,6 @@ from .iterate import Iterate
 class Beside:
     """What lay beside a maximum: there the next one along a branch is looked for first, which saves iterations."""
 
-    apart: float  # rad
+    distance: float  # rad
     bend: float  # 1/rad2, of the amplitude over the phase: 1 for one mode
     sides: tuple[Iterate, Iterate]  # the solutions before and after, turned to the phase of the maximum, less it; U over its size

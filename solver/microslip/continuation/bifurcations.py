@@ -20,8 +20,7 @@ from ..stability.multipliers import N_STEPS, multipliers_at
 from .constraint_rows import Plane, Scaling
 from .corrector import BorderedSystem
 from .iterate import Iterate
-from .peaks import harmonics_of, iterate_of
-from .point_record import HELD
+from .peaks import equation_at, harmonics_of, iterate_of
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
 
@@ -70,8 +69,7 @@ def bifurcation_between(problem: ForcedResponse, branch: Branch, i: int, j: int,
     """
     point = branch.points[j]
     harmonics = harmonics_of(branch, point, problem.equation.harmonics)
-    equation = problem.equation.resolved(harmonics, point.samples)
-    equation = equation.holding(np.zeros((equation.n_owned, 2)) if HELD in point.notes else None)
+    equation = equation_at(point, problem.equation, harmonics)
     ends = [iterate_of(branch.points[n], problem, harmonics) for n in range(i, j + 1)]
     workspace, within = Workspace(equation), max(end.parameter for end in ends) - min(end.parameter for end in ends)
     try:

@@ -1,8 +1,8 @@
 """The state of a branch as arrays, independent of the number of ranks; a restored state continues bitwise identically.
 
-What is kept beside the last points: the resolution, the hold of the mean slip, what the accuracy has learnt, the next step, what
-lay beside the last maximum, and where preconditioners were made, which are made there again.  These are no part of a solution,
-but decide its last bits.
+In addition to the last points it contains the resolution, the hold of the mean slip, what the accuracy has learnt, the next
+step, what lay beside the last maximum, and where preconditioners were made, which are made there again.  These are no part of a
+solution, but decide its last bits.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def point_state(arrays: Arrays, owned: slice) -> PointState:
 def _of_beside(equation: HarmonicBalance, beside: Beside) -> Arrays:
     """Return the arrays of what lies beside a maximum.  Collective."""
     return {
-        "apart": np.array(beside.apart),
+        "distance": np.array(beside.distance),
         "bend": np.array(beside.bend),
         "U": np.stack([equation.gather(side.U) for side in beside.sides]),
         "parameters": np.array([side.parameters for side in beside.sides]),
@@ -152,7 +152,7 @@ def _beside(arrays: Arrays, owned: slice) -> Beside:
     """Return what lies beside a maximum.  Local."""
     harmonics, sides = _harmonics(arrays["harmonics"]), zip(arrays["U"], arrays["parameters"])
     before, after = (Iterate(U[owned].copy(), tuple(map(float, parameters)), harmonics) for U, parameters in sides)
-    return Beside(float(arrays["apart"]), float(arrays["bend"]), (before, after))
+    return Beside(float(arrays["distance"]), float(arrays["bend"]), (before, after))
 
 
 # -- where a preconditioner was made -------------------------------------------------------------------------------
@@ -173,7 +173,7 @@ def _of_preconditioner(made: WholeInverse | PairsPreconditioner) -> Arrays:
 
 
 def _made_again(arrays: Arrays, problem: Problem, exact: Any = None, transposed: bool = False) -> Any:
-    """Return the preconditioner made there, of the ``transposed`` one if told; ``exact`` gives a better equation.  Collective."""
+    """Return the preconditioner made there, on request of the ``transposed``; ``exact`` gives a better equation.  Collective."""
     omega, level, sigma, damping, *values = map(float, arrays["at"])
     at = OperatingPoint(omega, level, sigma, tuple(zip(problem.law_parameters, values)), damping)
     equation, owned = problem.equation.under(at), problem.equation.model.owned

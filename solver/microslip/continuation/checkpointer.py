@@ -69,6 +69,24 @@ class NoCheckpoints:
         pass
 
 
+def finished_or(
+    checkpointer: Checkpointer, follow: Callable[[], Branch], on_point: Callable[[Point], None], stores_empty: bool = True
+) -> Branch:
+    """Return the branch that an earlier run followed to its end, or that of ``follow``, and store its end.  Collective.
+
+    A branch without points is not stored, and thus followed again, unless ``stores_empty``.
+    """
+    branch = checkpointer.finished()
+    if branch is None:
+        branch = follow()
+        if branch.points or stores_empty:
+            checkpointer.finish(branch)
+        return branch
+    for point in branch.points:
+        on_point(point)
+    return branch
+
+
 NO_CHECKPOINTS = NoCheckpoints()
 Checkpointers = Callable[["MPI.Comm", float, int], Checkpointer]  # of the ranks at work, a level [N] and a segment of its branch
 

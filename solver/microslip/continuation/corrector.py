@@ -61,7 +61,7 @@ class Correction:
     krylov: int
     residual: float  # scaled 2-norm
     failure: str | None
-    bound: float = 0.0  # the tolerance that was asked for
+    bound: float = 0.0  # the requested tolerance
     gap: float = 0.0  # m, the most that the motion of the stiffest pairs and that under their forces differ by
     is_linear: bool = False  # the linear response, found without solving
     within: float = 0.0  # rad/s: of a maximum that is a corner, the interval that it lies in; 0 where the slope is
@@ -89,7 +89,7 @@ class BorderedSystem:
 
         ``nu_owned`` (k,) are the scaled parameters on the rank that owns them and 0 elsewhere.  Rows are NaN, a failed step on
         every rank, where the problem does not allow the parameters.  With ``tangents`` the derivatives of the contact forces,
-        which are then known when they are asked for, come of the same march.
+        which are then known when they are requested, come from the same march.
         """
         scaling, k = self.scaling, len(nu_owned)
         parts = tuple(constraint.of_motion(U, scaling) for constraint in self.constraints)

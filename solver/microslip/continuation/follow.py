@@ -39,7 +39,7 @@ def advance(task: BranchTask, state: BranchState, on_point: Emit = lambda point:
     """Advance a branch by one step: to its first point, its second point, or by a further step.  Collective.
 
     Divergence raises nothing: the points so far remain, and ``failure`` has the reason.
-    ``on_point`` hears of each point as it comes.
+    ``on_point`` is called with each point as it comes.
     """
     points: list[Point] = []
 

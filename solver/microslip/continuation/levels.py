@@ -26,7 +26,7 @@ from ..receptance.reduced_model import ReducedModel
 from ..receptance.truncated_modes import EnrichedModel
 from .accuracy import accuracy_of, steps_for
 from .bifurcations import bifurcations_of
-from .checkpointer import Checkpointer, Checkpointers, no_checkpoints
+from .checkpointer import Checkpointer, Checkpointers, finished_or, no_checkpoints
 from .corrector import Correction
 from .follow import follow_branch
 from .grid import going_on
@@ -270,26 +270,19 @@ def with_peaks(of: ResponseProblem, branch: Branch) -> Branch:
 
 def whole_branch(of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers) -> Branch:
     """Return the branch of a level, of two segments where the first ends early.  Collective."""
-    branch = _kept_or_followed(of, level, on_point, checkpointers)
+    branch = _segment(of, level, on_point, checkpointers)
     if branch.failure is None or of.model.harmonics.is_constant or len(branch.points) >= most_points(of.settings.points):
         return branch
-    other = _kept_or_followed(replace(of, sweep=of.sweep.reverse), level, on_point, checkpointers, segment=1)
+    other = _segment(replace(of, sweep=of.sweep.reverse), level, on_point, checkpointers, segment=1)
     return branch.with_segment_from_the_other_end(other)
 
 
-def _kept_or_followed(
+def _segment(
     of: ResponseProblem, level: float, on_point: Callable[[Point], None], checkpointers: Checkpointers, segment: int = 0
 ) -> Branch:
     """Return one segment, from its checkpoint or followed to its end."""
     checkpointer = checkpointers(of.model.comm, level, segment)
-    branch = checkpointer.finished()
-    if branch is None:
-        branch = _follow_one_way(of, level, on_point, segment, checkpointer)
-        checkpointer.finish(branch)
-        return branch
-    for point in branch.points:
-        on_point(point)
-    return branch
+    return finished_or(checkpointer, lambda: _follow_one_way(of, level, on_point, segment, checkpointer), on_point)
 
 
 def _follow_one_way(

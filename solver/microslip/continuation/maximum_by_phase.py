@@ -22,8 +22,8 @@ from .corrector import BorderedSystem, Correction, Corrector
 from .iterate import Iterate
 from .output_rows import PhaseRow
 
-APART = 0.04  # rad between the solutions, at least
-SAMPLES = 2.0  # and at least as many samples of the contact law: maxima of the sampled curve lie about one apart
+DISTANCE = 0.04  # rad between the solutions, at least
+SAMPLES = 2.0  # and at least as many samples of the contact law: maxima of the sampled curve lie about one sample from each other
 NEAR = 0.5  # of that distance within which a parabola has its top where the solution between is the highest
 NEXT = 1.5  # of that distance up to which a search goes on by it
 SETTLED = 0.02  # of that distance between a solution at the top and the top of the parabola through it
@@ -93,8 +93,8 @@ class _Search:
     def __init__(self, row: MaximumByPhase, corrector: Corrector, system: BorderedSystem, guess: Iterate, is_patient: bool):
         self.row, self.corrector, self.system, self.guess, self.is_patient = row, corrector, system, guess, is_patient
         self.newton = self.krylov = 0
-        self.apart, beside = max(APART, SAMPLES * 2.0 * np.pi / system.equation.n_samples), corrector.beside
-        self.known = beside if beside is not None and beside.apart == self.apart else None
+        self.distance, beside = max(DISTANCE, SAMPLES * 2.0 * np.pi / system.equation.n_samples), corrector.beside
+        self.known = beside if beside is not None and beside.distance == self.distance else None
         if row.is_of_output:
             a = self.output(guess)
             self.size, self.phase = abs(a), float(np.angle(a))
@@ -124,11 +124,11 @@ class _Search:
                 continue
             top, before = three.top, (theta, three.at(0.0))
             ends[0 if top > 0.0 else 1] = theta
-            if not ends[0] < theta + self.apart * top < ends[1]:
-                top = (0.5 * sum(ends) - theta) / self.apart
+            if not ends[0] < theta + self.distance * top < ends[1]:
+                top = (0.5 * sum(ends) - theta) / self.distance
             is_next = abs(top) <= NEXT
             top = float(np.sign(top)) if is_next else top
-            theta, about = theta + self.apart * top, three.at(top)
+            theta, about = theta + self.distance * top, three.at(top)
             if not (ends[0] < theta < ends[1] and abs(theta) <= REACH):
                 break
             three = self.shifted(theta, three, int(top)) if is_next else None
@@ -139,7 +139,7 @@ class _Search:
         found, is_sure = None, three.is_even
         for _ in range(MOST_TOPS):
             t = three.top
-            found = self.solved(theta + self.apart * t, three.at(t), self.system.constraints, is_top=True)
+            found = self.solved(theta + self.distance * t, three.at(t), self.system.constraints, is_top=True)
             if found.failure is not None or not self.is_at_value:
                 return found, three
             low, _, high = three.solutions
@@ -160,14 +160,14 @@ class _Search:
         sides, bend = [], 1.0 if self.known is None else self.known.bend
         for way, share in ((-1, 1.0), (1, 0.5)):  # what both are off by is moved from the first one, of the rest one half
             guess = self.side(about, way)
-            solution = self.solved(theta + way * self.apart, guess, self.system.constraints)
+            solution = self.solved(theta + way * self.distance, guess, self.system.constraints)
             if solution.failure is not None:
                 return None
             sides.append(solution.iterate)
-            off = self.turned(combined((solution.iterate, guess), (share, -share)), -way * self.apart)
+            off = self.turned(combined((solution.iterate, guess), (share, -share)), -way * self.distance)
             about = combined((about, off), (1.0, 1.0))
         low, high = (abs(self.output(side)) for side in sides)
-        size = 0.5 * (low + high) / (1.0 - 0.5 * bend * self.apart**2)
+        size = 0.5 * (low + high) / (1.0 - 0.5 * bend * self.distance**2)
         return _Three(0.0, (sides[0], about, sides[1]), (low, size, high), is_even=False)
 
     def with_middle(self, theta: float, about: Iterate, sides: _Three | None = None) -> _Three | Correction:
@@ -179,19 +179,19 @@ class _Search:
             low, _, high = sides.solutions
             return self.three(low, here.iterate, high)
         held = (Plane.fixed_parameter(here.iterate),)
-        before = self.solved(theta - self.apart, self.as_one_mode(here.iterate, -1), held)
+        before = self.solved(theta - self.distance, self.as_one_mode(here.iterate, -1), held)
         if before.failure is not None:
             return before
-        after = self.solved(theta + self.apart, self.opposite(before.iterate, here.iterate, 1), held)
+        after = self.solved(theta + self.distance, self.opposite(before.iterate, here.iterate, 1), held)
         if after.failure is not None:
-            after = self.solved(theta + self.apart, self.turned(here.iterate, self.apart), held)
+            after = self.solved(theta + self.distance, self.turned(here.iterate, self.distance), held)
         return after if after.failure is not None else self.three(before.iterate, here.iterate, after.iterate)
 
     def shifted(self, theta: float, three: _Three, way: int) -> _Three | Correction:
         """Return the solutions about the next phase ``theta``, one ``way`` on; the solve that fails."""
         middle, here = three.solutions[1], three.solutions[1 + way]
         held = (Plane.fixed_parameter(here),)
-        beyond = self.solved(theta + way * self.apart, self.opposite(middle, here, way), held)
+        beyond = self.solved(theta + way * self.distance, self.opposite(middle, here, way), held)
         if beyond.failure is not None:
             return beyond
         low, high = (middle, beyond.iterate)[::way]
@@ -212,17 +212,17 @@ class _Search:
         if self.known is None:
             return self.as_one_mode(there, way)
         side = self.known.sides[way > 0].on(there.harmonics)
-        return self.turned(combined((there, replace(side, U=self.size * side.U)), (1.0, 1.0)), way * self.apart)
+        return self.turned(combined((there, replace(side, U=self.size * side.U)), (1.0, 1.0)), way * self.distance)
 
     def beside(self, three: _Three) -> Beside:
         """Return what lies beside the maximum, which is that between.  Local."""
         low, here, high = (
-            self.turned(there, (three.t - t) * self.apart) for there, t in zip(three.solutions, (-1.0, three.t, 1.0))
+            self.turned(there, (three.t - t) * self.distance) for there, t in zip(three.solutions, (-1.0, three.t, 1.0))
         )
         places = (combined((low, here, high), through(three.t, three.t + way)) for way in (-1.0, 1.0))
         before, after = (combined((place, here), (1.0, -1.0)) for place in places)
         sides = replace(before, U=before.U / self.size), replace(after, U=after.U / self.size)
-        return Beside(self.apart, three.bend / (three.sizes[1] * self.apart**2), sides)
+        return Beside(self.distance, three.bend / (three.sizes[1] * self.distance**2), sides)
 
     def turned(self, there: Iterate, theta: float) -> Iterate:
         """Return the motion of the pairs ``theta`` [rad] later, where it turns with the mode.  Local."""
@@ -230,7 +230,7 @@ class _Search:
 
     def as_one_mode(self, there: Iterate, way: int) -> Iterate:
         """Return about the solution beside one near the top of a resonance, as if it were of one mode.  Local."""
-        theta, width = way * self.apart, self.system.scaling.parameters[1]
+        theta, width = way * self.distance, self.system.scaling.parameters[1]
         turned = self.turned(there, theta)
         value, omega = turned.parameters
         size = 1.0 if self.row.is_of_output else np.cos(theta)
@@ -238,7 +238,7 @@ class _Search:
 
     def opposite(self, side: Iterate, here: Iterate, way: int) -> Iterate:
         """Return about the solution one ``way`` on from ``here``, on the line through ``side``, which is before it.  Local."""
-        return self.turned(combined((here, self.turned(side, way * self.apart)), (2.0, -1.0)), way * self.apart)
+        return self.turned(combined((here, self.turned(side, way * self.distance)), (2.0, -1.0)), way * self.distance)
 
     def solved(self, theta: float, guess: Iterate, constraints: tuple[Constraint, ...], is_top: bool = False) -> Correction:
         """Return the solution ``theta`` [rad] beyond the phase of the guess of the search, under other rows."""

@@ -22,7 +22,7 @@ from ..points.selection import AllPairs
 from ..points.sweep import Sweep
 from ..receptance.leading_mode import coordinate, coordinate_rate, led_by, pushed_by
 from ..receptance.reduced_model import ReducedModel
-from .checkpointer import NO_CHECKPOINTS, Checkpointer
+from .checkpointer import NO_CHECKPOINTS, Checkpointer, finished_or
 from .constraint_rows import Place, Scaling
 from .follow import follow_branch
 from .iterate import Iterate
@@ -164,15 +164,10 @@ def follow_mode(
     -------
     branch : ``parameters`` of a point are ln q, omega [rad/s] and sigma [1/s]; why it ends early is in ``failure``
     """
-    branch = checkpointer.finished()
-    if branch is None:
-        task = BranchTask(problem, AllPairs(), sweep, steps, tolerance)
-        branch = follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until)
-        checkpointer.finish(branch)
-        return branch
-    for point in branch.points:
-        on_point(point)
-    return branch
+    task = BranchTask(problem, AllPairs(), sweep, steps, tolerance)
+    return finished_or(
+        checkpointer, lambda: follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until), on_point
+    )
 
 
 def resolved_again(

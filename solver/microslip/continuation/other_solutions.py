@@ -10,8 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..fourier.harmonics import Harmonics
-from ..harmonic.balance import HarmonicBalance
 from ..messages.errors import ConvergenceError
 from ..points.branch import Branch, Point
 from ..points.selection import AllPairs
@@ -23,8 +21,8 @@ from .follow import follow_branch
 from .iterate import Iterate
 from .levels import ResponseProblem, follow_level, most_points
 from .maximum_by_phase import rotated
-from .peaks import FromSolution, harmonics_of, iterate_of
-from .point_record import HELD, Unbalanced, point_record, with_stability
+from .peaks import FromSolution, equation_at, harmonics_of, iterate_of
+from .point_record import Unbalanced, point_record, with_stability
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, KnownCurve, LevelHomotopy
 from .task import BranchTask
@@ -81,7 +79,7 @@ def solutions_at(of: ResponseProblem, curve: Branch, omega: float, starts: int, 
     on_curve = [point for point in curve.points if point.requested]
     if on_curve:
         harmonics = harmonics_of(curve, on_curve[0], problem.equation.harmonics)
-        problem = problem.with_equation(as_of(on_curve[0], problem.equation, harmonics))
+        problem = problem.with_equation(equation_at(on_curve[0], problem.equation, harmonics))
     workspace = Workspace(problem.equation)
     solver = PointSolver(problem, AllPairs(), Sweep(omega, omega + of.sweep.scale), of.settings.tolerance, workspace)
     try:
@@ -97,12 +95,6 @@ def solutions_at(of: ResponseProblem, curve: Branch, omega: float, starts: int, 
         raise ConvergenceError(f"hb: no solution at {problem.where(omega)} was found: {curve.failure or 'Newton diverges'}")
     comm = problem.equation.comm
     return sorted(search.found, key=lambda one: comm.bcast(float(np.hypot(*one.point.response[0, 1:3]))))
-
-
-def as_of(point: Point, equation: HarmonicBalance, harmonics: Harmonics) -> HarmonicBalance:
-    """Return the equation with the samples of a point, and with its mean slip held if that of the point is.  Local."""
-    equation = equation.resolved(harmonics, point.samples)
-    return equation.holding(np.zeros((equation.n_owned, 2)) if HELD in point.notes else None)
 
 
 def over_level(solver: PointSolver, omega: float) -> Iterator[Iterate]:
@@ -206,7 +198,7 @@ def continued(of: ResponseProblem, level: float, solution: Solution, has_stabili
     Segment 0 leads to higher frequencies.  ``failure`` says why a way ends elsewhere within the range.
     """
     there, point = solution.iterate, solution.point
-    equation = as_of(point, of.at_level(level).equation, there.harmonics)
+    equation = equation_at(point, of.at_level(level).equation, there.harmonics)
     problem, omega, whole = FromThere(equation, level, there), there.parameter, Branch(level)
     ends = max(of.sweep.start, of.sweep.stop), min(of.sweep.start, of.sweep.stop)
     failures = []

@@ -27,7 +27,7 @@ from .constraint_rows import Constraint, Plane, Scaling
 from .corrector import BorderedSystem, Correction
 from .follow import advance
 from .iterate import Iterate, interpolate
-from .maximum_by_phase import APART, rotated
+from .maximum_by_phase import DISTANCE, rotated
 from .output_rows import AmplitudeRow
 from .point_record import point_record
 from .point_solver import PointSolver, Workspace
@@ -36,7 +36,7 @@ from .steps import ArcLength
 from .task import BranchTask
 from .ways_out import MOSTLY
 
-SAMPLES = 4.0  # of the contact law between the solutions, at least: corners lie one apart
+SAMPLES = 4.0  # of the contact law between the solutions, at least: corners lie one sample from each other
 SETTLED = 2e-5  # rad: a shift of the peak below which one solution more is the peak
 MOST_HALVES = 2  # times that the way to a phase is halved where Newton's method fails
 CLOSER = 2  # times that the angle itself is halved then
@@ -66,7 +66,7 @@ class PeakPoint:
     amplitude: float  # of harmonic 1
     sides: tuple[Iterate | None, Iterate | None]  # at 1 / sqrt 2 of the amplitude, above and below its frequency; None: not found
     newton: int  # iterations of all solutions
-    by_pairs: np.ndarray | None = None  # derivatives of amplitude, phase and frequency [Hz], as those of a Peak, if asked for
+    by_pairs: np.ndarray | None = None  # derivatives of amplitude, phase and frequency [Hz], as those of a Peak, on request
     by_common: np.ndarray | None = None
 
     @property
@@ -155,7 +155,7 @@ class _Search:
         self.problem, self.output, self.start, self.newton = problem, output, start, 0
         self.equation: HarmonicBalance = problem.equation
         self.every = self.equation.every_pair
-        self.apart = max(APART, SAMPLES * 2.0 * np.pi / self.equation.n_samples)
+        self.distance = max(DISTANCE, SAMPLES * 2.0 * np.pi / self.equation.n_samples)
         sweep = Sweep(start.parameter, start.parameter + width)
         self.solver = PointSolver(problem, AllPairs(), sweep, tolerance, workspace)
         self.scaling = self._scaling(start)
@@ -218,27 +218,27 @@ class _Search:
         here = self.at(self.start, 0.0, self.start, is_patient=True)
         for k in range(CLOSER + 1):
             try:
-                return self._settled(here, self.apart / 2.0**k)
+                return self._settled(here, self.distance / 2.0**k)
             except _Lost:
                 if k == CLOSER:
                     raise
         raise AssertionError
 
-    def _settled(self, here: _At, apart: float) -> _At:
+    def _settled(self, here: _At, distance: float) -> _At:
         """Return the solution between two neighbours of equal amplitude, eq. (7.13), by secants from a solution near by."""
         ends: tuple[Iterate, Iterate] | None = None
         before: tuple[float, float] | None = None  # the last shift, and the difference before it
         for _ in range(MOST_STEPS):
             self.scaling = self._scaling(here.iterate)
             guesses = (None, None) if ends is None else ends
-            low, high = (self.turned(here, way, end, is_patient=True) for way, end in zip((-apart, apart), guesses))
+            low, high = (self.turned(here, way, end, is_patient=True) for way, end in zip((-distance, distance), guesses))
             rise, bend = 0.5 * (high.size - low.size), low.size - 2.0 * here.size + high.size
-            self.W = (high.iterate.parameter - low.iterate.parameter) / (2.0 * np.tan(apart))
+            self.W = (high.iterate.parameter - low.iterate.parameter) / (2.0 * np.tan(distance))
             slope = bend if before is None else (rise - before[1]) / before[0]
             slope = slope if slope < 0.0 else bend
             shift = float(np.clip(-rise / slope, -FARTHEST, FARTHEST)) if slope < 0.0 else FARTHEST * float(np.sign(rise))
             below, guess, above = (_along(low.iterate, here.iterate, high.iterate, shift + way) for way in (-1.0, 0.0, 1.0))
-            if abs(shift) * apart <= SETTLED:
+            if abs(shift) * distance <= SETTLED:
                 self.sides = low, high
                 return self.at(guess, 0.0, guess)
             here, ends, before = self.at(guess, 0.0, guess, is_patient=True), (below, above), (shift, rise)

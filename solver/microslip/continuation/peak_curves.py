@@ -1,4 +1,4 @@
-"""Peaks over a number of the scene: from each peak of the linear response through the range that is asked for."""
+"""Peaks over a number of the scene: from each peak of the linear response through the requested range."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..points.sweep import Sweep
 from ..receptance.motions import linear_motion, output_motion
 from ..receptance.reduced_model import ReducedModel
 from .accuracy import accuracy_of
-from .checkpointer import NO_CHECKPOINTS, Checkpointer
+from .checkpointer import NO_CHECKPOINTS, Checkpointer, finished_or
 from .follow import follow_branch
 from .iterate import Iterate
 from .levels import ResponseProblem, linear_curve, most_points
@@ -85,29 +85,15 @@ def peak_curves(
     tops = cache(partial(tops_at_begin, of, request))
 
     def curve(k: int) -> PeakCurve:
-        return _completed(of, request, peaks[k], lambda: top_of_peak(tops(), peaks, k), on_point, checkpointer_of(k))
+        checkpointer = checkpointer_of(k)
+
+        def follow() -> Branch:
+            return _follow(of, request, peaks[k], lambda: top_of_peak(tops(), peaks, k), on_point, checkpointer)
+
+        # without points the way to the first one failed, and is tried again
+        return PeakCurve(peaks[k], finished_or(checkpointer, follow, on_point, stores_empty=False))
 
     return [curve(k) for k in range(len(peaks))]
-
-
-def _completed(
-    of: ResponseProblem,
-    request: PeakRequest,
-    stuck: Peak,
-    top: Callable[[], Iterate | None],
-    on_point: Callable[[Point], None],
-    checkpointer: Checkpointer,
-) -> PeakCurve:
-    """Return the curve of one peak, from its checkpoints if it was followed to its end.  Collective."""
-    branch = checkpointer.finished()
-    if branch is None:
-        curve = _follow(of, request, stuck, top, on_point, checkpointer)
-        if curve.branch.points:  # else the way to the first point failed, and is tried again
-            checkpointer.finish(curve.branch)
-        return curve
-    for point in branch.points:
-        on_point(point)
-    return PeakCurve(stuck, branch)
 
 
 def beginnings(of: ResponseProblem, request: PeakRequest) -> list[Peak]:
@@ -139,7 +125,7 @@ def _follow(
     top: Callable[[], Iterate | None],
     on_point: Callable[[Point], None],
     checkpointer: Checkpointer,
-) -> PeakCurve:
+) -> Branch:
     """Return the curve of one peak, from its last checkpoint if there is one.  Collective.
 
     It begins at the ``top`` of the curve at the begin of the range where no peak over the level leads there.
@@ -150,13 +136,13 @@ def _follow(
     damping = request.begin.damping
     sticks = STUCK * slips_from(at_begin, stuck.omega, damping)
     if stuck.damping < UNDAMPED:
-        return PeakCurve(stuck, Branch(level, failure=UNBOUNDED))
+        return Branch(level, failure=UNBOUNDED)
     if sticks < begin:
         lead = follow_peak(at_begin, "level", Sweep(max(sticks, LEAST * begin), begin), stuck, tolerance, damping=damping)
         begins = top() if lead.failure else _arrived(lead, ForcedResponse(at_begin, begin), request)
         if begins is None:
             why = f"on the way up to {begin:g} N: {lead.failure}; nor has the curve there a peak that belongs to this one"
-            return PeakCurve(stuck, Branch(level, failure=why))
+            return Branch(level, failure=why)
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
     accuracy = accuracy_of(of.settings, equation) if estimator else None
     accuracy = accuracy and replace(accuracy, chooses_steps=False)
@@ -174,7 +160,7 @@ def _follow(
         checkpointer=checkpointer,
     )
     branch.level = level
-    return PeakCurve(stuck, branch)
+    return branch
 
 
 @dataclass(frozen=True, eq=False)

@@ -208,8 +208,7 @@ def peak_about(
     With the harmonics and samples of that point, and its mean slip held if it is there.
     """
     point, harmonics = branch.points[i], harmonics_of(branch, branch.points[i], problem.equation.harmonics)
-    equation = problem.equation.resolved(harmonics, point.samples)
-    equation = equation.holding(np.zeros((equation.n_owned, 2)) if HELD in point.notes else None)
+    equation = equation_at(point, problem.equation, harmonics)
     before, start, after = (iterate_of(branch.points[k], problem, harmonics) for k in (i - 1, i, i + 1))
     around = [there.parameter for there in (before, start, after)]
     within, workspace, every = max(around) - min(around), Workspace(equation), equation.every_pair
@@ -288,6 +287,12 @@ def iterate_of(point: Point, problem: ProblemBase, harmonics: Harmonics) -> Iter
     U = model.comm.bcast(point.U if model.comm.rank == 0 else None)
     U = Harmonics.full(U.shape[-1]).carry(U, harmonics) if U.size else np.zeros((0, 3, harmonics.n_coefficients))
     return Iterate(U[model.owned], point.parameters or (point.omega,), harmonics)
+
+
+def equation_at(point: Point, equation: HarmonicBalance, harmonics: Harmonics) -> HarmonicBalance:
+    """Return the equation with the samples of a point, and with its mean slip held if that of the point is.  Local."""
+    equation = equation.resolved(harmonics, point.samples)
+    return equation.holding(np.zeros((equation.n_owned, 2)) if HELD in point.notes else None)
 
 
 def harmonics_of(branch: Branch, point: Point, otherwise: Harmonics) -> Harmonics:

@@ -186,7 +186,7 @@ class PointSolver:
         return replace(solution, iterate=solution.iterate.at(guess.parameter)), selected
 
     def solve_near(self, guess: Iterate, near: PointState, selected: np.ndarray | None = None) -> Solution:
-        """Correct a guess at its own parameter, measured by a point near by, with its pairs unless told.  Collective."""
+        """Correct a guess at its own parameter, measured by a point near by, with its pairs by default.  Collective."""
         return self.solve_at(guess, near.size, near.selected if selected is None else selected, near.force)
 
     def first(self) -> Solution:

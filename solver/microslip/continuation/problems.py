@@ -93,6 +93,8 @@ class Problem(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ProblemBase:
+    """The members of a problem that most problems share."""
+
     equation: HarmonicBalance
 
     @property

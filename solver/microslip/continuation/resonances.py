@@ -15,7 +15,7 @@ from .iterate import Iterate, PointState
 from .point_solver import PointSolver
 from .steps import LinearCurve
 
-RISES = np.sqrt(2.0)  # over the higher end of a step, beyond which the motion between the ends is asked for: half power
+RISES = np.sqrt(2.0)  # over the higher end of a step, beyond which the motion between the ends is computed: half power
 SEEN = 0.3  # share of the motion of an output at the ends that the peak of a mode has, at least, to be looked for
 LEAST_DAMPING = 1e-6  # ratio with which the width of an undamped mode is reckoned
 FAINT_PEAK = 0.02  # of the largest amplitude of an output, below which a peak of the linear curve is not looked for
@@ -26,7 +26,7 @@ NEAREST, FARTHEST = 0.1, 0.75  # shares of a step that passes over a resonance i
 def passed_over(solver: PointSolver, now: PointState, there: Iterate) -> float | None:
     """Return the share of a step at which a resonance is expected that no point would show; None where there is none.
 
-    Collective.  Asked for are the motion of the pairs as a whole, which turns with the resonances of whatever state the joint is
+    Collective.  It compares the motion of the pairs as a whole, which turns with the resonances of whatever state the joint is
     in, and each mode of the stuck structure that the step passes.
     """
     if "omega" not in solver.problem.rates(there.parameters)[0]:

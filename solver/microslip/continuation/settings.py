@@ -1,4 +1,4 @@
-"""What is asked of a response: levels, range, steps and accuracy, with what was stated and what the program chooses."""
+"""Settings of a response: levels, range, steps and accuracy, with what was stated and what the program chooses."""
 
 from __future__ import annotations
 

@@ -30,6 +30,7 @@ class Kind:
 
     @property
     def n_nodes(self) -> int:
+        """The number of nodes of an element."""
         return len(self.nodes)
 
     def values(self, xi: np.ndarray) -> np.ndarray:

@@ -49,6 +49,7 @@ class Isotropic:
 
     @property
     def expands(self) -> bool:
+        """Whether the material has a thermal expansion."""
         return self.expansion != 0.0
 
     @property
@@ -139,6 +140,7 @@ class Anisotropic:
 
     @property
     def expands(self) -> bool:
+        """Whether the material has a thermal expansion in any direction."""
         return any(self.expansion)
 
     @property

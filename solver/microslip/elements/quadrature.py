@@ -33,10 +33,12 @@ def tensor(first: Rule, second: Rule) -> Rule:
 
 
 def square(n: int) -> Rule:
+    """Return the rule of n x n points on the square."""
     return tensor(gauss_line(n), gauss_line(n))
 
 
 def cube(n: int) -> Rule:
+    """Return the rule of n x n x n points on the cube."""
     return tensor(square(n), gauss_line(n))
 
 

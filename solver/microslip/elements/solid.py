@@ -37,6 +37,7 @@ class Solids:
 
     @property
     def has_bubbles(self) -> bool:
+        """Whether its elements have incompatible modes."""
         return self.incompatible_modes and self.kind == "hex8"
 
     @property

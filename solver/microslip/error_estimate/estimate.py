@@ -54,14 +54,17 @@ class Changes:
 
     @property
     def signed(self) -> tuple[np.ndarray, ...]:
+        """The changes that have a sign, by cause: harmonics, samples, pairs, sliders."""
         return self.harmonics, self.samples, self.pairs, self.sliders
 
     @property
     def of_all(self) -> np.ndarray:
+        """Their sum."""
         return sum(self.signed, np.zeros_like(self.harmonics))
 
     @property
     def are_any(self) -> bool:
+        """Whether any of them is not zero."""
         return any(change.any() for change in self.signed)
 
 
@@ -87,6 +90,7 @@ class JointChanges:
 
     @classmethod
     def nothing(cls, n: int, n_samples: int, N_H: int) -> JointChanges:
+        """Return changes of zero."""
         return cls(np.zeros((6, n)), np.zeros((1, n)), True, np.zeros((n, n_samples, N_H)), True)
 
 

@@ -54,10 +54,12 @@ class Harmonics:
 
     @property
     def has_mean(self) -> bool:
+        """Whether the mean is one of the harmonics."""
         return self.chosen[0] == 0
 
     @property
     def highest(self) -> int:
+        """The highest harmonic."""
         return self.chosen[-1]
 
     @property

@@ -46,14 +46,17 @@ class HarmonicBalance:
 
     @property
     def comm(self) -> MPI.Comm:
+        """The communicator of the model."""
         return self.model.comm
 
     @property
     def harmonics(self) -> Harmonics:
+        """The harmonics of the equation."""
         return self.model.harmonics
 
     @property
     def n_owned(self) -> int:
+        """The number of pairs of this rank."""
         return self.model.owned.stop - self.model.owned.start
 
     @property

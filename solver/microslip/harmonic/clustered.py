@@ -47,6 +47,7 @@ class SectorsPreconditioner(PairsPreconditioner):
         self.local = [_inverses(at, P, rows) for rows in self.clusters]  # by sector and harmonic
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
+        """Return the solution for the right-hand side b of harmonic n."""
         x = np.empty_like(b)
         for rows, inverses in zip(self.clusters, self.local):
             x[rows] = inverses[n].times(b[rows])
@@ -65,6 +66,7 @@ class ClusteredPreconditioner(PairsPreconditioner):
         self.local = [_inverses(at, P, rows) for rows in self.clusters]  # by subdomain and harmonic
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
+        """Return the solution for the right-hand side b of harmonic n."""
         mean, rest = self.regions.solve(n, b)
         for rows, inverses in zip(self.clusters, self.local):
             mean[rows] += inverses[n].times(rest[rows])

@@ -28,6 +28,7 @@ class Border:
 
     @property
     def k(self) -> int:
+        """The number of parameters."""
         return len(self.r_nu)
 
     def rows_times(self, comm: MPI.Comm, d_xi: np.ndarray, d_nu_owned: np.ndarray) -> np.ndarray:
@@ -82,13 +83,15 @@ class Exactness:
 class BorderedSolver(Protocol):
     """Solver of bordered systems that may reuse data of earlier solves: newton_solver.py."""
 
-    def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border, exactness: Exactness) -> Step: ...
+    def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border, exactness: Exactness) -> Step:
+        """Return the Newton step.  Collective."""
 
 
 class SolverOfSeveral(Protocol):
     """Solver for several right-hand sides without a border: adjoint_solver.py."""
 
-    def solve(self, at: Linearisation, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]: ...
+    def solve(self, at: Linearisation, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Return the solutions for columns B, their residuals, and whether they converged.  Collective."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ class ShellMatrix:
         self.multiply = multiply
 
     def mult(self, A: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Write A x into y."""
         self.multiply(x, y)
 
 
@@ -22,6 +23,7 @@ class ShellPreconditioner:
         self.precondition = precondition
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Write the preconditioned x into y."""
         self.precondition(x, y)
 
 
@@ -32,6 +34,7 @@ class ShellSolver:
         self.solve_into = solve_into
 
     def solve(self, ksp: PETSc.KSP, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Write the solution for b into x, and its reason into the solver."""
         iterations, reason = self.solve_into(b, x)
         ksp.setIterationNumber(iterations)
         ksp.setConvergedReason(reason)

@@ -61,6 +61,7 @@ class HarmonicPreconditioner(PairsPreconditioner):
             self.inverses.append(Inverse(np.eye(len(G_n)) + G_P))
 
     def solve(self, n: int, b: np.ndarray) -> np.ndarray:
+        """Return the solution for the right-hand side b of harmonic n."""
         return self.inverses[n].times(b)
 
 

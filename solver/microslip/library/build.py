@@ -39,6 +39,7 @@ from ..results.whole_disc import turns, whole_mesh
 from ..scene.schema import Scene
 from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
+from ..statics.equilibrium import Flexibility
 from ..statics.reference_state import AtRest, ReferenceState, find_rest
 from ..system.memory import gigabytes
 from .complete import read_completed
@@ -67,6 +68,10 @@ class Structure(StuckStructure):
         """The mesh on rank 0, where there is one; None elsewhere.  Collective where the structure must be assembled first."""
         return self.factored().mesh
 
+    def pair_flexibility(self) -> Flexibility:
+        """Return R K_L^-1 R^T for equilibria of the joint.  Collective if the structure must be assembled first."""
+        return Flexibility(self.linearised)
+
     def close(self) -> None:
         """Free the factors and the matrices, if there are any.  Collective."""
         groups = [stuck.factored.value.linearised for stuck in self.computed_groups.values() if stuck.factored.value is not None]
@@ -90,7 +95,7 @@ class Structure(StuckStructure):
     def __enter__(self) -> Structure:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

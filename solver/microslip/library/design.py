@@ -50,6 +50,7 @@ class Design:
 
     @property
     def is_grid(self) -> bool:
+        """Whether the samples form a grid."""
         return self.kind == "grid"
 
     @property
@@ -160,13 +161,13 @@ def sobol_indices(y: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray]:
     no value is left out; NaN where fewer than two are left or nothing varies.
     """
     A, *mixed, B = y.reshape(-1, d + 2).T
-    kept = np.isfinite(y.reshape(-1, d + 2)).all(axis=1)
-    variance = np.var(np.concatenate([A[kept], B[kept]])) if kept.sum() > 1 else 0.0
+    is_complete = np.isfinite(y.reshape(-1, d + 2)).all(axis=1)
+    variance = np.var(np.concatenate([A[is_complete], B[is_complete]])) if is_complete.sum() > 1 else 0.0
     if not variance > 0.0:
         return np.full(d, np.nan), np.full(d, np.nan)
-    centre = np.mean(np.concatenate([A[kept], B[kept]]))
-    main = [np.mean((B[kept] - centre) * (AB[kept] - A[kept])) / variance for AB in mixed]
-    all_of_it = [0.5 * np.mean((A[kept] - AB[kept]) ** 2) / variance for AB in mixed]
+    centre = np.mean(np.concatenate([A[is_complete], B[is_complete]]))
+    main = [np.mean((B[is_complete] - centre) * (AB[is_complete] - A[is_complete])) / variance for AB in mixed]
+    all_of_it = [0.5 * np.mean((A[is_complete] - AB[is_complete]) ** 2) / variance for AB in mixed]
     return np.array(main), np.array(all_of_it)
 
 

@@ -25,7 +25,7 @@ def follow(
     keeps_motion: bool = True,
     divides: bool = False,
 ) -> list[Branch]:
-    """Return the branches of all levels, in their order; the motion of the points is on rank 0, if it is to be kept.
+    """Return the branches of all levels, in their order; the motion of the points is on rank 0, if it is to be stored.
 
     Collective on the model's communicator.  ``observers`` are notified of levels and points; ``checkpointers`` save them,
     so that a later run does not compute them again.

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 PLAUSIBLE = 0.999  # share of measurements whose residuals are smaller, if the model is right and the deviations are as stated
 OF_AMPLITUDE, OF_PHASE, OF_FREQUENCY = 0.02, 0.03, 1e-3  # deviations where none are stated: of the largest; rad; of the frequency
-ALIKE = 0.98  # correlation beyond which numbers cannot be told apart
+ALIKE = 0.98  # correlation beyond which numbers cannot be distinguished
 MOST_EVALUATIONS = 60
 MOST_WEIGHTINGS = 4  # fits, each with the deviations that the residuals of the one before have where none are stated
 SAME_WEIGHTS = 0.1  # relative change of these deviations at which the fit is left as it is
@@ -73,12 +73,15 @@ class Fitted:
 
     @property
     def is_log(self) -> bool:
+        """Whether the search takes the logarithm of the number."""
         return self.low > 0.0
 
     def x(self, value: float) -> float:
+        """Return the variable of the search for a value."""
         return float(np.log(value)) if self.is_log else value
 
     def value(self, x: float) -> float:
+        """Return the value for a variable of the search."""
         return float(np.exp(x)) if self.is_log else float(x)
 
 
@@ -94,7 +97,7 @@ class Identified:
     high: np.ndarray  # (k,)
     correlation: np.ndarray  # (k, k)
     unseen: tuple[str, ...]  # on which the data do not depend, within their noise, from bound to bound
-    alike: tuple[tuple[str, str, float], ...]  # pairs that cannot be told apart, and their correlation
+    alike: tuple[tuple[str, str, float], ...]  # pairs that cannot be distinguished, and their correlation
     at_bounds: tuple[str, ...]
     measured: Measured
     fit: Measured  # the same rows, computed

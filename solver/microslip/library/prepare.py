@@ -43,6 +43,7 @@ class Prepared:
 
     @property
     def model(self) -> ReducedModel:
+        """The reduced model."""
         return self.response.model
 
     def close(self) -> None:

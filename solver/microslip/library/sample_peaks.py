@@ -25,6 +25,7 @@ from ..continuation.peak_at import PeakPoint, Starts, peak_near
 from ..continuation.peak_curves import linear_peaks
 from ..continuation.peaks import harmonics_of, iterate_of
 from ..continuation.point_record import HELD, point_record
+from ..continuation.problems import ForcedResponse
 from ..continuation.ways_out import MOSTLY
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.harmonics import Harmonics
@@ -106,7 +107,7 @@ class _Problem:
     level: float
     resolution: Resolution
 
-    def forced(self, held: bool):
+    def forced(self, held: bool) -> ForcedResponse:
         """Return the forced response of the sample in its resolution.  Local."""
         problem = self.of.at_level(self.level)
         equation = problem.equation.resolved(self.resolution.harmonics, self.resolution.n_samples)
@@ -267,7 +268,7 @@ class SamplePeaks:
         return replace(sample, newton=newton)
 
     def _halfway(self, x: np.ndarray) -> np.ndarray | None:
-        """Return numbers half the way from the nearest sample, by factors if positive; None where that builds anew."""
+        """Return numbers half the way from the nearest sample, by factors if positive; None where another structure is needed."""
         known = [at for at, *_ in self.solved if np.isfinite(at).all()]
         nearest = self.reference.comm.bcast(min(known, key=lambda at: np.linalg.norm((at - x) / self.spread), default=None))
         others = [i for i in range(len(x)) if i not in self.varied.having("law", "load", "level")]
@@ -447,7 +448,7 @@ class SamplePeaks:
     # -- what a sample changes ---------------------------------------------------------------------------------------
 
     def _problem(self, values: tuple[float, ...]) -> _Problem:
-        """Return the problem of a sample, with as little made anew as its numbers allow.
+        """Return the problem of a sample, which reuses as much as its numbers allow.
 
         Raises
         ------
@@ -528,7 +529,7 @@ class SamplePeaks:
 
         return self._cached(key, make)
 
-    def _cached(self, key: Any, make) -> Prepared:
+    def _cached(self, key: Any, make: Callable[[], Prepared]) -> Prepared:
         if self._prepared is None or self._prepared[0] != key:
             self._prepared = key, make()
         return self._prepared[1]

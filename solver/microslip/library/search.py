@@ -48,7 +48,7 @@ class SolutionAt:
     slipping: int  # numbers of pairs
     open: int
     source: str  # "curve", "level" or "deflation"
-    curve: FollowedCurve | None = None  # through it; None unless asked for, or where it lies on the curve of the search
+    curve: FollowedCurve | None = None  # through it; None unless requested, or where it lies on the curve of the search
     notes: tuple[str, ...] = ()  # of the point, as that the mean slip is held by springs
 
     @property

@@ -88,7 +88,7 @@ class SweepTable:
 
     @property
     def curves(self) -> np.ndarray | None:
-        """Amplitudes of the curves, (n, n_frequencies); NaN where a sample has none; None where none was asked for."""
+        """Amplitudes of the curves, (n, n_frequencies); NaN where a sample has none; None where none was requested."""
         if not any(sample.curve for sample in self.samples):
             return None
         nothing = (np.nan,) * len(self.frequencies)

@@ -113,7 +113,7 @@ class WearingJoint:
     @cached_property
     def flexibility(self) -> Flexibility:
         """The flexibility of the structure with all pairs stuck, where the preload is stated."""
-        return Flexibility(self.structure.linearised)
+        return self.structure.pair_flexibility()
 
     @property
     def control(self) -> JumpControl:

@@ -10,11 +10,14 @@ _BYTES_AN_ENTRY = 12.0  # of a matrix: its value and its place
 class Reports(Protocol):
     """MUMPS' reports by their numbers in its guide: INFO of this rank, INFOG and RINFOG of all."""
 
-    def info(self, number: int) -> int: ...
+    def info(self, number: int) -> int:
+        """Return INFO(number) of MUMPS, of this rank."""
 
-    def infog(self, number: int) -> int: ...
+    def infog(self, number: int) -> int:
+        """Return INFOG(number) of MUMPS."""
 
-    def rinfog(self, number: int) -> float: ...
+    def rinfog(self, number: int) -> float:
+        """Return RINFOG(number) of MUMPS."""
 
 
 @dataclass(frozen=True)

@@ -225,7 +225,7 @@ class Factor:
             return None
         return self.solver.inverse_entries(rows, columns)
 
-    def _checked(self, B_owned, X_owned: np.ndarray, start: float) -> np.ndarray:
+    def _checked(self, B_owned: np.ndarray | sp.csc_matrix, X_owned: np.ndarray, start: float) -> np.ndarray:
         """Return X, refined once where that can help; raise if its residual stays too large.  Collective."""
         moved()
         error, rounding = self.relative_residual(B_owned, X_owned)
@@ -247,7 +247,7 @@ class Factor:
         self.info["residual"] = max(self.info["residual"], error)
         return X_owned if self.soft_modes is None else self.soft_modes.corrected(X_owned, B_owned)
 
-    def relative_residual(self, B_owned, X_owned: np.ndarray) -> tuple[float, float]:
+    def relative_residual(self, B_owned: np.ndarray | sp.csc_matrix, X_owned: np.ndarray) -> tuple[float, float]:
         """Return the largest |A x - b| / |b| of the columns (the root of the sum of squares, if many), and that of rounding.
 
         Collective.  Beyond ``_N_PROBES`` columns, random sums of them are multiplied by A instead of all: with each

@@ -41,8 +41,8 @@ def inverse_entries(mumps: Instance, comm: MPI.Comm, n: int, rows: np.ndarray, c
     here = comm.rank == 0
     if not here:
         rows = columns = np.empty(0, dtype=int)
-    is_asked = ~_known_by_symmetry(rows, columns)
-    starts, indices = _wanted(rows, columns, is_asked, n)
+    is_requested = ~_known_by_symmetry(rows, columns)
+    starts, indices = _wanted(rows, columns, is_requested, n)
     values = np.zeros(len(indices))
     if here:
         mumps.set_sparse(n, starts, indices, values)
@@ -50,9 +50,9 @@ def inverse_entries(mumps: Instance, comm: MPI.Comm, n: int, rows: np.ndarray, c
     mumps.drop_sides()
     if not has_answered:
         return None
-    entries = np.zeros(is_asked.shape)
-    entries[is_asked] = values
-    k, i = np.nonzero(~is_asked)
+    entries = np.zeros(is_requested.shape)
+    entries[is_requested] = values
+    k, i = np.nonzero(~is_requested)
     entries[k, i] = entries[np.searchsorted(columns, rows[i]), np.searchsorted(rows, columns[k])]
     return entries.T
 
@@ -63,12 +63,12 @@ def _known_by_symmetry(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return in_both & (rows < columns[:, None])
 
 
-def _wanted(rows: np.ndarray, columns: np.ndarray, is_asked: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+def _wanted(rows: np.ndarray, columns: np.ndarray, is_requested: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the starts of ``n`` columns and the rows wanted in them, both from 1.  Local."""
     counts = np.zeros(n, dtype=int)
-    counts[columns] = np.count_nonzero(is_asked, axis=1)
+    counts[columns] = np.count_nonzero(is_requested, axis=1)
     starts = np.concatenate([[0], np.cumsum(counts)])
-    indices = np.broadcast_to(rows, is_asked.shape)[is_asked]
+    indices = np.broadcast_to(rows, is_requested.shape)[is_requested]
     return (starts + 1).astype(np.int32), (indices + 1).astype(np.int32)
 
 

@@ -80,6 +80,7 @@ class MumpsFactor:
 
     @property
     def n_owned(self) -> int:
+        """The number of rows of this rank."""
         return int(self.ranges[self.comm.rank + 1] - self.ranges[self.comm.rank])
 
     def destroy(self) -> None:

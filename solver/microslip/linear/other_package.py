@@ -194,12 +194,15 @@ class Reports:
     factor: PETSc.Mat
 
     def info(self, number: int) -> int:
+        """Return INFO(number) of MUMPS, of this rank."""
         return int(self.factor.getMumpsInfo(number))
 
     def infog(self, number: int) -> int:
+        """Return INFOG(number) of MUMPS."""
         return int(self.factor.getMumpsInfog(number))
 
     def rinfog(self, number: int) -> float:
+        """Return RINFOG(number) of MUMPS."""
         return float(self.factor.getMumpsRinfog(number))
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from .eigen import Modes
 
 _ROUNDS = 8  # of widening the space
-_APART = 1e-10  # squared norm of a combination of static responses of norm 1 that widens the space
+_INDEPENDENT = 1e-10  # squared norm of a combination of static responses of norm 1 that widens the space
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +116,8 @@ def _widened(
         mass = gram(comm, X, multiply(M, X))
         scale = 1.0 / np.sqrt(np.maximum(np.diag(mass).real, np.finfo(float).tiny))
         size, Q = comm.bcast(np.linalg.eigh(scale[:, None] * mass * scale))
-        apart = size > _APART
-        X = (X * scale) @ (Q[:, apart] / np.sqrt(size[apart]))
+        independent = size > _INDEPENDENT
+        X = (X * scale) @ (Q[:, independent] / np.sqrt(size[independent]))
     X = np.hstack([phi_owned[:, n:], X])
     squares, Q = comm.bcast(np.linalg.eigh(gram(comm, X, multiply(linearised.K_L, X))))
     return np.append(modes.omega_n, np.sqrt(squares)), np.hstack([modes.phi_owned, X @ Q])

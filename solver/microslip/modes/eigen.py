@@ -143,7 +143,7 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
 
 
 def _before_proof(linearised: Linearised) -> None:
-    """In lockstep, wait for the end of all searches: their spaces are freed, and one shift serves all diameters.  Local."""
+    """In lockstep, wait for the end of all searches: their spaces are freed, and all diameters use one shift.  Local."""
     if isinstance(linearised.factor.solver, DiameterFactor):
         after_others(linearised.factor.solver.forget)
 
@@ -177,8 +177,9 @@ def _solve(
     """
     n_dof, copies = linearised.M.getSize()[0], _copies(linearised)
     if n_dof <= _DENSE or SHARE * copies * n_modes > n_dof:  # all of the spectrum: nothing can be missing
-        theta, phi_owned, info = dense_modes(linearised, copies * n_modes, copies * n_least)
-        return *(complex_modes(linearised, theta, phi_owned) if copies == 2 else (theta, phi_owned)), info
+        K_L, M = linearised.K_L, linearised.M
+        theta, phi_owned, info = dense_modes(K_L, M, linearised.factor.rigid, copies * n_modes, copies * n_least)
+        return *(complex_modes(K_L, M, theta, phi_owned) if copies == 2 else (theta, phi_owned)), info
     n_wanted, search = n_modes + _GUARD // copies * verify, search or ModeSearch(linearised)
     for _ in range(_MAX_TRIES):
         theta, phi_owned, info = search.lowest(n_wanted)

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.linalg
 from petsc4py import PETSc
 
 from ..linear.dense import explicit
+from ..linear.rigid_modes import RigidModes
 from ..messages.errors import CaseError
 from ..parallel.agree import on_root
-
-if TYPE_CHECKING:
-    from ..linear.joint_springs import Linearised
 
 _MASSLESS = 1e-13  # eigenvalue of M, scaled to a unit diagonal, of a motion without mass
 
 
-def dense_modes(linearised: Linearised, n_wanted: int, n_least: int) -> tuple[np.ndarray, np.ndarray, dict]:
+def dense_modes(
+    K_L: PETSc.Mat, M: PETSc.Mat, rigid: RigidModes | None, n_wanted: int, n_least: int
+) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return the ``n_wanted`` largest (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 descending, phi^T M phi = I.
 
-    If fewer motions have mass, all of them are returned.
+    If fewer motions have mass, all of them are returned.  ``rigid`` are the rigid-body modes of a free structure, which are not
+    among the modes.
 
     Collective: K_L and M are gathered on rank 0, the modes broadcast.  The problem is solved as M phi = theta K_L phi, so that M
     may be singular and the low modes are accurate in the presence of very stiff springs.
@@ -30,11 +29,12 @@ def dense_modes(linearised: Linearised, n_wanted: int, n_least: int) -> tuple[np
     ------
     CaseError : M is indefinite, or fewer motions than ``n_least`` have mass; on every rank
     """
-    K_L, M, comm, rigid = gathered(linearised.K_L), gathered(linearised.M), linearised.system.comm, linearised.factor.rigid
+    comm = K_L.comm.tompi4py()
     M_phi_r = None if rigid is None else comm.gather(rigid.M_phi_owned)
-    theta, phi = on_root(comm, _solve, K_L, M, None if M_phi_r is None else np.concatenate(M_phi_r), n_wanted, n_least)
-    row_start, row_end = linearised.M.getOwnershipRange()
-    return theta, np.asfortranarray(phi[row_start:row_end]), {"method": "LAPACK", "basis": linearised.M.getSize()[0]}
+    dense = gathered(K_L), gathered(M), None if M_phi_r is None else np.concatenate(M_phi_r)
+    theta, phi = on_root(comm, _solve, *dense, n_wanted, n_least)
+    row_start, row_end = M.getOwnershipRange()
+    return theta, np.asfortranarray(phi[row_start:row_end]), {"method": "LAPACK", "basis": M.getSize()[0]}
 
 
 def _solve(

@@ -14,7 +14,7 @@ def most_modes(n_dof: int) -> int:
     return n_dof if n_dof <= SMALL else n_dof // SHARE
 
 
-def refuse_too_many(n_modes: int | None, n_dof: int, path) -> None:
+def refuse_too_many(n_modes: int | None, n_dof: int, path: object) -> None:
     """Raise CaseError if the scene's [solver] ``modes`` (None: chosen by the program) is too large.  Local.
 
     ``path`` is the path of the scene file, for the message.

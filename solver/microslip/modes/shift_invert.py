@@ -130,7 +130,7 @@ class ModeSearch:
             free(start, *before, ksp, eps)
             solves.factor = None  # petsc4py may not free the object that refers to it
         if self._is_complex:
-            _, phi_owned = complex_modes(linearised, theta, phi_owned)
+            _, phi_owned = complex_modes(linearised.K_L, linearised.M, theta, phi_owned)
         if is_deflated:
             phi_owned = np.hstack([self._phi_owned, phi_owned])
         eigenvalues, phi_owned = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)

@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
@@ -85,8 +85,9 @@ class RunLog:
     def __enter__(self) -> RunLog:
         return self
 
-    def __exit__(self, kind, problem, trace) -> None:
-        self.close("" if problem is None else f"{kind.__name__}: {problem}" if str(problem) else kind.__name__)
+    def __exit__(self, kind: object, problem: BaseException | None, trace: object) -> None:
+        name = type(problem).__name__
+        self.close("" if problem is None else f"{name}: {problem}" if str(problem) else name)
 
     # -- lines -------------------------------------------------------------------------------------------------
 
@@ -206,7 +207,7 @@ class RunLog:
         return "\n".join(rows)
 
 
-def _open(path: str):
+def _open(path: str) -> TextIO:
     """Create the log file and its folder."""
     make_folder(os.path.dirname(path) or ".")
     with file_errors(path):

@@ -47,13 +47,16 @@ class Observers:
         on_root(self.comm, self.hear, event, *news, share=False)
 
     def hear(self, event: str, *news: Any) -> None:
+        """Pass an event on by its name."""
         getattr(self, event)(*news)
 
     def level_started(self, number: int, where: str = "") -> None:
+        """Pass on that a level has started."""
         for observer in self.observers:
             observer.level_started(number, self.branches[number].level, where)
 
     def point(self, number: int, point: Point) -> None:
+        """Add a point to the branch of its level, and pass it on."""
         points = self.branches[number].points
         for observer in self.observers:
             observer.point(number, len(points), point)

@@ -1,9 +1,15 @@
 """The screen of a run: on a terminal a bar per active level, otherwise plain lines.  Rank 0 only; no communication."""
 
+from __future__ import annotations
+
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..system.signals import unsignalled
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
 
 
 class Screen:
@@ -21,6 +27,7 @@ class Screen:
 
     @property
     def interactive(self) -> bool:
+        """Whether the screen is a terminal."""
         return self._console is not None
 
     def line(self, text: str) -> None:
@@ -49,7 +56,7 @@ class Screen:
                 self._moving.start()
         self._bars[name] = self._moving.add_task(name, total=1.0, at=""), start, stop
 
-    def _progress(self):
+    def _progress(self) -> Progress:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
         return Progress(
@@ -88,7 +95,7 @@ class Screen:
             self._bars.clear()
 
 
-def _console(interactive: bool | None):
+def _console(interactive: bool | None) -> Console | None:
     """Return a console on standard error for a terminal, otherwise None."""
     if not (sys.stderr.isatty() if interactive is None else interactive):
         return None

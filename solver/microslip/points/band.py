@@ -23,7 +23,7 @@ def frequency_band(band: Band, omega_n: np.ndarray) -> tuple[float, float]:
 
     Raises
     ------
-    CaseError : the mode asked for was not computed
+    CaseError : the requested mode was not computed
     """
     if band.frequencies is not None:
         return band.frequencies

@@ -87,7 +87,9 @@ class Point:
     seconds: Annotated[float, number("seconds", "s", "wall time of the point", digits=4)]
     harmonics: Annotated[int, Quantity("harmonics", "", "1", _HARMONICS, "i8")] = 0
     samples: Annotated[int, Quantity("samples", "", "1", "of a period, that it was solved with", "i8")] = 0
-    requested: Annotated[bool, Quantity("asked", "", "1", "1 where the frequency is one of [response] `at`", "u1")] = False
+    requested: Annotated[
+        bool, Quantity("requested", "", "1", "1 where the frequency is one of [response] `at`", "u1", earlier="asked")
+    ] = False
     error: Annotated[np.ndarray | None, Quantity("error_m", "outputs parts", "m", _PARTS, columns=_BARS)] = None
     segment: Annotated[int, number("segment", _ENDS, _SEGMENT, "u1")] = 0
     notes: Annotated[tuple[str, ...], Quantity("notes", "", "1", "notes on the point", TEXT, stored="; ".join)] = ()
@@ -110,7 +112,7 @@ class Point:
 
 
 QUANTITIES = declared(Point)
-NOTHING = np.empty((0, 3, 0))  # the motion of a point where it is not kept: on ranks other than 0
+NOTHING = np.empty((0, 3, 0))  # the motion of a point where it is not stored: on ranks other than 0
 CLOSES_TO = 1e-6  # closure of the energy balance beyond which a point deserves a second look
 
 

@@ -59,6 +59,7 @@ class Quantity:
     stored: Callable[[Any], Any] = as_it_is  # what is stored of the field's value
     field: str = ""
     optional: bool = False
+    earlier: str = ""  # the name of the dataset in files of earlier versions
 
     @property
     def name(self) -> str:

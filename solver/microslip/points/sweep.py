@@ -44,6 +44,6 @@ class Sweep:
         return self.direction * (parameter - self.start) < 0.0
 
     def requested_between(self, a: float, b: float) -> list[float]:
-        """Return the asked values strictly between two points, in the order of travel from a to b."""
+        """Return the requested values strictly between two points, in the order of travel from a to b."""
         low, high = min(a, b), max(a, b)
         return sorted((value for value in self.at if low < value < high), reverse=bool(b < a))

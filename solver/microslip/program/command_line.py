@@ -54,7 +54,7 @@ class Command:
     steps: int | None = None  # time steps per period; None: the default of the command
     from_rest: bool = False
     disturbed: bool = False
-    knobs: tuple[str, ...] = ()  # settings to vary; empty: all
+    parameters: tuple[str, ...] = ()  # settings to vary; empty: all
     levels: tuple[float, ...] = ()  # N; empty: the command chooses among the scene's
     meshes: tuple[str, ...] = ()  # files of further meshes
     seconds: float | None = None  # time budget; None: the default of the command
@@ -460,9 +460,10 @@ _OPTIONS = (
     _option("compare", "--methods", "A,B,...", "names of methods, separated by commas (default: all)", **_LIST),
     _option(
         "trade",
-        "--knobs",
+        "--vary",
         "A,B,...",
         "settings to vary: harmonics, samples, modes, tolerance, eps, method, mesh, separated by commas (default: all)",
+        dest="parameters",
         **_LIST,
     ),
     _option(

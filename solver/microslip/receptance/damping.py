@@ -65,6 +65,7 @@ class Damping:
 
     @property
     def couples_modes(self) -> bool:
+        """Whether the damping couples modes."""
         return self.C.ndim == 2
 
     @property
@@ -146,6 +147,7 @@ class Flexibility:
 
     @property
     def couples_modes(self) -> bool:
+        """Whether the damping couples modes."""
         return self.c.ndim == 3
 
     @property

@@ -31,6 +31,7 @@ class Receptance:
 
     @property
     def is_complex(self) -> bool:
+        """Whether modes or static columns are complex."""
         return np.iscomplexobj(self.modes.R_phi) or self.static.G_static.is_complex
 
     def with_damping(self, sigma: float, factor: float = 1.0, stated: StatedDamping | None = None) -> Receptance:

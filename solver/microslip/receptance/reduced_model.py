@@ -62,6 +62,7 @@ class ReducedModel(ReducedStructure):
 
     @cached_property
     def N_H(self) -> int:
+        """The number of Fourier coefficients."""
         return self.harmonics.n_coefficients
 
     @property

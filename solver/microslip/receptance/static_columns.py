@@ -177,6 +177,7 @@ class ComplexColumns(ChosenColumns):
 
     @property
     def n_rows(self) -> int:
+        """The number of complex rows."""
         return self.shape[1] // 2
 
     def apply(self, p: np.ndarray) -> np.ndarray:

@@ -85,6 +85,10 @@ class OnDemand:
             self.value = factored
         return factored
 
+    def pair_columns(self, comm: MPI.Comm, row_sums: np.ndarray, is_complex: bool) -> StaticColumns:
+        """Return the columns of R K_L^-1 R^H, for which the parts are computed when a pair needs one.  Local."""
+        return pair_columns(lambda: self().linearised, comm, row_sums, is_complex=is_complex)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StuckStructure:
@@ -223,10 +227,12 @@ class StuckStructure:
 
     @property
     def K_L(self) -> PETSc.Mat:
+        """The stiffness with all pairs stuck; collective if it must be computed first."""
         return self.linearised.K_L
 
     @property
     def M(self) -> PETSc.Mat:
+        """The mass matrix; collective if it must be computed first."""
         return self.linearised.M
 
     @property

@@ -46,6 +46,7 @@ class TruncationBound:
 
     @property
     def total(self) -> np.ndarray:
+        """The sum of both parts."""
         return self.direct + self.joint
 
 

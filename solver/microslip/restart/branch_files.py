@@ -115,6 +115,7 @@ class BranchFiles:
         self._may_postpone, self._written_at = False, -math.inf
 
     def finished(self) -> Branch | None:
+        """Return the finished branch, None if there is none.  Collective."""
         return self._shared(on_root(self.comm, checked_read, self._folder, self._read_end, share=False))
 
     def _read_end(self) -> Branch | None:
@@ -130,6 +131,7 @@ class BranchFiles:
         return Branch(outcome["level"], points, **{name: outcome[name] for name in _OUTCOME})
 
     def restored(self, task: BranchTask, workspace: Workspace) -> Restored | None:
+        """Return the stored state of an interrupted branch, None if there is none.  Collective."""
         stored = on_root(self.comm, checked_read, self._folder, self._open, share=False)
         arrays = self.comm.bcast(stored[0] if stored else None)
         if arrays is None:
@@ -154,6 +156,7 @@ class BranchFiles:
         return None
 
     def narrower(self, task: BranchTask, workspace: Workspace) -> Narrower | None:
+        """Return the branch of an earlier run over a narrower range, None if there is none.  Collective."""
         stored = on_root(self.comm, checked_read, self._folder.parent, self._read_narrower, task.sweep, share=False)
         state = self.comm.bcast(stored and (stored[0], stored[1]))
         if state is None:
@@ -182,6 +185,7 @@ class BranchFiles:
         return [to_point(*unpack(record)) for record in records], length_of(records)
 
     def save(self, task: BranchTask, state: BranchState | None, points: Sequence[Point]) -> None:
+        """Write the state after a step, and its points.  Collective."""
         step = Step(tuple(points)) if state is None else Step(tuple(points), state_arrays(state), self._gathered(task, state))
         if self._may_postpone and self._postponed is None and state is not None and not state.is_done:
             self._postponed = step
@@ -199,6 +203,7 @@ class BranchFiles:
         return {name: self._parts[part.of] for name, part in parts.items()}
 
     def flush(self) -> None:
+        """Write a postponed state as far as files can be written.  Local."""
         step, self._postponed = self._postponed, None
         if step is not None and self.comm.rank == 0:
             with suppress(MicroslipError):
@@ -225,6 +230,7 @@ class BranchFiles:
         return {name: self._records[part.of] for name, part in parts.items()}
 
     def finish(self, branch: Branch) -> None:
+        """Write that the branch is finished, and how.  Collective."""
         outcome = {"level": branch.level, "n_points": len(branch.points), **{name: getattr(branch, name) for name in _OUTCOME}}
         postponed, self._postponed = self._postponed, None
         on_root(self.comm, self._write_end, outcome, [] if postponed is None else [postponed], share=False)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from ..formats.model import FileModel
 from ..library.build import Structure
 from ..library.complete import read_completed
 from ..library.settings import reduction_settings
@@ -193,7 +194,7 @@ def pairs_for(scene: Scene, cached: ContactPairs, joints: list[dict[str, Any]], 
     return on_root(comm, _paired, completed, file, cached)
 
 
-def _paired(scene: Scene, file, cached: ContactPairs) -> ContactPairs | None:
+def _paired(scene: Scene, file: FileModel | None, cached: ContactPairs) -> ContactPairs | None:
     """Return newly paired contact pairs of a scene if their springs and places equal the cached ones.  Rank 0."""
     pairs = pair_contacts(read_mesh(scene, file), scene.joints, scene.cyclic)
     mine, other = ({k: v for k, v in numbers_of(which).items() if k not in _LIMITS} for which in (pairs, cached))

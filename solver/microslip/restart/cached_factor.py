@@ -18,10 +18,11 @@ import sys
 import time
 import uuid
 import zlib
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -37,6 +38,8 @@ from ..parallel.agree import on_each, on_root
 from ..system.files import BESIDE, file_errors
 from ..system.memory import gigabytes
 from .records import read_record, write_unsynced
+
+T = TypeVar("T")
 
 LARGEST = 1e9  # bytes of a factor, all ranks: a quarter of the cache
 _NOT_STORED = "the factor is not stored for other runs"
@@ -79,6 +82,7 @@ class CachedFactor:
 
     @property
     def path(self) -> Path:
+        """The folder of the factor, by number of ranks."""
         return self.entry / f"factor-{self.comm.size}"
 
     def restore(self, A: PETSc.Mat, prefix: str) -> tuple[MumpsFactor, dict[str, Any]] | None:
@@ -226,7 +230,7 @@ def summed(path: Path, size: int) -> tuple[int, int]:
     return size, checksum
 
 
-def _tried(function, *arguments):
+def _tried(function: Callable[..., T], *arguments: Any) -> T | None:
     """Return the result of ``function``, None after an OSError.  Local."""
     with suppress(OSError):
         return function(*arguments)

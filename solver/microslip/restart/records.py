@@ -147,7 +147,7 @@ def read_record(path: Path) -> tuple[Arrays, dict] | None:
 class Disk:
     """Calls fsync in a background thread, at most for one three-hundredth of the time.
 
-    One object serves all files of a run, or a single file.  An error of the system is raised by the next call.
+    One object is used for all files of a run, or a single file.  An error of the system is raised by the next call.
 
     Raises
     ------

@@ -96,7 +96,9 @@ class StoredStructure:
             phi = structure.in_user_order(structure.using(structure.n_computed).modes.phi_owned)
         on_root(self.comm, self._write, structure, basis, phi, modes, more, share=False)
 
-    def _write(self, structure: Structure, basis: Basis | None, phi: np.ndarray | None, modes: Path | None, more) -> None:
+    def _write(
+        self, structure: Structure, basis: Basis | None, phi: np.ndarray | None, modes: Path | None, more: dict[str, Any] | None
+    ) -> None:
         """Write the modes, then the model that names them.  Rank 0."""
         make_folder(str(self.path))
         name = f"modes-{uuid.uuid4().hex[:12]}" if modes is None else modes.name

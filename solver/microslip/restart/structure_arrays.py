@@ -22,7 +22,7 @@ from ..receptance.static_response import StaticResponse
 from ..receptance.structural_coupling import StructuralCoupling
 from ..reduction.enriched_model import COUPLED, SAMPLED, Samples
 from ..reduction.reduction import Basis
-from ..reduction.stuck import OnDemand, StuckStructure, pair_columns
+from ..reduction.stuck import OnDemand, StuckStructure
 from ..scene.schema import Scene
 from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..statics.bolts import BoltsAtRest
@@ -144,7 +144,7 @@ def _group_of(arrays: Arrays, comm: MPI.Comm, factored: OnDemand, group: Hashabl
         {n: int(arrays[n]) for n in _COUNTS},
     )
     is_complex = np.iscomplexobj(projected.R_phi) or np.iscomplexobj(statics["out_R"])
-    columns = pair_columns(lambda: factored().linearised, comm, statics["row_sums"], is_complex=is_complex)
+    columns = factored.pair_columns(comm, statics["row_sums"], is_complex)
     results: dict[Hashable, Any] = {
         (name, projected): _made_of(kind, under(name, arrays)) for name, kind in _MADE.items() if under(name, arrays)
     }

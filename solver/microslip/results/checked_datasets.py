@@ -86,6 +86,7 @@ class Reader:
         return self._item(name) is not None
 
     def group(self, name: str) -> h5py.Group:
+        """Return a group by its name."""
         item = self._item(name)
         if not isinstance(item, h5py.Group):
             raise CaseError(f"{self.path}: group {name!r} is missing; the file is damaged or was edited")

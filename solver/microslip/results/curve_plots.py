@@ -38,7 +38,7 @@ from .style import (
 )
 
 _WIDE = 200.0  # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
-_APART = 30.0  # ratio of the peaks of two levels beyond which it is
+_RATIO = 30.0  # ratio of the peaks of two levels beyond which it is
 _BAND = 0.3  # opacity of an error band
 _PART_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c8c8c", "#56b4e9")
 _LEAST_ERROR = 1e-12  # of the peak: less is rounding, and not drawn
@@ -223,7 +223,7 @@ def draw_error(results: ResultFile) -> Pages:
 
 def error_shares(level: LevelResult) -> tuple[np.ndarray, np.ndarray]:
     """Return the bars (n,) of the first output and their parts (n, parts), over the peak of the level.  Local."""
-    assert level.error is not None, "asked of a level with error bars"
+    assert level.error is not None, "a level with error bars"
     largest = amplitude(level.response[:, 0]).max() or 1.0
     return total(level.error[:, 0]) / largest, level.error[:, 0] / largest
 
@@ -306,7 +306,7 @@ def _choose_scale(ax, curves, *, compare: bool) -> None:
     real = [a[a > _DECADES * largest] for a in curves if a.max() > _DECADES * largest]
     span = max(a.max() / a.min() for a in real)
     real_peaks = [top for top in peaks if top > _DECADES * largest]
-    if span > _WIDE or (compare and max(real_peaks) / min(real_peaks) > _APART):
+    if span > _WIDE or (compare and max(real_peaks) / min(real_peaks) > _RATIO):
         log_scale(ax, "y")
         ax.set_ylim(0.7 * min(a.min() for a in real), 1.5 * largest)
     else:

@@ -178,6 +178,7 @@ class Layout:
         )
 
     def height(self, n_levels: int) -> float:
+        """Return the height of the page in inches."""
         return math.ceil(n_levels / self.level_columns) * self.block[1] + self.BELOW
 
     def upper_left(self, i: int, top: float) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from ..fourier.coefficients import amplitude
 
 @dataclass(frozen=True)
 class Shown:
-    """What is told of an output where there is room for one number."""
+    """The number shown of an output where there is room for one number."""
 
     name: str
     of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H)

@@ -30,4 +30,5 @@ class Origin:
 
     @property
     def n_ranks(self) -> int:
+        """The number of ranks."""
         return len(self.hosts)

@@ -31,7 +31,7 @@ def write_series(results: ResultFile, fields: Fields | None, folder: Path, steps
     if fields is None and len(mesh.sizes) == 0:
         raise CaseError(
             f"{results.path}: nothing to show in space: a scene given as matrices has neither a mesh nor places of its pairs, "
-            "and an earlier version kept no mesh; run a scene with a mesh again"
+            "and an earlier version stored no mesh; run a scene with a mesh again"
         )
     files = []
     if fields is not None:

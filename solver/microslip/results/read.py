@@ -172,7 +172,8 @@ def _joint(reader: Reader) -> Joint:
     names = tuple(reader.texts("joint/names"))
     faces = tuple(reader.array(f"joint/faces/{name}", "i8", (None, None)) for name in sorted(reader.group("joint/faces")))
     laws = tuple(reader.texts("joint/laws")) if "joint/laws" in reader else (ELASTIC_COULOMB,)
-    of_laws = {name: reader.array(f"joint/own/{name}", "f8", (n_pairs,)) for name in _names(reader, "joint/own")}
+    group = "joint/law_columns" if "joint/law_columns" in reader else "joint/own"  # an earlier version
+    of_laws = {name: reader.array(f"{group}/{name}", "f8", (n_pairs,)) for name in _names(reader, group)}
     if (
         any(len(part) and not 0 <= part.min() <= part.max() < n_pairs for part in (*faces,))
         or not all(0 <= i < len(names) for i in columns["joint"])
@@ -187,9 +188,15 @@ def _names(reader: Reader, group: str) -> list[str]:
     return sorted(reader.group(group)) if group in reader else []
 
 
+def _name(reader: Reader, group: str, quantity: Quantity) -> str:
+    """Return the name of the dataset of a quantity in this file, which an earlier version may have written."""
+    name, earlier = f"{group}/{quantity.dataset}", f"{group}/{quantity.earlier}"
+    return earlier if quantity.earlier and name not in reader and earlier in reader else name
+
+
 def _of_joint(reader: Reader, quantity: Quantity, shape: tuple[int, ...]) -> np.ndarray:
     """Return a quantity of the joint; zeros where it came with a later version."""
-    name = f"joint/{quantity.dataset}"
+    name = _name(reader, "joint", quantity)
     if quantity.optional and name not in reader:
         return np.zeros(shape, dtype=quantity.kind)
     return reader.array(name, quantity.kind, shape)
@@ -290,7 +297,7 @@ def _out_of_range(arrays: Mapping[str, np.ndarray | None], N_H: int) -> str | No
 
 def _quantity(reader: Reader, group: str, quantity: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:
     """Return a quantity of the n points of a level; None where it may be missing, and is."""
-    name = f"{group}/{quantity.dataset}"
+    name = _name(reader, group, quantity)
     if quantity.optional and name not in reader:
         return None
     if quantity.kind == TEXT:

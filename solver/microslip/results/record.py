@@ -116,6 +116,7 @@ class Wear:
         return np.maximum(np.nan_to_num(self.N0), 0.0)
 
 
+_OPEN = "1 where a pair is open at rest and no spring stands for it"
 _FRAME = "rows x, y (tangential), z (from body 2 into body 1)"
 
 
@@ -138,16 +139,15 @@ class Joint:
     N0: Annotated[np.ndarray, Quantity("N0", "pairs", "N", "normal preload; below 0 a gap of -N0 / k_n")]
     k_t: Annotated[np.ndarray, Quantity("k_t", "pairs", "N/m", "tangential stiffness")]
     k_n: Annotated[np.ndarray, Quantity("k_n", "pairs", "N/m", "normal stiffness")]
-    separate: Annotated[np.ndarray, Quantity("separate", "pairs", "1", "1 where directions slip on their own", "u1")]
-    T0: Annotated[np.ndarray, Quantity("T0", "pairs tangents", "N", "friction force at rest, against body 1", optional=True)]
-    open_at_rest: Annotated[
-        np.ndarray,
-        Quantity("apart", "pairs", "1", "1 where a pair is open at rest and no spring stands for it", "u1", optional=True),
+    separate: Annotated[
+        np.ndarray, Quantity("separate", "pairs", "1", "1 where the two tangential directions slip separately", "u1")
     ]
+    T0: Annotated[np.ndarray, Quantity("T0", "pairs tangents", "N", "friction force at rest, against body 1", optional=True)]
+    open_at_rest: Annotated[np.ndarray, Quantity("open_at_rest", "pairs", "1", _OPEN, "u1", optional=True, earlier="apart")]
     cells: Annotated[
         np.ndarray,
         Quantity(
-            "cells", "pairs corners directions", "m", "corners of the area of a pair; NaN where faces tell it", optional=True
+            "cells", "pairs corners directions", "m", "corners of the area of a pair; NaN where faces have it", optional=True
         ),
     ]
     laws: Annotated[np.ndarray, Quantity("law", "pairs", "index into laws", "contact law of each pair", "i8", optional=True)]
@@ -159,6 +159,7 @@ class Joint:
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return len(self.mu)
 
 
@@ -219,7 +220,7 @@ class ResultFile:
 
     @cached_property
     def shown(self) -> Shown:
-        """What is told of an output: the mean where outputs move, but at no point back and forth."""
+        """The quantity shown of an output: the mean where outputs move, but at no point back and forth."""
         responses = [level.response for level in self.solved]
         moves = any(response[..., 1:].any() for response in responses) or not any(
             response[..., 0].any() for response in responses

@@ -57,7 +57,7 @@ RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key not
     "axes.unicode_minus": True,
 }
 
-# Okabe and Ito: told apart by all kinds of colour vision, and in grey by their lightness
+# Okabe and Ito: distinguished by all kinds of colour vision, and in grey by their lightness
 STATE_COLOURS = ("#56b4e9", "#d55e00", "#1a1a1a")
 STATE_NAMES = ("stick", "slip", "open")
 STATE_STYLES = ("-", "-", "--")
@@ -123,13 +123,15 @@ class Titled(Protocol):
     """What has a scene's title: a scene, its results."""
 
     @property
-    def title(self) -> str: ...
+    def title(self) -> str:
+        """The title of the scene."""
 
 
 class PageFigure(Figure):
     """A figure that looks the same wherever it is drawn, and that a notebook shows, without pyplot."""
 
     def draw(self, renderer) -> None:
+        """Draw with the settings of the program."""
         with matplotlib.rc_context(RC):
             super().draw(renderer)
 

@@ -96,5 +96,6 @@ class ResponseTable:
             self.close()
 
     def close(self) -> None:
+        """Write what is left and close the file."""
         with file_errors(self.path):
             self._file.close()

@@ -98,7 +98,7 @@ def _write_steps(root: h5py.Group, times: Sequence[float] | np.ndarray, n_topolo
 
 
 def _write_series(root: h5py.Group, data: str, size: int, n: int, values_at: At) -> None:
-    """Write fields of ``size`` places one step after the other, in single precision; none is kept in memory."""
+    """Write fields of ``size`` places one step after the other, in single precision; none stays in memory."""
     sets: dict[str, h5py.Dataset] = {}
     for step in range(n):
         for name, values in values_at(step).items():

@@ -43,8 +43,8 @@ NAME = "results.h5"
 class ResultWriter:
     """The result files of a run in ``folder``, which is created; results of an earlier run there are replaced.
 
-    Collective on ``comm``, as is ``put_in_order``: every rank hears of a full disk.  The other methods are local, on rank 0: it
-    is an :class:`~microslip.observe.observer.Observer` of levels that come one after the other or several at a time.
+    Collective on ``comm``, as is ``put_in_order``: every rank raises the error of a full disk.  The other methods are local, on
+    rank 0: it is an :class:`~microslip.observe.observer.Observer` of levels that come one after the other or several at a time.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def _write_joint(group: h5py.Group, joint: Joint) -> None:
             group, quantity.dataset, np.asarray(quantity.of(joint), quantity.kind).reshape(quantity.shape(lengths)), quantity.unit
         )
     for name, values in joint.law_columns.items():
-        write_array(group, f"own/{name}", np.asarray(values, "f8"), "")
+        write_array(group, f"law_columns/{name}", np.asarray(values, "f8"), "")
     group.create_group("faces")
     for i, faces in enumerate(joint.faces):
         write_array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")

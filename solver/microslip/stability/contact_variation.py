@@ -78,8 +78,8 @@ def _of_block(
     varies = rate.any(axis=(0, 2))
     for part in parts:
         varies[part.pair] = True
-    kept, place = np.flatnonzero(varies), np.cumsum(varies) - 1
-    first, last = _moments_of_rate(rate[:, kept], n_steps, n_within)
+    varying, place = np.flatnonzero(varies), np.cumsum(varies) - 1
+    first, last = _moments_of_rate(rate[:, varying], n_steps, n_within)
     order = np.argsort(np.concatenate([part.pair for part in parts]), kind="stable")
 
     def together(name: str) -> np.ndarray:
@@ -88,7 +88,7 @@ def _of_block(
         return _as_courses(np.moveaxis(values, 0, 2))
 
     return ContactVariation(
-        numbers[kept],
+        numbers[varying],
         place[np.concatenate([part.pair for part in parts])[order]],
         np.concatenate([part.stiffness for part in parts])[order],
         together("by_memory"),

@@ -224,6 +224,7 @@ class State:
 
     @property
     def p(self) -> np.ndarray:
+        """The forces p of the pairs, (n_pairs, 3) [N]."""
         return self.after[:, :3]
 
 
@@ -239,6 +240,7 @@ class Loading:
 
     @property
     def largest(self) -> float:
+        """The largest motion of a pair [m]."""
         return float(max(np.abs(self.base).max(initial=0.0), np.abs(self.rising).max(initial=0.0)))
 
 

@@ -194,7 +194,7 @@ def _cone(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, across: np.ndarray)
 
 
 def _without_lift(q: np.ndarray, Z: np.ndarray, B: np.ndarray, mu: np.ndarray) -> np.ndarray:
-    """Return the motion with sliding pairs kept closed: projected on a cone, they would lift by mu times their slip."""
+    """Return the motion with sliding pairs closed: projected on a cone, they would lift by mu times their slip."""
     moved = B @ q
     slides = moved[:, 2] <= 1.1 * mu * np.linalg.norm(moved[:, :2], axis=1) + 1e-9 * np.abs(moved).max(initial=0.0)
     closed = B[slides, 2] @ Z

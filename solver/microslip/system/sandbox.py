@@ -160,7 +160,7 @@ def serve() -> NoReturn:
 
 
 def _end_with(parent: int) -> None:
-    """Let the system end this process with its parent, which is asked whether it is still there.  Linux alone has that."""
+    """Let the system end this process with its parent, after a check that this still exists.  Linux alone has that."""
     import ctypes
 
     with suppress(AttributeError, OSError):

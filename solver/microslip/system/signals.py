@@ -20,7 +20,7 @@ UNWINDING = 60.0  # s that the way out may take: a library that waits there for 
 
 
 class _Requests:
-    """What signals have asked for so far."""
+    """What signals have requested so far."""
 
     to_save = False
     to_stop: Interrupted | None = None
@@ -180,7 +180,7 @@ def _stop(number: int, frame) -> None:
 
 
 def _drop_what_nobody_reads() -> None:
-    """Send standard output and error nowhere where they are full: mpirun no longer reads them when it is told to stop.
+    """Send standard output and error nowhere where they are full: mpirun no longer reads them when it has to stop.
 
     A further line would be waited for until the launcher kills, with nothing saved.
     """

@@ -36,6 +36,7 @@ def versions() -> dict[str, str]:
 
 
 def dotted(numbers: Iterable[int]) -> str:
+    """Return numbers joined by dots."""
     return ".".join(map(str, numbers))
 
 

@@ -67,7 +67,7 @@ def show_stacks() -> None:
 
 
 def moved() -> None:
-    """Tell the watch that this rank goes on.  Local, and next to nothing when told often."""
+    """Notify the watchdog that this rank goes on.  Local; frequent calls cost almost nothing."""
     if _Watch.limit and time.monotonic() - _Watch.moved_at > 0.01 * _Watch.limit:
         _set()
 

@@ -213,7 +213,7 @@ class Support(Table):
 
 
 class Surface(Table):
-    """[[surfaces]]: a group of faces told by the bodies that touch, or by a plane through one."""
+    """[[surfaces]]: a group of faces defined by the bodies that touch, or by a plane through one."""
 
     name: Name = Field(description="a name that joints, ties and others use as that of a group, without comma, quote or slash")
     bodies: tuple[str, str] = Field(

@@ -36,7 +36,7 @@ class March:
         self.scheme = GeneralisedAlpha(model.modes.omega_n, model.modes.damping, fitted_angle(n_steps, rho) / omega, rho)
         self.f = model.loads(n_steps)
 
-    def take(self, points) -> March:
+    def take(self, points: np.ndarray | slice) -> March:
         """Return the march of some of the points.  Local."""
         return March(self.model, self.omega[points], self.level[points], self.n_steps, self.scheme.rho)
 
@@ -141,7 +141,7 @@ class StepContact:
             f"in the reduced model, whose {n_modes} modes leave them out: take more [solver] modes, {n_modes + n_free} at least"
         )
 
-    def _law(self, du_free, before, p):
+    def _law(self, du_free: np.ndarray, before: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return p, the forces of the law under it with and without internal variables, their derivative, and the states."""
         n_pairs, width = self.model.n_pairs, 3 + self.model.law.n_memory  # values of a pair
         du = (du_free - self.apply(p)).reshape(len(p), n_pairs, 3)
@@ -149,10 +149,10 @@ class StepContact:
         after = after.reshape(before.shape)
         return p, after, self.model.forces(after), L, state
 
-    def _error(self, p, new) -> np.ndarray:
+    def _error(self, p: np.ndarray, new: np.ndarray) -> np.ndarray:
         return np.abs(new - p).max(axis=1, initial=0.0)
 
-    def _newton(self, p, new, L, wrong) -> np.ndarray:
+    def _newton(self, p: np.ndarray, new: np.ndarray, L: np.ndarray, wrong: np.ndarray) -> np.ndarray:
         """Return the Newton step dp, (1 + L G_h) dp = new - p, of the ``wrong`` points; zero for the others."""
         step, model, R_phi = np.zeros_like(p), self.model, self.model.modes.R_phi
         step[wrong] = (new - p)[wrong]

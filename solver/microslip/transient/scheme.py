@@ -24,7 +24,8 @@ class Motion:
     v: np.ndarray
     a: np.ndarray
 
-    def take(self, points) -> Motion:
+    def take(self, points: np.ndarray | slice | list[int]) -> Motion:
+        """Return the motion at some points."""
         return Motion(self.eta[points], self.v[points], self.a[points])
 
 
@@ -49,7 +50,7 @@ class GeneralisedAlpha:
         keep, now = 1.0 - self.alpha_m, 1.0 - self.alpha_f
         self.A = damping.step_matrix(omega_n, keep, now, self.gamma * h, self.beta * h**2)
 
-    def take(self, points) -> GeneralisedAlpha:
+    def take(self, points: np.ndarray | slice) -> GeneralisedAlpha:
         """Return the scheme of some of the points.  Local."""
         return GeneralisedAlpha(self.omega_n, self.damping, self.h[points, 0], self.rho)
 

@@ -30,7 +30,8 @@ class Start:
     z: Motion
     p: np.ndarray
 
-    def take(self, points) -> Start:
+    def take(self, points: np.ndarray | slice | list[int]) -> Start:
+        """Return the start at some points."""
         return Start(self.z.take(points), self.p[points])
 
 

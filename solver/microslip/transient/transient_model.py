@@ -33,6 +33,7 @@ class TransientModel:
 
     @property
     def n_pairs(self) -> int:
+        """The number of pairs."""
         return len(self.s) // 3
 
     @property

@@ -16,11 +16,11 @@ from .read import model_of
 
 _GAIN = 400  # bytes of memory per byte of the file: records may be compressed
 _LIBRARY = "ansys.mapdl.reader"
-_NOT_TOLD = (
+_NOT_STATED = (
     "a results file has no equations, couplings, rigid regions (CE, CP, CERIG) and real constants; the archive has them: "
     "CDWRITE,DB,model,cdb"
 )
-Told = tuple[Blocks, list[tuple[str, ...]]]  # the mesh, and further data as commands: word and fields
+Contents = tuple[Blocks, list[tuple[str, ...]]]  # the mesh, and further data as commands: word and fields
 
 
 def read_rst(path: str) -> FileModel:
@@ -37,10 +37,10 @@ def read_rst(path: str) -> FileModel:
     except LibraryError as problem:  # any failure of the library on a damaged file
         raise MeshError(f"it is truncated, damaged, or holds no results of Ansys ({problem})") from None
     model = model_of(blocks, tuple(Command(fields[0], fields[1:], 0) for fields in commands_read))
-    return replace(model, facts=(*model.facts, _NOT_TOLD))
+    return replace(model, facts=(*model.facts, _NOT_STATED))
 
 
-def _parts(path: str) -> Told:
+def _parts(path: str) -> Contents:
     """Return the library's data as plain numbers and words."""
     try:
         library = importlib.import_module(_LIBRARY)

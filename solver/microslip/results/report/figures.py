@@ -19,7 +19,7 @@ from ..style import FAINT, INK, STATE_COLOURS, STATE_NAMES, level_colours, level
 MOST_OUTPUTS = 12
 _WIDE = 200.0  # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
 _WIDE_NUMBER = 10.0  # the same of a number over which peaks are followed
-_APART = 30.0  # ratio of the peaks of two levels beyond which it is
+_RATIO = 30.0  # ratio of the peaks of two levels beyond which it is
 Figure = dict[str, Any]
 
 
@@ -84,7 +84,7 @@ def _response(results: ResultFile, levels, k: int, per_level: bool) -> Figure:
     figure = _figure(traces, "frequency [Hz]", f"amplitude [{name}]")
     tops = [values.max() for values in curves if values.any()]
     is_wide = any(values.max() > _WIDE * values[values > 0.0].min() for values in curves if values.any())
-    return _log(figure) if is_wide or (not per_level and tops and max(tops) > _APART * min(tops)) else figure
+    return _log(figure) if is_wide or (not per_level and tops and max(tops) > _RATIO * min(tops)) else figure
 
 
 def _marks(level: LevelResult, k: int, factor: float, unit: str, colour: str) -> list[Figure]:
@@ -249,7 +249,7 @@ def _name(level: LevelResult) -> str:
 
 
 def _line(level: LevelResult, values, colour: str, says: str) -> Figure:
-    """Return a curve over the frequency, cut between its segments; ``says`` is told of the point under the pointer."""
+    """Return a curve over the frequency, cut between its segments; ``says`` is shown for the point under the pointer."""
     hover = f"{says}<extra>{_name(level)}</extra>"
     return {
         **_trace(

@@ -12,7 +12,7 @@ from ...guards.memory import Shortage, memory_left, shortage
 from ...library.settings import reduction_settings
 from ...linear.analysis import FactorMemory
 from ...linear.direct import foreseen
-from ...linear.joint_springs import KEPT, analysis_of
+from ...linear.joint_springs import STORED, analysis_of
 from ...mesh.data import ContactPairs, DistributedMesh, Mesh
 from ...modes.shift_invert import basis_size
 from ...parallel.agree import on_root
@@ -24,7 +24,7 @@ from ...scene.schema import Scene
 from ...system.memory import gigabytes, peak_memory
 from .report import highest_harmonic
 
-FACTORED = KEPT + 10.5  # bytes per entry of K: K_L, its triangle with indices for MUMPS, and the analysis
+FACTORED = STORED + 10.5  # bytes per entry of K: K_L, its triangle with indices for MUMPS, and the analysis
 LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at first use
 PICTURES = 30e6  # bytes of Matplotlib and its fonts, touched at first use
 _FRONTS = 0.25  # memory of a factorisation that discards its factor, over the size of the factor

@@ -136,7 +136,7 @@ def _has_same_points(a: LevelResult, b: LevelResult, shown: Shown) -> bool:
 
 
 @dataclass(frozen=True)
-class Apart:
+class CurveDifference:
     """Differences of n points of one curve from the other curve, in the common range."""
 
     frequency: np.ndarray  # (n,) Hz
@@ -147,14 +147,14 @@ class Apart:
     is_whole: bool  # whether the other curve covers all points of this one
 
 
-def apart_of(a: LevelResult, b: LevelResult, i: int, j: int, shown: Shown = AMPLITUDE) -> tuple[Apart, ...]:
+def difference_of(a: LevelResult, b: LevelResult, i: int, j: int, shown: Shown = AMPLITUDE) -> tuple[CurveDifference, ...]:
     """Return the differences of output ``i`` of A and ``j`` of B: one for common points, else one from each curve.  Local."""
     curve, other = _Output(a, i, shown), _Output(b, j, shown)
-    return _apart(curve, other, _has_same_points(a, b, shown))[0]
+    return _difference(curve, other, _has_same_points(a, b, shown))[0]
 
 
-def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...], list[Curve]]:
-    """Return the differences as in ``apart_of``, and the two curves (none for common points)."""
+def _difference(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[CurveDifference, ...], list[Curve]]:
+    """Return the differences as in ``difference_of``, and the two curves (none for common points)."""
     N_H = max(a.response.shape[1], b.response.shape[1])
     padded = [np.pad(output.response, [(0, 0), (0, N_H - output.response.shape[1])]) for output in (a, b)]
     scale = _scale(a, b)
@@ -162,7 +162,7 @@ def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...]
         delta = padded[0] - padded[1]
         difference = np.linalg.norm(delta, axis=1) / scale
         inside = _inside(np.hypot(*delta[:, 1:3].T), a.bar, b.bar, scale)
-        return (Apart(a.frequency, a.level.segment, difference, difference, inside, True),), []
+        return (CurveDifference(a.frequency, a.level.segment, difference, difference, inside, True),), []
     width = half_width(a.frequency, a.size)
     curves = [
         Curve(np.column_stack([output.frequency / width, x / scale]), output.level.segment) for output, x in zip((a, b), padded)
@@ -177,7 +177,9 @@ def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...]
         bars = None if side.bar is None else side.bar[there], None if other.bar is None else _between(other.bar, place)
         inside = _inside(scale * np.maximum(first - resolved, 0.0), *bars, scale)
         beyond = np.maximum(difference - resolved, 0.0)
-        distances.append(Apart(side.frequency[there], side.level.segment[there], difference, beyond, inside, bool(there.all())))
+        distances.append(
+            CurveDifference(side.frequency[there], side.level.segment[there], difference, beyond, inside, bool(there.all()))
+        )
     return tuple(distances), curves
 
 
@@ -186,14 +188,14 @@ def _scale(a: _Output, b: _Output) -> float:
     return a.scale or b.scale or 1.0
 
 
-def _inside(apart: np.ndarray, bar: np.ndarray | None, other: np.ndarray | None, scale: float) -> bool | None:
+def _inside(difference: np.ndarray, bar: np.ndarray | None, other: np.ndarray | None, scale: float) -> bool | None:
     """Return whether amplitudes differ by less than both error bars; None if a bar is missing."""
-    return None if bar is None or other is None else bool(np.all(apart <= bar + other + 1e-12 * scale))
+    return None if bar is None or other is None else bool(np.all(difference <= bar + other + 1e-12 * scale))
 
 
 def _compare_output(a: _Output, b: _Output, same_points: bool, name: str, unit: str) -> tuple[OutputDifference, bool]:
     """Return the difference of an output, and whether both curves were compared completely."""
-    sides, curves = _apart(a, b, same_points)
+    sides, curves = _difference(a, b, same_points)
     difference, frequency = (np.concatenate([getattr(side, what) for side in sides]) for what in ("difference", "frequency"))
     worst = int(np.argmax(difference)) if len(difference) else None
     highest = [output.top for output in (a, b)]

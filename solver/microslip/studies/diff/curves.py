@@ -121,10 +121,10 @@ class _Piece:
         best, least = s, np.linalg.norm(self.at(s) - points, axis=1)
         reach = np.diff(self.knots).max() / FINE
         for _ in range(_STEPS):
-            apart, slope = self.at(s) - points, self.slope(s)
+            offset, slope = self.at(s) - points, self.slope(s)
             square = (slope**2).sum(axis=1)
-            curvature = square + (apart * self.bend(s)).sum(axis=1)
-            step = (apart * slope).sum(axis=1) / np.where(curvature > 0.1 * square, curvature, square)
+            curvature = square + (offset * self.bend(s)).sum(axis=1)
+            step = (offset * slope).sum(axis=1) / np.where(curvature > 0.1 * square, curvature, square)
             s = np.clip(s - np.clip(step, -reach, reach), self.knots[0], self.knots[-1])
             distance = np.linalg.norm(self.at(s) - points, axis=1)
             best, least = np.where(distance < least, s, best), np.minimum(distance, least)

@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from ...results.layout import log_scale
 from ...results.measures import segments
 from ...results.style import INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
-from .compared_levels import LevelDifference, apart_of
+from .compared_levels import LevelDifference, difference_of
 from .story import Difference
 
 _MOST_LEVELS, _MOST_OUTPUTS = 4, 3
@@ -58,7 +58,7 @@ def _draw_output(comparison: Difference, level: LevelDifference, k: int, factor:
         values = factor * comparison.shown.size(of_side.response[:, number])
         for part in segments(of_side.segment):
             curve.plot(of_side.frequency[part], values[part], **looks)
-    for side in apart_of(a, b, i, j, comparison.shown):
+    for side in difference_of(a, b, i, j, comparison.shown):
         for part in segments(side.segment):
             error.plot(side.frequency[part], np.maximum(side.difference[part], _FLOOR), color=INK, lw=0.8, marker=".", ms=2.0)
     log_scale(error, "y")

@@ -121,7 +121,11 @@ def _structure(comparison: Difference) -> str:
         parts.append(f"joints {listed(structure.joints[0]) or 'none'} -> {listed(structure.joints[1]) or 'none'}")
     elif structure.n_pairs[0] == structure.n_pairs[1] and not structure.same_pairs:
         parts.append("the pairs have other positions or nodes")
-    parts += [f"{name} of the pairs by up to {_percent(apart)} %" for name, apart in structure.pairs.items() if apart > 1e-12]
+    parts += [
+        f"{name} of the pairs by up to {_percent(difference)} %"
+        for name, difference in structure.pairs.items()
+        if difference > 1e-12
+    ]
     parts.append(_counted("modes", structure.n_modes))
     if structure.mode:
         parts.append(
@@ -223,7 +227,7 @@ def json_of(comparison: Difference) -> str:
         "beyond_resolution": comparison.tolerance is None,
         "bars": comparison.bars,
         "incomplete": comparison.incomplete,
-        "asked": [asdict(change) for change in comparison.keys],
+        "keys": [asdict(change) for change in comparison.keys],
         "computed_with": [asdict(change) for change in comparison.facts],
         "inputs": None if comparison.inputs is None else [asdict(change) for change in comparison.inputs],
         "structure": asdict(comparison.structure),

@@ -127,7 +127,7 @@ def _levels(a: ResultFile, b: ResultFile) -> tuple[list[tuple[LevelResult, Level
 def _structure(a: ResultFile, b: ResultFile) -> StructureDifference:
     n = min(len(a.mode_frequency), len(b.mode_frequency))
     first, second = a.mode_frequency[:n], b.mode_frequency[:n]
-    apart = np.abs(second - first) / np.where(first > 0.0, first, 1.0)
+    difference = np.abs(second - first) / np.where(first > 0.0, first, 1.0)
     same = _same_pairs(a.joint, b.joint)
     return StructureDifference(
         n_dof=(a.n_dof, b.n_dof),
@@ -136,8 +136,8 @@ def _structure(a: ResultFile, b: ResultFile) -> StructureDifference:
         same_pairs=same,
         pairs={name: _apart(getattr(a.joint, name), getattr(b.joint, name)) for name in _OF_PAIRS} if same else {},
         n_modes=(len(a.mode_frequency), len(b.mode_frequency)),
-        modes=float(apart.max(initial=0.0)),
-        mode=int(np.argmax(apart)) + 1 if n else 0,
+        modes=float(difference.max(initial=0.0)),
+        mode=int(np.argmax(difference)) + 1 if n else 0,
     )
 
 
@@ -154,5 +154,5 @@ def _apart(a: np.ndarray, b: np.ndarray) -> float:
     """Return the largest difference over the largest value of A; infinite where only one is known."""
     if not np.array_equal(np.isnan(a), np.isnan(b)):
         return float("inf")
-    apart, size = np.nan_to_num(np.abs(b - a)).max(initial=0.0), np.nan_to_num(np.abs(a)).max(initial=0.0)
-    return float(apart / size) if size > 0.0 else float(apart > 0.0)
+    difference, size = np.nan_to_num(np.abs(b - a)).max(initial=0.0), np.nan_to_num(np.abs(a)).max(initial=0.0)
+    return float(difference / size) if size > 0.0 else float(difference > 0.0)

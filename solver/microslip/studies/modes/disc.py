@@ -35,14 +35,14 @@ from ...system.files import make_folder
 from ...system.memory import give_back
 from ..records import cell, write_csv
 from .campbell import Crossing
-from .coriolis import basis_size, waves_of
+from .coriolis import basis_size, of_modes, waves_of
 from .report import joint_shares
 
 DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
 _TOGETHER, _SHARE = 5, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
-_APART = 0.025  # distance of two numbers of modes over the height of the picture
+_DISTANCE = 0.025  # distance of two numbers of modes over the height of the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +77,32 @@ class DiameterModes:
             | {f"joint_{name}_energy_percent": 100.0 * float(share[i]) for name, share in self.joints.items()}
             for i in range(len(self.frequency))
         ]
+
+
+@dataclass(frozen=True, eq=False)
+class AtDiameter:
+    """The disc at one nodal diameter, all pairs stuck, with its modes over all DOFs."""
+
+    diameter: int
+    linearised: Linearised
+    modes: Modes
+    waves: tuple[Waves, Waves] | None  # with Coriolis forces, backward and forward; None: left out
+
+    def by_direction(self) -> dict[str, Waves]:
+        """Return the waves backward and forward; under "" the modes, for both, without Coriolis forces.  Collective."""
+        return {"": of_modes(self.linearised, self.modes)} if self.waves is None else dict(zip(DIRECTIONS, self.waves))
+
+    def shapes(self) -> np.ndarray | None:
+        """Return the shapes of the modes on the mesh of the sector, on rank 0.  Collective."""
+        return node_fields(self.linearised.maps, self.modes.phi_owned)
+
+    def table(self, parts: Assembled) -> DiameterModes:
+        """Return frequencies, damping and strain energy of joints.  Collective: one or two sums."""
+        projected = project_modes(self.linearised.maps, self.modes.omega_n, self.modes.phi_owned)
+        K_J, joints = parts.rest.pairs.law.stiffness.ravel(), joint_shares(parts.rest.pairs, projected)
+        damping = damped_modes(projected, K_J, reduction_settings(parts.scene).damping).zeta
+        waves = None if self.waves is None else (self.waves[0].frequency, self.waves[1].frequency)
+        return DiameterModes(self.diameter, self.modes.frequency, damping, joints, waves)
 
 
 @dataclass(frozen=True)
@@ -152,10 +178,9 @@ def show_disc(
     """
     scene, comm, by_diameter = parts.scene, log.comm, []
     assert scene.cyclic is not None, "a disc"
-    for d, linearised, computed, both in modes_by_diameter(parts, matrix, count, diameters, log):
-        by_diameter.append(table_of(d, parts, linearised, computed, both))
-        shapes = node_fields(linearised.maps, computed.phi_owned)
-        on_root(comm, write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
+    for at in modes_by_diameter(parts, matrix, count, diameters, log):
+        by_diameter.append(at.table(parts))
+        on_root(comm, write_shapes, folder, parts, at.diameter, at.modes.omega_n, at.shapes(), share=False)
     if not by_diameter:
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
     with log.stage("table and pictures"):
@@ -164,11 +189,8 @@ def show_disc(
 
 def modes_by_diameter(
     parts: Assembled, matrix: Coriolis | None, count: int, diameters: Sequence[int], log: RunLog
-) -> Iterator[tuple[int, Linearised, Modes, tuple[Waves, Waves] | None]]:
-    """Yield each nodal diameter with its factor, its modes and, with the ``matrix``, its waves; free them, and at last that.
-
-    Collective.
-    """
+) -> Iterator[AtDiameter]:
+    """Yield the disc at each nodal diameter, with its waves if there is a ``matrix``.  Collective; frees all of them."""
     scene, system = parts.scene, parts.rest.system
     sectors = system.sectors
     assert sectors is not None, "a disc"
@@ -187,7 +209,7 @@ def modes_by_diameter(
         for (d, linearised), computed in zip(structures.items(), modes):
             both = None if matrix is None else waves_of(linearised, computed, matrix, count, log)
             log.note(f"nodal diameter {d}: {'' if both is None else 'modes without Coriolis forces '}{computed.completeness}")
-            yield d, linearised, first_of(computed, count), both
+            yield AtDiameter(d, linearised, first_of(computed, count), both)
             linearised.destroy()
             linearised.maps.destroy()
     sectors.destroy()
@@ -217,18 +239,6 @@ def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict
             continue
         structures[d].let_K_go()
     return structures
-
-
-def table_of(
-    d: int, parts: Assembled, linearised: Linearised, computed: Modes, both: tuple[Waves, Waves] | None
-) -> DiameterModes:
-    """Return the results of a nodal diameter.  Collective: one or two sums."""
-    pairs = parts.rest.pairs
-    projected = project_modes(linearised.maps, computed.omega_n, computed.phi_owned)
-    K_J, joints = pairs.law.stiffness.ravel(), joint_shares(pairs, projected)
-    damping = damped_modes(projected, K_J, reduction_settings(parts.scene).damping).zeta
-    waves = None if both is None else (both[0].frequency, both[1].frequency)
-    return DiameterModes(d, computed.frequency, damping, joints, waves)
 
 
 def write_shapes(folder: Path, parts: Assembled, d: int, omega_n: np.ndarray, shapes: np.ndarray) -> None:
@@ -311,7 +321,7 @@ def draw_interference(by_diameter: Sequence[DiameterModes], excited: Excited, sc
 
 def _number_modes(axes, frequency: np.ndarray, highest: float) -> None:
     """Write the numbers of modes at the right, those of close modes together, "3-5".  Local."""
-    starts = [0, *(i for i in range(1, len(frequency)) if frequency[i] - frequency[i - 1] > _APART * highest)]
+    starts = [0, *(i for i in range(1, len(frequency)) if frequency[i] - frequency[i - 1] > _DISTANCE * highest)]
     for first, end in zip(starts, [*starts[1:], len(frequency)]):
         text = f"{first + 1}" if end == first + 1 else f"{first + 1}\u2013{end}"
         place = 0.995, float(frequency[first:end].mean())

@@ -14,12 +14,10 @@ from ...library.build import Assembled
 from ...messages.errors import CaseError
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
-from ...reduction.expand import node_fields
 from ...results.style import BOXED, FAINT, INK, MOST_NAMED, RC, WIDTH, Page, Titled, level_colours, some
 from ...system.files import make_folder
 from ..records import write_csv
 from .campbell import Campbell, Crossing, Families, crossings, smooth
-from .coriolis import of_modes
 from .disc import (
     DIRECTIONS,
     DiameterModes,
@@ -28,7 +26,6 @@ from .disc import (
     draw_interference,
     is_forward,
     modes_by_diameter,
-    table_of,
     write_resonances,
     write_shapes,
 )
@@ -81,15 +78,14 @@ def show_at_speeds(
         speeds.append(speed)
         log.note(f"speed of rotation {speed:g} rad/s")
         scene, at_highest = parts.scene, []
-        for d, linearised, computed, both in modes_by_diameter(parts, matrix, count, diameters, log):
-            power = 2 if both is None else 1
-            for direction, of_wave in zip(DIRECTIONS if both else ("",), both or (of_modes(linearised, computed),)):
-                family = families.setdefault(Wave(d, direction), Families(power))
+        for at in modes_by_diameter(parts, matrix, count, diameters, log):
+            power = 2 if at.waves is None else 1
+            for direction, of_wave in at.by_direction().items():
+                family = families.setdefault(Wave(at.diameter, direction), Families(power))
                 family.add(log.comm, of_wave.frequency, of_wave.phi_owned, of_wave.M_phi_owned)
-            at_highest.append(table_of(d, parts, linearised, computed, both))
+            at_highest.append(at.table(parts))
             if speed == highest:
-                shapes = node_fields(linearised.maps, computed.phi_owned)
-                on_root(log.comm, write_shapes, folder, parts, d, computed.omega_n, shapes, share=False)
+                on_root(log.comm, write_shapes, folder, parts, at.diameter, at.modes.omega_n, at.shapes(), share=False)
     if not at_highest:
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
     by_wave = {wave: of_wave.campbell(speeds) for wave, of_wave in families.items()}

@@ -29,7 +29,7 @@ class First:
     left_out: list[Support]  # supports of the file that fix both sides of a joint, removed from ``file``
     fixed: list[str]  # groups
     may_be_fixed: list[str]
-    apart: list[str]  # lines on parts that nothing connects to the others
+    disconnected: list[str]  # lines on parts that nothing connects to the others
     place: Place
     sector: Sector | None  # of a disc
 

@@ -57,7 +57,9 @@ def _fixed_nodes(mesh: Mesh, file: FileModel, support: Support) -> np.ndarray:
     return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(mesh.node_groups[name] for name in groups)]))
 
 
-def apart(mesh: Mesh, file: FileModel, settings: StructureTables, joints: Sequence[Candidate], fixed: Iterable[str]) -> list[str]:
+def disconnected(
+    mesh: Mesh, file: FileModel, settings: StructureTables, joints: Sequence[Candidate], fixed: Iterable[str]
+) -> list[str]:
     """Return a line for each part of the structure that nothing connects to a support or to the largest part.  Local, rank 0.
 
     None where the file has equations or springs, which also connect parts.

@@ -21,7 +21,7 @@ from ..check.plausible import SI
 from .bolts import Shank, uncut
 from .candidates import candidates_and_bolts
 from .first import First
-from .places import apart, farthest, fixed_groups, supports_of_joints
+from .places import disconnected, farthest, fixed_groups, supports_of_joints
 from .scene_text import named, text_of
 from .sectors import sector_of
 
@@ -99,7 +99,7 @@ def _first(model: str, out: Path, file: FileModel) -> First:
         shanks=uncut(mesh, file, bolts),
         fixed=fixed,
         may_be_fixed=may_be,
-        apart=apart(mesh, file, settings, [*likely, *in_contact], fixed) if sector is None else [],
+        disconnected=disconnected(mesh, file, settings, [*likely, *in_contact], fixed) if sector is None else [],
         place=farthest(mesh, file, fixed),
         sector=sector,
     )
@@ -135,7 +135,7 @@ def _lines(model: str, out: Path, first: First) -> list[str]:
         f"new        {out}, for {model}: {len(first.mesh.points)} nodes, {first.mesh.diagonal:.4g} m across ({units})",
         *table("bodies", list(first.settings.bodies)),
         *table("joints", joints or ["no touching surfaces of different bodies"]),
-        *table("apart", first.apart),
+        *table("separate", first.disconnected),
         *table("disc", [first.sector.text] if first.sector is not None else []),
         *table("glued", [candidate.text for candidate in first.glued], 10),
         *table("or", others, 10),

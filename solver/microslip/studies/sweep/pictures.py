@@ -225,7 +225,7 @@ def draw_indices(indices: Sequence[dict], scene: Titled, path: str) -> None:
 
 def draw_bands(table: SweepTable, scene: Titled, path: str) -> None:
     """Draw between which percentiles the curves lie.  Local."""
-    assert table.curves is not None, "asked for"
+    assert table.curves is not None, "requested"
     with np.errstate(invalid="ignore"):
         has = np.isfinite(table.curves).any(axis=0)
     curves, frequency = table.curves[:, has], table.frequencies[has]

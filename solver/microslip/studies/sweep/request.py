@@ -40,7 +40,7 @@ class Request:
 
 
 def design_of(scene: Scene, request: Request) -> Design:
-    """Return the samples that are asked for.  Local, on rank 0: reads the table of samples.
+    """Return the requested samples.  Local, on rank 0: reads the table of samples.
 
     Raises
     ------

@@ -32,7 +32,7 @@ MOST_SAID = 10  # samples that failed
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Planned:
     """The samples of a sweep, and those that are known already."""
 
     design: Design
@@ -56,9 +56,9 @@ def study(
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     name = "sweep.log" if request.part[1] == 1 else f"sweep-{request.part[0]}.log"
     with goes_on(folder), RunLog(comm, str(folder / name), facts=facts) as log:
-        asked = on_root(comm, asked_of, scene, folder, request, options)
-        log.note(in_words(asked, request))
-        table = solved(scene, comm, folder, request, asked, log, limit)
+        planned = on_root(comm, planned_of, scene, folder, request, options)
+        log.note(in_words(planned, request))
+        table = solved(scene, comm, folder, request, planned, log, limit)
         with log.stage("table and pictures"):
             says = on_root(comm, partial(write_sweep, table, scene, folder, request.design == "indices"))
         log.note(says)
@@ -70,7 +70,7 @@ def study(
         raise ConvergenceError(f"{said}\nthe others are in {folder}")
 
 
-def asked_of(scene: Scene, folder: Path, request: Request, options: tuple[str, ...]) -> Asked:
+def planned_of(scene: Scene, folder: Path, request: Request, options: tuple[str, ...]) -> Planned:
     """Return the samples of a sweep, and those on the disk.  Local, on rank 0.
 
     Raises
@@ -94,23 +94,23 @@ def asked_of(scene: Scene, folder: Path, request: Request, options: tuple[str, .
     number, parts = request.part
     in_order = varied.from_the_scene(design.values, design.spread)
     left = [i for i in in_order if i not in known and i % parts == number - 1]
-    return Asked(design, varied, keys, known, left)
+    return Planned(design, varied, keys, known, left)
 
 
 def _part_name(request: Request) -> str:
     return "all" if request.part[1] == 1 else str(request.part[0])
 
 
-def in_words(asked: Asked, request: Request) -> str:
+def in_words(planned: Planned, request: Request) -> str:
     """Return a line on what a sweep computes."""
-    n, n_outside = len(asked.design), sum(sample.status == OUTSIDE for sample in asked.known.values())
-    axes = " x ".join(map(str, asked.design.shape))
-    kinds = ", ".join(f"{key} ({_WAYS[kind]})" for key, kind in zip(asked.varied.keys, asked.varied.kinds))
-    n_known = len(asked.known) - n_outside
+    n, n_outside = len(planned.design), sum(sample.status == OUTSIDE for sample in planned.known.values())
+    axes = " x ".join(map(str, planned.design.shape))
+    kinds = ", ".join(f"{key} ({_WAYS[kind]})" for key, kind in zip(planned.varied.keys, planned.varied.kinds))
+    n_known = len(planned.known) - n_outside
     parts = f"; part {request.part[0]} of {request.part[1]}" if request.part[1] > 1 else ""
     return "\n".join(
         [
-            f"{n} samples, {asked.design.kind} {axes}{parts}: {kinds}",
+            f"{n} samples, {planned.design.kind} {axes}{parts}: {kinds}",
             *[f"{n_outside} of them are outside what the scene allows and are left out"] * (n_outside > 0),
             *[f"{n_known} of them were computed by an earlier run"] * (n_known > 0),
         ]
@@ -128,36 +128,36 @@ _WAYS = {
 
 
 def solved(
-    scene: Scene, comm: MPI.Comm, folder: Path, request: Request, asked: Asked, log: RunLog, limit: TimeLimit | None
+    scene: Scene, comm: MPI.Comm, folder: Path, request: Request, planned: Planned, log: RunLog, limit: TimeLimit | None
 ) -> SweepTable:
     """Return the table of a sweep, with the samples that this run solves.  Collective."""
-    units = blocks(asked)
+    units = blocks(planned)
     groups = split(comm, max(1, min(request.groups or comm.size, len(units))))
     with log.stage("structure"), unwatched():
-        of_rest = "rest" in asked.varied.kinds
+        of_rest = "rest" in planned.varied.kinds
         structure = build(scene, groups.comm, log if groups.n == 1 else None, keeps_reference=of_rest)
     with log.stage("the scene itself"), unwatched():
-        peaks = SamplePeaks(structure, asked.varied, request.output, asked.design.spread, request.has_curves)
+        peaks = SamplePeaks(structure, planned.varied, request.output, planned.design.spread, request.has_curves)
     output = scene.outputs[peaks.output]
     log.note(_nominal_in_words(peaks.nominal, output.name, output.unit, groups))
-    samples = dict(asked.known)
+    samples = dict(planned.known)
     with log.stage("samples"):
-        samples |= follow(peaks, units, groups, asked, folder, request, log, limit)
+        samples |= follow(peaks, units, groups, planned, folder, request, log, limit)
     peaks.close()
     structure.close()
     samples = comm.bcast(samples)
     if request.part[1] > 1:
-        samples |= on_root(comm, _of_other_parts, folder, asked)
+        samples |= on_root(comm, _of_other_parts, folder, planned)
     all_of_them = [
-        samples.get(i, Sample(tuple(map(float, row)), MISSING, "not computed yet")) for i, row in enumerate(asked.design.values)
+        samples.get(i, Sample(tuple(map(float, row)), MISSING, "not computed yet")) for i, row in enumerate(planned.design.values)
     ]
     groups.comm.Free()
-    return table_of(scene, asked.design, asked.varied, all_of_them, peaks.nominal, peaks.output, peaks.grid)
+    return table_of(scene, planned.design, planned.varied, all_of_them, peaks.nominal, peaks.output, peaks.grid)
 
 
-def _of_other_parts(folder: Path, asked: Asked) -> dict[int, Sample]:
+def _of_other_parts(folder: Path, planned: Planned) -> dict[int, Sample]:
     stored = read_samples(folder)
-    return {i: stored[key] for i, key in enumerate(asked.keys) if key in stored}
+    return {i: stored[key] for i, key in enumerate(planned.keys) if key in stored}
 
 
 def _nominal_in_words(nominal: Sample, name: str, unit: str, groups: Groups) -> str:
@@ -168,21 +168,21 @@ def _nominal_in_words(nominal: Sample, name: str, unit: str, groups: Groups) -> 
     )
 
 
-def blocks(asked: Asked) -> list[list[int]]:
+def blocks(planned: Planned) -> list[list[int]]:
     """Return the samples that are left in blocks, each of one structure, or one by one where all have the same.  Local."""
     by_structure: dict[tuple, list[int]] = {}
-    for i in asked.left:
-        by_structure.setdefault(asked.varied.items(asked.design.values[i], "build"), []).append(i)
+    for i in planned.left:
+        by_structure.setdefault(planned.varied.items(planned.design.values[i], "build"), []).append(i)
     if len(by_structure) > 1:
         return list(by_structure.values())
-    return [[i] for i in asked.left]
+    return [[i] for i in planned.left]
 
 
 def follow(
     peaks: SamplePeaks,
     units: Sequence[list[int]],
     groups: Groups,
-    asked: Asked,
+    planned: Planned,
     folder: Path,
     request: Request,
     log: RunLog,
@@ -198,19 +198,19 @@ def follow(
 
     def hear(i: int, sample: Sample) -> None:
         samples[i] = sample
-        log.note(_line(i, sample, len(samples), len(asked.left)), keep=False)
+        log.note(_line(i, sample, len(samples), len(planned.left)), keep=False)
 
     counter, reports, slowest = Counter(groups.world), Reports(groups, hear), 0.0
 
     def finished(i: int, sample: Sample) -> None:
-        store(folder, _part_name(request), groups.number, asked.keys[i], sample)
+        store(folder, _part_name(request), groups.number, planned.keys[i], sample)
         reports.notify(i, sample)
 
     with reports.shared_failure():
         for task in dealt(groups, counter, len(units)):
             for i in units[task]:
                 on_root(groups.comm, _look, limit, slowest)
-                sample = peaks.solve(asked.design.values[i])
+                sample = peaks.solve(planned.design.values[i])
                 slowest = max(slowest, sample.seconds)
                 on_root(groups.comm, finished, i, sample)
         with unwatched():

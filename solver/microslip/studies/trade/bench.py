@@ -146,12 +146,14 @@ class Bench:
         free = replace(settings, accuracy=setting.accuracy, keeps=frozenset(), tolerance=ResponseSettings.tolerance)
         return accuracy_of(replace(free, is_corrected=setting.is_corrected), problem.equation)
 
-    def run(self, knob: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True) -> Run:
+    def run(
+        self, parameter: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True
+    ) -> Run:
         """Return the timed results of a setting at the frequencies of each level, including failures."""
         try:
             prepared = self.prepared(setting)
         except MicroslipError as problem:
-            return not_run(knob, value, setting, str(problem))
+            return not_run(parameter, value, setting, str(problem))
         timed = self._timed_branches(prepared, setting, omegas, bars)
         if timed.wall < SHORT and not any(branch.failure for branch in timed.branches):
             again = self._timed_branches(prepared, setting, omegas, bars=False)
@@ -170,7 +172,7 @@ class Bench:
         )
         has_bars = bars or setting.accuracy is not None
         return Run(
-            knob,
+            parameter,
             value,
             setting,
             prepared.seconds + self.setup_of_modes(setting.modes),
@@ -231,9 +233,9 @@ class TimedEstimator(ErrorEstimator):
         return estimate
 
 
-def not_run(knob: str, value: str, setting: Setting, why: str) -> Run:
+def not_run(parameter: str, value: str, setting: Setting, why: str) -> Run:
     """Return a run without results.  Local."""
-    return Run(knob, value, setting, np.nan, np.nan, np.nan, np.nan, np.nan, 0, (), why)
+    return Run(parameter, value, setting, np.nan, np.nan, np.nan, np.nan, np.nan, 0, (), why)
 
 
 def curve_of(branch: Branch, is_corrected: bool = False) -> Curve:

@@ -178,7 +178,7 @@ def find_reference(ladder: Ladder, base: Setting, share: float, note: Callable[[
     checks += [] if bench.has_all_modes else [_check("modes", by_modes)]
     for check in checks:
         note(
-            f"  reference, {check.knob} {', '.join(map(str, check.values))}: changes of "
+            f"  reference, {check.parameter} {', '.join(map(str, check.values))}: changes of "
             f"{', '.join(f'{step:.1e}' for step in check.steps)} of the peak"
         )
     known = uncertainty([[rung.curves for rung in rungs] for rungs in (by_harmonics, by_samples, by_modes)], reference.curves)
@@ -203,13 +203,15 @@ def _more_harmonics(ladder: Ladder, start: Setting, share: float) -> tuple[list[
     return rungs, "as many as are tried"
 
 
-def _raised(ladder: Ladder, below: Rung, knob: str, values: Sequence[int], goal: float, share: float) -> tuple[list[Rung], str]:
+def _raised(
+    ladder: Ladder, below: Rung, parameter: str, values: Sequence[int], goal: float, share: float
+) -> tuple[list[Rung], str]:
     """Return rungs of a setting, starting from another solution, up to sufficient accuracy, and the reason of the end."""
     rungs: list[Rung] = []
     for value in values:
         if len(rungs) > 2 and 2.0 * rungs[-1].seconds > ladder.clock.left(share):
             return rungs, "as many as the time allows"
-        rungs.append(ladder.rung(below.setting.turned(knob, value), rungs[-1] if rungs else below))
+        rungs.append(ladder.rung(below.setting.varied(parameter, value), rungs[-1] if rungs else below))
         if len(rungs) > 2 and _rest(ladder.bench, rungs) <= goal:
             return rungs, "enough"
     return rungs, "as many as are tried"
@@ -220,10 +222,10 @@ def _rest(bench: Bench, rungs: Sequence[Rung]) -> float:
     return bench.comm.bcast(_check("", rungs).rest)
 
 
-def _check(knob: str, rungs: Sequence[Rung]) -> Check:
+def _check(parameter: str, rungs: Sequence[Rung]) -> Check:
     """Return the changes of the response from rung to rung.  Local."""
     steps = tuple(difference(low.curves, high.curves) for low, high in zip(rungs, rungs[1:]))
-    return Check(knob, tuple(getattr(rung.setting, knob) if knob else 0 for rung in rungs), steps)
+    return Check(parameter, tuple(getattr(rung.setting, parameter) if parameter else 0 for rung in rungs), steps)
 
 
 def mode_numbers(bench: Bench) -> list[int]:

@@ -33,7 +33,7 @@ def _or_nan(value: float | None) -> float:
 
 
 COLUMNS: dict[str, tuple[str, Callable[[Record], Any]]] = {  # heading, and the value from a record
-    "knob": ("knob", lambda of: of.run.knob),
+    "parameter": ("parameter", lambda of: of.run.parameter),
     "value": ("value", lambda of: of.run.value),
     "level_N": ("level N", lambda of: of.level),
     "method": ("method", lambda of: of.run.setting.method),
@@ -62,7 +62,7 @@ COLUMNS: dict[str, tuple[str, Callable[[Record], Any]]] = {  # heading, and the 
     "corrected_percent": ("corrected %", lambda of: 100 * of.corrected),
 }
 SHOWN = (
-    "knob value modes harmonics samples unknowns setup_s seconds cpu_s cpu_with_bars_s error_percent corrected_percent "
+    "parameter value modes harmonics samples unknowns setup_s seconds cpu_s cpu_with_bars_s error_percent corrected_percent "
     "rms_percent own_percent peak_percent bar_percent covered_percent bar_over_error on_front"
 ).split()
 
@@ -90,7 +90,7 @@ def summary(study: Study) -> list[str]:
         *reference_lines(study),
         *validation_lines(study),
         "",
-        "what each knob costs and buys, in processor time of the response:",
+        "what each parameter costs and buys, in processor time of the response:",
         *(f"  {line}" for line in (*sentences(study), *corrected_sentences(study))),
         "",
         "the front, nothing of what was run is both faster and better:",
@@ -109,9 +109,9 @@ def records(study: Study) -> list[dict]:
     """Return one record per run over all levels, by the names of ``COLUMNS``; for several levels also one per level."""
     front, table_rows, exact = {id(run) for run in study.front()}, list[Record](), study.reference.curves
     for run in study.ordered():
-        knob_error, is_best = study.own(run, run.knob) if run.failure is None else np.nan, id(run) in front
+        parameter_error, is_best = study.own(run, run.parameter) if run.failure is None else np.nan, id(run) in front
         table_rows.append(
-            Record(run, "all", run.curves, study.score(run), knob_error, is_best, study.error_of_corrected(run.corrected))
+            Record(run, "all", run.curves, study.score(run), parameter_error, is_best, study.error_of_corrected(run.corrected))
         )
         for i, curve in enumerate(run.curves if len(exact) > 1 else ()):
             corrected = study.error_of_corrected(run.corrected[i : i + 1])
@@ -130,7 +130,7 @@ def rows(study: Study) -> list[list[str]]:
     return [
         [_cell(name, record, study.reference.floor) for name in SHOWN]
         for record in records(study)
-        if record["level_N"] == "all" and record["knob"] != "mesh" and record["points"]
+        if record["level_N"] == "all" and record["parameter"] != "mesh" and record["points"]
     ]
 
 
@@ -139,11 +139,12 @@ def failure_lines(study: Study) -> list[str]:
     reasons: dict[str, dict[str, list[str]]] = {}
     for run in study.runs:
         if run.failure:
-            reasons.setdefault(run.failure, {}).setdefault(run.knob, []).append(run.value or str(run.setting))
+            reasons.setdefault(run.failure, {}).setdefault(run.parameter, []).append(run.value or str(run.setting))
     lines = []
-    for reason, knobs in reasons.items():
+    for reason, parameters in reasons.items():
         names = "; ".join(
-            f"{knob} {', '.join(values)}" if knob != COMBINED else f"{len(values)} combinations" for knob, values in knobs.items()
+            f"{parameter} {', '.join(values)}" if parameter != COMBINED else f"{len(values)} combinations"
+            for parameter, values in parameters.items()
         )
         lines.append(f"{reason}: {names}")
     return lines
@@ -162,7 +163,7 @@ def table(study: Study) -> str:
     """Return the runs as a table for the screen."""
     names, lines = [COLUMNS[name][0] for name in SHOWN], rows(study)
     says = "errors in % of the reference's peak; set-up: modes and reduction, without what all runs share"
-    return screen_table(says, names, [(line[0], line) for line in lines], left=("knob", "value"), close=True)
+    return screen_table(says, names, [(line[0], line) for line in lines], left=("parameter", "value"), close=True)
 
 
 # -- sentences -----------------------------------------------------------------------------------------------------
@@ -180,7 +181,7 @@ def linear_lines(study: Study) -> list[str]:
     levels = ", ".join(f"{level:g} N" for level in study.reference.curves)
     return [
         f"no pair slips or opens at {levels}: the response is linear; harmonics, samples, tolerance and eps change nothing",
-        "and were not turned: modes, method and mesh are all there is to trade; what is chosen below holds without slip",
+        "and were not varied: modes, method and mesh are all there is to trade; what is chosen below holds without slip",
         "",
     ]
 
@@ -195,9 +196,9 @@ def reference_lines(study: Study) -> list[str]:
     for check in reference.checks:
         steps = ", ".join(f"{a} -> {b}: {percent(step)}" for (a, b), step in zip(pairwise(check.values), check.steps))
         lines.append(
-            f"  {check.knob} {steps}; more would change {percent(check.rest)}"
+            f"  {check.parameter} {steps}; more would change {percent(check.rest)}"
             if check.steps
-            else f"  {check.knob}: all there are"
+            else f"  {check.parameter}: all there are"
         )
     verdict = "known to" if reference.floor <= min(TARGETS) else "known only to"
     return [
@@ -222,10 +223,15 @@ def validation_lines(study: Study) -> list[str]:
 def sentences(study: Study) -> list[str]:
     """Return sentences on the cost and effect of each step of a setting."""
     lines = []
-    for knob in ("harmonics", "samples", "modes", "tolerance", "eps"):
-        for before, after in pairwise(study.sweep(knob)):
-            lines.append(step_sentence(study, knob, before, after))
-    lines += method_sentences(study)
+    for parameter in ("harmonics", "samples", "modes", "tolerance", "eps"):
+        for before, after in pairwise(study.sweep(parameter)):
+            lines.append(step_sentence(study, parameter, before, after))
+    return [*lines, *method_sentences(study), *accuracy_sentences(study)]
+
+
+def accuracy_sentences(study: Study) -> list[str]:
+    """Return sentences on each run with an accuracy: error, time, and the time over that of the best fixed setting."""
+    lines = []
     for run in study.complete:
         if run.setting.accuracy is not None:
             error = study.score(run).error
@@ -274,22 +280,24 @@ def _beside_fixed(study: Study, run: Run) -> str:
     if best is None:
         return ", bars included; no fixed setting that was run reaches it"
     return (
-        f", bars included: {run.cost / best.cost:.2g}x that of the best fixed setting ({best.knob} {best.value}".rstrip()
+        f", bars included: {run.cost / best.cost:.2g}x that of the best fixed setting ({best.parameter} {best.value}".rstrip()
         + f"), {run.cost / best.cpu_with_bars:.2g}x with its bars"
     )
 
 
-def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
+def step_sentence(study: Study, parameter: str, before: Run, after: Run) -> str:
     """Return a sentence on cost and effect of a step from one value of a setting to the next."""
-    first, second = (_value(knob, run) for run in (before, after))
-    text = f"{knob} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
-    text += _more_setup(before, after) if knob == "modes" else ""
-    knob_errors = study.own(before, knob), study.own(after, knob)
-    if knob == "harmonics":
-        return f"{text}, error {_known(knob_errors[0], study)} -> {_known(knob_errors[1], study)}"
-    last = knob_errors[1] == 0.0 and knob != "eps"
+    first, second = (_value(parameter, run) for run in (before, after))
+    text = f"{parameter} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
+    text += _more_setup(before, after) if parameter == "modes" else ""
+    parameter_errors = study.own(before, parameter), study.own(after, parameter)
+    if parameter == "harmonics":
+        return f"{text}, error {_known(parameter_errors[0], study)} -> {_known(parameter_errors[1], study)}"
+    last = parameter_errors[1] == 0.0 and parameter != "eps"
     of_it = (
-        f"changes {percent(knob_errors[0])}" if last else f"its own error {percent(knob_errors[0])} -> {percent(knob_errors[1])}"
+        f"changes {percent(parameter_errors[0])}"
+        if last
+        else f"its own error {percent(parameter_errors[0])} -> {percent(parameter_errors[1])}"
     )
     errors = " -> ".join(_known(study.score(run).error, study) for run in (before, after))
     return f"{text}, {of_it} (with all others of the base: {errors})"
@@ -301,8 +309,8 @@ def _more_setup(before: Run, after: Run) -> str:
     return f", {more:+.2g} s of set-up" if abs(more) > 0.02 + 0.02 * before.setup else ""
 
 
-def _value(knob: str, run: Run) -> str:
-    return f"{run.setting.energy_tolerance:g} J" if knob == "eps" else f"{getattr(run.setting, knob):g}"
+def _value(parameter: str, run: Run) -> str:
+    return f"{run.setting.energy_tolerance:g} J" if parameter == "eps" else f"{getattr(run.setting, parameter):g}"
 
 
 def _known(error: float, study: Study) -> str:

@@ -29,7 +29,7 @@ TENFOLD = "#eeeeee"
 
 def draw_trade(study: Study, scene: Titled, path: str) -> None:
     """Draw the runs of a study."""
-    kinds = [kind for kind in LOOKS if any(run.knob == kind for run in study.complete)]
+    kinds = [kind for kind in LOOKS if any(run.parameter == kind for run in study.complete)]
     handles = [
         Line2D(
             [],
@@ -74,8 +74,8 @@ def _draw_errors(axes, study: Study) -> None:
         last = max(seconds for seconds, _ in shown.values())
         axes.plot([*x, max(1.3 * last, x[-1])], [*y, y[-1]], drawstyle="steps-post", color=INK, lw=1.6, zorder=2)
     for kind, (colour, marker) in LOOKS.items():
-        runs = study.sweep(kind) if kind in JOINED else [run for run in study.complete if run.knob == kind]
-        if not runs or not any(run.knob == kind for run in runs):
+        runs = study.sweep(kind) if kind in JOINED else [run for run in study.complete if run.parameter == kind]
+        if not runs or not any(run.parameter == kind for run in runs):
             continue
         x, y = np.array([shown[id(run)] for run in runs]).T
         axes.plot(
@@ -103,7 +103,7 @@ def _name(axes, study: Study, shown: dict) -> None:
     (left, right), (low, high) = np.log10(axes.get_xlim()), np.log10(axes.get_ylim())
     for kind, offset in ((ACCURACY, (4, -9)), ("harmonics", (4, 4))):
         for run in study.complete:
-            if run.knob != kind:
+            if run.parameter != kind:
                 continue
             here = (np.log10(shown[id(run)]) - (left, low)) / (right - left, high - low)
             if all(np.any(np.abs(here - other) > (0.08, 0.04)) for other in taken):
@@ -124,7 +124,7 @@ def _draw_bars(axes, study: Study) -> None:
             n = min(len(curve.omega), len(exact.omega))
             error, bar = np.abs(curve.u[:n] - exact.u[:n]) / (exact.peak or 1.0), curve.bar[:n] / (exact.peak or 1.0)
             shown = np.isfinite(bar) & (bar > 0.0) & (error > exact.bar[:n] / (exact.peak or 1.0))
-            pairs.append((run.knob, np.maximum(error[shown], LEAST), np.maximum(bar[shown], LEAST)))
+            pairs.append((run.parameter, np.maximum(error[shown], LEAST), np.maximum(bar[shown], LEAST)))
     everything = np.concatenate([np.concatenate(pair[1:]) for pair in pairs]) if pairs else np.empty(0)
     if len(everything) == 0:
         axes.set_axis_off()
@@ -133,8 +133,8 @@ def _draw_bars(axes, study: Study) -> None:
     ends = np.array([0.5 * everything.min(), 2.0 * everything.max()])
     axes.fill_between(ends, ends, 10.0 * ends, color=TENFOLD, lw=0, zorder=0)
     axes.plot(ends, ends, color=INK, lw=0.8, zorder=2)
-    for knob, error, bar in pairs:
-        axes.plot(error, bar, ".", ms=1.8, mew=0, color=LOOKS.get(knob, (FAINT, ""))[0], zorder=3, rasterized=True)
+    for parameter, error, bar in pairs:
+        axes.plot(error, bar, ".", ms=1.8, mew=0, color=LOOKS.get(parameter, (FAINT, ""))[0], zorder=3, rasterized=True)
     axes.set(xscale="log", yscale="log", xlim=ends, ylim=ends, xlabel="error of a point / peak [-]", ylabel="its bar / peak [-]")
     axes.set_title(
         f"{100 * score.coverage:.1f} % of {score.n_above} points under their bar,\nbar / error {score.ratio:.2g} in the median"

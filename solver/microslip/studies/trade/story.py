@@ -25,7 +25,7 @@ from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
 from .reference import Ladder, find_reference, frequencies
 from .report import write_trade
-from .study import ACCURACY, BASE, COMBINED, KNOBS, TARGETS, Run, Setting, Study, promising
+from .study import ACCURACY, BASE, COMBINED, PARAMETERS, TARGETS, Run, Setting, Study, promising
 
 SECONDS = 105.0  # default time budget
 UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8  # fractions of the time budget
@@ -41,7 +41,7 @@ FEWEST_OF_REFERENCE = 40  # least modes of the reference
 COMBINATIONS = 8
 MANY = 20  # harmonics from which runs are long and come late
 GROWTH = 3.0  # exponent of the time over the number of harmonics in the worst case
-COMBINED_KNOBS = ("harmonics", "samples", "modes", "tolerance")
+COMBINED_PARAMETERS = ("harmonics", "samples", "modes", "tolerance")
 OF_LINEAR = ("modes", "method", "mesh")  # settings with effect on a response without slip
 
 
@@ -49,7 +49,7 @@ OF_LINEAR = ("modes", "method", "mesh")  # settings with effect on a response wi
 class Request:
     """Options of the command line."""
 
-    knobs: tuple[str, ...] = KNOBS
+    parameters: tuple[str, ...] = PARAMETERS
     levels: tuple[float, ...] = ()  # N; empty: the scene's first level with slip, and its highest
     meshes: tuple[str, ...] = ()  # further mesh files
     seconds: float = SECONDS
@@ -77,9 +77,9 @@ def trade(scene: Scene, comm: MPI.Comm, folder: Path, request: Request | None = 
 
 def check_request(scene: Scene, request: Request) -> None:
     """Refuse unsuitable scenes and options.  Local.  Raises CaseError."""
-    for name in request.knobs:
-        if name not in KNOBS:
-            raise CaseError(f"--knobs: unknown knob {name!r}{hint(name, KNOBS, str)}; known: {', '.join(KNOBS)}")
+    for name in request.parameters:
+        if name not in PARAMETERS:
+            raise CaseError(f"--vary: unknown parameter {name!r}{hint(name, PARAMETERS, str)}; known: {', '.join(PARAMETERS)}")
     for level in request.levels:
         if not 0.0 < level < float("inf"):
             raise CaseError(f"--levels: {level:g} N is not a force above 0")
@@ -134,17 +134,17 @@ def measured(scene: Scene, comm: MPI.Comm, request: Request, log: RunLog) -> Stu
             measure_modes(bench, base.modes)
         with log.stage("frequencies"):
             omegas, most, slips = frequencies(bench, cheap(bench, base), request.levels or None)
-        knobs, base = (request.knobs, base) if slips else linear_trade(bench, request.knobs, base, list(omegas))
+        parameters, base = (request.parameters, base) if slips else linear_trade(bench, request.parameters, base, list(omegas))
         with log.stage("reference"):
             ladder = Ladder(bench, omegas, clock)
             reference = find_reference(ladder, base, UNTIL_REFERENCE, log.note, slips)
         study = Study(scene.title or scene.name, scene.name, reference, base, shared=shared, is_linear=not slips)
-        first, later = settings(bench, base, study, knobs, most)
-        with log.stage("runs, knob by knob"):
+        first, later = settings(bench, base, study, parameters, most)
+        with log.stage("runs, parameter by parameter"):
             for what in [(BASE, "", base), *first]:
                 run_in_time(ladder, study, what, UNTIL_COMBINED, log)
         with log.stage("runs, combined"):
-            combined = [knob for knob in COMBINED_KNOBS if knob in knobs]
+            combined = [parameter for parameter in COMBINED_PARAMETERS if parameter in parameters]
             for setting in comm.bcast(promising(study, combined, COMBINATIONS)):
                 run_in_time(ladder, study, (COMBINED, "", setting), UNTIL_COMBINED, log)
         with log.stage("runs, methods and what takes long"):
@@ -153,7 +153,7 @@ def measured(scene: Scene, comm: MPI.Comm, request: Request, log: RunLog) -> Stu
         shared["static columns"] = comm.bcast(structure.statics.G_static.seconds)
     finally:
         structure.close()
-    if request.meshes and "mesh" in request.knobs:
+    if request.meshes and "mesh" in request.parameters:
         with log.stage("meshes"):
             study.meshes.extend(mesh_runs(scene, comm, request, base, log))
     study.notes.append(f"{clock.spent:.0f} s in all, {reference.seconds:.0f} s of them for the reference")
@@ -166,17 +166,17 @@ def base_of(bench: Bench) -> Setting:
     return Setting(len(bench.structure.modes.omega_n), H, max(BASE_SAMPLES, 16 * H), BASE_TOLERANCE)
 
 
-def linear_trade(bench: Bench, knobs: Sequence[str], base: Setting, levels: list[float]) -> tuple[tuple[str, ...], Setting]:
+def linear_trade(bench: Bench, parameters: Sequence[str], base: Setting, levels: list[float]) -> tuple[tuple[str, ...], Setting]:
     """Return the settings that change a response without slip, and its base with only the harmonics of the loads.  Local.
 
     Raises
     ------
     CaseError : the command line requests none of them
     """
-    effective = tuple(knob for knob in knobs if knob in OF_LINEAR)
+    effective = tuple(parameter for parameter in parameters if parameter in OF_LINEAR)
     if not effective:
         raise CaseError(
-            f"--knobs {','.join(knobs)}: no pair slips or opens at {', '.join(f'{level:g}' for level in levels)} N, "
+            f"--vary {','.join(parameters)}: no pair slips or opens at {', '.join(f'{level:g}' for level in levels)} N, "
             f"and of a linear response none of these changes anything; turn some of {', '.join(OF_LINEAR)}, or raise "
             "--levels or [response] levels until something slips"
         )
@@ -199,35 +199,39 @@ def measure_modes(bench: Bench, n_base: int) -> None:
 
 
 def settings(
-    bench: Bench, base: Setting, study: Study, knobs: Sequence[str], most: float
+    bench: Bench, base: Setting, study: Study, parameters: Sequence[str], most: float
 ) -> tuple[list[tuple[str, str, Setting]], list[tuple[str, str, Setting]]]:
-    """Return the runs as (knob, value, setting): first the runs used in combinations, then the others.  Local.
+    """Return the runs as (parameter, value, setting): first the runs used in combinations, then the others.  Local.
 
     The same on all ranks.  ``most``: the largest loss of a pair [J per cycle], the scale of energies.
     """
     first: list[tuple[str, str, Setting]] = []
     later: list[tuple[str, str, Setting]] = []
     last: list[tuple[str, str, Setting]] = []
-    turned = {
-        knob: [value for value in values(bench, base, study, knob) if value != getattr(base, knob)]
-        for knob in COMBINED_KNOBS
-        if knob in knobs
+    varied = {
+        parameter: [value for value in values(bench, base, study, parameter) if value != getattr(base, parameter)]
+        for parameter in COMBINED_PARAMETERS
+        if parameter in parameters
     }
-    for H in turned.pop("harmonics", []):
+    for H in varied.pop("harmonics", []):
         setting = replace(base, harmonics=H, samples=max(base.samples, 4 * (H + 1)))
         (first if H < MANY else last).append(("harmonics", f"{H}", setting))
-    for row in zip_longest(*([(knob, value) for value in ends_first(options)] for knob, options in turned.items())):
-        settings_of_row = [(knob, f"{value:g}", base.turned(knob, value)) for knob, value in filter(None, row)]
+    for row in zip_longest(*([(parameter, value) for value in ends_first(options)] for parameter, options in varied.items())):
+        settings_of_row = [(parameter, f"{value:g}", base.varied(parameter, value)) for parameter, value in filter(None, row)]
         first += [entry for entry in settings_of_row if entry[2].samples > 2 * entry[2].harmonics]
     later += [(ACCURACY, f"{target:g}", replace(base, accuracy=target)) for target in TARGETS[:2]]
     of_corrected = replace(base, accuracy_of="corrected")
     later += [(ACCURACY, f"{target:g} corrected", replace(of_corrected, accuracy=target)) for target in TARGETS[:2]]
-    if "eps" in knobs and most > 0.0:
+    if "eps" in parameters and most > 0.0:
         energies = [float(f"{10.0**decade * most:.0e}") for decade in EPS]
         later += [("eps", f"{eps:g} J", replace(base, method="adaptive-energy", energy_tolerance=eps)) for eps in energies]
-    if "method" in knobs:
+    if "method" in parameters:
         n_dof = bench.structure.n_dof
-        known = {base.method, *(["adaptive-energy"] if "eps" in knobs else []), *(["full"] if n_dof > LARGEST_REFERENCE else [])}
+        known = {
+            base.method,
+            *(["adaptive-energy"] if "eps" in parameters else []),
+            *(["full"] if n_dof > LARGEST_REFERENCE else []),
+        }
         methods = METHODS if bench.scene.cyclic is None else OF_DISCS
         later += [("method", name, replace(base, method=name)) for name in methods if name not in known]
     return first, [*later, *last[:1], (ACCURACY, f"{TARGETS[2]:g}", replace(base, accuracy=TARGETS[2])), *last[1:]]
@@ -238,32 +242,34 @@ def ends_first(entries: list) -> list:
     return [*entries[:1], *entries[1:][-1:], *entries[1:-1]]
 
 
-def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
+def values(bench: Bench, base: Setting, study: Study, parameter: str) -> list:
     """Return the suitable values of a setting.  Local."""
-    if knob == "harmonics":
-        return [H for H in VALUES[knob] if bench.least_harmonics <= H < max(study.reference.setting.harmonics, base.harmonics)]
-    if knob == "modes":
+    if parameter == "harmonics":
+        return [
+            H for H in VALUES[parameter] if bench.least_harmonics <= H < max(study.reference.setting.harmonics, base.harmonics)
+        ]
+    if parameter == "modes":
         least, most = bench.least_modes, study.reference.setting.modes
-        return [m for m in VALUES[knob] if least <= m <= most]
-    return list(VALUES[knob])
+        return [m for m in VALUES[parameter] if least <= m <= most]
+    return list(VALUES[parameter])
 
 
 def run_in_time(ladder: Ladder, study: Study, what: tuple[str, str, Setting], share: float, log: RunLog) -> None:
     """Add a run at the points of the reference to the study, unless the fraction ``share`` of the time is spent.  Collective."""
-    (knob, value, setting), bench = what, ladder.bench
-    if knob != BASE and ladder.clock.left(share) <= expected(study, knob, setting):
-        run = not_run(knob, value, setting, "left out for lack of time, raise --seconds")
+    (parameter, value, setting), bench = what, ladder.bench
+    if parameter != BASE and ladder.clock.left(share) <= expected(study, parameter, setting):
+        run = not_run(parameter, value, setting, "left out for lack of time, raise --seconds")
     else:
-        run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), ladder.omegas)
+        run = bench.run(parameter, value, setting if setting.accuracy is None else with_modes_for(bench, setting), ladder.omegas)
     log_run(log, study, run)
 
 
-def expected(study: Study, knob: str, setting: Setting) -> float:
+def expected(study: Study, parameter: str, setting: Setting) -> float:
     """Return the expected time of a run with many harmonics or the least error [s]; 0 if unknown.  Local."""
-    known = [run for run in study.complete if run.knob == ("harmonics" if knob == "harmonics" else ACCURACY)]
-    if not known or (knob == "harmonics" and setting.harmonics < MANY) or knob not in ("harmonics", ACCURACY):
+    known = [run for run in study.complete if run.parameter == ("harmonics" if parameter == "harmonics" else ACCURACY)]
+    if not known or (parameter == "harmonics" and setting.harmonics < MANY) or parameter not in ("harmonics", ACCURACY):
         return 0.0
-    growth = (setting.harmonics / known[-1].setting.harmonics) ** GROWTH if knob == "harmonics" else 4.0
+    growth = (setting.harmonics / known[-1].setting.harmonics) ** GROWTH if parameter == "harmonics" else 4.0
     return growth * known[-1].seconds_with_bars
 
 
@@ -282,7 +288,7 @@ def with_modes_for(bench: Bench, setting: Setting) -> Setting:
 def log_run(log: RunLog, study: Study, run: Run) -> None:
     """Add a run to the study and log a line with its results.  Local."""
     study.runs.append(run)
-    score, name = study.score(run), f"  {run.knob} {run.value}"
+    score, name = study.score(run), f"  {run.parameter} {run.value}"
     log.note(f"{name:<34} {run.seconds:8.3f} s  error {score.error:8.1e}  bar {score.bar:8.1e}  {run.failure or ''}".rstrip())
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from ...points.peak import top_of_curve
 
-KNOBS = ("harmonics", "samples", "modes", "tolerance", "eps", "method", "mesh")
-KEYS = {knob: knob for knob in KNOBS} | {"eps": "energy_tolerance"}  # keys of [solver] and of Setting
+PARAMETERS = ("harmonics", "samples", "modes", "tolerance", "eps", "method", "mesh")
+KEYS = {parameter: parameter for parameter in PARAMETERS} | {"eps": "energy_tolerance"}  # keys of [solver] and of Setting
 BASE, COMBINED, ACCURACY = "base", "combination", "accuracy"  # further kinds of runs
 TARGETS = (1e-2, 1e-3, 1e-4)
 MOST_GAIN = 4.0  # largest trusted factor between successive changes of a sequence of refinements
@@ -55,9 +55,9 @@ class Setting:
         """Whether the corrected amplitude is used."""
         return self.accuracy_of == "corrected"
 
-    def turned(self, knob: str, value: Any) -> Setting:
-        """Return the setting with another value of a knob."""
-        return replace(self, **{KEYS[knob]: value})
+    def varied(self, parameter: str, value: Any) -> Setting:
+        """Return the setting with another value of a parameter."""
+        return replace(self, **{KEYS[parameter]: value})
 
     def __str__(self) -> str:
         if self.accuracy is not None:
@@ -86,8 +86,8 @@ class Curve:
 class Run:
     """Time and results of one setting."""
 
-    knob: str  # a key of KNOBS, or BASE, COMBINED, ACCURACY
-    value: str  # value of the knob
+    parameter: str  # a key of PARAMETERS, or BASE, COMBINED, ACCURACY
+    value: str  # value of the parameter
     setting: Setting
     setup: float  # s: modes and reduction, without the shared set-up
     seconds: float  # s of wall time of the response at all frequencies of all levels, without error bars
@@ -111,10 +111,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Check:
-    """Coarser runs on the way to the reference, in one knob."""
+    """Coarser runs on the way to the reference, in one parameter."""
 
-    knob: str
-    values: tuple[int, ...]  # values of the knob, ascending up to the reference
+    parameter: str
+    values: tuple[int, ...]  # values of the parameter, ascending up to the reference
     steps: tuple[float, ...]  # largest change of the response between successive values, relative to the peak
 
     @property
@@ -219,30 +219,30 @@ class Study:
     @property
     def run_of_base(self) -> Run | None:
         """The run of the base setting, if complete."""
-        return next((run for run in self.complete if run.knob == BASE), None)
+        return next((run for run in self.complete if run.parameter == BASE), None)
 
     def error_of_corrected(self, curves: Sequence[Curve]) -> float:
         """Return the largest error of corrected amplitudes; nan without corrected amplitudes."""
         return score(curves, self.reference.curves).error
 
-    def sweep(self, knob: str) -> list[Run]:
-        """Return the complete runs of a knob, with the base run if it belongs to them, in the order of their values."""
-        runs = [run for run in self.complete if run.knob == knob]
-        if knob in ("harmonics", "samples", "modes", "tolerance"):
-            runs += [run for run in self.complete if run.knob == BASE]
-            key = KEYS[knob]
+    def sweep(self, parameter: str) -> list[Run]:
+        """Return the complete runs of a parameter, with the base run if it belongs to them, in the order of their values."""
+        runs = [run for run in self.complete if run.parameter == parameter]
+        if parameter in ("harmonics", "samples", "modes", "tolerance"):
+            runs += [run for run in self.complete if run.parameter == BASE]
+            key = KEYS[parameter]
             by_value = {getattr(run.setting, key): run for run in runs}
-            return [by_value[value] for value in sorted(by_value, reverse=knob == "tolerance")]
-        return sorted(runs, key=lambda run: -(run.setting.energy_tolerance or 0.0)) if knob == "eps" else runs
+            return [by_value[value] for value in sorted(by_value, reverse=parameter == "tolerance")]
+        return sorted(runs, key=lambda run: -(run.setting.energy_tolerance or 0.0)) if parameter == "eps" else runs
 
-    def own(self, run: Run, knob: str) -> float:
-        """Return the error of a single knob: relative to its finest value, for harmonics relative to the reference."""
-        if knob not in KNOBS:
+    def own(self, run: Run, parameter: str) -> float:
+        """Return the error of a single parameter: relative to its finest value, for harmonics relative to the reference."""
+        if parameter not in PARAMETERS:
             return np.nan
-        sweep = self.sweep(knob)
-        if knob in ("harmonics", "method") or not sweep:
+        sweep = self.sweep(parameter)
+        if parameter in ("harmonics", "method") or not sweep:
             return self.score(run).error
-        if knob == "eps":
+        if parameter == "eps":
             return difference(run.curves, self.run_of_base.curves) if self.run_of_base is not None else np.nan
         return difference(run.curves, sweep[-1].curves)
 
@@ -256,9 +256,9 @@ class Study:
         return sorted((run for run, is_best in zip(runs, best) if is_best), key=lambda run: run.cost)
 
     def ordered(self) -> list[Run]:
-        """Return the runs sorted by kind and by the values of their knobs."""
-        kinds = [BASE, *KNOBS, ACCURACY, COMBINED]
-        return sorted(self.runs, key=lambda run: (kinds.index(run.knob), _place(run)))
+        """Return the runs sorted by kind and by the values of their parameters."""
+        kinds = [BASE, *PARAMETERS, ACCURACY, COMBINED]
+        return sorted(self.runs, key=lambda run: (kinds.index(run.parameter), _place(run)))
 
     def choice(self, target: float) -> Run | None:
         """Return the run with the least time, set-up included, whose sure error is within ``target``; None without one."""
@@ -275,8 +275,8 @@ class Study:
         return min(good, key=lambda run: run.cost) if good else None
 
     def sure_error(self, run: Run) -> float:
-        """Return the larger of the error of a run and the error of its knob, because errors may cancel at single points."""
-        return max(self.score(run).error, float(np.nan_to_num(self.own(run, run.knob))))
+        """Return the larger of the error of a run and the error of its parameter, because errors may cancel at single points."""
+        return max(self.score(run).error, float(np.nan_to_num(self.own(run, run.parameter))))
 
     def validation(self) -> Score:
         """Return coverage and ratio over the points of all runs."""
@@ -284,12 +284,12 @@ class Study:
 
 
 def _place(run: Run) -> float:
-    """Return the sort key of a run among runs of its knob, coarse before fine."""
+    """Return the sort key of a run among runs of its parameter, coarse before fine."""
     setting = run.setting
-    if run.knob in ("harmonics", "samples", "modes"):
-        return getattr(setting, run.knob)
+    if run.parameter in ("harmonics", "samples", "modes"):
+        return getattr(setting, run.parameter)
     falling = {"tolerance": setting.tolerance, "eps": setting.energy_tolerance, ACCURACY: setting.accuracy}
-    return run.cost if run.knob == COMBINED else -(falling.get(run.knob) or 0.0)
+    return run.cost if run.parameter == COMBINED else -(falling.get(run.parameter) or 0.0)
 
 
 def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
@@ -344,31 +344,31 @@ def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
     return is_best
 
 
-def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, float]]:
+def predicted(study: Study, parameters: Sequence[str]) -> list[tuple[Setting, float, float]]:
     """Return all combinations of individually run values: setting, predicted seconds and predicted error.
 
-    Each knob is assumed to multiply the time and to add its error.
+    Each parameter is assumed to multiply the time and to add its error.
     """
     base = study.run_of_base
     if base is None:
         return []
     combinations = [(study.base, base.cost, 0.0)]
-    for knob in knobs:
-        sweep = study.sweep(knob)
+    for parameter in parameters:
+        sweep = study.sweep(parameter)
         if not sweep:
             continue
-        options = [(getattr(run.setting, KEYS[knob]), run.cost / base.cost, study.own(run, knob)) for run in sweep]
+        options = [(getattr(run.setting, KEYS[parameter]), run.cost / base.cost, study.own(run, parameter)) for run in sweep]
         combinations = [
-            (setting.turned(knob, value), seconds * factor, error + added)
+            (setting.varied(parameter, value), seconds * factor, error + added)
             for setting, seconds, error in combinations
             for value, factor, added in options
         ]
     return [entry for entry in combinations if entry[0].samples > 2 * entry[0].harmonics]
 
 
-def promising(study: Study, knobs: Sequence[str], most: int) -> list[Setting]:
+def promising(study: Study, parameters: Sequence[str], most: int) -> list[Setting]:
     """Return at most ``most`` new combinations: the cheapest predicted for each of ``TARGETS``, then of the Pareto front."""
-    combinations = predicted(study, knobs)
+    combinations = predicted(study, parameters)
     if not combinations:
         return []
     seconds, error = np.array([entry[1] for entry in combinations]), np.array([entry[2] for entry in combinations])
