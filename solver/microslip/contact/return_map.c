@@ -24,15 +24,16 @@ static void step_derivative(const double k[2], const int slides[2], int separate
     }
 }
 
-/* The i-th pair: p (3,) [N], dp/du (9,) and state after a step to du (3,) [m] from the tangential p before (2,) [N]. */
-static void return_step(const spring_pairs *pairs, index_t i, const double du[3], const double before[2], double p[3],
+/* The i-th pair: p (3,) [N], dp/du (9,) unless L is NULL, and state after a step to du (3,) [m] from the tangential p before (2,)
+   [N]. */
+static inline void return_step(const spring_pairs *pairs, index_t i, const double du[3], const double before[2], double p[3],
                         double L[9], unsigned char *state)
 {
     const double *k = pairs->k_t + 2 * i, *mu = pairs->mu + 2 * i, *w0 = pairs->w0 + 2 * i;
     const double N0 = pairs->N0[i], k_n = pairs->k_n[i], closing = N0 - k_n * du[2];
     const int is_open = closing <= 0.0, separate = pairs->separate[i];
     const double N = is_open ? 0.0 : closing;
-    double stuck[2], T[2], t[2], alpha[2], mu_kn[2];
+    double stuck[2], T[2], t[2] = {0.0, 0.0}, alpha[2] = {0.0, 0.0}, mu_kn[2] = {0.0, 0.0}; /* the last three where it slides */
     int slides[2];
     for (int d = 0; d < 2; d++) {
         stuck[d] = k[d] * (du[d] - w0[d]);
@@ -42,16 +43,21 @@ static void return_step(const spring_pairs *pairs, index_t i, const double du[3]
     for (int d = 0; d < 2; d++) {
         const double size = separate ? fabs(T[d]) : length, limit = mu[d] * N, safe = size > 0.0 ? size : 1.0;
         slides[d] = size > limit || (is_open && k[0] > 0.0);
-        t[d] = T[d] / safe;
-        alpha[d] = limit / safe;
-        mu_kn[d] = is_open ? 0.0 : mu[d] * k_n;
-        p[d] = slides[d] ? limit * t[d] - stuck[d] : before[d];
+        p[d] = before[d];
+        if (slides[d]) {
+            t[d] = T[d] / safe;
+            alpha[d] = limit / safe;
+            mu_kn[d] = is_open ? 0.0 : mu[d] * k_n;
+            p[d] = limit * t[d] - stuck[d];
+        }
     }
     p[2] = is_open ? (N0 > 0.0 ? N0 : 0.0) - k_n * du[2] : (N0 < 0.0 ? -N0 : 0.0);
-    memset(L, 0, 9 * sizeof *L);
-    step_derivative(k, slides, separate, t, alpha, mu_kn, L);
-    if (is_open)
-        L[8] = -k_n;
+    if (L != NULL) {
+        memset(L, 0, 9 * sizeof *L);
+        step_derivative(k, slides, separate, t, alpha, mu_kn, L);
+        if (is_open)
+            L[8] = -k_n;
+    }
     *state = is_open ? OPEN : slides[0] || slides[1] ? SLIP : STICK;
 }
 
@@ -78,16 +84,27 @@ static void advance(const double D[4], double *a, index_t n)
     }
 }
 
+/* Adds the derivatives a to their mean over a step and to their mean weighted with the time, with the weights of the samples since
+   they changed, which become 0. */
+static void add_means(double *of_step, const double a[OF_STEP], double *mean_weight, double *first_weight)
+{
+    for (index_t m = 0; m < OF_STEP; m++) {
+        of_step[OF_STEP + m] += *mean_weight * a[m];
+        of_step[2 * OF_STEP + m] += *first_weight * a[m];
+    }
+    *mean_weight = *first_weight = 0.0;
+}
+
 /* Marches the i-th pair from p (2,) [N] through n_t samples du (n_t, 3) [m] of a period, from the second sample to the first
    one of the next period; returns whether it sticks, or slips only by roundoff where it is exactly at its limit. */
 static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, const double *du, double p[2])
 {
     const double *k = pairs->k_t + 2 * i;
-    double now[3], L[9], moved = 0.0, most = 0.0;
+    double now[3], moved = 0.0, most = 0.0;
     unsigned char state;
     for (index_t j = 1; j <= n_t; j++) {
         const double *there = du + 3 * (j < n_t ? j : 0);
-        return_step(pairs, i, there, p, now, L, &state);
+        return_step(pairs, i, there, p, now, NULL, &state);
         moved += fabs(now[0] - p[0]) + fabs(now[1] - p[1]);
         most = fmax(most, fabs(k[0] * there[0]) + fabs(k[1] * there[1]));
         p[0] = now[0];
@@ -101,7 +118,8 @@ static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, cons
    The motion of the i-th pair is du[motion[i]] (n_steps n_sub, 3) [m]; slider positions follow from at most most_periods
    periods of it.  Within a step a change of motion is linear, d0 at its start and d1 at its end.  M (n, n_steps, 3, 16) has for
    p_t at the end of a step, for its mean over the step and for its mean weighted with the time, 0 ... 1, the derivatives by p_t
-   at the start (2, 2) [-], by d0 and by d1 (2, 3) [N/m].  sticks (n,) is 1, and M unset, for a pair that always sticks. */
+   at the start (2, 2) [-], by d0 and by d1 (2, 3) [N/m]; it comes as zeros.  sticks (n,) is 1, and M stays 0, for a pair that always
+   sticks. */
 void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_steps, index_t n_sub, const double *du,
                  index_t most_periods, double *M, unsigned char *sticks)
 {
@@ -122,15 +140,20 @@ void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_ste
         double *of_step = M;
         for (index_t step = 0; step < n_steps; step++, of_step += 3 * OF_STEP) {
             double now[3], L[9], a[OF_STEP] = {1.0, 0.0, 0.0, 1.0}; /* by p_t, d0, d1 */
+            double mean_weight = 0.5 * part, first_weight = part * part / 6.0; /* of a, since it changed */
             unsigned char state;
-            for (index_t m = 0; m < OF_STEP; m++) {
-                of_step[OF_STEP + m] = 0.5 * part * a[m];
-                of_step[2 * OF_STEP + m] = part * part / 6.0 * a[m];
-            }
             for (index_t j = 1; j <= n_sub; j++) {
                 const index_t at = step * n_sub + j;
                 const double time = part * (double)j;
                 return_step(pairs, i, samples + 3 * (at < n_t ? at : 0), p, now, L, &state);
+                const double mean = j < n_sub ? part : 0.5 * part;
+                const double first = j < n_sub ? part * time : part * (0.5 - part / 6.0);
+                if (state == STICK) { /* p and its derivatives stay */
+                    mean_weight += mean;
+                    first_weight += first;
+                    continue;
+                }
+                add_means(of_step, a, &mean_weight, &first_weight);
                 p[0] = now[0];
                 p[1] = now[1];
                 const double D[4] = {k[0] > 0.0 ? 1.0 + L[0] / k[0] : 1.0, k[1] > 0.0 ? L[1] / k[1] : 0.0,
@@ -142,13 +165,10 @@ void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_ste
                     a[FROM_MEMORY + m] += (1.0 - time) * L[m];
                     a[FROM_MEMORY + FROM_MOTION + m] += time * L[m];
                 }
-                const double mean = j < n_sub ? part : 0.5 * part;
-                const double first = j < n_sub ? part * time : part * (0.5 - part / 6.0);
-                for (index_t m = 0; m < OF_STEP; m++) {
-                    of_step[OF_STEP + m] += mean * a[m];
-                    of_step[2 * OF_STEP + m] += first * a[m];
-                }
+                mean_weight = mean;
+                first_weight = first;
             }
+            add_means(of_step, a, &mean_weight, &first_weight);
             memcpy(of_step, a, sizeof a);
         }
     }

@@ -13,6 +13,7 @@ import scipy.sparse
 from scipy.linalg import expm
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from ..points.multipliers import N_MULTIPLIERS
 from ..receptance.damping import Damping
 from .contact_variation import ContactVariation
 
@@ -34,45 +35,64 @@ class ModalStep:
             rates[:, 0, 1], rates[:, 1, 0], rates[:, 1, 1], rates[:, 1, 2] = omega_n, -omega_n, -damping.C, 1.0
             rates[:, 2, 3] = 1.0 / h
             E = np.moveaxis(expm(h * rates), 0, -1)
-        self.free, self.by_last = E[:2, :2], E[:2, 3]  # by x; by q at the end, (2, ...)
-        self.by_first = E[:2, 2] - self.by_last  # by q at the begin
+        self.free = E[:2, :2]  # (2, 2, ...): x by x
+        self.by_forces = np.stack([E[:2, 2] - E[:2, 3], E[:2, 3]], axis=1)  # x by q at the begin and at the end
 
     def take(self, x: np.ndarray) -> np.ndarray:
         """Return x after a step without forces, (2, m, n).  Local."""
-        (a, b), (c, d) = self.free
-        return np.stack([_times(a, x[0]) + _times(b, x[1]), _times(c, x[0]) + _times(d, x[1])])
+        return _times(self.free, x)
 
-    def forced(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-        """Return what forces q, ``first`` at the begin and ``last`` at the end (m, n), add to x.  Local."""
-        return np.stack([_times(a, first) + _times(b, last) for a, b in zip(self.by_first, self.by_last)])
+    def forced(self, q: np.ndarray) -> np.ndarray:
+        """Return what forces q at the begin and at the end, (2, m, n), add to x.  Local."""
+        return _times(self.by_forces, q)
+
+    def shifted(self, q: np.ndarray) -> np.ndarray:
+        """Return what they add to Omega eta, (m, n).  Local."""
+        return _times(self.by_forces[:1], q)[0]
 
     def multipliers(self) -> np.ndarray:
         """Return the eigenvalues of a step without forces, (2 m,) complex.  Local."""
         step = np.moveaxis(self.free, (0, 1), (-2, -1)) if self.free.ndim == 3 else np.block([list(row) for row in self.free])
         return np.linalg.eigvals(step).ravel()
 
-    def between(self, R_phi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return R d eta / d q R^T at the end of a step, by q at its begin and at its end, (k, k) each.  Local."""
-        R = R_phi / self.omega_n
-        both = self.by_first[0], self.by_last[0]
-        return tuple((R * c if c.ndim == 1 else R @ c) @ R_phi.T for c in both)  # type: ignore[return-value]
-
 
 def _times(c: np.ndarray, y: np.ndarray) -> np.ndarray:
-    return c @ y if c.ndim == 2 else c[:, None] * y
+    """Return sum_j c_ij y_j, (i, m, n), where c has (i, j, m) or (i, j, m, m) and y (j, m, n).  Local."""
+    products: np.ndarray = np.matmul(c, y) if c.ndim == 4 else c[..., None] * y
+    return products.sum(axis=1)
+
+
+def _summed(of_pairs: scipy.sparse.csr_array | None, of_sliders: np.ndarray) -> np.ndarray:
+    """Return the sums over the sliders of each pair, (m, ...), of (n_sliders, ...).  Local."""
+    if of_pairs is None:
+        return of_sliders
+    shape = of_sliders.shape[1:]
+    return (of_pairs @ of_sliders.reshape(len(of_sliders), math.prod(shape))).reshape(-1, *shape)
 
 
 _MOST = 150  # numbers of memory of which a cycle is computed for each
+_RESIDUAL = 1e-6  # of eigenvectors of length 1
 _CUT = 1e-7  # of the largest: what a cycle leaves of memory below it is nothing
 
 
 @dataclass(frozen=True, eq=False)
-class StepMatrices:
-    """The contact of one step: what is implicit in it, and its factor."""
+class ContactStep:
+    """The contact of one step: the n pairs whose forces vary in it, with their sliders, and the factor of what is implicit."""
 
-    moving: np.ndarray  # rows of the pairs whose forces change with their motion at the end of the step
-    factor: tuple[np.ndarray, np.ndarray]  # LU and pivots of 1 + what the forces of these do to their motion, by LAPACK
-    blocks: np.ndarray  # (3, m_moving, 3, 3) d p / d d1: at the end, begin and end of the course
+    rows: np.ndarray  # (3 n,) of the motion of these pairs
+    sliders: np.ndarray  # (n_sliders,) of these pairs
+    place: np.ndarray  # (n_sliders,) their pairs among the n
+    sum: scipy.sparse.csr_array | None  # (n, n_sliders); None where each pair has one slider
+    components: np.ndarray  # (c,) places of the forces of these pairs in ``CycleMap.components``
+    chosen: np.ndarray  # (c,) the same among the 3 n rows
+    R: np.ndarray  # (3 n, n_modes) motion by Omega eta
+    R_phi: np.ndarray  # (n_modes, c) participation of these components
+    courses: np.ndarray  # (n_sliders, 6, 5) p_t at the end, begin and end of the course, by p_t and motion at the begin
+    memoryless: np.ndarray  # (3, n, 3, 1) d p / d d0 of the part without memory
+    by_last: np.ndarray  # (n_sliders, 2, 3) d p_t / d d1 at the end
+    blocks: np.ndarray  # (n, 9, 3) d p / d d1 of the pairs: at the end, begin and end of the course
+    to_modes: np.ndarray  # (n_modes, 3 n) what motion d1 takes from Omega eta
+    factor: tuple[np.ndarray, np.ndarray]  # LU and pivots of 1 + (d p, modes by motion) (motion by p, modes), by LAPACK
 
 
 class CycleMap:
@@ -98,6 +118,12 @@ class CycleMap:
         ).ravel()  # memory over it: root of an energy
         m, n = len(contact.pairs), len(contact.slider_pair)
         self.sum = scipy.sparse.csr_array((np.ones(n), (contact.slider_pair, np.arange(n))), shape=(m, n))
+        vary = (contact.memoryless_by_first.any(axis=(0, 1)) | contact.memoryless_by_last.any(axis=(0, 1))).reshape(m, 3)
+        vary[contact.slider_pair, :2] = True
+        self.components = np.flatnonzero(vary)  # of the forces, that ever vary
+        self.G_p, self.R_p = np.ascontiguousarray(G[:, self.components]), R_phi[self.components]
+        self.G_and_R = np.hstack([self.G_p, self.R])
+        self.places_of_modes = np.arange(len(self.components), self.G_and_R.shape[1])
 
     @property
     def n_modes(self) -> int:
@@ -109,45 +135,55 @@ class CycleMap:
         """Numbers that the sliders remember."""
         return 2 * len(self.contact.slider_pair)
 
-    # -- forces of the pairs ----------------------------------------------------------------------------------------
-
-    def _of_pairs(self, of_sliders: np.ndarray) -> np.ndarray:
-        """Return the sum over the sliders of each pair, (m, ...), of (n_sliders, ...).  Local."""
-        if np.array_equal(self.contact.slider_pair, np.arange(len(self.contact.pairs))):
-            return of_sliders
-        shape = of_sliders.shape[1:]
-        return (self.sum @ of_sliders.reshape(len(of_sliders), math.prod(shape))).reshape(len(self.contact.pairs), *shape)
+    # -- steps --------------------------------------------------------------------------------------------------------
 
     @cached_property
-    def _by_motion(self) -> tuple[np.ndarray, np.ndarray]:
-        """d p of pairs by d0 and by d1, (n_steps, 3, m, 3, 3) each [N/m]."""
-        c, both = self.contact, []
-        for of_sliders, memoryless in ((c.by_first, c.memoryless_by_first), (c.by_last, c.memoryless_by_last)):
-            blocks = np.zeros((*memoryless.shape, 3))
-            blocks[..., :2, :] = np.moveaxis(self._of_pairs(np.moveaxis(of_sliders, 2, 0)), 0, 2)
-            blocks[..., (0, 1, 2), (0, 1, 2)] += memoryless
-            both.append(blocks)
-        return both[0], both[1]
+    def _steps(self) -> list[ContactStep | None]:
+        """The contact of each step; None where no force varies."""
+        return [self._contact_step(i) for i in range(self.contact.n_steps)]
 
-    @cached_property
-    def _steps(self) -> list[StepMatrices]:
-        """The implicit part of each step."""
-        m = len(self.contact.pairs)
-        flexibilities = np.stack([self.G, *self.step.between(self.R_phi)]).reshape(3, 3 * m, m, 3)
-        by_pair = np.ascontiguousarray(flexibilities.transpose(2, 1, 0, 3)).reshape(m, 3 * m, 9)  # of all rows, by its forces
-        return [self._matrices(blocks, by_pair) for blocks in self._by_motion[1]]
+    def _contact_step(self, i: int) -> ContactStep | None:
+        c = self.contact
+        moves = (c.memoryless_by_first[i].any(axis=(0, 2))) | (c.memoryless_by_last[i].any(axis=(0, 2)))
+        moves[c.slider_pair[c.by_first[i].any(axis=(0, 2, 3)) | c.by_last[i].any(axis=(0, 2, 3))]] = True
+        pairs, sliders = np.flatnonzero(moves), np.flatnonzero(moves[c.slider_pair])
+        if len(pairs) == 0:
+            return None
+        n, place = len(pairs), np.searchsorted(pairs, c.slider_pair[sliders])
+        of_pairs = None if np.array_equal(place, np.arange(n)) else self.sum[pairs][:, sliders]
+        rows = (3 * pairs[:, None] + np.arange(3)).ravel()
+        chosen = np.flatnonzero(np.isin(rows, self.components))
+        components = np.searchsorted(self.components, rows[chosen])
 
-    @staticmethod
-    def _matrices(blocks: np.ndarray, by_pair: np.ndarray) -> StepMatrices:
-        pairs = np.flatnonzero(blocks.any(axis=(0, 2, 3)))
-        rows, moving = (3 * pairs[:, None] + np.arange(3)).ravel(), blocks[:, pairs]
-        if len(rows) == 0:
-            return StepMatrices(rows, (rows, rows), moving)
-        J = np.matmul(by_pair[np.ix_(pairs, rows)], np.moveaxis(moving, 0, 1).reshape(-1, 9, 3))  # (pairs, rows, 3)
-        J = np.moveaxis(J, 0, 1).reshape(len(rows), -1)
-        J[np.diag_indices(len(rows))] += 1.0
+        by_last = np.moveaxis(c.by_last[i][:, sliders], 0, 1)  # (n_sliders, 3, 2, 3)
+        blocks = np.zeros((n, 3, 3, 3))
+        blocks[:, :, :2] = _summed(of_pairs, by_last)
+        blocks[..., (0, 1, 2), (0, 1, 2)] += np.moveaxis(c.memoryless_by_last[i][:, pairs], 0, 1)
+        of_modes = self.R_phi[rows].reshape(n, 3, -1)
+        forces = [np.einsum("njm,njl->mnl", of_modes, blocks[:, course]).reshape(-1, 3 * n) for course in (1, 2)]
+        to_modes = self.step.shifted(np.stack(forces))
+        by_p_and_modes = self.G_and_R.take(rows, axis=0).take(np.append(components, self.places_of_modes), axis=1)
+        p_by_both = np.matmul(blocks[:, 0], by_p_and_modes.reshape(n, 3, -1)).reshape(3 * n, -1)[chosen]
+        J = np.vstack([p_by_both, to_modes @ by_p_and_modes])
+        J[np.diag_indices(len(J))] += 1.0
         lu, pivots, _ = dgetrf(J, overwrite_a=True)
-        return StepMatrices(rows, (lu, pivots), moving)
+        courses = np.concatenate([c.by_memory[i][:, sliders], c.by_first[i][:, sliders]], axis=-1)  # (3, n_sliders, 2, 5)
+        return ContactStep(
+            rows=rows,
+            sliders=sliders,
+            place=place,
+            sum=of_pairs,
+            components=components,
+            chosen=chosen,
+            R=self.R[rows],
+            R_phi=np.ascontiguousarray(self.R_p[components].T),
+            courses=np.moveaxis(courses, 0, 1).reshape(-1, 6, 5),
+            memoryless=c.memoryless_by_first[i][:, pairs, :, None],
+            by_last=by_last[:, 0],
+            blocks=blocks.reshape(n, 9, 3),
+            to_modes=to_modes,
+            factor=(lu, pivots),
+        )
 
     # -- the map ------------------------------------------------------------------------------------------------------
 
@@ -156,71 +192,93 @@ class CycleMap:
 
         Local.  docs/theory.md, eq. (16.1).
         """
-        c, k = self.contact, x.shape[-1]
-        p_t = (memory * self.root[:, None]).reshape(-1, 2, k)
-        d = self._begin(x, p_t)
-        for i, matrices in enumerate(self._steps):
-            by_first = self._by_motion[0][i]
-            of_memory = np.matmul(c.by_memory[i], p_t)  # (3, n_sliders, 2, k)
-            motion = d.reshape(-1, 3, k)
-            p = np.matmul(by_first, motion)  # (3, m, 3, k): at the end, begin and end of the course
-            p[:, :, :2] += np.moveaxis(self._of_pairs(np.moveaxis(of_memory, 1, 0)), 0, 1)
-            q = -np.tensordot(self.R_phi, p[1:].reshape(2, -1, k), axes=(0, 1))  # (n_modes, 2, k)
-            x = self.step.take(x) + self.step.forced(q[:, 0], q[:, 1])
-            p_t = of_memory[0] + np.matmul(c.by_first[i, 0], motion[c.slider_pair])
-            d = self.R @ x[0] - self.G @ p[0].reshape(-1, k)
-            if len(matrices.moving):
-                x, d = self._implicit(matrices, x, d)
-                p_t += np.matmul(c.by_last[i, 0], d.reshape(-1, 3, k)[c.slider_pair])
-        return x, p_t.reshape(-1, k) / self.root[:, None]
+        p_t = (memory * self.root[:, None]).reshape(-1, 2, x.shape[-1])
+        d, p = self._begin(x, p_t)
+        q = self.R_p.T @ p
+        for contact in self._steps:
+            if contact is None:
+                x = self.step.take(x) - self.step.forced(np.stack([q, q]))
+                d = self.R @ x[0] - self.G_p @ p
+            else:
+                x, d, change = self._through(contact, x, d, p, p_t, q)
+                q += change
+        return x, p_t.reshape(-1, x.shape[-1]) / self.root[:, None]
 
-    def _implicit(self, matrices: StepMatrices, x: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return modes and motion at the end of a step with the forces that follow from that motion."""
-        k, rows = x.shape[-1], matrices.moving
-        moved = dgetrs(*matrices.factor, d[rows])[0].reshape(-1, 3, k)
-        at_end, first, last = np.matmul(matrices.blocks, moved).reshape(3, -1, k)
-        q = self.R_phi[rows].T
-        change = self.step.forced(-(q @ first), -(q @ last))
-        return x + change, d + self.R @ change[0] - self.G[:, rows] @ at_end
+    def _through(
+        self, contact: ContactStep, x: np.ndarray, d: np.ndarray, p: np.ndarray, p_t: np.ndarray, q: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return modes, motion and the change of the modal forces ``q`` after a step; ``p`` and ``p_t`` are changed in place."""
+        k, n_p, R_phi = x.shape[-1], len(contact.components), contact.R_phi
+        begin = d.take(contact.rows, axis=0).reshape(-1, 3, k)
+        known = np.concatenate([p_t.take(contact.sliders, axis=0), begin.take(contact.place, axis=0)], axis=1)
+        of_sliders = np.matmul(contact.courses, known)
+        courses = contact.memoryless * begin  # (3, n, 3, k)
+        courses[:, :, :2] += _summed(contact.sum, of_sliders).reshape(-1, 3, 2, k).swapaxes(0, 1)
+        change = courses.reshape(3, -1, k).take(contact.chosen, axis=1)
+        change -= p.take(contact.components, axis=0)
 
-    def _begin(self, x: np.ndarray, p_t: np.ndarray) -> np.ndarray:
-        """Return the motion of the pairs at the begin of the cycle, (3 m, k), from modes and memory."""
+        forces, free = q + np.matmul(R_phi, change[1:]), self.step.take(x)
+        eta = free[0] - self.step.shifted(forces)
+        moved = begin + (contact.R @ (eta - x[0])).reshape(-1, 3, k)
+        by_moved = np.matmul(contact.blocks[:, :3], moved).reshape(-1, k).take(contact.chosen, axis=0)
+        by_moved += change[0]
+        solved, _ = dgetrs(*contact.factor, np.concatenate([by_moved, contact.to_modes @ moved.reshape(-1, k)]))
+        p[contact.components] += solved[:n_p]
+        d = self.R @ (eta - solved[n_p:])
+        d -= self.G_p @ p
+
+        end = d.take(contact.rows, axis=0).reshape(-1, 3, k)
+        of_end = np.matmul(contact.blocks[:, 3:], end).reshape(-1, 2, 3, k).swapaxes(0, 1).reshape(2, -1, k)
+        forces += np.matmul(R_phi, of_end.take(contact.chosen, axis=1))
+        p_t[contact.sliders] = of_sliders[:, :2] + np.matmul(contact.by_last, end.take(contact.place, axis=0))
+        return free - self.step.forced(forces), d, R_phi @ solved[:n_p]
+
+    def _begin(self, x: np.ndarray, p_t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return motion (3 m, k) and forces of the pairs at the begin of the cycle, from modes and memory."""
         k, m = x.shape[-1], len(self.contact.pairs)
-        p = np.zeros((m, 3, k))
-        p[:, :2] = self._of_pairs(p_t)
+        of_sliders = np.zeros((m, 3, k))
+        of_sliders[:, :2] = _summed(self.sum, p_t)
+        of_sliders = of_sliders.reshape(-1, k)
         rate = self.contact.memoryless_by_last[-1, 0].ravel()
-        return np.linalg.solve(np.eye(3 * m) + self.G * rate, self.R @ x[0] - self.G @ p.reshape(-1, k))
+        d = np.linalg.solve(np.eye(3 * m) + self.G * rate, self.R @ x[0] - self.G @ of_sliders)
+        return d, (of_sliders + rate[:, None] * d)[self.components]
 
     # -- its multipliers ----------------------------------------------------------------------------------------------
 
     def multipliers(self) -> np.ndarray:
-        """Return the multipliers of modes and sliders, (n,) complex by falling modulus; those that are 0 may be left out.
+        """Return the N_MULTIPLIERS largest of modes and sliders, complex by falling modulus; those that are 0 may be left out.
 
         Local.  docs/theory.md, eq. (16.4).  Of much memory what a cycle makes of the modes is a basis, with what the next ones
-        make of that.
+        make of that, until the residuals of these multipliers are below 1e-6.
         """
         m = self.n_modes
         if len(self.contact.pairs) == 0:
-            return _by_modulus(ModalStep(self.omega_n, self.damping, self.period).multipliers())
+            return _by_modulus(ModalStep(self.omega_n, self.damping, self.period).multipliers())[:N_MULTIPLIERS]
         x, memory = self.apply(np.eye(2 * m).reshape(2, m, -1), np.zeros((self.n_memory, 2 * m)))
         basis, x_of_basis, memory_of_basis = np.zeros((self.n_memory, 0)), np.zeros((2 * m, 0)), np.zeros((self.n_memory, 0))
         moves = (self.contact.by_first.any(axis=(0, 1, 4)) | self.contact.by_last.any(axis=(0, 1, 4))).ravel()
         n_moving = int(np.count_nonzero(moves))  # a direction in which a slider never slips has the multiplier 1
         new = memory if n_moving > _MOST else np.eye(self.n_memory)[:, moves]
-        while basis.shape[1] < n_moving:
+        while True:
+            matrix = np.block([[x.reshape(2 * m, -1), x_of_basis], [basis.T @ memory, basis.T @ memory_of_basis]])
+            values, vectors = np.linalg.eig(matrix)
+            chosen = np.argsort(-np.abs(values), kind="stable")[:N_MULTIPLIERS]
             largest = float(np.linalg.norm(new, axis=0).max(initial=0.0))
             for _ in range(2):
                 new = new - basis @ (basis.T @ new)
-            u, s, _ = np.linalg.svd(new, full_matrices=False)
+            u, s, v = np.linalg.svd(new, full_matrices=False)
             u = u[:, : min(np.count_nonzero(s > _CUT * max(1.0, largest)), n_moving - basis.shape[1])]
-            if u.shape[1] == 0:
-                break
+            if u.shape[1] == 0 or (n_moving > _MOST and _residuals(s, v, vectors[:, chosen]).max() < _RESIDUAL):
+                return values[chosen]
             x_new, new = self.apply(np.zeros((2, m, u.shape[1])), u)
             basis = np.hstack([basis, u])
             x_of_basis = np.hstack([x_of_basis, x_new.reshape(2 * m, -1)])
             memory_of_basis = np.hstack([memory_of_basis, new])
-        matrix = np.block([[x.reshape(2 * m, -1), x_of_basis], [basis.T @ memory, basis.T @ memory_of_basis]])
-        return _by_modulus(np.linalg.eigvals(matrix))
+
+
+def _residuals(s: np.ndarray, v: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Return |A z - lambda z| of eigenvectors, from what the images of the last vectors, u s v, add to the basis.  Local."""
+    return np.linalg.norm(s[:, None] * (v @ vectors[-v.shape[1] :]), axis=0)
 
 
 def _by_modulus(values: np.ndarray) -> np.ndarray:
