@@ -325,6 +325,18 @@ def test_defaults_of_grid_points_hold_them_and_a_set_that_is_not_asked_for_is_sa
     assert passed_over(found.findings) == [f"taken over SPC 1: SPC: {says}"]
 
 
+def test_ranges_of_an_spc1_may_hold_numbers_without_a_grid_point(tmp_path):
+    """As in MYSTRAN's SB-HEXA08: 10101 THRU 10505 on a mesh with every second number; Nastran ignores those of a range."""
+    model = plain()
+    last = int(model.numbers.max())
+    found = read_model(written(tmp_path, model, f"SPC1,1,2,{last - 1},THRU,{last + 5}"))
+    assert {i for s in found.supports if "y" in s.fix for i in found.groups[s.group].nodes} >= {len(model.points) - 1}
+    (effect,) = (one.effect for one in found.findings if one.word == "SPC1")
+    assert effect.startswith(f"5 of its 7 grid points, as {last + 1}, are not in the file")
+    with pytest.raises(MeshError, match=f"SPC1 names grid point {last + 5}"):
+        read_model(written(tmp_path, model, f"SPC1,1,2,{last + 5},THRU,{last + 6}"))
+
+
 @pytest.mark.parametrize("case, kind", [("SPC = 1", "MPC"), ("MPC = 7", "SPC")])
 def test_sets_of_a_kind_that_the_case_control_does_not_name_are_left_out(tmp_path, case, kind):
     a, b = plain().numbers[:2]

@@ -49,7 +49,7 @@ def _with_empty_fields(card: Card) -> np.ndarray:
     rows, least = [], 4 if any(len(words) > 3 for words, _ in card.lines()) else 3
     for words, where in card.lines():
         if len(words) < least or not words[0]:
-            raise MeshError(f"{where}: *NODE: every line must hold a number and three coordinates{_DAMAGED}")
+            raise MeshError(f"{where}: *NODE: every line must hold a number and three coordinates, zeros included{_DAMAGED}")
         rows.append([float(word.replace("D", "E").replace("d", "e")) if word else 0.0 for word in (*words, "")[:4]])
     return np.array(rows).reshape(-1, 4)
 

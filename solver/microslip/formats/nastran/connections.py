@@ -46,7 +46,8 @@ def _take_distributing(content: Content, number: int, element: Any) -> None:
     is_plain = len(set(element.weights)) == 1 and all(str(components) == "123" for components in element.comps)
     (node,) = content.find([int(element.refgrid)], name).tolist()
     if not is_plain or node in content.leaders:
-        content.left_out("RBE3", number, "a mean with weights or components that differ", "points")
+        effect = "a mean with weights or components that differ; [[points]] has means with equal weights or by area"
+        content.left_out("RBE3", number, effect, "points")
     elif content.of_solids[node]:
         content.left_out("RBE3", number, "a mean that leads a node of a solid", "points")
     else:

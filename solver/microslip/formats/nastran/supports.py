@@ -16,7 +16,7 @@ def take_supports(content: Content) -> None:
         _hold(fixed, content, [number], str(node.ps or defaults), "GRID")
     for card in _chosen(content, "SPC", "supports", content.cards.spcs, content.cards.spcadds):
         if card.type == "SPC1":
-            _hold(fixed, content, card.nodes, card.components, "SPC1")
+            _hold(fixed, content, _without_gaps(content, card), card.components, "SPC1")
         elif card.type == "SPC":
             for node, components, value in zip(card.nodes, card.components, card.enforced, strict=True):
                 if value:
@@ -26,6 +26,23 @@ def take_supports(content: Content) -> None:
         else:
             content.left_out(card.type, int(card.conid), "a support of a kind that is not read", "supports")
     content.hold("SPC", fixed)
+
+
+def _without_gaps(content: Content, card: Any) -> list[int]:
+    """Return the grid points of an SPC1; those of "first THRU last" that the file does not hold are ignored, as by Nastran.
+
+    pyNastran lists the numbers of a range: a number beside another one of the card is one of a range.
+    """
+    numbers = [int(node) for node in card.nodes]
+    stated, held = set(numbers), set(content.numbers.tolist())
+    absent = {n for n in stated - held if n - 1 in stated or n + 1 in stated}
+    if not absent or absent == stated:
+        return numbers
+    count = f"{len(absent)} of its {len(stated)} grid points, as {min(absent)}"
+    content.taken_over(
+        "SPC1", int(card.conid), f"{count}, are not in the file; Nastran ignores such points of ranges", "supports"
+    )
+    return [n for n in numbers if n not in absent]
 
 
 def _hold(fixed: np.ndarray, content: Content, nodes: Any, components: str, where: str) -> None:
