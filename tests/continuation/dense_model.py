@@ -94,10 +94,11 @@ def branch(
     tolerance=1e-9,
     ds_min=1e-4,
     n_modes=None,
+    law_of=lambda law: law,
 ):
-    """Follow the branch of one level between two frequencies [rad/s]."""
-    model, parameters = reduced(system, comm, H, n_modes)
-    problem = forced(model, parameters, n_samples, level)
+    """Follow the branch of one level between two frequencies [rad/s]; ``law_of`` the sampled law is that of its pairs."""
+    model, law = reduced(system, comm, H, n_modes)
+    problem = forced(model, law_of(law), n_samples, level)
     low, high = low or system["omega"][0], high or system["omega"][1]
     grid = linear_frequencies(low, high, model.omega_n, model.zeta)
     ds = arc_lengths(comm, [linear_motion(model, level, w) for w in grid], grid, high - low)[-1] / points

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from dense_model import reduced
+from exact_jenkins import ExactJenkins
 from mpi4py import MPI
 from oracles import harmonic_balance, scenes
 
@@ -42,10 +43,10 @@ def one_mass(**changes):
     )
 
 
-def mode(system, H, n_samples, amplitudes, j=0, stop=None, tolerance=1e-11):
+def mode(system, H, n_samples, amplitudes, j=0, stop=None, tolerance=1e-11, law_of=lambda law: law):
     """Return the problem and its branch through modal amplitudes, by rising amplitude."""
     model, law = reduced(system, COMM, H)
-    problem = NonlinearMode.of(HarmonicBalance.of_all(model, law, n_samples), j)
+    problem = NonlinearMode.of(HarmonicBalance.of_all(model, law_of(law), n_samples), j)
     at = tuple(np.log(amplitudes))
     return problem, follow_mode(problem, Sweep(at[0] - 0.01, np.log(stop or 1.01 * amplitudes[-1]), at), tolerance)
 
@@ -61,6 +62,15 @@ def test_one_mass_is_that_of_the_closed_form_as_samples_grow(n_samples):
         assert point.omega == pytest.approx(omega, rel=1.0 / n_samples**2)
         assert -point.parameters[2] == pytest.approx(xi, rel=20.0 / n_samples**2)
     assert points[0].state.max() == 0
+
+
+def test_one_mass_with_exact_coefficients_is_that_of_the_closed_form():
+    _, branch = mode(one_mass(), 1, 128, list(EXACT), law_of=ExactJenkins.of)
+    assert branch.failure is None
+    points = [point for point in branch.points if point.requested]
+    missed = [(p.omega / omega - 1.0, -p.parameters[2] / xi - 1.0) for p, (omega, xi) in zip(points, EXACT.values(), strict=True)]
+    print(f"frequency and damping off by {np.abs(missed).max(axis=0)}")
+    assert np.abs(missed).max() < 1e-9
 
 
 def residual(system, point, n_samples, H):

@@ -6,8 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from dense_model import amplitude, branch, forced, reduced
+from exact_jenkins import ExactJenkins
 from mpi4py import MPI
-from oracles import scenes
+from oracles import exact, scenes
+from scipy.optimize import root
 
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
@@ -55,6 +57,35 @@ def test_the_peak_of_one_harmonic_is_met_as_samples_grow():
         _, (peak,) = peaks(damper(), 123.024, 1, n_samples)
         assert abs(peak.amplitude) == pytest.approx(1.4979492641e-5, rel=5.0 / n_samples**2)
         assert peak.omega == pytest.approx(209.21110546, rel=0.6 / n_samples)  # the slope knows where slip ends to a sample
+
+
+def exact_peak(level):
+    """Return amplitude and frequency of the damper's peak in one harmonic: its equation, and its derivative by the frequency."""
+    m, k, c = 944.6, 2.4e7, 7700.0
+
+    def missing(x):
+        X, omega = 1e-5 * np.exp(x[0]), 209.2 * x[1]
+        a1, b1, _ = exact.jenkins_harmonic(X, 2.4e7, 246.048)
+        in_phase, lag = k * X + a1 - m * omega**2 * X, c * omega * X + b1
+        return (np.hypot(in_phase, lag) / level - 1.0, (lag * c - 2.0 * m * omega * in_phase) / (c * level))
+
+    X, omega = root(missing, [0.4, 1.0], tol=1e-14).x
+    return 1e-5 * np.exp(X), 209.2 * omega
+
+
+def test_peaks_of_exact_coefficients_are_those_of_the_closed_form():
+    """At levels from just beyond stick, 110 N, to gross slip; 1.4979492641e-5 m at 209.21110546 rad/s."""
+    assert exact_peak(123.024) == pytest.approx((1.4979492641e-5, 209.21110546), rel=1e-9)
+    model, law = reduced(damper(), COMM, 1)
+    law, missed = ExactJenkins.of(law), []
+    for level in (110.0, 123.024, 180.0, 240.0, 290.0):
+        found = branch(damper(), COMM, level, H=1, points=40, tolerance=1e-11, law_of=ExactJenkins.of)
+        assert found.failure is None
+        (peak,) = peaks_of(forced(model, law, 128, level), found, 1e-11)
+        X, omega = exact_peak(level)
+        missed.append((abs(peak.amplitude) / X - 1.0, peak.omega / omega - 1.0))
+    print(f"amplitude and frequency off by {np.abs(missed).max(axis=0)}")
+    assert np.abs(missed).max() < 1e-9
 
 
 @pytest.mark.ranks(1)

@@ -1,16 +1,16 @@
 """Derivatives of the outputs by adjoints, against central differences of solutions; every test runs on any number of ranks."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from dense_model import reduced
+from exact_jenkins import ExactJenkins
 from mpi4py import MPI
 from oracles import scenes
 from ring import LAW, ZETA, Sector
 from scipy.optimize import brentq
 
-from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
@@ -128,45 +128,6 @@ def size_of_damper(limit=246.048, k_t=2.4e7, level=123.024, c=7700.0, omega=200.
     return brentq(missing, d * (1.0 + 1e-12), 1e-3, xtol=1e-22, rtol=1e-15)
 
 
-@dataclass(frozen=True)
-class ExactJenkins(ElasticCoulomb):
-    """One Jenkins element along x that slips once each way a cycle, harmonic 1 alone, by its closed form without samples."""
-
-    def cycle(self, U, n_samples, tangents=True, harmonics=None):
-        found = super().cycle(U, n_samples, tangents, harmonics)
-        a = U[:, 0, 1] - 1j * U[:, 0, 2]
-        X, turn = np.abs(a), a / np.abs(a)
-        T, by_X, _, _ = self._harmonic_1(X)
-        found.p[:], p = 0.0, T * turn - self.k_t * a
-        found.p[:, 0, 1], found.p[:, 0, 2] = p.real, -p.imag
-        if tangents:
-            found.P[:] = 0.0
-            for column, along in ((1, 1.0), (2, -1j)):
-                d = along / turn  # of the amplitude, and of its phase times X
-                by = (by_X * d.real + 1j * T / X * d.imag) * turn - self.k_t * along
-                found.P[:, 1, column], found.P[:, 2, column] = by.real, -by.imag
-        return found
-
-    def parameter_rate(self, name, U, n_samples, harmonics=None):
-        rate, a = np.zeros(U.shape), U[:, 0, 1] - 1j * U[:, 0, 2]
-        _, _, by_limit, by_k = self._harmonic_1(np.abs(a))
-        of_name = {"mu": self.N0 * by_limit, "N0": self.mu * by_limit, "k_t": by_k - np.abs(a)}.get(name, 0.0 * a)
-        by = of_name * a / np.abs(a)
-        rate[:, 0, 1], rate[:, 0, 2] = by.real, -by.imag
-        return rate
-
-    def _harmonic_1(self, X):
-        """Return the amplitude of T of cos of amplitude X, and its derivatives by X, by mu N0 and by k_t."""
-        limit, k = self.mu * self.N0, self.k_t
-        part = limit / (k * X)
-        th = np.arccos(1.0 - 2.0 * part)
-        g, sin = th - np.sin(2.0 * th) / 2.0, np.sin(th)
-        T = k * X / np.pi * g + 4j * limit / np.pi * (1.0 - part)
-        by_X = k / np.pi * (g - 4.0 * part * sin) + 4j * limit / np.pi * part / X
-        by_limit = 4.0 / np.pi * (sin + 1j * (1.0 - 2.0 * part))
-        return T, by_X, by_limit, X / np.pi * (g - 4.0 * part * sin) + 4j * limit / np.pi * part / k
-
-
 def test_the_friction_damper_of_vm320_as_its_closed_form_differentiated():
     """The numbers of its joint, its level and its damping: exactly with exact coefficients, with samples to the first order."""
     exact = {name: slope(lambda h, v=v, name=name: size_of_damper(**{name: v * (1.0 + h)})) / v
@@ -175,7 +136,7 @@ def test_the_friction_damper_of_vm320_as_its_closed_form_differentiated():
     for n_samples in (128, 1024, None):
         model, law = reduced(damper(), COMM, 1)
         if n_samples is None:
-            law = ExactJenkins(law.mu, law.N0, law.k_t, law.k_n, law.separate)
+            law = ExactJenkins.of(law)
         equation = HarmonicBalance.of_all(model, law, n_samples or 128)
         at, U = solved(equation, 200.0, 123.024)
         cos, sin = output_amplitude(

@@ -157,6 +157,19 @@ def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
     structure.linearised.destroy()
 
 
+@pytest.mark.ranks(1, 2)
+def test_an_accuracy_of_a_resonance_without_damping_is_refused(shared_path):
+    """Its linear peak is infinite, so that no number of modes has a bound."""
+    system = chain(450) | {"zeta": 0.0, "M": sp.identity(450, format="csc")}
+    on_root(
+        comm,
+        lambda: write_matrix_scene(shared_path, system, [1.0], [3.0, 5.0], outputs=[449], points=30, accuracy=1e-3),
+        share=False,
+    )
+    with pytest.raises(CaseError, match=r"scene.toml: \[solver\] accuracy = 0.001: .*a resonance without damping in the range"):
+        structure_of(shared_path / "scene.toml")
+
+
 @pytest.mark.ranks(1, 2, 3)
 def test_a_small_structure_keeps_all_of_its_modes(shared_path):
     structure, line = structure_of(written(shared_path, chain(20)))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..contact.law import STICK
 from ..error_estimate.estimate import output_amplitude, sensitivity
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.linearisation import Linearisation
@@ -25,6 +26,8 @@ MOST_SOLUTIONS = 40
 CLOSE = 1e-3  # share of the first interval within which a corner is enclosed
 CLOSEST = 1e-12  # share of it that is divided no further
 REACH = 0.3  # most of a first step towards the maximum, in the scaled norm, where no neighbour on the curve is known
+DIVISIONS = 4  # of the parts of the curve beside the highest solution, between the neighbours of a maximum where pairs slip
+SHARES = 0.5, 0.2, 0.08, 0.03  # of such a part from its higher end, where it is divided: the next where Newton's method fails
 OVERSHOOT = 1.5  # times the way to the maximum of a resonance, for the first step to lie beyond it
 
 
@@ -100,14 +103,26 @@ class _Search:
     def __init__(self, row: Maximum, corrector: Corrector, system: BorderedSystem, is_patient: bool):
         self.row, self.corrector, self.system, self.is_patient = row, corrector, system, is_patient
         self.newton = self.krylov = 0
+        self.neighbours = row.neighbours
         self.solution: Correction | None = None  # the last one that converged
         self.normal: Plane | None = None  # its coordinate t, through the first solution; None before that is known
 
     def maximum(self, guess: Iterate) -> Correction:
-        """Return the maximum."""
+        """Return the maximum; about the highest of some solutions where pairs slip or a guess alone does not lead to it."""
         fixed = np.zeros(len(guess.parameters))
         fixed[self.row.omega] = 1.0
-        start, failure = self.sample(guess, Plane(guess, np.zeros_like(guess.U), tuple(fixed)))
+        at_frequency = Plane(guess, np.zeros_like(guess.U), tuple(fixed))
+        slips = any(map(self.slips, (guess, *self.neighbours)))
+        if not slips:
+            maximum = self.from_guess(guess, at_frequency)
+            if len(self.neighbours) != 2 or (maximum.failure is None and not self.slips(maximum.iterate)):
+                return maximum
+            self.normal, guess = None, maximum.iterate if maximum.failure is None else guess
+        return self.from_guess(*(self.narrowed(guess) or (guess, at_frequency)))
+
+    def from_guess(self, guess: Iterate, plane: Plane) -> Correction:
+        """Return the maximum near a guess, whose plane leads to a first solution."""
+        start, failure = self.sample(guess, plane)
         if start is None:
             return failure
         ends = self.enclosed(start)
@@ -120,6 +135,75 @@ class _Search:
         """Return a sample as the outcome of all solves."""
         assert self.solution is not None
         return replace(self.solution, iterate=best.iterate, newton=self.newton, krylov=self.krylov)
+
+    # -- the highest of some solutions on the curve ----------------------------------------------------------------
+
+    def narrowed(self, guess: Iterate) -> tuple[Iterate, Plane] | None:
+        """Return the highest of solutions between the neighbours of a guess, which become those of it, and a plane through it.
+
+        The curve of a sampled law has small maxima beside the highest one, at corners; and it may turn back at its top, where no
+        coordinate that is fixed at one solution leads on.  Amplitudes of solutions between others are subject to
+        neither.  None without two neighbours that are lower.
+        """
+        if len(self.neighbours) != 2:
+            return None
+        before, after = self.neighbours
+        row = [(there, self.size(there)) for there in (before, guess, after)]
+        for _ in range(DIVISIONS):
+            below, above = (self.between_two(row[1][0], end) for end, _ in (row[0], row[2]))
+            row = [each for each in (row[0], below, row[1], above, row[2]) if each is not None]
+            k = int(np.argmax([size for _, size in row]))
+            if not 0 < k < len(row) - 1:
+                return None
+            row = row[k - 1 : k + 2]
+        (before, _), (here, _), (after, _) = row
+        self.neighbours = before, after
+        chord = self.chord(before, after)
+        return None if chord is None else (here, replace(chord, about=here))
+
+    def between_two(self, here: Iterate, end: Iterate) -> tuple[Iterate, float] | None:
+        """Return a solution between two on a plane across the chord, with its amplitude; None where none is found."""
+        chord = self.chord(here, end)
+        if chord is None:
+            return None
+        for share in SHARES:
+            about = replace(
+                here,
+                U=here.U + share * (end.U - here.U),
+                parameters=tuple(float(p + share * (q - p)) for p, q in zip(here.parameters, end.parameters)),
+            )
+            system = replace(self.system, constraints=(replace(chord, about=about), *self.system.constraints))
+            solution = self.corrector.correct(system, about)
+            self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
+            if solution.failure is None and self.distance(solution.iterate, about) < self.distance(here, end):
+                return solution.iterate, self.size(solution.iterate)
+        return None
+
+    def chord(self, a: Iterate, b: Iterate) -> Plane | None:
+        """Return the plane across the chord from one solution to another; None where they are one.  Collective."""
+        scaling = self.system.scaling
+        n_U, n_nu = (b.U - a.U) / scaling.U, np.subtract(b.parameters, a.parameters) / scaling.parameters
+        length = np.sqrt(self.dot(n_U, n_U) + n_nu @ n_nu)
+        return Plane(a, n_U / length, tuple(n_nu / length)) if length > 0.0 else None
+
+    def distance(self, a: Iterate, b: Iterate) -> float:
+        """Return the distance of two motions in the scaled norm.  Collective."""
+        n_U = (b.U - a.U) / self.system.scaling.U
+        return float(np.sqrt(self.dot(n_U, n_U)))
+
+    def slips(self, there: Iterate) -> bool:
+        """Return whether a pair does not stick in a motion.  Collective."""
+        equation, at = self.system.equation, self.system.problem.at(there.parameters)
+        state = equation.under(at).contact_forces(there.U, self.system.selected, tangents=False).state
+        return self.corrector.comm.allreduce(int(np.count_nonzero(state != STICK))) > 0
+
+    def size(self, there: Iterate) -> float:
+        """Return the amplitude of the output at a solution, the same on all ranks."""
+        at = self.system.problem.at(there.parameters)
+        equation = self.system.equation.under(at)
+        p = equation.full_force(equation.contact_forces(there.U, self.system.selected, tangents=False))
+        cos_sin = output_amplitude(equation.model_at(at), at, p)[self.row.output :: equation.model.n_outputs]
+        return self.corrector.comm.bcast(float(np.hypot(*cos_sin)))
 
     # -- solutions on the curve ------------------------------------------------------------------------------------
 
@@ -194,7 +278,7 @@ class _Search:
         way, here = float(np.sign(start.slope)), start
         if way == 0.0:
             return start, start
-        neighbours = [abs(t) for t in map(self.place, self.row.neighbours) if t * way > 0.0]
+        neighbours = [abs(t) for t in map(self.place, self.neighbours) if t * way > 0.0]
         likely = OVERSHOOT * abs(start.slope) / (start.size or 1.0)
         step = way * (0.5 * min(neighbours) if neighbours else min(max(likely, 1e-3 * REACH), REACH))
         for _ in range(MOST_SOLUTIONS // 2):

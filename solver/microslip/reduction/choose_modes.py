@@ -25,7 +25,7 @@ def choose_modes(stuck: Stuck, settings: ReductionSettings) -> tuple[Stuck, str]
 
     Raises
     ------
-    CaseError : the requested accuracy needs more modes than are computed
+    CaseError : the requested accuracy needs more modes than are computed, or nothing damps a resonance in the range
     ConvergenceError : the modes did not converge
     """
     n_dof = stuck.n_elastic

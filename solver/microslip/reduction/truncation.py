@@ -21,6 +21,7 @@ import numpy as np
 from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
 from ..fourier.harmonics import Harmonics
+from ..messages.errors import CaseError
 from ..parallel.ownership import rows_of, split_evenly, summed
 from ..points.band import frequency_band
 from ..receptance.modes import DampedModes
@@ -68,6 +69,10 @@ def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> Trun
     all n modes is infinite.  Loads may also act in other groups, which have the modes of ``stuck.per_group``.
 
     docs/theory.md, eq. (4.5).
+
+    Raises
+    ------
+    CaseError : an accuracy is stated, and nothing damps a resonance in the range; on every rank
     """
     model, law, comm = model_for(stuck, settings), stuck.pairs.law, stuck.comm
     norms = Norms(stuck, model.receptances.of_group(stuck.group), settings)
@@ -77,7 +82,14 @@ def truncation_bound(stuck: StuckStructure, settings: ReductionSettings) -> Trun
     resonant = model.omega_n[(model.omega_n > low) & (model.omega_n < high)]
     omegas = np.union1d(np.linspace(low, high, 60), resonant)
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
-    peaks = comm.bcast(output_peaks(model, omegas))  # bitwise equal on all ranks: collective calls depend on it
+    with np.errstate(divide="ignore", invalid="ignore"):  # a resonance without damping
+        peaks = comm.bcast(output_peaks(model, omegas))  # bitwise equal on all ranks: collective calls depend on it
+    if settings.insists and not np.isfinite(peaks).all():
+        raise CaseError(
+            f"{settings.where}: [solver] accuracy = {settings.accuracy:g}: the stuck structure has a resonance without damping "
+            "in the range: its linear peak, to which the number of modes refers, is infinite; state [damping], or choose a range "
+            "without the resonance"
+        )
     direct, joint = np.zeros((2, n))
     if not loaded or not peaks.any():
         return TruncationBound(direct, joint)  # a constant load: the static part is exact

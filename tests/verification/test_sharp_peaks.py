@@ -1,0 +1,17 @@
+"""Peaks of a few random structures beside a fine sweep; tests/verification/sharp_peaks.py runs any number of them."""
+
+import pytest
+from verification import sharp_peaks
+
+pytestmark = pytest.mark.ranks(1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", (1, 2))
+def test_the_highest_maximum_is_located_from_few_points(number):
+    """Not a lower one beside it, at a corner of the sampled law; also where the curve turns back at its top, and in wide steps."""
+    (few,), (fine,) = sharp_peaks.curves(7, number, [10], 300, is_small=True)
+    assert few.failure is fine.failure is None
+    n_peaks, _, below, not_located, lower = sharp_peaks.missing(few, fine)
+    assert n_peaks >= 5 and below > 0
+    assert (not_located, lower) == (0, 0)
