@@ -3,10 +3,15 @@
 docs/theory.md, section 4.  Krylov-Schur needs the fewest solves.  With a factor on disk, a pass over it costs more than the
 vectors, and subspace iteration solves for all its vectors in one pass.  Subspace iteration is also used if the proof by inertia
 shows missing modes: it converges to all copies of a multiple eigenvalue together, whereas a Krylov space contains one of them.
+
+Of complex matrices in real form each mode spans a plane, v and i v.  A Krylov space contains v alone, up to rounding errors that
+grow as modes converge; they are removed (:class:`_Partners`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +36,7 @@ _TRIES = 3  # each in a space twice as large as the last
 _TOLERANCE = 5e-7  # |K_L^-1 M phi - theta phi| / theta before the block of solves that ends a search
 _MOST_ITERATIONS = 200
 _MORE = (12, 1.0)  # vectors of a Krylov space beyond the wanted modes: at least, and per mode
+_MORE_IN_PLANES = (6, 0.6)  # of complex matrices, whose vectors in real form are twice as long
 _MORE_IN_BLOCKS = (12, 1.5, 96)  # for subspace iteration, with a maximum: a pass converges by a ratio of theta
 _BLOCKS = 3  # blocks of the size of the subspace that SLEPc allocates
 _KEEP = 0.85  # fraction of the Krylov space retained at a restart: convergence is tested often, and little is discarded
@@ -47,7 +53,8 @@ def _subspace_size(kind: str, n_wanted: int, n_dof: int) -> int:
     if kind == "subspace":
         least, a_mode, most = _MORE_IN_BLOCKS
         return min(n_dof, n_wanted + int(np.clip(a_mode * n_wanted, least, most)))
-    return min(n_dof, n_wanted + max(_MORE[0], int(_MORE[1] * n_wanted)))
+    least, per_mode = _MORE_IN_PLANES if kind == "planes" else _MORE
+    return min(n_dof, n_wanted + max(least, int(per_mode * n_wanted)))
 
 
 class ModeSearch:
@@ -80,7 +87,7 @@ class ModeSearch:
         ConvergenceError : fewer modes converged, also in larger spaces; on every rank
         """
         n_wanted = max(n_wanted, self._least)
-        if n_wanted > len(self._theta) and not self._info["complete"]:
+        while n_wanted > len(self._theta) and not self._info["complete"]:
             theta, phi_owned, info = self._more(n_wanted)
             self._theta, self._phi_owned = theta, np.asfortranarray(phi_owned)
             self._info = info | {"messages": (*self._info["messages"], *info["messages"])}
@@ -93,15 +100,21 @@ class ModeSearch:
 
     def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
         """Return at least ``n_wanted`` (theta, phi), more than stored so far, and information on the search."""
-        linearised, n_dof = self.linearised, self.linearised.M.getSize()[0]
-        before_owned = self._phi_owned
-        if self._is_complex:
-            before_owned, n_wanted = real_columns(np.hstack([before_owned, 1j * before_owned])), 2 * n_wanted
-        n_before = before_owned.shape[1]
+        linearised, before_owned, n_dof = self.linearised, self._phi_owned, self.linearised.M.getSize()[0]
         kind = PETSc.Options(PREFIX).getString("eps_type", self._kind)
-        is_deflated = kind != "subspace" and n_before > 0
-        n_sought = n_wanted - n_before * is_deflated
-        eps, solves = SLEPc.EPS().create(linearised.K_L.comm), _SolvesByFactor(linearised.factor)
+        is_deflated, without_partners = (
+            kind != "subspace" and before_owned.shape[1] > 0,
+            self._is_complex and kind == "krylovschur",
+        )
+        n_known = before_owned.shape[1] * is_deflated
+        n_sought, n_most = n_wanted - n_known, (n_dof // 2 if self._is_complex else n_dof) - n_known
+        if self._is_complex:
+            before_owned = real_columns(np.hstack([before_owned, 1j * before_owned]))
+        if self._is_complex and not without_partners:
+            n_sought, n_most = 2 * n_sought, 2 * n_most
+        eps = SLEPc.EPS().create(linearised.K_L.comm)
+        partners = _Partners(eps.getBV()) if without_partners else None
+        solves = _SolvesByFactor(linearised.factor, partners)
         ksp = _solver(linearised.K_L.comm, solves)
         start, *before = [_vector(linearised.M, column) for column in (self._start(), *before_owned.T)]
         eps.setOptionsPrefix(PREFIX)
@@ -111,7 +124,7 @@ class ModeSearch:
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
         eps.setTarget(0.0)
         eps.setPurify(False)  # saves a solve per mode
-        eps.setDimensions(n_sought, _subspace_size(kind, n_sought, n_dof))
+        eps.setDimensions(n_sought, _subspace_size("planes" if without_partners else kind, n_sought, n_most))
         eps.setTolerances(_TOLERANCE, _MOST_ITERATIONS)
         if kind == "krylovschur":
             eps.setKrylovSchurRestart(_KEEP)
@@ -123,12 +136,16 @@ class ModeSearch:
         st.setShift(0.0)
         st.setKSP(ksp)
         eps.setFromOptions()
+        if partners is not None:
+            eps.setMonitor(partners.restarted)
         try:
-            messages = _solve_with_room(eps, n_sought, n_dof - n_before * is_deflated)
+            messages = _solve_with_room(eps, n_sought, n_most, partners)
             theta, phi_owned, info = _converged(eps, linearised)
         finally:
+            if partners is not None:
+                partners.destroy()
             free(start, *before, ksp, eps)
-            solves.factor = None  # petsc4py may not free the object that refers to it
+            solves.factor = solves.partners = None  # petsc4py may not free the object that refers to them
         if self._is_complex:
             _, phi_owned = complex_modes(linearised.K_L, linearised.M, theta, phi_owned)
         if is_deflated:
@@ -160,15 +177,79 @@ def _vector(A: PETSc.Mat, owned: np.ndarray) -> PETSc.Vec:
     return vector
 
 
+class _Partners:
+    """The vectors i v of a Krylov basis with the vectors v of complex matrices in real form.
+
+    They are orthogonal to the whole basis but for rounding errors, which grow as much as those of a Lanczos method without
+    reorthogonalisation.  Removed from every new vector, they stay far below the tolerance, and the basis has one vector of each
+    plane.  All methods are collective.
+    """
+
+    def __init__(self, basis: SLEPc.BV):
+        self._basis = basis  # columns that are not in use are 0
+
+    def begin(self) -> None:
+        """Set all columns after the start vector to 0, before a search whose vectors are allocated."""
+        self._forget(1)
+
+    def removed_from(self, x: PETSc.Vec) -> None:
+        """Make x orthogonal to i V in M, V the basis: x + i V (V^T M i x)."""
+        i_x = x.duplicate()
+        i_x.setArray(_times_i(x.getArray()))
+        with self._all_columns():
+            self._basis.multVec(1.0, 0.0, i_x, self._basis.dotVec(i_x))
+        i_x.setArray(_times_i(i_x.getArray()))
+        x.axpy(1.0, i_x)
+        i_x.destroy()
+
+    def restarted(self, eps: SLEPc.EPS, iteration: int, n_converged: int, values: list, errors: list) -> None:
+        """Set the columns to 0 that a restart has dropped: those after the copy of the last one.  SLEPc's monitor.
+
+        After a breakdown there is no copy, and a new start vector after the converged ones.
+        """
+        last = self._basis.getColumn(len(values))
+        copy = last.copy()
+        self._basis.restoreColumn(len(values), last)
+        with self._all_columns():
+            same = np.flatnonzero(np.abs(self._basis.dotVec(copy)) > 0.5)
+        copy.destroy()
+        self._forget((same[0] if len(same) else n_converged) + 1)
+
+    @contextmanager
+    def _all_columns(self) -> Iterator[None]:
+        """Let products be those of all columns, and not of a part that SLEPc works on."""
+        active = self._basis.getActiveColumns()
+        self._basis.setActiveColumns(0, self._basis.getSizes()[1])
+        yield
+        self._basis.setActiveColumns(*active)
+
+    def _forget(self, first: int) -> None:
+        """Set the columns from ``first`` on to 0."""
+        for column in range(first, self._basis.getSizes()[1]):
+            self._basis.scaleColumn(column, 0.0)
+
+    def destroy(self) -> None:
+        """Let go of the basis, which would outlive its solver: the solver refers to :meth:`restarted`."""
+        self._basis.destroy()
+
+
+def _times_i(x: np.ndarray) -> np.ndarray:
+    """Return i x in real form.  Local."""
+    return (1j * x.view(complex)).view(float)
+
+
 class _SolvesByFactor:
     """Preconditioner that solves with the factor of K_L; SLEPc would free the KSP of the factor itself."""
 
-    def __init__(self, factor: Factor):
+    def __init__(self, factor: Factor, partners: _Partners | None = None):
         self.factor: Factor | None = factor
+        self.partners = partners
 
     def apply(self, pc: PETSc.PC, b: PETSc.Vec, x: PETSc.Vec) -> None:
         """Solve for one right-hand side.  Collective."""
         x.setArray(self._solve(b.getArray()[:, None])[:, 0])
+        if self.partners is not None:
+            self.partners.removed_from(x)
 
     def matApply(self, pc: PETSc.PC, B: PETSc.Mat, X: PETSc.Mat) -> None:
         """Solve for a block of right-hand sides in one pass over the factor.  Collective."""
@@ -194,7 +275,7 @@ def _solver(comm: PETSc.Comm, solves: _SolvesByFactor) -> PETSc.KSP:
     return ksp
 
 
-def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, ...]:
+def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int, partners: _Partners | None = None) -> tuple[str, ...]:
     """Solve, and repeat in a space twice as large if too few modes converged; return messages on it.  Collective.
 
     Raises
@@ -205,6 +286,9 @@ def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_most: int) -> tuple[str, .
     for _ in range(_TRIES):
         with patient():
             try:
+                if partners is not None:
+                    eps.setUp()
+                    partners.begin()
                 eps.solve()
             except BaseException:
                 eps.incRef()  # never freed: SLEPc cannot free a solver that was interrupted

@@ -1,0 +1,67 @@
+"""Modes of complex matrices in real form: the search has one vector of each plane."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from lattices import distributed
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from microslip.assembly.real_form import real_matrix
+from microslip.linear.dense import multiply
+from microslip.linear.factor import Factor
+from microslip.linear.joint_springs import Linearised
+from microslip.modes import shift_invert
+from microslip.modes.eigen import lowest_modes
+
+comm = MPI.COMM_WORLD
+PHASE = 0.7
+
+
+class Complex:
+    """A system of two complex matrices."""
+
+    comm, dof, parts, part_names, is_complex = comm, None, None, (), True
+
+    @property
+    def maps(self):
+        """The same."""
+        return self
+
+
+def structure(K, M):
+    """Return complex matrices in real form, with a factor; the two rows of a DOF belong to one rank."""
+    ranges = 2 * np.linspace(0, K.shape[0], comm.size + 1).astype(int)
+    K_L, M = distributed(comm, real_matrix(K), ranges), distributed(comm, real_matrix(M), ranges)
+    K_L.setOption(PETSc.Mat.Option.SPD, True)
+    return Linearised(Complex(), K_L, M, Factor(K_L))
+
+
+def ring(n):
+    """Return K of a ring of n unit masses that closes with a phase, and its frequencies, all of them different."""
+    K = sp.diags([2.0 * np.ones(n), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1], dtype=complex).tolil()
+    K[n - 1, 0], K[0, n - 1] = -np.exp(1j * PHASE), -np.exp(-1j * PHASE)
+    waves = (2.0 * np.pi * np.arange(n) + PHASE) / n
+    return K.tocsr(), np.sort(2.0 * np.abs(np.sin(0.5 * waves)))
+
+
+@pytest.mark.ranks(1, 2)
+def test_the_search_space_has_one_vector_of_each_plane(monkeypatch):
+    K, omega = ring(400)
+    linearised, solves, products, converged = structure(K, sp.identity(400)), [], [], shift_invert._converged
+    apply = shift_invert._SolvesByFactor.apply
+    monkeypatch.setattr(shift_invert._SolvesByFactor, "apply", lambda *args: solves.append(1) or apply(*args))
+
+    def of_basis(eps, linearised):
+        theta, phi_owned, info = converged(eps, linearised)
+        other = 1j * phi_owned.T.copy().view(complex)
+        M_other = multiply(linearised.M, other.view(float).T)
+        products.append(np.abs(comm.allreduce(phi_owned.T @ M_other)).max())
+        return theta, phi_owned, info
+
+    monkeypatch.setattr(shift_invert, "_converged", of_basis)
+    modes = lowest_modes(linearised, 20)
+    np.testing.assert_allclose(modes.omega_n, omega[:20], rtol=1e-10)
+    assert modes.info["basis"] == 21 + 12 and len(solves) < 80
+    assert len(products) == 1 and products[0] < 1e-6
+    linearised.destroy()
