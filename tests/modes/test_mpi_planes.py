@@ -1,4 +1,4 @@
-"""Modes of complex matrices in real form: the search has one vector of each plane."""
+"""Modes of complex matrices in real form: the search has one vector of each plane, and multiple modes are complete."""
 
 import numpy as np
 import pytest
@@ -64,4 +64,29 @@ def test_the_search_space_has_one_vector_of_each_plane(monkeypatch):
     np.testing.assert_allclose(modes.omega_n, omega[:20], rtol=1e-10)
     assert modes.info["basis"] == 21 + 12 and len(solves) < 80
     assert len(products) == 1 and products[0] < 1e-6
+    linearised.destroy()
+
+
+@pytest.mark.ranks(1, 2)
+@pytest.mark.parametrize("n_rings", [2, 3])
+def test_multiple_modes_are_complete(n_rings):
+    """Equal rings: a Krylov space has one of the modes of each; the count shows the others, and searches for them follow."""
+    K, omega = ring(300)
+    linearised = structure(sp.kron(sp.identity(n_rings), K).tocsr(), sp.identity(300 * n_rings))
+    modes = lowest_modes(linearised, 5)
+    np.testing.assert_allclose(modes.omega_n, np.repeat(omega[:5], n_rings)[:5], rtol=1e-9)
+    assert "proof" in modes.info
+    linearised.destroy()
+
+
+@pytest.mark.ranks(1, 2)
+def test_all_motions_with_mass():
+    """Eight masses among 400 DOFs: the search of one vector of each plane meets no ninth motion, and the usual one ends with all eight."""
+    K, _ = ring(400)
+    mass = np.zeros(400)
+    mass[::50] = 1.0
+    linearised = structure(K, sp.diags(mass).tocsr())
+    modes = lowest_modes(linearised, 12, fewer_will_do=True)
+    inertial = np.linalg.inv(K.toarray())[::50, ::50]
+    np.testing.assert_allclose(modes.omega_n, np.sort(1.0 / np.sqrt(np.linalg.eigvalsh(inertial))), rtol=1e-9)
     linearised.destroy()

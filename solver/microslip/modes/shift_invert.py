@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 PREFIX = "modes_"  # of the PETSc options
 _TRIES = 3  # each in a space twice as large as the last
 _TOLERANCE = 5e-7  # |K_L^-1 M phi - theta phi| / theta before the block of solves that ends a search
+_NO_MASS = 1e-15  # of the largest theta: below it a motion has no mass
 _MOST_ITERATIONS = 200
 _MORE = (12, 1.0)  # vectors of a Krylov space beyond the wanted modes: at least, and per mode
 _MORE_IN_PLANES = (6, 0.6)  # of complex matrices, whose vectors in real form are twice as long
@@ -75,6 +76,7 @@ class ModeSearch:
         self._in_blocks = "subspace" if has_rows else "krylovschur"  # SLEPc 3.18 cannot normalise a block without rows
         self._kind = self._in_blocks if linearised.factor.info.get("out_of_core") else "krylovschur"
         self._info: dict = {"basis": 0, "restarts": 0, "complete": False, "messages": ()}
+        self._is_exhausted = False  # whether a basis of one vector of each plane met no further motion with mass
         self._n_solves = 0  # solves of SLEPc, each with a different start vector
 
     def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
@@ -102,10 +104,8 @@ class ModeSearch:
         """Return at least ``n_wanted`` (theta, phi), more than stored so far, and information on the search."""
         linearised, before_owned, n_dof = self.linearised, self._phi_owned, self.linearised.M.getSize()[0]
         kind = PETSc.Options(PREFIX).getString("eps_type", self._kind)
-        is_deflated, without_partners = (
-            kind != "subspace" and before_owned.shape[1] > 0,
-            self._is_complex and kind == "krylovschur",
-        )
+        is_deflated = kind != "subspace" and before_owned.shape[1] > 0
+        without_partners = self._is_complex and kind == "krylovschur" and not self._is_exhausted
         n_known = before_owned.shape[1] * is_deflated
         n_sought, n_most = n_wanted - n_known, (n_dof // 2 if self._is_complex else n_dof) - n_known
         if self._is_complex:
@@ -146,6 +146,11 @@ class ModeSearch:
                 partners.destroy()
             free(start, *before, ksp, eps)
             solves.factor = solves.partners = None  # petsc4py may not free the object that refers to them
+        if without_partners and (
+            info["complete"] or theta.min() <= _NO_MASS * theta.max()
+        ):  # whether no motion is left is decided with both vectors of each plane
+            self._is_exhausted = True
+            return self._more(n_wanted)
         if self._is_complex:
             _, phi_owned = complex_modes(linearised.K_L, linearised.M, theta, phi_owned)
         if is_deflated:
