@@ -176,11 +176,11 @@ def show_disc(
     ------
     CaseError, ResourceError, ConvergenceError : on every rank
     """
-    scene, comm, by_diameter = parts.scene, log.comm, []
+    scene, comm, by_diameter, written = parts.scene, log.comm, [], None
     assert scene.cyclic is not None, "a disc"
     for at in modes_by_diameter(parts, matrix, count, diameters, log):
         by_diameter.append(at.table(parts))
-        on_root(comm, write_shapes, folder, parts, at.diameter, at.modes.omega_n, at.shapes(), share=False)
+        written = on_root(comm, write_shapes, folder, parts, at.diameter, at.modes.omega_n, at.shapes(), written)
     if not by_diameter:
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
     with log.stage("table and pictures"):
@@ -241,13 +241,20 @@ def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict
     return structures
 
 
-def write_shapes(folder: Path, parts: Assembled, d: int, omega_n: np.ndarray, shapes: np.ndarray) -> None:
-    """Write the shapes of a nodal diameter on all sectors for ParaView.  Rank 0."""
+def write_shapes(
+    folder: Path, parts: Assembled, d: int, omega_n: np.ndarray, shapes: np.ndarray, same_mesh: str | None = None
+) -> str:
+    """Write the shapes of a nodal diameter on all sectors for ParaView; return the file.  Rank 0.
+
+    ``same_mesh`` is that of another nodal diameter, whose mesh is copied.
+    """
     cyclic = parts.scene.cyclic
     assert cyclic is not None and parts.mesh is not None, "a disc, on rank 0"
     make_folder(str(folder))
     of_disc = np.moveaxis(whole_shapes(shapes, cyclic, d), -1, 0)
-    write_modes(str(folder / f"modes_diameter_{d:02d}.vtkhdf"), whole_mesh(parts.mesh, cyclic), omega_n, of_disc)
+    path = str(folder / f"modes_diameter_{d:02d}.vtkhdf")
+    write_modes(path, whole_mesh(parts.mesh, cyclic), omega_n, of_disc, same_mesh)
+    return path
 
 
 def write_disc(by_diameter: Sequence[DiameterModes], scene: Titled, excited: Excited, folder: Path) -> str:

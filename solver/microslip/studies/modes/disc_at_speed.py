@@ -73,7 +73,7 @@ def show_at_speeds(
     """
     families: dict[Wave, Families] = {}
     at_highest: list[DiameterModes] = []
-    speeds, highest = [], max(excited.speeds)
+    speeds, highest, written = [], max(excited.speeds), None
     for speed, parts, matrix in at_speeds:
         speeds.append(speed)
         log.note(f"speed of rotation {speed:g} rad/s")
@@ -85,7 +85,7 @@ def show_at_speeds(
                 family.add(log.comm, of_wave.frequency, of_wave.phi_owned, of_wave.M_phi_owned)
             at_highest.append(at.table(parts))
             if speed == highest:
-                on_root(log.comm, write_shapes, folder, parts, at.diameter, at.modes.omega_n, at.shapes(), share=False)
+                written = on_root(log.comm, write_shapes, folder, parts, at.diameter, at.modes.omega_n, at.shapes(), written)
     if not at_highest:
         raise CaseError(f"{scene.path}: nothing holds the disc at any nodal diameter: add [[supports]]")
     by_wave = {wave: of_wave.campbell(speeds) for wave, of_wave in families.items()}
