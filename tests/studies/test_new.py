@@ -353,7 +353,7 @@ def test_bodies_that_touch_nowhere_make_a_linear_scene(tmp_path):
     report = "\n".join(_write(str(path), tmp_path / "m.toml", False))
     assert "no touching surfaces of different bodies" in report
     assert re.search(
-        r"^apart {6}body 'BAR-1.ALL': 0.01 m from the rest, and nothing connects it: add a joint, a tie or", report, re.M
+        r"^separate {3}body 'BAR-1.ALL': 0.01 m from the rest, and nothing connects it: add a joint, a tie or", report, re.M
     )
     assert read_scene(tmp_path / "m.toml").joints == ()
 
