@@ -5,11 +5,15 @@ import signal
 import time
 from contextlib import suppress
 
+import numpy as np
 import pytest
 from mpi4py import MPI
+from synthetic_results import branch, two_flanks, writer_of
 
 from microslip.messages.errors import Interrupted
 from microslip.observe.log import RunLog
+from microslip.results.read import read_results
+from microslip.results.table import ResponseTable
 from microslip.system import signals
 from microslip.system.files import atomic_write
 from microslip.system.signals import STOPPING, obey_signals, save_requested, unbroken
@@ -53,6 +57,21 @@ def test_a_file_that_is_being_written_is_finished_first(tmp_path):
         send(signal.SIGTERM)
         file.write("after")
     assert path.read_text() == "after" and os.listdir(tmp_path) == ["file"]
+
+
+def test_both_files_have_the_point_at_which_a_signal_stops(tmp_path, monkeypatch):
+    pairs = two_flanks(4, 1)
+    found, writer, add = branch(8.0, pairs, n_points=3), writer_of(tmp_path, pairs), ResponseTable.add
+    writer.level_started(0, 8.0)
+    writer.point(0, 0, found.points[0])
+    monkeypatch.setattr(ResponseTable, "add", lambda *args: (send(signal.SIGTERM), add(*args)))
+    with pytest.raises(Interrupted):
+        writer.point(0, 1, found.points[1])
+    writer.save()
+    writer.close()
+    (level,) = read_results(writer.path).levels
+    table = np.loadtxt(tmp_path / "frf.csv", delimiter=",", skiprows=1, usecols=2)
+    assert len(level.frequency) == 2 and table == pytest.approx(level.frequency)
 
 
 def test_blocks_in_each_other_and_an_error_in_one():

@@ -17,6 +17,7 @@ from ..points.peak import PEAK_QUANTITIES
 from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..system.files import atomic_write, make_folder
 from ..system.hdf5 import written_hdf5
+from ..system.signals import unbroken
 from .origin import Origin
 from .record import (
     COMPLETE,
@@ -85,8 +86,9 @@ class ResultWriter:
     def point(self, number: int, i: int, point: Point) -> None:
         """Append the ``i``-th converged point of a level, counted from 0, to frf.csv."""
         branch = self._at_work[number]
-        branch.points.append(point)
-        self._table.add(branch.level, i, point)
+        with unbroken():  # both files have the same points where a signal stops the run
+            branch.points.append(point)
+            self._table.add(branch.level, i, point)
 
     def level_finished(self, number: int, branch: Branch) -> None:
         """Write the level to results.h5, complete or stopped early."""
