@@ -21,6 +21,8 @@ from .task import Advanced, BranchTask
 from .ways_out import MOSTLY, Stuck, WayOn, regularised, ways_on
 from .widen import widened
 
+HELD_HERE = 0.02  # of the usual step: the first one with the mean slip held, from a point that has the same motion with it held
+HELD_BEFORE = 0.25  # the same from another point
 FINEST_WAY = 1e-2  # of the distance from a point to a requested value: the smallest intermediate step
 Emit = Callable[[Point], None]
 
@@ -108,7 +110,9 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     leg = Leg(task, state, now, emit)
     stepped = step(was, state.earlier, state.before, now, state.ds, task.steps, task.may_hold)
     if stepped.solved is None:
-        return replace(state, solver=stepped.solver, now=now, ds=0.25 * task.steps.ds)
+        there = with_other_mean(stepped.solver, now, task.steps.ds_min)
+        ds = (HELD_BEFORE if there is None else HELD_HERE) * task.steps.ds
+        return replace(state, solver=stepped.solver, now=there or now, ds=ds)
     solution, ds, notes = stepped.solution, stepped.ds, stepped.notes
     if sweep.before(solution[0].iterate.parameter):
         _to_limit(leg, solution, sweep.start)
@@ -149,19 +153,25 @@ def _begun_beyond(leg: Leg) -> BranchState | None:
 
 
 def released(after: Accepted, steps: ArcLength) -> Accepted:
-    """Return a point with the mean slip released; still regularised if Newton's method fails without.  Collective.
+    """Return a point with the mean slip released; still regularised if Newton's method fails without.  Collective."""
+    solver = after.state.solver.holding(None)
+    free = with_other_mean(solver, after.now, steps.ds_max)
+    return after if free is None else replace(after, state=replace(after.state, solver=solver), now=free)
 
-    It is solved for from the mean of the linear motion, from which the springs may have let it drift, then from theirs.
+
+def with_other_mean(solver: PointSolver, now: PointState, farthest: float) -> PointState | None:
+    """Return a point as the solver has it, whose mean slip is released or held; None where Newton's method fails.  Collective.
+
+    It is solved for from the mean of the linear motion, from which slip may have let it drift, then from its own; a solution
+    beyond a distance ``farthest`` is another one.
     """
-    solver, now = after.state.solver.holding(None), after.now
     at_rest, mean = now.iterate.U.copy(), solver.harmonics.mean
     at_rest[..., mean] = solver.on_curve(now.iterate.parameter).U[..., mean]
     for guess in (replace(now.iterate, U=at_rest), now.iterate):
         solution, selected = solver.solve_near(guess, now)
-        if solution.failure is None and solver.distance(now, solution.iterate) <= steps.ds_max:
-            free = replace(now, iterate=solution.iterate, selected=selected)
-            return replace(after, state=replace(after.state, solver=solver), now=free)
-    return after
+        if solution.failure is None and solver.distance(now, solution.iterate) <= farthest:
+            return replace(now, iterate=solution.iterate, selected=selected)
+    return None
 
 
 def next_step(

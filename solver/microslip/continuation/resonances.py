@@ -20,6 +20,7 @@ SEEN = 0.3  # share of the motion of an output at the ends that the peak of a mo
 LEAST_DAMPING = 1e-6  # ratio with which the width of an undamped mode is reckoned
 FAINT_PEAK = 0.02  # of the largest amplitude of an output, below which a peak of the linear curve is not looked for
 TINY = 1e-300  # where the line meets 0: as high as numbers go
+PASSED = "a resonance may lie between the point before and this one, too sharp for the shortest step"  # a note of a point
 NEAREST, FARTHEST = 0.1, 0.75  # shares of a step that passes over a resonance in which it is looked for
 
 

@@ -10,12 +10,11 @@ from .corrector import Correction
 from .iterate import PointState
 from .point_solver import PointSolver, Solution
 from .predictor import linear_step, predict, requested_ahead
-from .resonances import passed_over, stay_stuck
+from .resonances import PASSED, passed_over, stay_stuck
 from .steps import ArcLength
 from .ways_out import Stuck, across_the_corner, left, ways_on
 
 SHORT = 0.1  # of the usual step: a failure of a shorter one, behind others, is that of a corner
-PASSED = "a resonance may lie between the point before and this one, too sharp for the shortest step"
 
 
 class Stepped(NamedTuple):

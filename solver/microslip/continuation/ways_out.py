@@ -19,7 +19,7 @@ from .iterate import Iterate, PointState
 from .point_solver import PointSolver, Solution
 from .predictor import difference, predict
 from .problems import DampingHomotopy, LevelHomotopy, Problem
-from .resonances import passed_over
+from .resonances import PASSED, passed_over
 from .state import BranchState
 from .steps import ArcLength
 from .task import Advance, BranchTask
@@ -244,16 +244,23 @@ def beyond_sharp_corner(stuck: Stuck) -> Iterator[WayOn]:
 
 
 def patiently_ahead(stuck: Stuck) -> Iterator[WayOn]:
-    """Solve ahead by many small Newton steps, the farthest first, where the mean slip is not to be held.  Collective."""
+    """Solve ahead by many small Newton steps, the farthest first, where the mean slip is not to be held.  Collective.
+
+    A point beyond a resonance that none would show is taken only where no shorter step leads on, with a note.
+    """
     solver, (before, now) = stuck.solver, stuck.last_two
     if solver.equation.held is None and solver.is_loose:
         return
-    patient = replace(solver, is_patient=True)
+    patient, passing = replace(solver, is_patient=True), []
     for ds in stuck.steps.ds * TENTHS:
         guess, plane = predict(patient, stuck.earlier, before, now, ds)
         solution = patient.solve(guess, plane, now.size, now.selected, now.force)
         if solution[0].failure is None and not left(solver, before, now, solution[0].iterate, ds):
-            yield WayOn(solver, solution)
+            if passed_over(solver, now, solution[0].iterate) is None:
+                yield WayOn(solver, solution)
+            else:
+                passing.append(WayOn(solver, solution, notes=(PASSED,)))
+    yield from passing
 
 
 def mean_slip_ahead(stuck: Stuck) -> Iterator[WayOn]:
