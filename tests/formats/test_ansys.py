@@ -130,7 +130,7 @@ def test_what_the_commands_say_becomes_the_scene(tmp_path):
 @pytest.mark.parametrize(
     "command, says",
     [
-        ("TB,FRIC,1,1,1", "TB: a material that is not linear"),
+        ("TB,HYPE,1,1,1", "TB: HYPE of material 1, which is not taken over"),
         ("D,102,UX,0.001", "D: a displacement UX = 0.001 other than 0"),
         ("CE,1,0.5,102,UX,1.0,103,UX,-1.0", "CE: an equation whose constant is not 0"),
         ("CP,R5.0,DEFI,UX,1,2", "CP: coupled nodes as CDWRITE writes them"),
@@ -335,7 +335,7 @@ def test_a_contact_without_its_other_side_or_with_a_pilot_node_is_named(tmp_path
 )
 def test_faces_of_contact_have_their_shape(row, kind, nodes):
     rows = np.array([[*row, *[0] * (8 - len(row))]])
-    (cells,) = side_of(170, 7, 5, rows, np.array([9]), np.arange(1, 9)).cells
+    (cells,) = side_of(170, 7, 5, 1, rows, np.array([9]), np.arange(1, 9)).cells
     assert (cells.kind, tuple(cells.nodes[0] + 1)) == (kind, nodes)
 
 
@@ -435,9 +435,80 @@ def test_archives_that_are_not_blocked_hold_the_same(tmp_path):
 
 
 def test_elements_of_unknown_types_are_named_with_their_count(tmp_path):
-    text = re.sub(r"^ET,(\s*\d+),\s*\d+", r"ET,\1,226", cdb(plain()), flags=re.MULTILINE)
-    with pytest.raises(MeshError, match="none of its elements are solids .*: 6 of type 226, not known to this program"):
+    text = re.sub(r"^ET,(\s*\d+),\s*\d+", r"ET,\1,87", cdb(plain()), flags=re.MULTILINE)
+    with pytest.raises(MeshError, match="none of its elements are solids .*: 6 of type 87, not known to this program"):
         read_model(written(tmp_path, text=text))
+
+
+@pytest.mark.parametrize("kind, number", [("hex8", 225), ("hex20", 226), ("tet10", 227)])
+def test_solids_of_displacements_and_temperatures_are_taken_without_these(tmp_path, kind, number):
+    """As in Ansys' example of friction stir welding, SOLID226 with KEYOPT(1) = 11."""
+    plainly = cdb(plain(kind))
+    text = re.sub(r"^ET,(\s*\d+),\s*\d+(\nKEYOP.*)?", rf"ET,\1,{number}\nKEYOP,\1,1,11", plainly, flags=re.MULTILINE)
+    model, mechanical = (read_model(written(tmp_path, text=each)) for each in (text, plainly))
+    assert [one.nodes.tolist() for one in model.cells] == [one.nodes.tolist() for one in mechanical.cells]
+    assert {body.integration for body in model.bodies.values()} == {"full"}
+    (note,) = {one.effect for one in model.findings if one.word == f"SOLID{number}"}
+    assert note == f"SOLID{number} has temperatures too; the vibration here is isothermal"
+    with pytest.raises(MeshError, match=rf"SOLID{number} with KEYOPT\(1\) = 1001 \(not 11, displacements and temperatures"):
+        read_model(written(tmp_path, text=text.replace(",1,11", ",1,1001")))
+
+
+@pytest.mark.parametrize(
+    "commands", [("MP,MU,1,0.25",), ("TB,FRIC,1,2,1,ISO", "TBFIELD,TEMP,20.0", "TBDATA,1,0.25", "TBFI,TEMP,90.0", "TBDATA,1,0.2")]
+)
+def test_the_friction_coefficient_of_a_contact_is_that_of_its_material(tmp_path, commands):
+    text = cdb_with_contact(plain(), 0).splitlines()
+    at = next(i for i, line in enumerate(text) if line.startswith("MPDATA"))
+    model = read_model(written(tmp_path, text="\n".join([*text[:at], *commands, *text[at:]])))
+    (joint,) = model.joints
+    assert (joint.surfaces, joint.friction) == (("CONTA174 real 5", "TARGE170 real 5"), 0.25)
+    assert joint.lacking  # a run does not take it over by itself
+    notes = [one.effect for one in model.findings if one.word == "TBDATA"]
+    assert notes == (
+        ["friction coefficient of material 1 at further temperatures; new writes the first, 0.25"] * (len(commands) > 1)
+    )
+    assert not [one for one in model.findings if one.changes and one.word.startswith("TB")]
+
+
+@pytest.mark.parametrize("key, connection", [(1, "distributing"), (2, "rigid")])
+def test_a_pilot_node_leads_its_surface(tmp_path, key, connection):
+    """As the remote points of Workbench: one node as the target of a bonded contact by equations."""
+    model = plain()
+    commands = ("ET,7,170", "KEYOP,7,2,1", "ET,8,174", "KEYOP,8,2,2", f"KEYOP,8,4,{key}", "KEYOP,8,12,5", "D,5000,UZ,0,,,,ROTX")
+    lines = cdb_with_contact(model, 5).replace("ET,7,170\nET,8,174\n", "\n".join(commands) + "\n").splitlines()
+    end = lines.index("N,R5.3,LOC,       -1,")
+    lines.insert(end, f"{5000:9d}{0:9d}{0:9d}{0.02:21.13E}{0.0:21.13E}{0.1:21.13E}")
+    lines = [line for line in lines if not line.startswith(f"{2:9d}{7:9d}{5:9d}")]
+    end = lines.index(f"{-1:9d}")
+    lines.insert(end, "".join(f"{value:9d}" for value in [2, 7, 5, 1, 0, 0, 0, 0, 1, 0, 901, 5000]))
+    text = "\n".join(lines).replace("EBLOCK,19,SOLID,12,12", "EBLOCK,19,SOLID,10,10")
+    text = text.replace(f"NBLOCK,6,SOLID,{model.numbers[-1]},{len(model.points)}", f"NBLOCK,6,SOLID,5000,{len(model.points) + 1}")
+    found = read_model(written(tmp_path, text=text))
+    (point,) = found.connected
+    assert (point.name, point.connection, point.position) == ("pilot node 5000", connection, (0.02, 0.0, 0.1))
+    np.testing.assert_array_equal(found.groups[point.group].nodes, np.sort(model.sets["BAR_BOTTOM"]))
+    assert [support.fix for support in found.supports if support.point == point.name] == [("z", "rx")]
+    assert not [one for one in found.findings if one.changes]
+    other = read_model(written(tmp_path, text=text.replace(f"KEYOP,8,4,{key}", "KEYOP,8,4,0")))
+    assert any("pilot node" in one.effect for one in other.findings if one.changes) and not other.connected
+
+
+def test_yield_is_a_note(tmp_path):
+    model = read_model(written(tmp_path, plain(), "TB,PLAS,1,1,2,BISO", "TBTEMP,20.0", "TBDATA,1,3.0e8,1.0e9"))
+    (note,) = [one for one in model.findings if one.word.startswith("TB")]
+    assert not note.changes and note.effect == "PLAS of material 1: it yields or creeps in Ansys, and is elastic here"
+
+
+def test_geometry_before_the_data_is_passed_over(tmp_path):
+    """CDWRITE,ALL writes IGES first, whose lines end with a letter and a number."""
+    plainly = cdb(plain())
+    head = ["", "/COM,ANSYS RELEASE 12.1", "/TITLE,", "1H,,1H;,,19HElectronics_PCB.cdb,;"]
+    lines = [f"{line:<72s}{letter}{i:7d}" for i, (letter, line) in enumerate(zip("SSSG", head), 1)]
+    text = "\n".join([*lines, ":CDWRITE      ! START OF CDWRITE DATA", plainly])
+    model, other = (read_model(written(tmp_path, text=each)) for each in (text, plainly))
+    assert model.findings == other.findings and model.facts == other.facts
+    np.testing.assert_array_equal(model.points, other.points)
 
 
 def test_solids_with_an_option_that_is_not_available_are_named_with_it(tmp_path):

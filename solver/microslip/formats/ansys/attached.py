@@ -66,8 +66,11 @@ def _take_spring(content: Content, element: _Element) -> None:
 
 
 def take_rigid_regions(content: Content) -> None:
-    """Take the rigid regions of CERIG.  Local."""
+    """Take the rigid regions of CERIG, and the surfaces that pilot nodes lead.  Local."""
     for where, leader, followers in content.constraints.rigid:
         (node,) = content.find([leader], f"{where}: CERIG").tolist()
         content.lead(f"CERIG node {leader}", node, content.known(np.array(followers)))
+    for leader, nodes, connection in content.pilots:
+        (node,) = content.find([leader], "TARGE170").tolist()
+        content.lead(f"pilot node {leader}", node, nodes, connection)
     content.chain("CERIG")

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from ...messages.errors import MeshError
 
 _BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK")  # followed by lines of numbers of one width, without commas
+_GEOMETRY = re.compile(rb"\A[^\n]{72}S +1\s*\n(?:[^\n]*\n)*?(?=:CDWRITE)")  # IGES, which CDWRITE,ALL writes before its data
 _NO_NUMBER = re.compile(rb"[^\s0-9+\-.EeDd]")
 
 
@@ -48,10 +49,15 @@ def commands(path: str) -> Iterator[Command]:
     """Yield the commands of an archive.  Local."""
     with open(path, "rb") as file:
         content = file.read()
+    geometry = _GEOMETRY.match(content)
+    if geometry:
+        content = (
+            b"\n" * geometry[0].count(b"\n") + b" " * (len(geometry[0]) - geometry[0].count(b"\n")) + content[geometry.end() :]
+        )
     lines, block = _Lines(content), ""
     while (line := lines.next()) is not None:
         text = line.partition("!")[0].strip()
-        if not text:
+        if not text or text[0] == ":":  # a label
             continue
         if _is_data(text):
             if block and text[0] != "(" and _NO_NUMBER.search(text.encode()):

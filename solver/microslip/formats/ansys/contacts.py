@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...tables.joint import Joint
 from ..model import Cells, Finding
 from .content import Content
 from .shapes import faces
@@ -28,8 +29,10 @@ class Side:
     kind: int  # element type: 170, 173 or 174
     type: int  # number of the type in the file
     real: int
+    material: int
     n: int
     cells: tuple[Cells, ...]  # its faces; empty for pilot nodes and rigid primitives
+    pilot: int = 0  # number of the node that alone is the target; 0: none
 
     @property
     def group(self) -> str:
@@ -37,12 +40,14 @@ class Side:
         return f"{'TARGE' if self.kind == TARGET else 'CONTA'}{self.kind} real {self.real}"
 
 
-def side_of(kind: int, number: int, real: int, rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> Side:
+def side_of(
+    kind: int, number: int, real: int, material: int, rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray
+) -> Side:
     """Return one side of a contact with its faces.  Local.
 
     Parameters
     ----------
-    kind, number, real : element, number of its type, set of real constants
+    kind, number, real, material : element, number of its type, set of real constants, number of its material
     rows : (n, 8) node numbers, padded with 0
     elements : (n,) element numbers
     numbers : (n_points,) node numbers of the file
@@ -54,7 +59,8 @@ def side_of(kind: int, number: int, real: int, rows: np.ndarray, elements: np.nd
     n_nodes = (rows > 0).sum(axis=1)
     is_face = n_nodes >= 3
     made = faces(_as_quads(rows[is_face], n_nodes[is_face]), elements[is_face], numbers) if is_face.any() else []
-    return Side(kind, number, real, len(rows), tuple(made))
+    pilot = int(rows[0, 0]) if kind == TARGET and len(rows) == 1 and n_nodes[0] == 1 else 0
+    return Side(kind, number, real, material, len(rows), tuple(made), pilot)
 
 
 def _as_quads(rows: np.ndarray, n_nodes: np.ndarray) -> np.ndarray:
@@ -67,13 +73,21 @@ def _as_quads(rows: np.ndarray, n_nodes: np.ndarray) -> np.ndarray:
 
 
 def report_contacts(content: Content, sides: list[Side]) -> None:
-    """Add a finding for each side of each pair; a joint or a tie between the two groups resolves it.  Local."""
+    """Add a finding for each side of each pair; a joint or a tie between the two groups resolves it.
+
+    Local.  A pair with friction is also a joint of the file, with the friction coefficient of the contact side's material.
+    """
     for side in sides:
         partners = [other for other in sides if other.real == side.real and (other.kind == TARGET) != (side.kind == TARGET)]
         touching = side if side.kind != TARGET else partners[0] if partners else None
+        if len(partners) == 1 and touching is not None and _take_pilot(content, side, partners[0], touching):
+            continue
         behaviour = 0 if touching is None else content.keys.get(touching.type, {}).get(12, 0)
         is_pair = len(partners) == 1 and bool(side.cells) and bool(partners[0].cells)
         names = () if not is_pair else (partners[0].group, side.group) if side.kind == TARGET else (side.group, partners[0].group)
+        if is_pair and touching is side and behaviour == 0 and side.material in content.friction:
+            friction = content.friction[side.material]
+            content.joints.append(Joint.of_file(name=f"contact_real_{side.real}", surfaces=names, friction=friction))
         content.findings.take(
             Finding(
                 word=f"element type {side.kind}",
@@ -84,6 +98,17 @@ def report_contacts(content: Content, sides: list[Side]) -> None:
                 is_glued=is_pair and behaviour in _BONDED,
             )
         )
+
+
+def _take_pilot(content: Content, side: Side, partner: Side, touching: Side) -> bool:
+    """Take a surface that a pilot node leads by equations as a point, from its contact side; return whether it is one."""
+    keys, pilot = content.keys.get(touching.type, {}), side.pilot or partner.pilot
+    connection = {1: "distributing", 2: "rigid"}.get(keys.get(4, 0))
+    if not pilot or not touching.cells or keys.get(2, 0) != 2 or keys.get(12, 0) not in _BONDED or connection is None:
+        return False
+    if side is touching:
+        content.pilots.append((pilot, np.unique(np.concatenate([cells.nodes.ravel() for cells in side.cells])), connection))
+    return True
 
 
 def _effect(side: Side, behaviour: int, names: tuple[str, ...]) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...messages.errors import MeshError
+from ...tables.joint import Joint
 from ...tables.structure import Material
 from ..draft import Draft
 from ..model import index_of
@@ -20,11 +21,12 @@ _HARMLESS = set(
     "MODOPT MXPAND MODCONTROL QRDOPT EQSLV HROPT HROUT HARFRQ KUSE TIME NCNV CRPLIM AUTOTS NSUBST DELTIM KBC OUTRES OUTPR "
     "NROPT CNVTOL LNSRCH NEQIT PRED NLGEOM SSTIF RESCONTROL ERESX SOLVE SAVE ALPHAD BETAD DMPRAT DMPSTR MDAMP IRLF CGLOC "
     "LSWRITE CDREAD CDOPT PSTRES WPSTYL SECDATA SECTYPE SECBLOCK SECCONTROL SECOFFSET SECJOINT SECLOCK SECSTOP SFBEAM "
-    "TBDATA TBTEMP TBPT MPDATAT DMPOPT DMPOPTION NLDIAG NLHIST CYCLIC CYCOPT".split()
+    "MPDATAT DMPOPT DMPOPTION NLDIAG NLHIST CYCLIC CYCOPT FCUM RSTSUPPRESS CMWRITE TINTP IOPTN".split()
 )
+_YIELDS = set("PLAS BISO BKIN MISO MKIN KINH NLIS CHAB CREE RATE HILL".split())  # first letters of TB
+_OF_TABLE = ("TBDA", "TBTE", "TBPT", "TBFI", "TBIN", "TBLI")  # commands about the table of the TB before them
 _LOADS = set("F SF SFE BF BFE FBLOCK SFBLOCK SFEBLOCK BFBLOCK BFEBLOCK ACEL OMEGA DOMEGA CGOMEGA DCGOMG CMACEL CMOMEGA".split())
 _EFFECTS = {
-    "TB": "a material that is not linear and isotropic, or a friction coefficient",
     "EALIVE": "activated elements (birth)",
     "EKILL": "deactivated elements (death)",
     "PSMESH": "a bolt's pretension section; state [[statics.bolts]]",
@@ -49,6 +51,9 @@ class Content(Draft):
     materials: dict[int, Material] = field(default_factory=dict)
     systems: dict[int, tuple[int, np.ndarray, np.ndarray]] = field(default_factory=dict)  # LOCAL: kind, origin, angles
     constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE, RMODIF
+    friction: dict[int, float] = field(default_factory=dict)  # MP,MU or TB,FRIC: coefficient by material, the first stated
+    joints: list[Joint] = field(default_factory=list)  # contact pairs with a friction coefficient
+    pilots: list[tuple[int, np.ndarray, str]] = field(default_factory=list)  # pilot nodes: number, positions of nodes, connection
     constraints: between.Restraints = field(default_factory=between.Restraints)
     loads: dict[str, int] = field(default_factory=dict)
     facts: tuple[str, ...] = ()  # title, units
@@ -68,10 +73,17 @@ def take_commands(content: Content, commands_read: Iterable[Command], components
     """Take the commands of a file.  Local."""
     content.selected = content.numbers
     content.constraints.findings = content.findings
-    last_real = 0
+    last_real, rubs = 0, 0
     for command in commands_read:
         word = command.word
-        if word == "ET":
+        if word == "TB":
+            rubs = int(command.number(1)) if _is_friction(command) else 0
+            if not rubs:
+                _pass_over_table(content, command)
+        elif word.startswith(_OF_TABLE):
+            if rubs and word.startswith("TBDA") and command.number(0) == 1:
+                _take_friction(content, rubs, command, command.number(1))
+        elif word == "ET":
             content.types[int(command.number(0))] = int("".join(c for c in command.field(1) if c.isdigit()) or 0)
             _take_keys(content, command, command.fields[2:8])
         elif word == "ETBLOCK":
@@ -107,6 +119,19 @@ def take_commands(content: Content, commands_read: Iterable[Command], components
         else:
             _pass_over(content, command)
     _make_materials(content)
+
+
+def _is_friction(command: Command) -> bool:
+    """Return whether a TB command begins a table of one isotropic friction coefficient."""
+    return command.field(0).upper().startswith("FRIC") and command.field(4).upper() in ("", "ISO")
+
+
+def _take_friction(content: Content, material: int, command: Command, value: float) -> None:
+    """Take a friction coefficient; further ones of the material, of other temperatures, are findings."""
+    known = content.friction.setdefault(material, value)
+    if value != known:
+        effect = f"friction coefficient of material {material} at further temperatures; new writes the first, {known:g}"
+        content.findings.add(command.word, command.where, effect, False)
 
 
 def _change_constants(content: Content, command: Command) -> None:
@@ -166,6 +191,9 @@ def _take_property(content: Content, command: Command) -> None:
     number, position = int(command.number(i + 1)), command.number(i + 2)
     first = i + 3 if command.word == "MPDATA" else i + 2
     value = command.number(first)
+    if label == "MU":
+        _take_friction(content, number, command, value)
+        return
     known = content.properties.setdefault(number, {})
     where, part = command.where, "materials"
     is_taken = label in (*PLAIN, *OTHER_AXES)
@@ -194,12 +222,21 @@ def _pass_over(content: Content, command: Command) -> None:
         content.findings.add(word, command.where, effect)
     elif word in _LOADS:
         content.loads[word] = content.loads.get(word, 0) + 1
-    elif word in _HARMLESS or "=" in word or (word.startswith("/") and word != "/INPUT"):
+    elif word in _HARMLESS or "=" in word or "(" in word or (word.startswith("/") and word != "/INPUT"):
         return
     else:
-        effect = _EFFECTS.get(word, "not known to this program")
-        part = "materials" if word == "TB" else ""
-        content.findings.add(word, command.where, effect, part=part)
+        content.findings.add(word, command.where, _EFFECTS.get(word, "not known to this program"))
+
+
+def _pass_over_table(content: Content, command: Command) -> None:
+    """Add a finding of a TB command that is not taken over."""
+    label, number = command.field(0).upper()[:4], int(command.number(1))
+    if label in _YIELDS:
+        effect = f"{label} of material {number}: it yields or creeps in Ansys, and is elastic here"
+        content.findings.add("TB", command.where, effect, False, "materials")
+    else:
+        effect = f"{label} of material {number}, which is not taken over"
+        content.findings.add("TB", command.where, effect, part="materials")
 
 
 def report_loads(content: Content) -> None:

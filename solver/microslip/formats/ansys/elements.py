@@ -68,7 +68,27 @@ def solid_of(number: int, keys: dict[int, int]) -> Solid | str | None:
         return Solid(20, "reduced" if keys.get(11, 0) == 1 else "full", differs="SOLID95 has 14 points; here 3x3x3 or 2x2x2")
     if number == 92:
         return Solid(10, "full")
+    if number in COUPLED:
+        return _without_temperature(number, keys)
     return None
+
+
+COUPLED = (225, 226, 227)  # displacements and other fields
+
+
+def _without_temperature(number: int, keys: dict[int, int]) -> Solid | str:
+    """Return the structural part of a solid of displacements and temperatures, or the reason why there is none.
+
+    Integration: Ansys' theory reference, SOLID225 to 227.
+    """
+    if keys.get(1, 0) != 11:
+        return f"SOLID{number} with KEYOPT(1) = {keys.get(1, 0)} (not 11, displacements and temperatures)"
+    differs = f"SOLID{number} has temperatures too; the vibration here is isothermal"
+    if number == 225:
+        return Solid(8, "full", incompatible_modes=False, differs=differs)
+    if number == 227:
+        return Solid(10, "full", differs=differs)
+    return Solid(20, "reduced" if keys.get(6, 0) == 1 else "full", incompatible_modes=False, differs=differs)
 
 
 _UNKNOWN, _MISSING = "not known to this program", "which is not available here"
@@ -98,7 +118,8 @@ def cells_and_bodies(blocks: Blocks, content: Content) -> tuple[list[Cells], dic
                 if type_number == 154:
                     _add_cells(groups, f"SURF154 real {value}", cells, faces(rows, elements[members], numbers))
                 else:
-                    sides.append(side_of(type_number, int(number), int(value), rows, elements[members], numbers))
+                    of_material = int(material[members][0])
+                    sides.append(side_of(type_number, int(number), int(value), of_material, rows, elements[members], numbers))
                     _add_cells(groups, sides[-1].group, cells, list(sides[-1].cells))
             continue
         if type_number == 185 and content.is_chosen and 2 not in content.keys.get(int(number), {}):

@@ -99,7 +99,15 @@ def model_of(blocks: Blocks, commands_read: tuple[Command, ...]) -> FileModel:
     cyclic = sectors_of(content, commands_read)
     report_loads(content)
     materials = {f"material {number}": material for number, material in content.materials.items()}
-    return content.model(cells, materials=materials, orientations=orientations, bodies=bodies, cyclic=cyclic, facts=content.facts)
+    return content.model(
+        cells,
+        materials=materials,
+        orientations=orientations,
+        bodies=bodies,
+        cyclic=cyclic,
+        joints=tuple(content.joints),
+        facts=content.facts,
+    )
 
 
 def _archive(path: str) -> Blocks:
