@@ -25,6 +25,7 @@ import tempfile
 import tomllib
 import traceback
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,7 +62,7 @@ class Checked:
 
 def fetched(package: dict, folder: Path) -> Path | None:
     """Return the folder of a package, fetched if it is not there; None where it cannot be."""
-    client, name = package["fetch"]
+    client, name, *folders = package["fetch"]
     place = folder / re.sub(r"[^\w.=-]", "+", name)
     if client == "built":
         place.mkdir(exist_ok=True)
@@ -69,7 +70,7 @@ def fetched(package: dict, folder: Path) -> Path | None:
             (place / file).write_text(text(), encoding="utf-8")
     elif not place.exists():
         try:
-            _fetch(client, name, place)
+            _fetch(client, name, place, folders)
         except (OSError, subprocess.SubprocessError) as problem:
             print(f"{name}: not fetched ({problem})", flush=True)
             return None
@@ -78,15 +79,18 @@ def fetched(package: dict, folder: Path) -> Path | None:
     return place
 
 
-def _fetch(client: str, name: str, place: Path) -> None:
-    """Fetch a package or a repository into a folder."""
+def _fetch(client: str, name: str, place: Path, folders: Sequence[str] = ()) -> None:
+    """Fetch a package or a repository, or some folders of it, into a folder."""
 
     def run(*command: str) -> None:
         subprocess.run(command, cwd=scratch, check=True, timeout=LONGEST, capture_output=True)
 
     with tempfile.TemporaryDirectory(dir=place.parent) as scratch:
         if client == "git":
-            run("git", "clone", "-q", "--depth", "1", f"https://github.com/{name}", "copy")
+            some = ["--filter=blob:none", "--sparse"] if folders else []
+            run("git", "clone", "-q", "--depth", "1", *some, f"https://github.com/{name}", "copy")
+            if folders:
+                run("git", "-C", "copy", "sparse-checkout", "set", *folders)
             Path(scratch, "copy").rename(place)
         elif client == "apt":
             run("apt-get", "download", "-q", name)

@@ -200,6 +200,28 @@ def test_a_small_foot_on_a_large_plate():
         contact_points(mesh, joint(surfaces=SURFACES[::-1], pairing="auto"))
 
 
+def test_with_a_gap_of_the_mesh_the_rest_of_a_surface_stays_free():
+    """A contact pair of other programs: the larger surface may come first, and a tenth of it may be opposite."""
+    mesh = boxes(n_lower=(5, 5, 1), n_upper=(2, 2, 1), size=(0.37, 0.41, 1.0), shift=(0.21, 0.33))
+    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.01
+    points = contact_points(mesh, joint(surfaces=SURFACES[::-1], pairing="auto", gap="geometry"))
+    assert points.area.sum() == pytest.approx(0.37 * 0.41, rel=1e-12)
+    np.testing.assert_allclose(points.distance, 0.01, rtol=1e-9)
+    assert points.note.startswith("WARNING: joint") and points.note.endswith("; the rest has no partner and stays free")
+
+
+def test_with_a_gap_of_the_mesh_what_turns_away_stays_free():
+    """A round surface on a plane: points are where its normal is within 20 degrees of the plane's, as its area there."""
+    mesh = boxes(n_lower=(4, 4, 1), n_upper=(48, 2, 1))
+    upper = np.arange(len(mesh.points)) >= TOUCH["n"]
+    angle, radius = np.radians(90.0) * (mesh.points[upper, 0] - 0.5), 2.5 - mesh.points[upper, 2]
+    mesh.points[upper, 0] = 0.5 + 0.3 * radius * np.sin(angle)
+    mesh.points[upper, 2] = 1.46 - 0.3 * radius * np.cos(angle)
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="points", gap="geometry"))
+    assert points.area.sum() == pytest.approx(0.45 * np.radians(40.0), rel=0.06)  # of 0.45 times a quarter turn
+    assert points.z[:, 2].min() > np.cos(np.radians(20.0 / 2.0)) and points.distance.min() == pytest.approx(0.01, abs=1e-3)
+
+
 def test_surfaces_too_far_apart_or_back_to_front():
     mesh = boxes()
     upper = np.arange(len(mesh.points)) >= TOUCH["n"]

@@ -107,17 +107,59 @@ def test_what_the_file_says_of_a_contact_stands_in_the_joint(tmp_path):
     assert (joint.surfaces, joint.friction, joint.normal_stiffness) == (("FEET", "TOP"), 0.25, 2e13)
 
 
-def test_a_contact_of_the_file_that_a_run_would_refuse_is_named_with_its_reason(tmp_path):
-    """Nine tenths of the first surface lie beyond the end of the other, with 4 mm between them."""
-    model = plain()
-    points = model.points + (np.arange(len(model.points)) < 16)[:, None] * [0.045, 0.0, 4e-3]
-    path = write(tmp_path, points=points)
+def with_static_step(path):
+    """Replace the step of the vibration by a *STATIC with a force."""
+    static = "*STEP\n*STATIC\n*CLOAD\nPLATE_TOP, 3, -1.0\n*END STEP\n"
+    text = path.read_text()
+    path.write_text(text[: text.index("*Step, perturbation")] + static)
+    return path
+
+
+def in_contact(path):
     contact = "*SURFACE, NAME=FEET, TYPE=NODE\nBAR_BOTTOM,\n*SURFACE, NAME=TOP, TYPE=NODE\nPLATE_TOP,\n"
     contact += "*CONTACT PAIR, INTERACTION=DRY\nFEET, TOP\n*SURFACE INTERACTION, NAME=DRY\n*FRICTION\n0.25\n"
     path.write_text(path.read_text() + contact)
+    return path
+
+
+def test_a_contact_of_the_file_that_a_run_would_refuse_is_named_with_its_reason(tmp_path):
+    """The first surface lies beyond the end of the other, with 4 mm between them."""
+    model = plain()
+    points = model.points + (np.arange(len(model.points)) < 16)[:, None] * [0.06, 0.0, 4e-3]
+    path = in_contact(write(tmp_path, points=points))
     said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
-    assert "FEET on TOP: 3 faces on 3" in said and "refused: 90.0% of the area of 'FEET' have no partner" in said
+    assert "FEET on TOP: 3 faces on 3" in said and "refused: no contact point found: all its faces have no partner" in said
     assert "#   FEET on TOP" in (tmp_path / "m.toml").read_text()
+
+
+def test_a_contact_of_the_file_with_a_gap_is_a_joint_where_its_surfaces_are_opposite(tmp_path):
+    """As in FreeCAD's example of two solids: a tenth of the first surface faces the other, 4 mm away, and a *STATIC presses it."""
+    model = plain()
+    points = model.points + (np.arange(len(model.points)) < 16)[:, None] * [0.045, 0.0, 4e-3]
+    path = in_contact(with_static_step(write(tmp_path, points=points)))
+    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "joints     FEET_TOP: FEET on TOP: 3 faces on 3, 5e-05 m2, 0.004 m apart" in said
+    assert "step = in the scene takes its loads, which act at rest and may close the gap" in said
+    text = filled(tmp_path / "m.toml")
+    assert 'gap = "geometry"' in text and "become [statics]: 1 forces" in text and 'title = "m.inp, first mode"' in text
+    scene = read_scene(tmp_path / "m.toml")
+    assert scene.model.step == 1 and scene.joints[0].friction == 0.25
+    file = read_model(str(path), 1)
+    completed, notes = complete(scene, file)
+    assert completed.statics.forces and any("[statics] with 1 forces" in note for note in notes)
+    mesh, _ = whole_mesh(str(path), file, UNITS["m-kg-s"])
+    pairs = pair_contacts(mesh, completed.joints)
+    assert pairs.area.sum() == pytest.approx(5e-5) and "WARNING: joint 'FEET_TOP'" in pairs.notes[0]
+    assert "covers 10.00% of them" in pairs.notes[0] and pairs.notes[0].endswith("; the rest has no partner and stays free")
+
+
+def test_loads_of_a_static_step_are_named_where_they_are_not_taken(tmp_path):
+    path = with_static_step(write(tmp_path))
+    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "without its loads, 1 *CLOAD" in said
+    text = (tmp_path / "m.toml").read_text()
+    assert "# Supports are those of step 1 of the file, *STATIC. Its loads, 1 *CLOAD, are not taken over." in text
+    assert '# If they act at rest: step = 1, and preload = "static" in the joints they press.' in text
 
 
 FIXED = (

@@ -15,7 +15,7 @@ from ..messages.errors import MeshError
 from ..messages.words import place
 from ..tables.joint import Joint
 from .cells import Cells, cells_of, face_of
-from .contact_points import ContactPoints, check_opposite
+from .contact_points import MOST_TILT, ContactPoints, check_opposite
 from .data import Mesh
 from .penetration import check_sunk
 from .projection import project_on_surface
@@ -27,6 +27,8 @@ MORTAR = "mortar"  # the pairing of moments over faces
 FAR = 0.1  # of the mesh's diagonal: the same for a gap from the mesh
 WHOLE = 0.9  # covered fraction of each cell of a face with moments
 COVERED = 0.98  # fraction of the first surface that must have a partner
+LEAST = 0.01  # the same with a gap from the mesh: the rest of the surface stays free, as in a contact pair of other programs
+MANY = 0.5  # fraction of the first surface without a partner that causes a warning
 LAYERS = 1.05  # covered fraction of a cell above which the second surface has a second layer
 _LEAST = 1e-6  # covered fraction of a cell below which it has no partner
 
@@ -49,11 +51,12 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
     share = means.covered / means.cell_areas
     _check_covered(mesh, joint, first, second, cells, share)
     area_shared = np.minimum(share, 1.0) * area
-    is_covered = area_shared.sum() / area.sum()
     face = face_of(cells)
     has_moments = by_moments & _is_whole(face, share, moments.covered)
     shared, area_shared = _with_moments(face, has_moments, means, moments, area_shared)
     used = np.flatnonzero(share > _LEAST)
+    if joint.has_gap_of_mesh:
+        used = used[_face_each_other(mesh, first, second, shared, used)]
     side1, side2 = (sp.diags(1.0 / shared.covered[used]) @ side[used] for side in (shared.side1, shared.side2))
     n1, n2 = side1 @ on_mesh(mesh, first), side2 @ on_mesh(mesh, second)
     n1, n2 = (n / np.linalg.norm(n, axis=1, keepdims=True) for n in (n1, n2))
@@ -61,6 +64,9 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
     check_opposite(mesh, joint, n1, n2, x1)
     z = (n2 - n1) / np.linalg.norm(n2 - n1, axis=1, keepdims=True)
     distance = np.einsum("pi,pi->p", z, x1 - x2)
+    is_covered = area_shared[used].sum() / area.sum()
+    warning = "WARNING: " if joint.has_gap_of_mesh and 1.0 - is_covered > MANY else ""
+    rest = "; the rest has no partner and stays free" if joint.has_gap_of_mesh and is_covered < COVERED else ""
     return ContactPoints(
         side1=side1.tocsr(),
         side2=side2.tocsr(),
@@ -69,10 +75,21 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
         position=(x1 + x2) / 2,
         distance=distance,
         cells=corners[used],
-        note=f"joint {joint.name!r}: {len(used)} contact points, {_in_words(first, by_moments, has_moments[used])}; "
+        note=f"{warning}joint {joint.name!r}: {len(used)} contact points, {_in_words(first, by_moments, has_moments[used])}; "
         f"{second.group!r} covers {is_covered:.2%} of them, {distance.min():.3g} to {distance.max():.3g} m away "
-        f"(at most {reach:.3g} m)",
+        f"(at most {reach:.3g} m){rest}",
     )
+
+
+def _face_each_other(mesh: Mesh, first: Surface, second: Surface, shared: Shared, used: np.ndarray) -> np.ndarray:
+    """Return which of the points ``used`` lie where the surfaces, which may be curved, face each other, (n,) bool.
+
+    Raises no error where none does: :func:`check_opposite` then states the angle.
+    """
+    normals = (side[used] @ on_mesh(mesh, of_side) for side, of_side in ((shared.side1, first), (shared.side2, second)))
+    n1, n2 = (n / np.linalg.norm(n, axis=1, keepdims=True) for n in normals)
+    facing = -np.einsum("pi,pi->p", n1, n2) >= np.cos(np.radians(MOST_TILT))
+    return facing if facing.any() else np.ones(len(used), dtype=bool)
 
 
 def _in_words(first: Surface, by_moments: bool, has_moments: np.ndarray) -> str:
@@ -125,7 +142,8 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, ce
             "restrict the group to the faces that touch, or state a smaller tolerance in the joint"
         )
     covered = np.minimum(share, 1.0) @ area / area.sum()
-    if covered >= (COVERED if first.group not in mesh.touching_faces else _LEAST):
+    enough = _LEAST if first.group in mesh.touching_faces else LEAST if joint.has_gap_of_mesh else COVERED
+    if covered >= enough:
         return
     foot = project_on_surface(mesh.points, second.faces, mesh.points[first.nodes])
     worst, reach = int(np.argmax(foot.distance)), reach_of(mesh, joint, first, second)

@@ -32,6 +32,7 @@ class First:
     disconnected: list[str]  # lines on parts that nothing connects to the others
     place: Place
     sector: Sector | None  # of a disc
+    names_step: bool = False  # whether the scene names the step, a *STATIC whose loads act at rest
 
     @property
     def joints(self) -> list[Candidate]:
@@ -69,6 +70,19 @@ class First:
     def step(self) -> FileStep | None:
         """The step whose conditions are used; None: the file has no steps."""
         return next((step for step in self.file.steps if step.number == self.file.step), None)
+
+    @property
+    def loads_left_out(self) -> str:
+        """The loads of the step that are not taken over, as text; "" without loads."""
+        if self.step is None or "loads" in self.step.taken:
+            return ""
+        return self.step.states.get("loads", "")
+
+    @property
+    def needs_loads(self) -> bool:
+        """Whether only the loads of the *STATIC step may close the gap between surfaces that the file has in contact."""
+        is_static = self.step is not None and self.step.procedure.startswith("*STATIC")
+        return is_static and bool(self.loads_left_out) and any(joint.in_contact_in_file for joint in self.joints)
 
     @property
     def open_findings(self) -> list[Finding]:

@@ -109,6 +109,10 @@ def farthest(mesh: Mesh, file: FileModel, fixed: Iterable[str]) -> Place:
     """
     groups = [mesh.node_groups[name] for name in fixed if name in mesh.node_groups]
     groups += [mesh.node_groups[support.group] for support in file.supports if support.group in mesh.node_groups]
+    held = {support.point for support in file.supports}
+    groups += [
+        mesh.node_groups[point.group] for point in file.connected if point.name in held and point.group in mesh.node_groups
+    ]
     nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *groups]))
     from_there = mesh.points[nodes] if len(nodes) else mesh.points.mean(axis=0)[None]
     distance = cKDTree(from_there).query(mesh.points)[0]

@@ -1,6 +1,7 @@
 """The text of a first scene: data of the file are stated, unknown values are comments to be filled in."""
 
 from collections.abc import Iterable
+from pathlib import PurePosixPath
 
 from ...scene.toml_text import key_text, value_text
 from ...tables.structure import TAKEN, Material, Support
@@ -36,7 +37,7 @@ def _model(first: First) -> str:
     lines = [
         f"# A first scene for {first.model}, by microslip new; docs/guide.md says what each key means. Units are SI here.",
         "# Fill in what begins with #>, then: microslip check, microslip run.",
-        f"title = {quoted(f'{first.model}, first mode')}",
+        f"title = {quoted(f'{PurePosixPath(first.model).name}, first mode')}",
         "",
         "[model]",
         key_line("mesh", quoted(first.model)),
@@ -64,10 +65,18 @@ def _step(first: First) -> list[str]:
     """Return the keys on the step whose conditions are used, and its omitted conditions."""
     if first.step is None:
         return []
-    lines = [f"# Supports, loads and temperatures are those of step {first.step.number} of the file, {first.step.procedure}."]
+    of_step = f"step {first.step.number} of the file, {first.step.procedure}"
+    lines = [f"# Supports, loads and temperatures are those of {of_step}."]
+    if first.loads_left_out:
+        lines = [f"# Supports are those of {of_step}. Its loads, {first.loads_left_out}, are not taken over."]
+        if first.step.procedure.startswith("*STATIC"):
+            joints = ', and preload = "static" in the joints they press' if first.joints else ""
+            lines.append(f"# If they act at rest: step = {first.step.number}{joints}.")
     others = [f"{step.number} {step.procedure}" for step in first.file.steps if step.number and step is not first.step]
     if others:
         lines.append(f"# step = ... selects another step: {'; '.join(others[:MOST])}")
+    if first.names_step:
+        return [*lines, key_line("step", str(first.step.number), "its loads act at rest and may close the gap of a joint")]
     return [*lines, key_line("step", str(first.step.number))] if others else lines
 
 

@@ -52,6 +52,8 @@ def _write(model: str, out: Path, force: bool) -> list[str]:
     """Write the scene and return the report.  Local, rank 0."""
     _refuse(model, out, force)
     first = _first(model, out, read_model(model))
+    if first.step is not None and first.needs_loads:
+        first = replace(_first(model, out, read_model(model, first.step.number)), names_step=True)
     with atomic_write(str(out)) as partial:
         Path(partial).write_text(text_of(first), encoding="utf-8")
     return _lines(model, out, first)
@@ -108,6 +110,10 @@ def _first(model: str, out: Path, file: FileModel) -> First:
 def _on_steps(first: First) -> list[str]:
     """Return lines on the step whose conditions are used, and on omitted supports."""
     lines = [] if first.step is None else [f"conditions of step {first.step.number} of the file: {first.step.procedure}"]
+    if first.names_step:
+        lines.append("step = in the scene takes its loads, which act at rest and may close the gap")
+    elif first.loads_left_out:
+        lines.append(f"without its loads, {first.loads_left_out}")
     if first.left_out:
         lines.append(f"left out: {named(first.left_out)}, which fix both sides of a joint")
     return lines
