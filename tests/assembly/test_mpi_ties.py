@@ -336,6 +336,30 @@ def test_a_distributing_point_weighs_by_area_or_alike(weights):
     assert shares.sum() == pytest.approx(1.0) and (np.ptp(shares) < 1e-12) == (weights == "equal")
 
 
+def test_a_distributing_point_is_the_weighted_least_squares_motion_of_its_nodes():
+    """Stated weights, in the order of node numbers, as of a Nastran RBE3: any motion of the nodes, not a rigid one alone."""
+    mesh, random = stack(), np.random.default_rng(3)
+    mesh = replace(mesh, numbers=random.permutation(len(mesh.points)) + 1)
+    nodes = mesh.node_groups["top"]
+    w = random.uniform(0.1, 3.0, len(nodes))
+    stated = tuple(map(float, w[np.argsort(mesh.numbers[nodes])]))
+    position = np.array([0.7, -0.2, 3.0])
+    point = Point(name="p", position=tuple(position), group="top", connection="distributing", weights=stated)
+    follower = of_distributing(mesh, point, len(mesh.points), len(mesh.points) + 2)
+    u = random.normal(size=(len(mesh.points) + 2, 3))
+    rigid = np.concatenate([np.concatenate([np.eye(3), -cross(r)], axis=1) for r in mesh.points[nodes] - position])
+    root = np.repeat(np.sqrt(w), 3)
+    exact = np.linalg.lstsq(root[:, None] * rigid, root * u[nodes].ravel(), rcond=None)[0]
+    np.testing.assert_allclose(follower.weights @ u.ravel(), exact, atol=1e-12)
+    with pytest.raises(MeshError, match=r"point 'p': weights holds 2 numbers for \d+ nodes of 'top'"):
+        of_distributing(mesh, point.with_keys(weights=(1.0, 2.0)), len(mesh.points), len(mesh.points) + 2)
+
+
+def cross(r):
+    """Return the matrix [r] with [r] v = r x v."""
+    return np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
+
+
 def test_a_spring_and_a_mass_on_a_distributing_point():
     """Held by springs at the point alone: a load there finds their flexibility, and its mass is all on the nodes."""
     mesh = column(n=(1, 1, 1), length=1.0)

@@ -308,6 +308,33 @@ def test_nodes_connected_to_a_reference_node(tmp_path, card):
     assert not any(one.word == "*DISTRIBUTING COUPLING" for one in level.findings)
 
 
+def test_missing_coordinates_are_zero(tmp_path):
+    """As CalculiX reads them, in its own beam10p.inp; with a note where lines differ."""
+    whole, short = CUBE.replace("1, 0, 0, 0", "1, 0., 0., 0."), CUBE
+    for line, fewer in (("1, 0, 0, 0", "1, 0, 0"), ("2, 1, 0, 0", "2, 1.")):
+        assert line in CUBE
+        short = short.replace(line, fewer)
+    model, plainly = read(tmp_path, short), read(tmp_path, whole)
+    np.testing.assert_array_equal(model.points, plainly.points)
+    notes = [one.effect for one in model.findings if one.word == "*NODE" and not one.changes]
+    assert notes == ["2 lines hold fewer coordinates than others; the missing ones are 0, as in CalculiX"]
+    assert not [one for one in plainly.findings if one.word == "*NODE"]
+
+
+def test_weights_of_a_distributing_coupling(tmp_path):
+    """Stated weights replace areas, in the order of node numbers; one that is no positive number is refused."""
+    card = "*NSET, NSET=UPPER\n15, 16\n*ELEMENT, TYPE=DCOUP3D, ELSET=D\n77, 99\n*DISTRIBUTING COUPLING, ELSET=D\n"
+    for lines, weights in (
+        ("18, 4.\nUPPER, 1.\n17, 2.\n", (1.0, 1.0, 2.0, 4.0)),
+        ("UPPER, 3.\n17, 3.\n18, 3.\n", "equal"),
+        ("UPPER\n17\n18\n", "equal"),
+    ):
+        (point,) = read(tmp_path, CUBE + TWICE + card + lines).connected
+        assert (point.connection, point.weights) == ("distributing", weights)
+    with pytest.raises(MeshError, match=r"\*DISTRIBUTING COUPLING: a weight is '-1.', not a number above 0"):
+        read(tmp_path, CUBE + TWICE + card + "UPPER, -1.\n")
+
+
 def test_springs_and_masses(tmp_path):
     more = "*ELEMENT, TYPE=SPRING1, ELSET=feet\n21, 1\n22, 2\n*SPRING, ELSET=feet\n3\n5.\n"
     more += "*ELEMENT, TYPE=SPRINGA, ELSET=rod\n23, 7, 99\n*SPRING, ELSET=rod\n\n7.\n"
@@ -621,7 +648,7 @@ BAD = {
         "line 12: .ELEMENT gives element number 1 more",
     ),
     "a node that is not there": (CUBE.replace("7, 8\n", "7, 9\n"), "line 10: .ELEMENT names node 9, which no .NODE"),
-    "a coordinate missing": (CUBE.replace("5, 0, 0, 1", "5, 0, 0"), "line 6: .NODE: every line must hold a number and three"),
+    "no coordinates": (CUBE.replace("5, 0, 0, 1", "5"), "line 6: .NODE: every line must hold a number and coordinates"),
     "a word for a number": (CUBE.replace("5, 0, 0, 1", "5, 0, o, 1"), "line 6: .NODE holds '5,0,o,1' where numbers are expected"),
     "half a number": (CUBE.replace("5, 0, 0, 1", "5.5, 0, 0, 1"), "line 1: .NODE: a node number is not a whole number"),
     "nodes missing": (CUBE.replace(", 7, 8\n", "\n"), "line 10: .ELEMENT, TYPE=C3D8: .* the last has 6 nodes"),

@@ -211,6 +211,46 @@ def test_a_mean_of_grid_points_that_lead_others_is_a_finding(tmp_path):
         assert len(found.connected) == n
 
 
+@pytest.mark.parametrize(
+    "more, weights",
+    [
+        ("1.0,123,{a},{b},2.5,123,{c},{d}", (1.0, 1.0, 2.5, 2.5)),
+        ("2.5,123,{d},1.0,123,{c},{b},{a},{d}", (1.0, 1.0, 1.0, 3.5)),
+        ("2.0,123,{a},{b},2.0,123,{c},{d}", "equal"),
+    ],
+)
+def test_weights_of_a_mean_are_taken_over(tmp_path, more, weights):
+    model = plain()
+    a, b, c, d = map(int, model.numbers[:4])
+    card = f"RBE3,901,,5000,123456,{more.format(a=a, b=b, c=c, d=d)}".split(",")
+    lines = [",".join(card[:9]), ",".join(["", *card[9:]])]
+    found = read_model(written(tmp_path, model, "GRID,5000,,0.1,0.0,0.03", *lines))
+    (point,) = found.connected
+    assert (point.connection, point.weights) == ("distributing", weights)
+    assert not [one for one in found.findings if one.word == "RBE3"]
+
+
+def test_a_mean_of_other_components_is_a_finding(tmp_path):
+    a, b, c = map(int, plain().numbers[:3])
+    found = read_model(written(tmp_path, plain(), "GRID,5000,,0.1,0.0,0.03", f"RBE3,901,,5000,123456,1.0,12,{a},{b}", f",{c}"))
+    (finding,) = (one for one in found.findings if one.word == "RBE3")
+    assert finding.changes and finding.effect == "a mean of other components than 123, or with a weight that is not above 0"
+
+
+def test_components_may_have_blanks_between_them(tmp_path):
+    """As in MYSTRAN's decks: "12 456" in fixed fields."""
+    model = plain()
+    a, b, c, d = map(int, model.numbers[:4])
+    models = []
+    for all_three, two, turns, all_six in (("12  3", "1 2", "4 56", "123 456"), ("123", "12", "456", "123456")):
+        rows = [f"SPC1    {7:<8d}{all_three:8s}{a:<8d}{b:<8d}", f"SPC     {7:<8d}{c:<8d}{two:8s}{0.0:<8.1f}"]
+        rows += [f"GRID    {5000:<8d}{'':8s}{0.1:<8.1f}{0.0:<8.1f}{0.03:<8.2f}{'':8s}{turns:8s}"]
+        rows += [f"RBE2    {901:<8d}{5000:<8d}{all_six:8s}{d:<8d}"]
+        models.append(read_model(written(tmp_path, model, *rows, case=("SPC = 7",))))
+    assert models[0].supports == models[1].supports and models[0].connected == models[1].connected
+    assert {("x", "y", "z"), ("x", "y"), ("rx", "ry", "rz")} <= {support.fix for support in models[0].supports}
+
+
 def test_an_equation_with_a_rotation_of_a_solid_is_left_out(tmp_path):
     model = plain()
     a, b = map(int, model.numbers[:2])

@@ -22,6 +22,17 @@ def vector(values: Iterable[float]) -> Vector:
     return x, y, z
 
 
+def weights_in_order(numbers: np.ndarray, weights: np.ndarray) -> str | tuple[float, ...]:
+    """Return ``weights`` of a point for nodes of the given numbers, (n,) each, in ascending order; "equal" if they are.
+
+    Local.  Weights of a repeated node add up.
+    """
+    unique, at = np.unique(numbers, return_inverse=True)
+    total = np.bincount(at, weights, minlength=len(unique))
+    is_equal = np.ptp(total) <= 1e-12 * total.max() if len(total) else True
+    return "equal" if is_equal else tuple(map(float, total))
+
+
 @dataclass(eq=False)
 class Findings:
     """Entries of a file that its reader does not take over; equal findings appear once, with the place of the first."""
@@ -140,6 +151,12 @@ class Draft:
             nodes = np.union1d(nodes, [node])
         position = vector(self.points[node])
         self.leaders[node] = Point.of_file(name=name, position=position, group=self.group(name, nodes), connection=connection)
+
+    def weigh(self, node: int, nodes: np.ndarray, weights: Sequence[float] | np.ndarray) -> None:
+        """State the weights of the nodes of solids that the point at a leading node follows by their mean."""
+        of_solids = self.of_solids[nodes] & (nodes != node)
+        stated = weights_in_order(self.numbers[nodes[of_solids]], np.asarray(weights)[of_solids])
+        self.leaders[node] = self.leaders[node].with_keys(weights=stated)
 
     def model(self, cells: Iterable[Cells], **further: Any) -> FileModel:
         """Return the content of a file: this structure, its cells and ``further`` fields."""

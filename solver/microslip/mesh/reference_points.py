@@ -37,7 +37,7 @@ def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
 def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
     """Return the dependence of a point on the weighted mean of its nodes: docs/theory.md, eq. (2.8)."""
     nodes = mesh.node_groups[point.group]
-    share = _shares(mesh, point.group, nodes) if point.weights == "area" else np.full(len(nodes), 1.0 / len(nodes))
+    share = _shares_of(mesh, point, nodes)
     J, centre = _second_moments(mesh, point.group, nodes, share, _what(mesh, point))
     arms = mesh.points[nodes] - centre
     turn = np.linalg.inv(J) @ (share[:, None, None] * _cross(arms))  # (n, 3, 3): theta = sum turn_i u_i
@@ -48,6 +48,26 @@ def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Followe
     weights.eliminate_zeros()
     note = f"point {point.name!r} follows the mean of {len(nodes)} nodes of {point.group!r}"
     return Follower(f"point {point.name!r}", np.arange(3 * at, 3 * at + 6), weights, _star(nodes), note)
+
+
+def _shares_of(mesh: Mesh, point: Point, nodes: np.ndarray) -> np.ndarray:
+    """Return the weights of a point's nodes, (n,), with sum 1.
+
+    Raises
+    ------
+    MeshError : weights that are not one for each node
+    """
+    if point.weights == "area":
+        return _shares(mesh, point.group, nodes)
+    if point.weights == "equal":
+        return np.full(len(nodes), 1.0 / len(nodes))
+    if len(point.weights) != len(nodes):
+        raise MeshError(
+            f"{_what(mesh, point)}: weights holds {len(point.weights)} numbers for {len(nodes)} nodes of {point.group!r}"
+        )
+    share = np.empty(len(nodes))
+    share[np.argsort(mesh.numbers[nodes])] = point.weights
+    return share / share.sum()
 
 
 def _is_turned(mesh: Mesh, point: Point) -> bool:

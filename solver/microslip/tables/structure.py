@@ -284,8 +284,10 @@ class Point(Table):
         description='"rigid": the nodes follow the point; "distributing": it follows their mean; or "equations": equations '
         "of the model file alone connect it",
     )
-    weights: Literal["area", "equal"] = Field(
-        "area", description='the weights of that mean, "area" of each node, or "equal" for all of them'
+    weights: Literal["area", "equal"] | tuple[Positive, ...] = Field(
+        "area",
+        description='the weights of that mean, "area" of each node, "equal" for all of them, or a number above 0 for each node '
+        "of the group in the order of node numbers",
     )
     mass: NotNegative = Field(0.0, description="the mass in kg, a number of at least 0")
     inertia: tuple[NotNegative, NotNegative, NotNegative] | tuple[float, float, float, float, float, float] | None = Field(

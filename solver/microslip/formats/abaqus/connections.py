@@ -6,7 +6,7 @@ from ...messages.errors import MeshError
 from ...messages.words import hint
 from ...tables.constant_loads import Bolt
 from ...tables.structure import Point, Tie
-from ..draft import group_below, vector
+from ..draft import group_below, vector, weights_in_order
 from ..model import Finding
 from .cards import Card, number, values_of
 from .findings import PART
@@ -227,18 +227,32 @@ def _take_kinematic_coupling(model: InputModel, scope: Scope, card: Card) -> Non
 
 
 def _take_distributing_coupling(model: InputModel, scope: Scope, card: Card) -> None:
-    """Take a coupling with equal weights; its reference node is the only node of the element in ELSET."""
+    """Take a coupling with stated weights; its reference node is the only node of the element in ELSET."""
     elements = model.mesh.elements(scope, card.parameter("ELSET"), card.where)
     at = model.mesh.nodes_of(elements)
     lines = list(card.lines())
-    weights = {words[1] for words, _ in lines if len(words) > 1}
-    if len(at) != 1 or len(weights) > 1:
-        model.findings.add("*DISTRIBUTING COUPLING", card.where, "weights that differ", True, "points")
+    if len(at) != 1:
+        model.findings.add("*DISTRIBUTING COUPLING", card.where, "an element with several nodes", True, "points")
         return
-    nodes = np.concatenate([model.mesh.nodes(scope, words[0], where) for words, where in lines])
+    of_lines = [model.mesh.nodes(scope, words[0], where) for words, where in lines]
+    stated = [_weight(words, where) for words, where in lines]
+    nodes, weights = np.concatenate(of_lines), np.repeat(stated, [len(some) for some in of_lines])
     group = f"coupled to node {model.mesh.numbers[at[0]]}"
     _find_lever(model, int(at[0]), np.unique(nodes), card)
+    before = model.points.get(int(at[0]))
     _add_point(model, int(at[0]), nodes, group, "distributing", card)
+    if model.points.get(int(at[0])) is not before:
+        counts = model.grouped.of_solids[nodes] & (nodes != at[0])
+        in_order = weights_in_order(model.mesh.numbers[nodes[counts]], weights[counts])
+        model.points[int(at[0])] = model.points[int(at[0])].with_keys(weights=in_order)
+
+
+def _weight(words: list[str], where: str) -> float:
+    """Return the weight on a line of a *DISTRIBUTING COUPLING, 1 if it states none; MeshError: not a number above 0."""
+    value = number(words[1]) if len(words) > 1 and words[1] else 1.0
+    if value is None or not value > 0.0:
+        raise MeshError(f"{where}: *DISTRIBUTING COUPLING: a weight is {words[1][:60]!r}, not a number above 0")
+    return value
 
 
 def _find_lever(model: InputModel, node: int, nodes: np.ndarray, card: Card) -> None:

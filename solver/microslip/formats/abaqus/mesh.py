@@ -29,6 +29,7 @@ class FileMesh:
     blocks: list[tuple[int, Elements, np.ndarray]] = field(default_factory=list)  # first element, its card, nodes (n, k)
     known: dict[tuple[str, str, str], np.ndarray] = field(default_factory=dict)  # scope, kind of set, name: members
     missing: dict[str, tuple[str, str, int]] = field(default_factory=dict)  # place: kind of set, message, first missing number
+    short: dict[str, int] = field(default_factory=dict)  # place of a *NODE: lines with fewer coordinates than others
     offsets: tuple[int, int] = (0, 0)  # node and element number offset per instance; 0: none
 
     def of(self, scope: Scope) -> Names:
@@ -132,7 +133,9 @@ class FileMesh:
 
 
 def _take_nodes(mesh: FileMesh, names: Names, card: Card) -> None:
-    numbers, points = read_nodes(card)
+    numbers, points, n_short = read_nodes(card)
+    if n_short:
+        mesh.short[card.where] = n_short
     axes, origin = names.system
     points = names.scope.placed(points @ axes + origin)
     names.given_nodes.append((numbers, points, card.where))

@@ -25,33 +25,37 @@ class Elements:
     named: tuple[tuple[int, int, str], ...] = ()  # row, column and word of nodes stated as "instance.number"
 
 
-def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers (n,) and coordinates (n, 3) of a *NODE card in the axes of its *SYSTEM.
+def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return numbers (n,) and coordinates (n, 3) of a *NODE card in the axes of its *SYSTEM, and how many lines are short.
+
+    Missing coordinates are 0, as in CalculiX; a line is short if others of its card have more coordinates.
 
     Raises
     ------
-    MeshError : a line without a number and three coordinates (two in a plane)
+    MeshError : a line without a number, or with a number alone
     """
     values, counts = card.numbers()
+    n_short = 0
     width = int(counts[0]) if len(counts) else 4
     if width < 4 or not (counts == width).all():
-        table = _with_empty_fields(card)
+        table, n_short = _with_empty_fields(card)
     else:
         table = values.reshape(len(counts), width)[:, :4]
     numbers = table[:, 0]
     if not ((numbers >= 0) & (numbers <= 2**53) & (numbers == np.rint(numbers))).all():
         raise MeshError(f"{card.where}: *NODE: a node number is not a whole number{_DAMAGED}")
-    return numbers.astype(np.int64), _cartesian(table[:, 1:], card)
+    return numbers.astype(np.int64), _cartesian(table[:, 1:], card), n_short
 
 
-def _with_empty_fields(card: Card) -> np.ndarray:
-    """Return (n, 4) numbers of lines; empty fields and a missing third coordinate are 0."""
-    rows, least = [], 4 if any(len(words) > 3 for words, _ in card.lines()) else 3
+def _with_empty_fields(card: Card) -> tuple[np.ndarray, int]:
+    """Return (n, 4) numbers of lines, with 0 for empty and missing fields, and how many lines have fewer fields than others."""
+    rows, widths = [], []
     for words, where in card.lines():
-        if len(words) < least or not words[0]:
-            raise MeshError(f"{where}: *NODE: every line must hold a number and three coordinates, zeros included{_DAMAGED}")
-        rows.append([float(word.replace("D", "E").replace("d", "e")) if word else 0.0 for word in (*words, "")[:4]])
-    return np.array(rows).reshape(-1, 4)
+        if len(words) < 2 or not words[0]:
+            raise MeshError(f"{where}: *NODE: every line must hold a number and coordinates{_DAMAGED}")
+        rows.append([float(word.replace("D", "E").replace("d", "e")) if word else 0.0 for word in (*words, "", "")[:4]])
+        widths.append(min(len(words), 4))
+    return np.array(rows).reshape(-1, 4), sum(width < max(widths) for width in widths)
 
 
 def _cartesian(points: np.ndarray, card: Card) -> np.ndarray:

@@ -106,6 +106,9 @@ def _find_unknown_parameters(model: InputModel) -> None:
 def _find_rest(model: InputModel) -> None:
     """Add findings for every card that is not taken over."""
     _find_unknown_parameters(model)
+    for where, n in model.mesh.short.items():
+        effect = f"{n} lines hold fewer coordinates than others; the missing ones are 0, as in CalculiX"
+        model.findings.add("*NODE", where, effect, False)
     for where, (kind, text, first) in model.mesh.missing.items():
         model.findings.add(f"*{kind}", where, f"{text}, the first is {first}", False)
     for _, card in model.cards:

@@ -41,18 +41,20 @@ def _take_rigid(content: Content, number: int, element: Any) -> None:
 
 
 def _take_distributing(content: Content, number: int, element: Any) -> None:
-    """Take an RBE3 with equal weights of all grid points in the three displacements."""
+    """Take an RBE3 of the three displacements of all its grid points, with their weights."""
     name = f"RBE3 {number}"
-    is_plain = len(set(element.weights)) == 1 and all(str(components) == "123" for components in element.comps)
+    is_plain = all(str(components) == "123" for components in element.comps) and min(element.weights) > 0.0
     (node,) = content.find([int(element.refgrid)], name).tolist()
     if not is_plain or node in content.leaders:
-        effect = "a mean with weights or components that differ; [[points]] has means with equal weights or by area"
+        effect = "a mean of other components than 123, or with a weight that is not above 0"
         content.left_out("RBE3", number, effect, "points")
     elif content.of_solids[node]:
         content.left_out("RBE3", number, "a mean that leads a node of a solid", "points")
     else:
-        content.lead(name, node, content.find([int(n) for part in element.Gijs for n in part], name), "distributing")
-        content.leaders[node] = content.leaders[node].with_keys(weights="equal")
+        members = [(int(n), float(w)) for part, w in zip(element.Gijs, element.weights, strict=True) for n in part]
+        nodes = content.find([n for n, _ in members], name)
+        content.lead(name, node, nodes, "distributing")
+        content.weigh(node, nodes, [w for _, w in members])
 
 
 def _leave_out_means(content: Content) -> None:

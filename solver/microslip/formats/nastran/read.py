@@ -31,6 +31,16 @@ _CASE = re.compile(  # OptiStruct's case control that is read; a set continues a
     r"^[^\S\n]*(?:(?:SUBCASE|SPC|MPC)\b.*|SET\s+\d+\s*=(?:.*,[^\S\n]*\n)*.*)$", re.MULTILINE | re.IGNORECASE
 )
 _END = re.compile(rb"^[^\S\n]*ENDDATA", re.MULTILINE | re.IGNORECASE)
+_PLACES = {  # of components
+    "GRID": (56,),
+    "GRDSET": (56,),
+    "SPC1": (16,),
+    "SPC": (24, 48),
+    "RBE2": (24,),
+    "RBE3": (32,),
+    "MPC": (24, 48),
+}
+_COMPONENTS = re.compile(r"^(GRID|GRDSET|SPC1|SPC|RBE2|RBE3|MPC)\b(?=[^,*\t\n]*$).*[1-6] +[1-6].*$", re.MULTILINE | re.IGNORECASE)
 _LONGEST_RANGE = 2**22  # numbers of a range that any file may have
 _SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
 _ORDER = {  # Nastran writes the mid-side nodes of vertical edges before the mid-side nodes of the top
@@ -113,14 +123,29 @@ def cards_of(text: str) -> Any:
     if not text.strip():
         raise MeshError("the file is empty")
     _refuse_endless_ranges(text)
-    source, is_whole = _source(_PARAMETERS.sub("", text))
+    source, is_whole = _source(_without_blanks(_PARAMETERS.sub("", text)))
     cards = BDF(debug=None)
     # counted, not parsed: the fields of these cards differ between programs
-    cards.disable_cards(("DEFUSET", *_EIGENVALUES, *(EFFECTS.keys() - {"DMIG"})))
+    cards.disable_cards(("DEFUSET", "LOAD", *_EIGENVALUES, *(EFFECTS.keys() - {"DMIG"})))
     with read_by_pynastran("Nastran bulk data"):
         cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
         follow_references(cards)
     return cards
+
+
+def _without_blanks(text: str) -> str:
+    """Return bulk data whose components in fixed fields, as "12 456", are written together, as pyNastran requires."""
+    return _COMPONENTS.sub(_joined, text)
+
+
+def _joined(card: re.Match[str]) -> str:
+    """Return a line with its components joined."""
+    line = card[0]
+    for first in _PLACES[card[1].upper()]:
+        field = line[first : first + 8]
+        if re.fullmatch(r" *[1-6]+(?: +[1-6]+)+ *", field):
+            line = line[:first] + field.replace(" ", "").ljust(8) + line[first + 8 :]
+    return line
 
 
 @contextlib.contextmanager
