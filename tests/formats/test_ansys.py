@@ -653,3 +653,13 @@ def test_a_dat_of_nastran_is_still_one(tmp_path):
     pytest.importorskip("pyNastran")
     (tmp_path / "m.dat").write_text(bdf(plain()))
     assert len(read_model(tmp_path / "m.dat").points) == 32
+
+
+def test_an_input_file_of_ansys_or_nastran_may_end_in_inp(tmp_path):
+    """The ending is that of Abaqus, and of others: NASTRAN-95's decks, inputs of Mechanical APDL."""
+    for text, node_group in ((ds_dat(plain()), "_FIXEDSU"), (bdf(plain()), None)):
+        (tmp_path / "m.inp").write_text(text)
+        found = read_model(tmp_path / "m.inp")
+        assert len(found.points) >= len(plain().points) and (node_group is None or node_group in found.groups)
+        with pytest.raises(MeshError, match="m.inp: it is a file of Ansys or Nastran, of which no steps are read"):
+            read_model(tmp_path / "m.inp", 1)

@@ -1,9 +1,11 @@
 """Read a model file; the format follows from the ending of its name."""
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
+from itertools import islice
 
 import numpy as np
 
@@ -13,6 +15,9 @@ from ..system.memory import bounded_by_machine, gigabytes
 from .model import FileModel
 from .via_meshio import FORMATS
 
+_HEAD = 200  # lines that tell the program of an .inp file
+_ABAQUS = re.compile(r"\*(HEADING|NODE|ELEMENT|PART|INCLUDE|NSET|ELSET|MATERIAL|PARAMETER)\b")
+_OTHER = re.compile(r"(BEGIN\s+BULK|CEND)\b|/(PREP7|BATCH)\b|NBLOCK,")
 _FREE = 2**30  # bytes for any file
 _GAIN = 200  # bytes for each byte of a file: each card of bulk data becomes a Python object
 
@@ -30,9 +35,20 @@ def _read_dat(path: str) -> FileModel:
     return read_input(path) if is_input(path) else read_bdf(path)
 
 
+def _read_inp(path: str, step: int | None = None) -> FileModel:
+    """Read an input file of Abaqus or CalculiX; Ansys and Nastran have the ending, too."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        heads = [line.strip().upper() for line in islice(file, _HEAD)]
+    if any(_ABAQUS.match(head) for head in heads) or not any(map(_OTHER.match, heads)):
+        return _by("abaqus.read", "read_inp")(path, *(() if step is None else (step,)))
+    if step is not None:
+        raise MeshError("it is a file of Ansys or Nastran, of which no steps are read; leave [model] step out")
+    return _read_dat(path)
+
+
 READERS: dict[str, Callable[..., FileModel]] = {
     ".msh": _by("msh", "read_msh"),
-    ".inp": _by("abaqus.read", "read_inp"),
+    ".inp": _read_inp,
     ".cdb": _by("ansys.read", "read_cdb"),
     ".rst": _by("ansys.results", "read_rst"),
     **dict.fromkeys((".bdf", ".nas", ".fem"), _by("nastran", "read_bdf")),

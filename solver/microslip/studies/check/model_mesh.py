@@ -87,5 +87,7 @@ def _no_bodies(file: FileModel) -> str:
             "its volume elements are in no named group, and a body is a named group of them (in Gmsh a Physical Volume with a "
             "name); name one in the program that wrote the file"
         )
-    held = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "nodes alone"
+    unknown = [f"{finding.where}: {finding.word}" for finding in file.findings if finding.effect.startswith("not known")]
+    nodes = f"nodes, and {', '.join(unknown[:3])}, not known to this program" if unknown else "nodes alone"
+    held = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or nodes
     return f"it holds no volume elements ({held}): nothing that could be a body"
