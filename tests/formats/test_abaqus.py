@@ -657,6 +657,14 @@ BAD = {
         CUBE + "*NSET, NSET=a\nALLL\n",
         "line 12: .NSET 'ALLL' is used but not defined; nearest is 'ALL'",
     ),
+    "a set of elements for one of nodes": (
+        CUBE + "*ELSET, ELSET=whole\n1\n*BOUNDARY\nWHOLE, 1\n",
+        r"line 15: .NSET '[Ww]\w+' is used but not defined; there is an .ELSET of this name",
+    ),
+    "a pointer": (
+        "version https://git-lfs.github.com/spec/v1\noid sha256:a3\nsize 9\n",
+        "it is a pointer of Git LFS.*git lfs pull",
+    ),
     "a set of itself": (CUBE + "*NSET, NSET=a\nb\n*NSET, NSET=b\na\n", "contains itself"),
     "a set without a name": (CUBE + "*NSET\n1\n", "line 12: .NSET without a name"),
     "a range of no numbers": (CUBE + "*NSET, NSET=a, GENERATE\n1, 9e300\n", "line 13: .*GENERATE: '1,9e300' is not a range"),

@@ -18,6 +18,7 @@ from .via_meshio import FORMATS
 _HEAD = 200  # lines that tell the program of an .inp file
 _ABAQUS = re.compile(r"\*(HEADING|NODE|ELEMENT|PART|INCLUDE|NSET|ELSET|MATERIAL|PARAMETER)\b")
 _OTHER = re.compile(r"(BEGIN\s+BULK|CEND)\b|/(PREP7|BATCH)\b|NBLOCK,")
+_POINTER = b"version https://git-lfs"
 _FREE = 2**30  # bytes for any file
 _GAIN = 200  # bytes for each byte of a file: each card of bulk data becomes a Python object
 
@@ -97,6 +98,9 @@ def read_model(path: str | os.PathLike[str], step: int | None = None) -> FileMod
         raise MeshError(f"{path}: the file is empty")
     if step is not None and ending not in _OF_STEPS:
         raise CaseError(f"[model] step = {step}: {path}: of files {ending} no steps are read; leave step out")
+    with open(path, "rb") as file:
+        if file.read(len(_POINTER)) == _POINTER:
+            raise MeshError(f"{path}: it is a pointer of Git LFS, without the file itself; fetch that: git lfs pull")
     try:
         with bounded_memory(path), np.errstate(all="ignore"):  # numbers are checked after reading
             model = READERS[ending](path) if step is None else READERS[ending](path, step)

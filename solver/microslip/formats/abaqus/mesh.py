@@ -83,7 +83,9 @@ class FileMesh:
                 raise MeshError(f"{where}: {word[:40]} is not a number of the file")
             return self._positions(names, kind, np.array([int(word)]), where)
         if word not in names.sets[kind]:
+            other = "ELSET" if kind == "NSET" else "NSET"
             near = hint(word, names.sets[kind], lambda near: repr(self.spelled(near)))
+            near = f"; there is an *{other} of this name" if word in names.sets[other] else near
             raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} is used but not defined{near}")
         key = (names.scope.name.upper(), kind, word)
         if key in within or len(within) > _DEEPEST:
