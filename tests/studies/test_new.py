@@ -4,6 +4,7 @@ import re
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,8 +23,10 @@ from microslip.scene.read import read_scene
 from microslip.studies.check.model_file import _lines as check_model_lines
 from microslip.studies.check.model_mesh import bodies_of, whole_mesh
 from microslip.studies.new.candidates import candidates_and_bolts
+from microslip.studies.new.joint_text import _is_part
 from microslip.studies.new.story import _write
 from microslip.tables.constant_loads import Bolt
+from microslip.tables.joint import Joint
 from microslip.tables.structure import Surface
 from microslip.tables.units import UNITS
 
@@ -253,6 +256,9 @@ def test_only_what_touches_is_offered_where_named_surfaces_are_larger(tmp_path):
         0
     ] == "lower"
     assert one.area == pytest.approx(0.02) and one.is_likely and not one.refused
+    mesh = SimpleNamespace(node_groups=groups)
+    of_file = [Joint.of_file(surfaces=names, friction=0.4) for names in (("FEET", "TOP"), ("TOP", "FEET"), ("FEET", "FEET"))]
+    assert [_is_part(one, joint, mesh) for joint in of_file] == [True, True, False]  # its friction is that of the file
 
 
 def test_named_surfaces_with_an_edge_are_offered_by_their_normals():

@@ -5,6 +5,7 @@ import json
 import numpy as np
 
 from ...formats.model import Finding
+from ...mesh.data import Mesh
 from ...scene.toml_text import value_text
 from ...tables.joint import Joint
 from ...tables.structure import Surface
@@ -62,14 +63,25 @@ def joint_text(candidate: Candidate, first: First) -> str:
 def _contact(candidate: Candidate, first: First) -> list[str]:
     """Return friction and stiffnesses of a joint from the file; missing ones as comments."""
     known = first.file.joints if first.scale is None else ()
-    of_file = next(
-        (joint for joint in known if frozenset(joint.surfaces or ()) == frozenset(candidate.surfaces)), Joint.of_file()
-    )
+    of_file = next((joint for joint in known if _is_part(candidate, joint, first.mesh)), Joint.of_file())
     stated = of_file.in_si(UNITS[first.units or "m-kg-s"])
     lines = []
     for key, question in _QUESTIONS.items():
         lines.append(key_line(key, repr(stated[key]), "as in the file") if stated.get(key) else question)
     return lines
+
+
+def _is_part(candidate: Candidate, joint: Joint, mesh: Mesh) -> bool:
+    """Return whether a candidate has the surfaces of a joint of the file, or lies on them."""
+    surfaces = joint.surfaces or ()
+    if frozenset(surfaces) == frozenset(candidate.surfaces):
+        return True
+    groups = [mesh.node_groups.get(name) for name in surfaces]
+    return any(
+        all(nodes is not None and np.isin(side, nodes).all() for side, nodes in zip(candidate.nodes, order, strict=True))
+        for order in (groups, groups[::-1])
+        if len(groups) == len(candidate.nodes)
+    )
 
 
 def _tie(candidate: Candidate, finding: Finding) -> str:
