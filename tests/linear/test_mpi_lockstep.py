@@ -17,7 +17,7 @@ from microslip.modes.eigen import lowest_modes
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.scene.read import read_scene
-from microslip.studies.modes.disc import _structures, modes_by_diameter
+from microslip.studies.modes.disc import _structures, memory_of_one, modes_by_diameter
 
 COMM = MPI.COMM_WORLD
 END = "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [1400.0, 1410.0]\npoints = 3\n[solver]\nmodes = 4\n"
@@ -127,3 +127,12 @@ def test_a_solve_that_fails_ends_all_searches(disc, monkeypatch):
         lowest_modes(structure, 4)
     assert len(lowest_modes(structure, 4).omega_n) == 4
     structure.destroy()
+
+
+@pytest.mark.ranks(1, 2)
+def test_the_memory_of_a_search_is_that_of_its_space_and_of_its_factor_on_the_face(disc):
+    linearised = _structures(disc, [1], RunLog(COMM, screen=False))[1]
+    n_dof, n_basis = linearised.maps.n_dof, lowest_modes(linearised, 4).info["basis"]
+    of_complex = 16.0 * (n_dof * (n_basis + 1) + linearised.factor.info["face"] ** 2)
+    assert memory_of_one(disc.rest.system.sectors, 4, n_dof) == of_complex
+    linearised.destroy()

@@ -49,6 +49,14 @@ def basis_size(n_wanted: int, n_dof: int) -> int:
     return _BLOCKS * _subspace_size("subspace", n_wanted, n_dof)
 
 
+def basis_of_planes(n_wanted: int, n_dof: int) -> int:
+    """Return the number of vectors in real form in a search for ``n_wanted`` modes of complex (n_dof, n_dof) matrices.  Local.
+
+    It is that of a search with one vector of each plane.
+    """
+    return 1 + _subspace_size("planes", n_wanted, n_dof)
+
+
 def _subspace_size(kind: str, n_wanted: int, n_dof: int) -> int:
     """Return the dimension of the search space of an eigensolver for ``n_wanted`` modes.  Local."""
     if kind == "subspace":

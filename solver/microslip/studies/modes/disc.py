@@ -20,7 +20,7 @@ from ...linear.lockstep import in_lockstep
 from ...messages.errors import CaseError
 from ...modes.coriolis import Waves
 from ...modes.eigen import Modes, first_of, lowest_modes
-from ...modes.shift_invert import basis_size as space_size
+from ...modes.shift_invert import basis_of_planes
 from ...observe.log import RunLog
 from ...observe.screen_table import screen_table
 from ...parallel.agree import on_root
@@ -193,10 +193,10 @@ def modes_by_diameter(
     """Yield the disc at each nodal diameter, with its waves if there is a ``matrix``.  Collective; frees all of them."""
     scene, system = parts.scene, parts.rest.system
     sectors = system.sectors
-    assert sectors is not None, "a disc"
+    assert isinstance(sectors, Sectors), "a disc"
     n, verify = basis_size(scene, count), scene.solver.verify_modes
     fewer_will_do = scene.solver.modes is None or matrix is not None
-    together = _together(2 * n, 2 * system.n_dof, log)
+    together = _together(memory_of_one(sectors, n, system.n_dof), log)
     system.destroy()  # its matrices, and not those of the sectors
     for first in range(0, len(diameters), together):
         some = diameters[first : first + together]
@@ -217,10 +217,18 @@ def modes_by_diameter(
         matrix.destroy()
 
 
-def _together(n_modes: int, n_dof: int, log: RunLog) -> int:
-    """Return the number of nodal diameters whose searches are in memory at once, of sizes in real form.  Collective."""
-    needed = 8.0 * n_dof * space_size(n_modes, n_dof)
-    return int(np.clip(_SHARE * memory_left(log.comm) / needed, 1, _TOGETHER))
+def memory_of_one(sectors: Sectors, n_modes: int, n_dof: int) -> float:
+    """Return what a nodal diameter has in memory during its search, on all ranks [bytes].  Local.
+
+    The space of the search, in real form, and the factor on the rows that a face depends on.
+    """
+    n_face = len(np.unique(sectors.unfolding.P[1].indices))
+    return 16.0 * (n_dof * basis_of_planes(n_modes + 1, n_dof) + n_face**2)
+
+
+def _together(of_one: float, log: RunLog) -> int:
+    """Return the number of nodal diameters whose searches are in memory at once, ``of_one`` [bytes] each.  Collective."""
+    return int(np.clip(_SHARE * memory_left(log.comm) / of_one, 1, _TOGETHER))
 
 
 def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict[int, Linearised]:
