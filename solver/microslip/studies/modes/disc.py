@@ -1,7 +1,7 @@
 """The modes of a disc at every nodal diameter: table, interference diagram and shapes on all sectors."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,14 @@ from matplotlib.lines import Line2D
 from ...assembly.coriolis import Coriolis
 from ...assembly.sectors import Sectors
 from ...guards.memory import memory_left
-from ...library.build import Assembled, factor_of
+from ...library.build import Assembled, factor_in_words
 from ...library.settings import reduction_settings
-from ...linear.joint_springs import Linearised
+from ...linear.joint_springs import Linearised, linearise
 from ...linear.lockstep import in_lockstep
 from ...messages.errors import CaseError
 from ...modes.coriolis import Waves
 from ...modes.eigen import Modes, first_of, lowest_modes
+from ...modes.limits import refuse_too_many
 from ...modes.shift_invert import basis_of_planes
 from ...observe.log import RunLog
 from ...observe.screen_table import screen_table
@@ -196,6 +197,8 @@ def modes_by_diameter(
     assert isinstance(sectors, Sectors), "a disc"
     n, verify = basis_size(scene, count), scene.solver.verify_modes
     fewer_will_do = scene.solver.modes is None or matrix is not None
+    log.note(f"{system.n_dof} DOF, {parts.rest.pairs.n_pairs} contact pairs")
+    refuse_too_many(scene.solver.modes, system.n_dof, scene.path)
     together = _together(memory_of_one(sectors, n, system.n_dof), log)
     system.destroy()  # its matrices, and not those of the sectors
     for first in range(0, len(diameters), together):
@@ -232,21 +235,38 @@ def _together(of_one: float, log: RunLog) -> int:
 
 
 def _structures(parts: Assembled, diameters: Sequence[int], log: RunLog) -> dict[int, Linearised]:
-    """Return the stuck structures of nodal diameters by these, but for those in which a free disc is rigid.  Collective."""
-    scene, sectors, structures = parts.scene, parts.rest.system.sectors, {}
-    assert isinstance(sectors, Sectors), "a disc"
-    for d in diameters:
-        of_d = sectors.system(d, explicit=False)
-        try:
-            structures[d] = factor_of(replace(parts, rest=replace(parts.rest, system=of_d)), log)
-        except CaseError as problem:
-            of_d.destroy()
-            if scene.supports or d > 1:
-                raise CaseError(f"nodal diameter {d}: {problem}") from problem
-            log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {problem}")
-            continue
-        structures[d].let_K_go()
+    """Return the stuck structures of nodal diameters by these, but for those in which a free disc is rigid.  Collective.
+
+    One pass over the factor of the sector tests those of all of them.
+    """
+    scene, structures = parts.scene, {}
+    with log.stage("factor of the stuck structure"):
+        outcomes = in_lockstep([partial(_structure, parts, d) for d in diameters])
+    for d, outcome in zip(diameters, outcomes):
+        if isinstance(outcome, Linearised):
+            structures[d] = outcome
+        elif scene.supports or d > 1:
+            raise CaseError(f"nodal diameter {d}: {outcome}") from outcome
+        else:
+            log.note(f"nodal diameter {d} is left out, a free disc moves as a rigid body in it: {outcome}")
+    for linearised in list(structures.values())[:1]:
+        for note in (*linearised.factor.info["messages"], factor_in_words(linearised.factor.info)):
+            log.note(note)
     return structures
+
+
+def _structure(parts: Assembled, d: int) -> Linearised | CaseError:
+    """Return the stuck structure of a nodal diameter, or why it has none.  Collective, in lockstep with others."""
+    scene, sectors = parts.scene, parts.rest.system.sectors
+    assert isinstance(sectors, Sectors), "a disc"
+    of_d = sectors.system(d, explicit=False)
+    try:
+        linearised = linearise(of_d, parts.rest.pairs, str(scene.path))
+    except CaseError as problem:
+        of_d.destroy()
+        return problem
+    linearised.let_K_go()
+    return linearised
 
 
 def write_shapes(
