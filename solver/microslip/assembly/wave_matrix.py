@@ -84,7 +84,7 @@ class WaveMatrix:
     Parameters
     ----------
     A : (n_v, n_v) symmetric, of the sector
-    added : (n_w, n_w) Hermitian B, the same on every rank: springs to the next sector; None: none
+    added : (n_w, n_w) Hermitian B, the same on every rank: springs of pairs; None: none
     """
 
     def __init__(self, A: PETSc.Mat, unfolding: Unfolding, phase: complex, added: sp.csr_matrix | None = None):
@@ -144,12 +144,15 @@ class WaveMatrix:
         rows[self._seen_owned] = X_owned[self._places]
         return self.comm.allreduce(rows)
 
-    def added_energy(self, X_owned: np.ndarray) -> np.ndarray:
-        """Return x^H B x of the columns, (m,), the same on every rank.  Collective: a sum."""
+    def of_added(self, X_owned: np.ndarray) -> tuple[sp.csr_matrix, np.ndarray] | None:
+        """Return B and X (n, m) on the rows that B sees, real or in real form, the same on every rank; None: no B.
+
+        Collective: a sum.
+        """
         if self._added is None:
-            return np.zeros(X_owned.shape[1])
-        X = self._of_all(X_owned)
-        return np.einsum("im,im->m", X.conj(), self._added[self._seen][:, self._seen] @ X).real
+            return None
+        B, X = self._added[self._seen][:, self._seen], self._of_all(X_owned)
+        return (real_matrix(B), real_columns(X)) if self.is_complex else (B, X)
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Multiply a vector, of a complex phase in real form: what PETSc calls.  Collective."""

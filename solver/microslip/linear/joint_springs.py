@@ -18,7 +18,7 @@ from .analysis import FactorMemory
 from .dense import add_springs, add_to, entries_owned, frobenius_norm, wave_matrix
 from .factor import Factor, FactorCache
 from .mumps import ADVICE
-from .sector_factor import DiameterFactor, SectorFactor
+from .sector_factor import DiameterFactor, SectorFactor, springs_of
 
 STIFFEST = 1e9  # a spring of a joint over the norm of the stiffness matrix
 
@@ -95,7 +95,7 @@ def linearise(
     if system.sectors is not None:
         return _at_diameter(system, joint_stiffness(pairs), where)
     refuse_beyond(system.comm, memory_before_factor(system.K), "K_L, the stiffness with all pairs stuck", ADVICE)
-    springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
+    springs = springs_of(system.R, K_J)
     K_L = add_springs(system.K, springs)
     try:
         factor = Factor(K_L, system, last=np.unique(system.R.indices), later=later, cache=cache, M=system.M)
@@ -114,10 +114,9 @@ def _at_diameter(system: System, K_J: np.ndarray, where: str) -> Linearised:
         sectors.shared[key] = SectorFactor(sectors, K_J)
     of_sector: SectorFactor = sectors.shared[key]
     if wave_matrix(system.K) is not None:
-        between = of_sector.springs_between(maps)
-        K_L, springs = WaveMatrix.matrix(of_sector.K_L, sectors.unfolding, maps.phase, between), None
+        K_L, springs = WaveMatrix.matrix(sectors.sector.K, sectors.unfolding, maps.phase, springs_of(maps.R, K_J)), None
     else:
-        springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
+        springs = springs_of(system.R, K_J)
         K_L = add_springs(system.K, springs)
     try:
         factor = Factor(K_L, system, M=system.M, direct=lambda: DiameterFactor.of(of_sector, maps))

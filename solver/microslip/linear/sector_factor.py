@@ -7,7 +7,8 @@ static columns of its pairs are products of small matrices.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -103,7 +104,6 @@ class SectorFactor:
 
     Attributes
     ----------
-    K_L : PETSc.Mat (n_v, n_v), with the springs of the pairs within the sector
     info : MUMPS' report
     """
 
@@ -119,15 +119,27 @@ class SectorFactor:
         self.comm = system.comm
         if not bridge.is_there(self.comm):
             raise CaseError("[cyclic]: without the bridge to MUMPS discs are not computed; install microslip with MUMPS' headers")
-        R, is_within = (system.R @ sectors.T).tocsr(), np.diff(sectors.R_next.indptr) == 0
-        self.K_L = add_springs(system.K, (R.T @ sp.diags(K_J * is_within) @ R).tocsr())
         self.boundary = Boundary.of(sectors, K_J)
         n_f, n_j = len(self.boundary.faces), len(self.boundary.joint)
         room = 8.0 * (3.0 * (n_f + n_j) ** 2) * (self.comm.rank == 0)
         refuse_beyond(self.comm, room, _LARGE.format(n_f), _FEWER)
-        S, self.info, self.interior = _interior(self.K_L, self.boundary.rows, None)
+        with self.K_L() as K_L:
+            S, self.info, self.interior = _interior(K_L, self.boundary.rows, None)
         self.is_definite = self.info["code"] == 0 and self.info["negative"] == 0 and self._eliminate_joint(S, n_j)
         self._counts: dict[float, _Inertia] = {}
+
+    @contextmanager
+    def K_L(self) -> Iterator[PETSc.Mat]:
+        """Provide K_L of the sector with both faces, (n_v, n_v), with the springs of the pairs within it.  Collective.
+
+        It is in memory while its factors are made: products are those of K and of springs.
+        """
+        R, is_within = (self.sectors.sector.R @ self.sectors.T).tocsr(), np.diff(self.sectors.R_next.indptr) == 0
+        K_L = add_springs(self.sectors.sector.K, springs_of(R, self.K_J * is_within))
+        try:
+            yield K_L
+        finally:
+            free(K_L)
 
     def _eliminate_joint(self, S: np.ndarray, n_j: int) -> bool:
         """Eliminate the rows of the joint from S, which is overwritten; return whether they are definite.  Collective."""
@@ -160,14 +172,13 @@ class SectorFactor:
         """The shifts that there is a factor for."""
         return tuple(self._counts)
 
-    def springs_between(self, system: System) -> sp.csr_matrix:
-        """Return the springs to the next sector at a nodal diameter, (n_w, n_w) Hermitian.  Local."""
-        of_pairs = self.K_J * (np.diff(self.sectors.R_next.indptr) > 0)
-        return (system.R.conj().T @ sp.diags(of_pairs) @ system.R).tocsr()
-
     def springs_on_faces(self, system: System) -> np.ndarray | None:
-        """Return the same on the rows that the faces depend on, (n_wf, n_wf); None: there are none.  Local."""
-        between, leading = self.springs_between(system), self.boundary.leading
+        """Return the springs to the next sector at a nodal diameter, on the rows that the faces depend on, (n_wf, n_wf).  Local.
+
+        None: there are none.
+        """
+        between = springs_of(system.R, self.K_J * (np.diff(self.sectors.R_next.indptr) > 0))
+        leading = self.boundary.leading
         return between[leading][:, leading].toarray() if between.nnz else None
 
     def solved(self, requests: Sequence[tuple[DiameterFactor, np.ndarray | sp.csc_matrix]]) -> list[np.ndarray]:
@@ -214,10 +225,14 @@ class SectorFactor:
         return np.concatenate([_substituted(L_j, of_joint - X @ of_faces, trans=1), of_faces])
 
     def destroy(self) -> None:
-        """Free the factors and K_L.  Collective."""
+        """Free the factor.  Collective."""
         if self.interior is not None:
             self.interior.destroy()
-        free(self.K_L)
+
+
+def springs_of(R: sp.csr_matrix, K_J: np.ndarray) -> sp.csr_matrix:
+    """Return R^H K_J R, (n, n) Hermitian [N/m].  Local."""
+    return (R.conj().T @ sp.diags(K_J) @ R).tocsr()
 
 
 def _interior(
@@ -271,7 +286,8 @@ class _Inertia:
     def __init__(self, of_sector: SectorFactor, sigma: float):
         """Eliminate.  Collective: one factorisation."""
         self.of_sector, self.sigma = of_sector, sigma
-        S, info, pivots = _interior(of_sector.K_L, of_sector.boundary.faces, (sigma, of_sector.sectors.sector.M))
+        with of_sector.K_L() as K_L:
+            S, info, pivots = _interior(K_L, of_sector.boundary.faces, (sigma, of_sector.sectors.sector.M))
         if pivots is not None:
             pivots.destroy()
         if info["code"] in mumps.SINGULAR or info["null"] > 0:

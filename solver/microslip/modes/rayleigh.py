@@ -73,22 +73,31 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
     wave = wave_matrix(linearised.K_L)
     if wave is None:
         X_owned = real_columns(X_owned) if is_complex else X_owned
-        eigenvalues[noisy] = sum(comm.allgather(_energies(linearised.K_L, X_owned, np.concatenate(comm.allgather(X_owned)))))
+        eigenvalues[noisy] = _energies_of_all(linearised.K_L, X_owned)
         return eigenvalues
     Z_owned = X_owned if is_complex or not wave.is_complex else complex_columns(X_owned)
-    parts_owned = wave.unfolded(Z_owned)
-    of_parts = np.sum(comm.allgather(_energies(wave.A, parts_owned, np.concatenate(comm.allgather(parts_owned)))), axis=0)
-    eigenvalues[noisy] = of_parts.reshape(-1, len(noisy)).sum(axis=0) + wave.added_energy(Z_owned)
+    of_parts = _energies_of_all(wave.A, wave.unfolded(Z_owned))
+    eigenvalues[noisy] = of_parts.reshape(-1, len(noisy)).sum(axis=0)
+    added = wave.of_added(Z_owned)
+    if added is not None:
+        B, X = added
+        eigenvalues[noisy] += _energies(B.indptr, B.indices, B.data, X, X)
     return eigenvalues
 
 
-def _energies(A: PETSc.Mat, X_owned: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the owned rows' part of x^T A x for every column of X (n_dof, m), (m,), in extended precision.  Local."""
-    starts, columns, values = A.getValuesCSR()
+def _energies_of_all(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
+    """Return x^T A x for every column of X, of which these are the owned rows, (m,), in extended precision.  Collective."""
+    comm, (starts, columns, values) = A.comm.tompi4py(), A.getValuesCSR()
+    of_rows = _energies(starts, columns, values, X_owned, np.concatenate(comm.allgather(X_owned)))
+    return np.sum(comm.allgather(of_rows), axis=0)
+
+
+def _energies(starts: np.ndarray, columns: np.ndarray, values: np.ndarray, X_rows: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return the part of some rows of A in x^T A x for every column of X (n_dof, m), (m,), in extended precision.  Local."""
     return energies(
         starts.astype(np.int32, copy=False),
         columns.astype(np.int32, copy=False),
         values,
-        np.ascontiguousarray(X_owned),
+        np.ascontiguousarray(X_rows),
         np.ascontiguousarray(X),
     )
