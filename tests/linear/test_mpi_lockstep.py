@@ -133,6 +133,7 @@ def test_a_solve_that_fails_ends_all_searches(disc, monkeypatch):
 def test_the_memory_of_a_search_is_that_of_its_space_and_of_its_factor_on_the_face(disc):
     linearised = _structures(disc, [1], RunLog(COMM, screen=False))[1]
     n_dof, n_basis = linearised.maps.n_dof, lowest_modes(linearised, 4).info["basis"]
-    of_complex = 16.0 * (n_dof * (n_basis + 1) + linearised.factor.info["face"] ** 2)
+    n_face = linearised.factor.info["face"]
+    of_complex = 16.0 * (n_dof * (n_basis + 1) + n_face * (n_face + 1) // 2)
     assert memory_of_one(disc.rest.system.sectors, 4, n_dof) == of_complex
     linearised.destroy()

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from microslip.library.build import assembled, factor_of
 from microslip.linear.dense import diagonal_owned, multiply
-from microslip.linear.sector_factor import negative_eigenvalues
+from microslip.linear.sector_factor import negative_eigenvalues, packed_cholesky, packed_solve
 from microslip.modes.lapack import gathered
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
@@ -61,3 +61,17 @@ def test_negative_eigenvalues_are_counted_by_pivots():
     for S in (A + A.conj().T, (A + A.conj().T).real):
         assert negative_eigenvalues(np.asfortranarray(S)) == np.count_nonzero(np.linalg.eigvalsh(S) < 0.0)
     assert negative_eigenvalues(np.zeros((0, 0))) == 0
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+def test_solves_with_packed_factors_are_those_of_the_matrix(kind):
+    rng = np.random.default_rng(1)
+    for n in (1, 40, 41):
+        A = rng.standard_normal((n, n)) + (1j * rng.standard_normal((n, n)) if kind is complex else 0.0)
+        S, B = np.asfortranarray(A @ A.conj().T + n * np.eye(n)), rng.standard_normal((n, 3)).astype(kind)
+        L = packed_cholesky(S.copy(order="F"))
+        assert len(L) == n * (n + 1) // 2
+        np.testing.assert_allclose(S @ packed_solve(L, B), B, atol=1e-12)
+        assert packed_cholesky(np.asfortranarray(-S)) is None
+    nothing = np.zeros((0, 0), dtype=kind)
+    assert packed_solve(packed_cholesky(nothing), np.zeros((0, 2), dtype=kind)).shape == (0, 2)

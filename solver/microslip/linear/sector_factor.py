@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 _PREFIX, _OF_INERTIA = "static_", "modes_inertia_"  # of the PETSc options
 _BLOCK = 64  # columns that LAPACK eliminates together, five times as fast as one by one
 _MOST = 48  # right-hand sides of several nodal diameters in one pass over the factor
+_FEW = 8  # right-hand sides that wait for those of other nodal diameters; of more, a pass for each is as fast
 _LARGE = "the two faces of [cyclic] with {} degrees of freedom"
 _FEWER = "mesh the faces of the sector more coarsely, or lay them where the sector is thinner"
 
@@ -331,6 +332,27 @@ def negative_eigenvalues(S: np.ndarray) -> int:
     return int(np.count_nonzero(pivots.diagonal().real[is_single] < 0.0) + np.count_nonzero(~is_single) // 2)
 
 
+def packed_cholesky(S: np.ndarray) -> np.ndarray | None:
+    """Return the Cholesky factor of a symmetric or Hermitian matrix (n, n), one triangle, (n (n + 1) / 2,); None: there is none.
+
+    Local.  LAPACK's rectangular full packed format: half the memory, and as fast as the square.
+    """
+    is_complex = np.iscomplexobj(S)
+    if len(S) == 0:
+        return np.zeros(0, dtype=S.dtype)
+    packed, _ = (lapack.ztrttf if is_complex else lapack.dtrttf)(S, uplo="L")
+    L, info = (lapack.zpftrf if is_complex else lapack.dpftrf)(len(S), packed, uplo="L", overwrite_a=1)
+    return L if info == 0 else None
+
+
+def packed_solve(L: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Return S^-1 B, (n, m), with the factor L of S by :func:`packed_cholesky`.  Local."""
+    if B.size == 0:
+        return B
+    X, _ = (lapack.zpftrs if np.iscomplexobj(L) else lapack.dpftrs)(len(B), L, np.asfortranarray(B, dtype=L.dtype), uplo="L")
+    return X
+
+
 @dataclass(eq=False)
 class DiameterFactor:
     """The factor of K_L(d), a :class:`.direct.DirectSolver`: that of the sector, and of the small Schur complement.
@@ -340,7 +362,7 @@ class DiameterFactor:
 
     of_sector: SectorFactor
     system: System  # of the nodal diameter, with its own maps
-    L: np.ndarray | None = None  # of P(d)^H S P(d), on rank 0, while solves need it
+    L: np.ndarray | None = None  # of P(d)^H S P(d), packed, on rank 0, while solves need it
     order: Order | None = None
 
     @classmethod
@@ -356,11 +378,8 @@ class DiameterFactor:
         if self.L is None:
             assert self.of_sector.dense is not None, "of a definite matrix"
             S = self.of_sector.dense[2].at(self.system.phase, self.of_sector.springs_on_faces(self.system))
-            try:
-                self.L = scipy.linalg.cholesky(S, lower=True, overwrite_a=True)
-            except np.linalg.LinAlgError:
-                return False
-        return True
+            self.L = packed_cholesky(S)
+        return self.L is not None
 
     def forget(self) -> None:
         """Free the factor on the faces; it is computed again when needed.  Local."""
@@ -376,7 +395,8 @@ class DiameterFactor:
         parts = np.hstack([B_owned[0::2], B_owned[1::2]]) if self._is_complex else B_owned
         n_high = np.diff(unfolding.v_ranges - unfolding.w_ranges)[comm.rank]
         F = np.vstack([parts, np.zeros((n_high, parts.shape[1]))])
-        return self._in_real_form(at_once(self.of_sector.solved, (self, F)))
+        request, solved = (self, F), self.of_sector.solved
+        return self._in_real_form(at_once(solved, request) if F.shape[1] <= _FEW else solved([request])[0])
 
     def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
         """Return the same for sparse B (n_dof, m), the same on every rank.  Collective."""
@@ -399,9 +419,10 @@ class DiameterFactor:
     def on_faces(self, F: np.ndarray) -> np.ndarray:
         """Return P_f S(d)^-1 P_f^H F, eq. (14.9), (n_f, q), real and then imaginary parts where complex.  Local, rank 0."""
         self._is_factored()
+        assert self.L is not None, "of a definite matrix"
         P, m = self._P, F.shape[1] // 2
         r = P.conj().T @ (F[:, :m] + 1j * F[:, m:] if self._is_complex else F)
-        of_faces = P @ scipy.linalg.cho_solve((self.L, True), r, overwrite_b=True, check_finite=False)
+        of_faces = P @ packed_solve(self.L, r)
         return np.hstack([of_faces.real, of_faces.imag]) if self._is_complex else of_faces
 
     @cached_property

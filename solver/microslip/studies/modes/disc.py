@@ -42,7 +42,7 @@ from .report import joint_shares
 DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
-_TOGETHER, _SHARE = 5, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
+_TOGETHER, _SHARE = 8, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
 _DISTANCE = 0.025  # distance of two numbers of modes over the height of the picture
 
 
@@ -223,10 +223,10 @@ def modes_by_diameter(
 def memory_of_one(sectors: Sectors, n_modes: int, n_dof: int) -> float:
     """Return what a nodal diameter has in memory during its search, on all ranks [bytes].  Local.
 
-    The space of the search, in real form, and the factor on the rows that a face depends on.
+    The space of the search, in real form, and one triangle on the rows that a face depends on.
     """
     n_face = len(np.unique(sectors.unfolding.P[1].indices))
-    return 16.0 * (n_dof * basis_of_planes(n_modes + 1, n_dof) + n_face**2)
+    return 16.0 * (n_dof * basis_of_planes(n_modes + 1, n_dof) + 0.5 * n_face * (n_face + 1))
 
 
 def _together(of_one: float, log: RunLog) -> int:
