@@ -70,7 +70,7 @@ def build_rubin(structure, scene) -> RubinModel:
     residual = np.empty((B.shape[1], B.shape[0]), order="F")
     for start in range(0, B.shape[0], BATCH):
         rows = slice(start, start + BATCH)
-        residual[:, rows] = free.factor.solve_sparse(B[rows].T.tocsc()) - (phi / shifted) @ B_phi[rows].T
+        residual[:, rows] = free.factor.solve(B[rows].T.tocsc()) - (phi / shifted) @ B_phi[rows].T
     M_aa = np.empty((B.shape[0], B.shape[0]))
     for start in range(0, B.shape[0], BATCH):  # in parts: M residual is as large as it
         rows = slice(start, start + BATCH)

@@ -46,7 +46,7 @@ RESIDUAL, MOST = 1e-10, 100
 
 def single_bridge(folder: str) -> ModuleType:
     """Return the bridge to MUMPS in single precision, built from that in double."""
-    source = BRIDGE.read_text().split("cdef Py_ssize_t merged")[0]
+    source = BRIDGE.read_text().split("def repeats")[0]
     source = re.sub(r"double (?=\*|cntl|rinfo)|double(?=\[)", lambda match: match[0].replace("double", "float"), source)
     Path(folder, "_smumps.pyx").write_text(source.replace("dmumps", "smumps").replace("DMUMPS", "SMUMPS"))
     Path(folder, "setup.py").write_text(

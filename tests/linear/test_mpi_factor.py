@@ -60,7 +60,7 @@ def test_solutions_and_their_residual(joined, m):
     K_L = lattices.lattice_stiffness(SHAPE)
     B = random_columns(K_L.shape[0], m)
     X_owned = linearised.factor.solve(owned(linearised.K_L, B))
-    X_sparse_owned = linearised.factor.solve_sparse(sp.csc_matrix(B))
+    X_sparse_owned = linearised.factor.solve(sp.csc_matrix(B))
     X = np.linalg.solve(K_L.toarray(), B)
     for found in (X_owned, X_sparse_owned):
         np.testing.assert_allclose(found, owned(linearised.K_L, X), rtol=0, atol=1e-12 * np.abs(X).max(initial=1e-30))
@@ -184,8 +184,8 @@ def test_a_wrong_solution_does_not_pass():
 def test_too_little_workspace_is_asked_for_again(monkeypatch):
     K = lattices.lattice_stiffness((14, 9, 8))
     codes = []
-    report = mumps._report
-    monkeypatch.setattr(mumps, "_report", lambda factor: codes.append(report(factor)["code"]) or report(factor))
+    report = mumps.report
+    monkeypatch.setattr(mumps, "report", lambda factor: codes.append(report(factor)["code"]) or report(factor))
     monkeypatch.setattr(mumps, "RELAXATION", (-70, 100))
     options = PETSc.Options()
     options["static_mat_mumps_icntl_14"] = -70
@@ -220,7 +220,7 @@ def test_repeated_solves_leave_no_memory_behind():
     def repeat(n):
         for _ in range(n):
             factor.solve(B_owned)
-            factor.solve_sparse(B)
+            factor.solve(B)
         return resident_memory()
 
     settled = repeat(20)

@@ -36,7 +36,7 @@ def test_solves_entries_and_counts_are_those_of_the_matrix(shared_path, how):
         B = np.random.default_rng(d).standard_normal((len(K), 3))
         X = np.linalg.solve(K, B)
         np.testing.assert_allclose(linearised.factor.solve(B[first:last]), X[first:last], atol=1e-10 * np.abs(X).max())
-        sparse = linearised.factor.solve_sparse(sp.csc_matrix(B))
+        sparse = linearised.factor.solve(sp.csc_matrix(B))
         np.testing.assert_allclose(sparse, X[first:last], atol=1e-10 * np.abs(X).max())
         product = multiply(linearised.M, np.asfortranarray(B[first:last]))
         np.testing.assert_allclose(product, (M @ B)[first:last], atol=1e-12 * np.abs(M @ B).max())

@@ -144,13 +144,13 @@ def test_a_limit_that_an_option_sets_is_named(A, options):
 
 def reported(monkeypatch, *codes):
     """Let MUMPS report failures: INFOG(1) of its attempts, one after the other, the last one for all that follow."""
-    report, attempts = mumps._report, []
+    report, attempts = mumps.report, []
 
     def failing(factor):
         attempts.append(codes[min(len(attempts), len(codes) - 1)])
         return report(factor) | {"code": attempts[-1], "detail": 7}
 
-    monkeypatch.setattr(mumps, "_report", failing)
+    monkeypatch.setattr(mumps, "report", failing)
     return attempts
 
 

@@ -19,11 +19,8 @@ class DirectSolver(Protocol):
     def order(self) -> Order | None:
         """The order of elimination; None, on every rank, if the package chose it."""
 
-    def solve(self, B_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of A^-1 B, (n_owned, m), column-major."""
-
-    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
-        """Return the same for sparse B (n_dof, m), the same on every rank."""
+    def solve(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
+        """Return this rank's rows of A^-1 B, (n_owned, m), column-major; B is its rows, or sparse (n_dof, m), the same on all."""
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
         """Return entries of A^-1 in rising rows and columns on rank 0, (0, 0) elsewhere; None where they are not to be had."""
@@ -64,7 +61,6 @@ def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMem
     else:
         analysed = other_package.PackageFactor(other_package.analyse(graph, "static_"))
     try:
-        reports = analysed.reports
-        return scaled_memory(reports, n_dof_each, entries_owned) if reports.infog(20) else None
+        return scaled_memory(analysed.mumps, n_dof_each, entries_owned) if analysed.mumps.infog(20) else None
     finally:
         analysed.destroy()

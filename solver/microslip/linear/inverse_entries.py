@@ -47,7 +47,7 @@ def inverse_entries(mumps: Instance, comm: MPI.Comm, n: int, rows: np.ndarray, c
     if here:
         mumps.set_sparse(n, starts, indices, values)
     has_answered = _has_answered(mumps)
-    mumps.drop_sides()
+    mumps.drop()
     if not has_answered:
         return None
     entries = np.zeros(is_requested.shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -21,21 +21,19 @@ from .analysis import count, factor_memory
 from .bridge import VARIABLE, within_int32
 from .dense import diagonal_owned
 from .inverse_entries import inverse_entries
-from .ordering import Elimination, Order, elimination_order, last_of_all
+from .ordering import Elimination, Order, Rows, elimination_order, last_of_all
 from .out_of_core import disks, room_on_disk, usual_folder, write_to_disk
 from .to_owners import ToOwners
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mpi4py import MPI
-
     from ._mumps import Instance
     from .analysis import FactorMemory, Reports
 
-_ON_DISK = 22  # ICNTL: 1: so
-_SCHUR = 19  # ICNTL: 1: on rank 0
-_REDUCES, _EXPANDS = 1, 2  # ICNTL(26)
+_SCHUR, _ON_DISK = 19, 22  # ICNTL: 1: on rank 0; 1: so
+_REDUCES, _EXPANDS = 1, 2  # ICNTL(26): half a solve
+_SIDES, _SPARSE, _DISTRIBUTED = 20, 1, 10  # ICNTL, and kinds of right-hand sides
 ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
 _GIVEN, _BY_BLOCKS = 1, 1  # ICNTL(7): the order is ours; ICNTL(15): rows of one pattern are analysed as one, half the work
@@ -48,8 +46,7 @@ WORKSPACE_TOO_SMALL = (-8, -9, -11, -12, -14, -15, -17, -20)
 _OUT_OF_MEMORY = (-5, -7, -13, -19)
 _BEYOND_OPTION, _DISK_FAILED = -19, -90
 _SAVED = "factor"  # prefix of the files with one rank's part of a saved factor
-_N_ICNTL, _N_CNTL = 60, 15
-_SCREEN = 6  # Fortran's unit
+_ORDERINGS = {0: "AMD", 1: "METIS", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS", 6: "QAMD"}  # INFOG(7)
 SINGULAR = (-6, -10, -40)  # structurally, numerically, not positive definite at the root
 ADVICE = "use more ranks on more machines, a machine with more memory, or a coarser mesh"
 
@@ -71,21 +68,12 @@ class MumpsFactor:
     order: Order | None = None
     schur: tuple[np.ndarray, np.ndarray] | None = None  # rows not eliminated, from 1, and S; None: all are eliminated
     units: np.ndarray | None = None  # (m,) powers of two by which rows and columns of S are scaled; None: 1
-    _to_owners: ToOwners | None = field(default=None, repr=False)
-
-    @property
-    def reports(self) -> Reports:
-        """Reports of MUMPS."""
-        return self.mumps
-
-    @property
-    def n_owned(self) -> int:
-        """The number of rows of this rank."""
-        return int(self.ranges[self.comm.rank + 1] - self.ranges[self.comm.rank])
+    _to_owners: ToOwners | None = None
 
     def destroy(self) -> None:
-        """Free the factor.  Collective."""
-        _end(self.mumps)
+        """Free the factor, except after a stopping signal, when other ranks do not take part.  Collective."""
+        if not is_stopping():
+            self.mumps.end()
 
     def save(self, folder: str) -> None:
         """Write the factor, which lies in memory, into an empty folder: :func:`saved_file` of every rank.  Collective.
@@ -94,52 +82,36 @@ class MumpsFactor:
         ------
         ResourceError : it could not be written; on every rank, and its files are removed
         """
-        on_each(self.comm, _set_saved, self.mumps, folder)
-        with patient():
-            code = self.mumps.run(SAVE)
+        code = self.saved(folder, SAVE)
         if code < 0:
-            raise ResourceError(f"{folder}: MUMPS cannot write there (INFOG(1) = {self.mumps.infog(1)})")
+            raise ResourceError(f"{folder}: MUMPS cannot write there (INFOG(1) = {code})")
 
-    def solve(self, B_owned: np.ndarray) -> np.ndarray:
+    def saved(self, folder: str, job: int) -> int:
+        """Write the factor into a folder, or read it from there; return INFOG(1).  Collective."""
+
+        def state_folder() -> None:
+            try:
+                self.mumps.set_saved(folder, _SAVED)
+            except ValueError as error:
+                raise ResourceError(f"{folder}: {error}") from error
+
+        on_each(self.comm, state_folder)
+        with patient():
+            return self.mumps.run(job)
+
+    def solve(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
         """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.
 
-        Collective.  All columns go through MUMPS together: at 16 columns, one costs a tenth of a solve by itself.
+        Collective.  B is this rank's rows, or sparse (n_dof, m) and the same on every rank: MUMPS then skips the branches of its
+        elimination tree that B does not touch.  All columns go together: of 16, one costs a tenth of a solve by itself.
 
         Raises
         ------
         CaseError, ResourceError : MUMPS gave up; on every rank
         """
-        if self.comm.size == 1:
-            X = np.array(B_owned, order="F", dtype=float)
-            self.mumps.set_dense(X)
-            self._run_solve(kind=0)
-            return X
-        first = self.ranges[self.comm.rank]
-        rows = np.arange(first + 1, first + self.n_owned + 1, dtype=np.int32)
-        self.mumps.set_distributed(rows, np.array(B_owned, order="F", dtype=float))
-        return self._distributed(B_owned.shape[1], kind=10)
-
-    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
-        """Return the same for sparse right-hand sides (n_dof, m), the same on every rank.  Collective.
-
-        MUMPS then skips the branches of its elimination tree that B does not touch.
-        """
-        m = B.shape[1]
-        self._state_sparse(B)
-        if self.comm.size > 1:
-            return self._distributed(m, kind=1)
-        X = np.zeros((self.n_owned, m), order="F")
-        self.mumps.set_dense(X)
-        self._run_solve(kind=1)
-        return X
-
-    def _state_sparse(self, B: sp.csc_matrix) -> None:
-        """State sparse right-hand sides, the same on every rank.  Local."""
-        within_int32(B.nnz + 1, "entries of right-hand sides")
-        here, m = self.comm.rank == 0, B.shape[1]
-        B = sp.csc_matrix(B) if here else sp.csc_matrix((B.shape[0], 0))
-        starts = (B.indptr + 1).astype(np.int32) if here else np.empty(0, np.int32)
-        self.mumps.set_sparse(m, starts, (B.indices + 1).astype(np.int32), B.data.astype(float))
+        X = self._state(B)
+        self._run_solve()
+        return self._to_owner(X)
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
         """Return some entries of A^-1 on rank 0; collective: :func:`.inverse_entries.inverse_entries`."""
@@ -156,69 +128,59 @@ class MumpsFactor:
     def reduced(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
         """Return right-hand sides less the forces of the rows that are eliminated, (m, q) on rank 0, (0, q) elsewhere.
 
-        Collective.  B is sparse (n_dof, q), the same on every rank, or this rank's rows.  :meth:`expanded` must come next.
+        Collective.  B as in :meth:`solve`.  :meth:`expanded` must come next.
         """
-        q, size = B.shape[1], self.comm.size
-        if sp.issparse(B):
-            self._state_sparse(B)
-            kind = 1
-        else:
-            kind = 10 if size > 1 else 0
-        if size == 1:
-            X = np.zeros((self.n_owned, q), order="F") if sp.issparse(B) else np.array(B, order="F", dtype=float)
-            self.mumps.set_dense(X)
-        else:
-            if not sp.issparse(B):
-                rows = np.arange(self.ranges[self.comm.rank] + 1, self.ranges[self.comm.rank + 1] + 1, dtype=np.int32)
-                self.mumps.set_distributed(rows, np.array(B, order="F", dtype=float))
-            n_here = self.mumps.info(23)
-            self._rows_here, X = np.zeros(n_here, dtype=np.int32), np.zeros((n_here, q), order="F")
-            self.mumps.set_solution(self._rows_here, X)
-        self._X = X
         assert self.schur is not None, "with a Schur complement"
-        self._reduced = np.zeros((len(self.schur[0]) * (self.comm.rank == 0), q), order="F")
+        self._X = self._state(B)
+        self._reduced = np.zeros((len(self.schur[0]) * (self.comm.rank == 0), B.shape[1]), order="F")
         self.mumps.set_reduced(self._reduced)
-        self._half_solve(_REDUCES, kind)
+        self._run_solve(_REDUCES)
         return self._reduced
 
     def expanded(self, x: np.ndarray) -> np.ndarray:
         """Return this rank's rows of the solution, ``x`` (m, q) in the rows that are not eliminated, on rank 0.  Collective."""
         self._reduced[:] = x
-        self._half_solve(_EXPANDS, self.mumps.icntl(20))
-        self.mumps.drop_sides()
-        if self.comm.size == 1:
-            return self._X
-        if self._to_owners is None:
-            self._to_owners = ToOwners(self.comm, self.ranges, self._rows_here.astype(np.int64) - 1)
-        return self._to_owners.send(self._X)
+        self._run_solve(_EXPANDS)
+        return self._to_owner(self._X)
 
-    def _half_solve(self, half: int, kind: int) -> None:
-        """Eliminate, or substitute back.  Collective."""
-        self.mumps.set_icntl(20, kind)
-        self.mumps.set_icntl(26, half)
-        code = self.mumps.run(SOLVE)
-        self.mumps.set_icntl(26, 0)
-        if code < 0:
-            raise failure(code, self.mumps.infog(2), "a solve with the factor", self.prefix, int(self.ranges[-1]))
-
-    def _distributed(self, m: int, kind: int) -> np.ndarray:
-        """Solve; return this rank's rows from where MUMPS leaves them.  Collective."""
+    def _state(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
+        """State right-hand sides as of :meth:`solve`; return the array in which MUMPS leaves its rows of the solution.  Local."""
+        is_sparse, m, comm = sp.issparse(B), B.shape[1], self.comm
+        self.mumps.set_icntl(_SIDES, _SPARSE if is_sparse else _DISTRIBUTED * (comm.size > 1))
+        if is_sparse:
+            within_int32(B.nnz + 1, "entries of right-hand sides")
+            here = sp.csc_matrix(B if comm.rank == 0 else (B.shape[0], 0))
+            starts, rows = ((each + 1).astype(np.int32) for each in (here.indptr[: None if comm.rank == 0 else 0], here.indices))
+            self.mumps.set_sparse(m, starts, rows, here.data.astype(float))
+        if comm.size == 1:
+            X = np.zeros(B.shape, order="F") if is_sparse else np.array(B, order="F", dtype=float)
+            self.mumps.set_dense(X)
+            return X
+        if not is_sparse:
+            rows = np.arange(self.ranges[comm.rank] + 1, self.ranges[comm.rank + 1] + 1, dtype=np.int32)
+            self.mumps.set_distributed(rows, np.array(B, order="F", dtype=float))
         n_here = self.mumps.info(23)  # pivots eliminated here
-        rows, X_here = np.zeros(n_here, dtype=np.int32), np.zeros((n_here, m), order="F")
-        self.mumps.set_solution(rows, X_here)
-        self._run_solve(kind)
-        if self._to_owners is None:  # a factor's rows stay where they are
-            self._to_owners = ToOwners(self.comm, self.ranges, rows.astype(np.int64) - 1)
-        return self._to_owners.send(X_here)
+        self._rows_here, X = np.zeros(n_here, dtype=np.int32), np.zeros((n_here, m), order="F")
+        self.mumps.set_solution(self._rows_here, X)
+        return X
 
-    def _run_solve(self, kind: int) -> None:
-        """Solve for the given right-hand sides, of a kind (ICNTL(20)).  Collective."""
-        self.mumps.set_icntl(20, kind)
+    def _run_solve(self, half: int = 0) -> None:
+        """Solve for the given right-hand sides, or do ``half`` of it.  Collective."""
+        self.mumps.set_icntl(26, half)
         with patient() if self.mumps.icntl(_ON_DISK) == 1 else nullcontext():
             code = self.mumps.run(SOLVE)
-        self.mumps.drop_sides()
+        if half != _REDUCES:
+            self.mumps.drop()
         if code < 0:
             raise failure(code, self.mumps.infog(2), "a solve with the factor", self.prefix, int(self.ranges[-1]))
+
+    def _to_owner(self, X: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of a solution from the rows that MUMPS left on the ranks.  Collective."""
+        if self.comm.size == 1:
+            return X
+        if self._to_owners is None:  # a factor's rows stay where they are
+            self._to_owners = ToOwners(self.comm, self.ranges, self._rows_here.astype(np.int64) - 1)
+        return self._to_owners.send(X)
 
 
 def factorise(
@@ -264,7 +226,7 @@ def factorise(
     except MicroslipError:  # on every rank; of another error they may not know, and freeing waits for them
         factor.destroy()
         raise
-    factor.mumps.drop_matrix()
+    factor.mumps.drop()
     return factor, info | {"seconds": perf_counter() - start}
 
 
@@ -277,42 +239,24 @@ def restored(A: PETSc.Mat, prefix: str, folder: str) -> tuple[MumpsFactor, dict[
     ------
     CaseError : MUMPS is not the version that this program was built for
     """
-    start, comm = perf_counter(), A.comm.tompi4py()
-    mumps = _started(comm, DEFINITE)
+    start, factor = perf_counter(), _started(A, prefix, DEFINITE)
     try:
         for number in range(1, 5):  # says nothing of what it does not take; the controls of the factor come with it
-            mumps.set_icntl(number, 0)
-        on_each(comm, _set_saved, mumps, folder)
-        with patient():
-            code = mumps.run(RESTORE)
+            factor.mumps.set_icntl(number, 0)
+        code = factor.saved(folder, RESTORE)
     except MicroslipError:  # on every rank
-        _end(mumps)
+        factor.destroy()
         raise
     if code < 0:
-        mumps.end()
+        factor.destroy()
         return None
-    factor = MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix)
-    info = _report(factor) | {"memory": factor_memory(mumps), "out_of_core": False, "messages": ()}
+    info = report(factor.mumps) | {"memory": factor_memory(factor.mumps), "out_of_core": False, "messages": ()}
     return factor, info | {"seconds": perf_counter() - start}
-
-
-def _end(mumps: Instance) -> None:
-    """Free what MUMPS holds, except after a stopping signal, when other ranks do not take part.  Collective."""
-    if not is_stopping():
-        mumps.end()
 
 
 def saved_file(rank: int) -> str:
     """Return the name of the file that holds a rank's part of a saved factor.  Local."""
     return f"{_SAVED}_{rank}.mumps"
-
-
-def _set_saved(mumps: Instance, folder: str) -> None:
-    """State the folder of a saved factor.  Local."""
-    try:
-        mumps.set_saved(folder, _SAVED)
-    except ValueError as error:
-        raise ResourceError(f"{folder}: {error}") from error
 
 
 def failure(code: int, detail: int, what: str, prefix: str, n: int) -> CaseError | ResourceError:
@@ -340,40 +284,40 @@ def analysed(
     schur: np.ndarray | None = None,
 ) -> MumpsFactor:
     """Hand a matrix to MUMPS and let it be analysed.  Collective; arguments as of :func:`factorise`."""
-    comm = A.comm.tompi4py()
-    mumps = _started(comm, INDEFINITE if shift else DEFINITE)
+    factor = _started(A, prefix, INDEFINITE if shift else DEFINITE)
+    mumps, comm, order = factor.mumps, factor.comm, elimination.order
     try:
         _set_controls(mumps, comm.size, prefix, is_inertia=shift is not None)
         scale = np.empty(0) if shift is None else _units(A)
-        starts, columns, entries = on_each(comm, _handed_over, A, shift, scale, what)
-        order = elimination.order if mumps.icntl(7) == _GIVEN else None
-        if mumps.icntl(7) == _GIVEN and order is None:
+        pattern, entries = on_each(comm, _handed_over, A, shift, scale, what)
+        if mumps.icntl(7) != _GIVEN:
+            order = None
+        elif order is None:
             last = elimination.last if schur is None else schur
-            order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if last is None else last, schur is None)
-        del starts, columns
-        rows_of_S = units_of_rows = None
+            order = elimination_order(comm, pattern, np.empty(0, dtype=int) if last is None else last, schur is None)
+        del pattern
         if schur is not None:
             order = None if order is None else last_of_all(order, schur)
             S: np.ndarray = np.zeros((len(schur) * (comm.rank == 0),) * 2, order="F")
-            rows_of_S, units_of_rows = ((schur + 1).astype(np.int32), S), scale[schur] if len(scale) else None
-            mumps.set_schur(*rows_of_S)
+            factor.schur, factor.units = ((schur + 1).astype(np.int32), S), scale[schur] if len(scale) else None
+            mumps.set_schur(*factor.schur)
             mumps.set_icntl(_SCHUR, 1)
-            mumps.set_icntl(15, 0)
         if order is not None:
             mumps.set_order(order.places, order.starts)
-        elif mumps.icntl(15) == _BY_BLOCKS:
+        if schur is not None or (order is None and mumps.icntl(15) == _BY_BLOCKS):
             mumps.set_icntl(15, 0)
         mumps.set_matrix(A.getSize()[0], *entries, comm.size > 1)
         with patient():
             mumps.run(ANALYSE)
     except MicroslipError:  # on every rank
-        _end(mumps)
+        factor.destroy()
         raise
-    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order, rows_of_S, units_of_rows)
+    factor.order = order
+    return factor
 
 
-def _started(comm: MPI.Comm, sym: int) -> Instance:
-    """Return a new instance of MUMPS.  Collective.
+def _started(A: PETSc.Mat, prefix: str, sym: int) -> MumpsFactor:
+    """Return a new instance of MUMPS for A.  Collective.
 
     Raises
     ------
@@ -381,14 +325,15 @@ def _started(comm: MPI.Comm, sym: int) -> Instance:
     """
     from . import _mumps
 
+    comm = A.comm.tompi4py()
     mumps = _mumps.Instance(PETSc.__file__, comm.py2f(), sym)
     if mumps.version != _mumps.BUILT_FOR:  # it is not used any more
         raise CaseError(
             f"microslip was built for MUMPS {_mumps.BUILT_FOR}, and PETSc has another; install it again: pip install "
-            f"--force-reinstall --no-deps . in the folder of microslip's setup.py, "
-            f"or let {VARIABLE}=petsc in the environment do without"
+            "--force-reinstall --no-deps . in the folder of microslip's setup.py, or let "
+            f"{VARIABLE}=petsc in the environment do without"
         )
-    return mumps
+    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix)
 
 
 def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) -> None:
@@ -397,14 +342,12 @@ def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) 
     for number, value in (*ours, *(_FOR_INERTIA if is_inertia else ())):
         mumps.set_icntl(number, value)
     options = PETSc.Options(prefix)
-    for number in range(1, _N_ICNTL + 1):
-        if options.hasName(f"mat_mumps_icntl_{number}"):
-            mumps.set_icntl(number, options.getInt(f"mat_mumps_icntl_{number}"))
+    for kind, n, read, state in (("icntl", 60, options.getInt, mumps.set_icntl), ("cntl", 15, options.getReal, mumps.set_cntl)):
+        for number in range(1, n + 1):
+            if options.hasName(f"mat_mumps_{kind}_{number}"):
+                state(number, read(f"mat_mumps_{kind}_{number}"))
     if mumps.icntl(4) > 0 and not options.hasName("mat_mumps_icntl_3"):
-        mumps.set_icntl(3, _SCREEN)  # what MUMPS prints
-    for number in range(1, _N_CNTL + 1):
-        if options.hasName(f"mat_mumps_cntl_{number}"):
-            mumps.set_cntl(number, options.getReal(f"mat_mumps_cntl_{number}"))
+        mumps.set_icntl(3, 6)  # Fortran's unit of the screen, for what MUMPS prints
 
 
 def _units(A: PETSc.Mat) -> np.ndarray:
@@ -413,40 +356,43 @@ def _units(A: PETSc.Mat) -> np.ndarray:
     return np.exp2(-np.round(0.5 * np.log2(np.where(diagonal > 0.0, diagonal, 1.0))))
 
 
-def _handed_over(
-    A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, scale: np.ndarray, what: str
-) -> tuple[np.ndarray, np.ndarray, Any]:
+def _handed_over(A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, scale: np.ndarray, what: str) -> tuple[Rows, Any]:
     """Return the pattern of this rank's rows of A, and rows, columns and values of its upper triangle, or of A - sigma M's.
 
     Local.  The values are scaled by rows and columns, ``scale`` (n_dof,), if it is not empty.
     """
-    from ._mumps import upper_triangle
-
-    first = A.getOwnershipRange()[0]
     try:
-        starts, columns, values = _owned_rows(A)
-        sigma, of_M = (0.0, _no_entries(len(starts))) if shift is None else (shift[0], _owned_rows(shift[1]))
-        return starts, columns, upper_triangle(first, starts, columns, values, sigma, *of_M, scale)
+        owned = _owned_rows(A)
+        shifted = owned if shift is None else owned - shift[0] * _owned_rows(shift[1])
+        return (owned.indptr, owned.indices), upper_triangle(A.getOwnershipRange()[0], shifted, scale)
     except MemoryError as error:
         raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
 
 
-def _no_entries(n_starts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rows of a matrix without entries.  Local."""
-    return np.zeros(n_starts, dtype=np.int32), np.empty(0, dtype=np.int32), np.empty(0)
+def upper_triangle(first: int, A: sp.csr_matrix, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rows and columns, from 1, and values of S A S on and above the diagonal, of rows of A that begin with ``first``.
+
+    Local.  ``scale`` is the diagonal of S, of all rows; empty: 1.
+    """
+    rows = np.repeat(np.arange(first, first + A.shape[0], dtype=np.int32), np.diff(A.indptr))
+    is_above = A.indices >= rows
+    rows, columns, values = rows[is_above], A.indices[is_above], A.data[is_above]
+    if len(scale):
+        values *= scale[rows] * scale[columns]
+    return rows + np.int32(1), columns + np.int32(1), values
 
 
-def _owned_rows(A: PETSc.Mat) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return starts, global columns (rising) and values of this rank's rows.  Local.
+def _owned_rows(A: PETSc.Mat) -> sp.csr_matrix:
+    """Return this rank's rows, (n_owned, n_dof), columns rising.  Local.
 
     Raises
     ------
     ResourceError : they are too many for MUMPS' integers
     """
-    within_int32(A.getSize()[0], "unknowns")
+    n = within_int32(A.getSize()[0], "unknowns")
     starts, columns, values = A.getValuesCSR()
     within_int32(int(starts[-1]), "entries of a matrix on one rank")
-    return starts.astype(np.int32, copy=False), columns.astype(np.int32, copy=False), values
+    return sp.csr_matrix((values, columns, starts), (len(starts) - 1, n))  # integers of 32 bits
 
 
 def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float]) -> dict[str, Any]:
@@ -456,10 +402,14 @@ def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], fl
     ------
     CaseError, ResourceError : as :func:`factorise`
     """
-    messages, relaxations, on_disk = list[str](), iter(RELAXATION), False
-    is_analysed = factor.mumps.infog(1) >= 0
+    messages, relaxations, on_disk, is_analysed = list[str](), iter(RELAXATION), False, factor.mumps.infog(1) >= 0
     while True:
-        info = _attempt(factor, what, later, on_disk) if is_analysed else _report(factor) | {"messages": []}
+        placed: dict[str, Any] = {"messages": []}
+        if is_analysed:
+            placed = _placed(factor, what, later, on_disk)
+            with patient():
+                factor.mumps.run(FACTOR)
+        info = report(factor.mumps) | placed
         code, messages = info["code"], messages + info.pop("messages")
         if code >= 0 or code in SINGULAR:
             return info | {"messages": tuple(messages)}
@@ -475,19 +425,6 @@ def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], fl
             raise failure(code, info["detail"], what, factor.prefix, int(factor.ranges[-1]))
 
 
-def _attempt(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float], on_disk: bool) -> dict[str, Any]:
-    """Choose the place of a factor and let MUMPS find its numbers; return the report.  Collective.
-
-    Raises
-    ------
-    ResourceError : neither memory nor disk has room; on every rank
-    """
-    placed = _placed(factor, what, later, on_disk)
-    with patient():
-        factor.mumps.run(FACTOR)
-    return _report(factor) | placed
-
-
 def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float], on_disk: bool) -> dict[str, Any]:
     """Choose memory or disk for an analysed factor; return the estimate, whether it goes to disk, and messages.
 
@@ -498,9 +435,8 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     ResourceError : neither has room; on every rank
     """
     comm, memory, n_dof = factor.comm, factor_memory(factor.mumps), int(factor.ranges[-1])
-    what_of = f"{what}: its factor ({n_dof} unknowns)"
     if factor.mumps.icntl(_ON_DISK) == 1:  # the user's option
-        refuse_beyond(comm, memory.out_of_core, what_of, ADVICE)
+        refuse_beyond(comm, memory.out_of_core, f"{what}: its factor ({n_dof} unknowns)", ADVICE)
         write_to_disk(comm, factor.mumps, room_on_disk(comm, memory) or usual_folder())
         return {"memory": memory, "out_of_core": True, "messages": []}
     later_memory = later(memory)
@@ -520,16 +456,8 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     return {"memory": memory, "out_of_core": True, "messages": [message]}
 
 
-_ORDERINGS = {0: "AMD", 1: "METIS", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS", 6: "QAMD"}
-
-
-def _report(factor: MumpsFactor) -> dict[str, Any]:
-    """Return MUMPS' report on its factor, the same on all ranks.  Local."""
-    return report(factor.mumps)
-
-
 def report(mumps: Reports) -> dict[str, Any]:
-    """Return the same from MUMPS' INFOG and RINFOG.  Local."""
+    """Return MUMPS' report on its factor, the same on all ranks, from INFOG and RINFOG.  Local."""
     ordering = {1: "PT-Scotch", 2: "ParMETIS"} if mumps.infog(32) == 2 else _ORDERINGS
     return {
         "package": "mumps",

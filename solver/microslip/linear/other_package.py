@@ -41,7 +41,7 @@ class PackageFactor:
     order: None = None
 
     @property
-    def reports(self) -> Reports:
+    def mumps(self) -> Reports:
         """Reports of MUMPS, where that is the package."""
         return Reports(self.ksp.getPC().getFactorMatrix())
 
@@ -49,20 +49,20 @@ class PackageFactor:
         """Free the factor.  Collective."""
         free(self.ksp)
 
-    def solve(self, B_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.  Collective."""
-        B_owned = np.asfortranarray(B_owned)
+    def solve(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
+        """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.
+
+        Collective.  B is this rank's rows, or sparse (n_dof, m) and the same on every rank.
+        """
+        if sp.issparse(B):
+            B = B.tocsr()[slice(*self.ksp.getOperators()[0].getOwnershipRange())].toarray(order="F")
+        B_owned = np.asfortranarray(B)
         X_owned = np.zeros_like(B_owned)
-        B, X = wrap(B_owned, self.ksp.comm), wrap(X_owned, self.ksp.comm)
-        self.ksp.getPC().getFactorMatrix().matSolve(B, X)
-        B.destroy()
+        right, X = wrap(B_owned, self.ksp.comm), wrap(X_owned, self.ksp.comm)
+        self.ksp.getPC().getFactorMatrix().matSolve(right, X)
+        right.destroy()
         X.destroy()
         return X_owned
-
-    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
-        """Return the same for sparse right-hand sides (n_dof, m), the same on every rank.  Collective."""
-        rows = slice(*self.ksp.getOperators()[0].getOwnershipRange())
-        return self.solve(B.tocsr()[rows].toarray(order="F"))
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> None:
         """Return None: this package does not compute them."""
@@ -123,7 +123,7 @@ def foreseen(A: PETSc.Mat, prefix: str) -> FactorMemory | None:
         return None
     analysed = PackageFactor(analyse(A, prefix))
     try:
-        return factor_memory(analysed.reports)
+        return factor_memory(analysed.mumps)
     finally:
         analysed.destroy()
 

@@ -175,15 +175,13 @@ class InertiaRelief:
         """The order of elimination."""
         return self.solver.order
 
-    def solve(self, B_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of K_L^+ B, (n_owned, m)."""
-        return self._relieved(self.solver.solve(np.asfortranarray(self.rigid.balanced(B_owned))))
-
-    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
-        """Return the same for sparse B (n_dof, m), the same on every rank."""
+    def solve(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
+        """Return this rank's rows of K_L^+ B, (n_owned, m); B is its rows, or sparse (n_dof, m), the same on every rank."""
+        if not sp.issparse(B):
+            return self._relieved(self.solver.solve(np.asfortranarray(self.rigid.balanced(B))))
         B_owned = B.tocsr()[self._first : self._first + len(self.Y_owned)]
         inertia = self.Y_owned[:, self.rigid.n :] @ self.rigid.resultants(B_owned)
-        return self._relieved(self.solver.solve_sparse(B) - inertia)
+        return self._relieved(self.solver.solve(B) - inertia)
 
     def _relieved(self, X_owned: np.ndarray) -> np.ndarray:
         """Return solutions without what the springs carry, and without rigid-body motion."""

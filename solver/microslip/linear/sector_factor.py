@@ -389,23 +389,24 @@ class DiameterFactor:
     def _is_complex(self) -> bool:
         return self.system.is_complex
 
-    def solve(self, B_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.  Collective, with others in lockstep."""
+    def solve(self, B: np.ndarray | sp.csc_matrix) -> np.ndarray:
+        """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.
+
+        Collective, for dense B with others in lockstep.  B is this rank's rows, or sparse (n_dof, m) and the same on every rank.
+        """
         unfolding, comm = self.of_sector.sectors.unfolding, self.of_sector.comm
-        parts = np.hstack([B_owned[0::2], B_owned[1::2]]) if self._is_complex else B_owned
+        is_sparse, hstack = sp.issparse(B), (sp.hstack if sp.issparse(B) else np.hstack)
+        B = B.tocsr() if is_sparse else B
+        parts = hstack([B[0::2], B[1::2]]) if self._is_complex else B
+        if is_sparse:
+            parts = parts.tocoo()
+            rows = unfolding.rows_of_w(parts.row)
+            F = sp.csc_matrix((parts.data, (rows, parts.col)), (int(unfolding.v_ranges[-1]), parts.shape[1]))
+            return self._in_real_form(self.of_sector.solved([(self, F)])[0])
         n_high = np.diff(unfolding.v_ranges - unfolding.w_ranges)[comm.rank]
         F = np.vstack([parts, np.zeros((n_high, parts.shape[1]))])
         request, solved = (self, F), self.of_sector.solved
         return self._in_real_form(at_once(solved, request) if F.shape[1] <= _FEW else solved([request])[0])
-
-    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
-        """Return the same for sparse B (n_dof, m), the same on every rank.  Collective."""
-        B, unfolding = B.tocsr(), self.of_sector.sectors.unfolding
-        parts = sp.hstack([B[0::2], B[1::2]]) if self._is_complex else B
-        parts = parts.tocoo()
-        rows = unfolding.rows_of_w(parts.row)
-        F = sp.csc_matrix((parts.data, (rows, parts.col)), (int(unfolding.v_ranges[-1]), parts.shape[1]))
-        return self._in_real_form(self.of_sector.solved([(self, F)])[0])
 
     def _in_real_form(self, X_owned: np.ndarray) -> np.ndarray:
         """Return complex columns, real and then imaginary parts, in real form.  Local."""

@@ -98,7 +98,7 @@ def _by_solves(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix
     product = np.empty((len(range(*rows.indices(left.shape[0]))), m))
     for start in range(0, m, batch):
         columns = slice(start, start + batch)
-        X_owned = linearised.factor.solve_sparse(right[:, columns])
+        X_owned = linearised.factor.solve(right[:, columns])
         product[:, columns] = summed(comm, left_owned @ X_owned)[rows]
     return product
 

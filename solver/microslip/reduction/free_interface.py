@@ -114,7 +114,7 @@ def _batch_of_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.nd
     comm = system.comm
     first, last = system.M.getOwnershipRange()
     participation = gram(comm, phi_owned, forces.tocsr()[first:last].toarray())
-    first_Z = factor.solve_sparse(forces) - phi_owned @ (participation / (free.omega_2 + free.alpha)[:, None])
+    first_Z = factor.solve(forces) - phi_owned @ (participation / (free.omega_2 + free.alpha)[:, None])
     Z_owned = first_Z = _without(free, first_Z)
     if len(free.omega_2) >= system.n_dof:  # all modes are computed: the rest is roundoff
         return Z_owned

@@ -337,7 +337,7 @@ class StuckStructure:
 
     def solve_sparse(self, forces: sp.csc_matrix) -> np.ndarray:
         """Return K_L^-1 times sparse columns (n_dof, m), the same on every rank: this rank's rows (n_owned, m)."""
-        return self.factor.solve_sparse(forces)
+        return self.factor.solve(forces)
 
     def search(self) -> ModeSearch:
         """Return a search for modes, which can be continued."""
