@@ -51,22 +51,25 @@ class NoCheckpoints:
     """A :class:`Checkpointer` that writes nothing and restores nothing."""
 
     def finished(self) -> Branch | None:
+        """Return None.  Local."""
         return None
 
     def restored(self, task: BranchTask, workspace: Workspace) -> Restored | None:
+        """Return None.  Local."""
         return None
 
     def narrower(self, task: BranchTask, workspace: Workspace) -> Narrower | None:
+        """Return None.  Local."""
         return None
 
     def save(self, task: BranchTask, state: BranchState | None, points: Sequence[Point]) -> None:
-        pass
+        """Do nothing.  Local."""
 
     def flush(self) -> None:
-        pass
+        """Do nothing.  Local."""
 
     def finish(self, branch: Branch) -> None:
-        pass
+        """Do nothing.  Local."""
 
 
 def finished_or(

@@ -90,11 +90,14 @@ class Plane:
         return self.n_nu[0] == 1.0 and not any(self.n_nu[1:])
 
     def of_motion(self, U: np.ndarray, scaling: Scaling) -> float:
+        """Return this rank's part of n_U . (xi - xi_0), scaled.  Local."""
         return float(np.vdot(self.n_U, U - self.about.U)) / scaling.U
 
     def value(self, of_motion: float, place: Place) -> float:
+        """Return the row, eq. (7.2), from the sum of the ranks' parts.  Local; the same on all ranks."""
         of = zip(self.n_nu, place.nu, self.about.parameters, place.scaling.parameters)
         return of_motion + sum(n * (v - about / unit) for n, v, about, unit in of)
 
     def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """Return n_U (n_owned, 3, N_H) and n_nu (k,).  Local."""
         return self.n_U, np.array(self.n_nu)

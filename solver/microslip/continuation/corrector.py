@@ -82,6 +82,7 @@ class BorderedSystem:
 
     @property
     def equation(self) -> HarmonicBalance:
+        """The equation of the problem."""
         return self.problem.equation
 
     def residual(self, U: np.ndarray, nu_owned: np.ndarray, tangents: bool = False) -> tuple[np.ndarray, np.ndarray]:
@@ -120,6 +121,7 @@ class BorderedSystem:
 
     @property
     def takes_linearisation(self) -> bool:
+        """Whether a constraint requires the linearisation."""
         return any(constraint.takes_linearisation for constraint in self.constraints)
 
     def _forces(

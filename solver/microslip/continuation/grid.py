@@ -173,6 +173,7 @@ class Spent:
     seconds: float = 0.0
 
     def add(self, newton: int, krylov: int, seconds: float = 0.0) -> None:
+        """Add Newton iterations, Krylov iterations and seconds.  Local."""
         self.newton, self.krylov, self.seconds = self.newton + newton, self.krylov + krylov, self.seconds + seconds
 
     def added_to(self, solution: Accepted) -> Accepted:

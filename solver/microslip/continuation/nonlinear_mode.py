@@ -46,14 +46,17 @@ class ModalEquation:
     takes_linearisation: ClassVar[bool] = True
 
     def of_motion(self, U: np.ndarray, scaling: Scaling) -> float:
+        """Return 0: the modal coordinate follows from the contact forces.  Local."""
         return 0.0
 
     def value(self, of_motion: float, place: Place) -> float:
+        """Return the row, eq. (15.3).  Collective; the same on all ranks."""
         at, forces, equation = place.linear.at, place.linear.forces, place.linear.equation
         eta = coordinate(equation.model_at(at), self.j, at.omega, forces.active).under(at.level, self._first(place, forces.p))
         return float(self.part(eta / at.level - 1.0)) / UNIT
 
     def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
+        """Return its derivatives by motion (n_owned, 3, N_H) and scaled parameters (3,).  Collective."""
         at, forces, equation = place.linear.at, place.linear.forces, place.linear.equation
         model, p_1, q, owned = equation.model_at(at), self._first(place, forces.p), at.level, equation.model.owned
         eta = coordinate(model, self.j, at.omega, forces.active)
@@ -96,27 +99,34 @@ class NonlinearMode(ProblemBase):
 
     @property
     def units(self) -> tuple[float, ...]:
+        """Units of omega and sigma [rad/s, 1/s]: ``UNIT`` times the frequency of the mode."""
         return UNIT * self.omega, UNIT * self.omega
 
     @property
     def constraints(self) -> tuple[ModalEquation, ...]:
+        """Real and imaginary part of eq. (15.3)."""
         return ModalEquation(self.j, np.real), ModalEquation(self.j, np.imag)
 
     @property
     def curve(self) -> KnownCurve:
+        """The mode while all pairs stick, at its frequency and damping."""
         return LinearResponse(self, (self.omega, self.sigma))
 
     def allows(self, parameters: tuple[float, ...]) -> bool:
+        """Return whether the frequency is above zero; ln q and sigma have any value.  Local."""
         return parameters[1] > 0.0
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        """Return frequency, level q and further damping sigma for (ln q, omega, sigma).  Local."""
         log_q, omega, sigma = parameters
         return OperatingPoint(omega, float(np.exp(log_q)), sigma)
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        """Return the rates of the operating point with ln q, omega and sigma.  Local."""
         return {"level": float(np.exp(parameters[0]))}, {"omega": 1.0}, {"sigma": 1.0}
 
     def where(self, parameter: float) -> str:
+        """Return the modal amplitude q of a point and the mode, for messages.  Local."""
         return f"modal amplitude {np.exp(parameter):.4g} kg^1/2 m of mode {self.j + 1}"
 
 
@@ -203,15 +213,19 @@ class QuasiStaticMode(ProblemBase):
         return cls(HarmonicBalance(pushed_by(equation.model, j), equation.law, 1))
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        """Return the level q' for (ln q',), at the frequency 1 rad/s, which a constant motion does not depend on.  Local."""
         return OperatingPoint(1.0, float(np.exp(parameters[0])))
 
     def allows(self, parameters: tuple[float, ...]) -> bool:
+        """Return True: ln q' has any value.  Local."""
         return True
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        """Return the rate of the level with ln q'.  Local."""
         return ({"level": float(np.exp(parameters[0]))},)
 
     def where(self, parameter: float) -> str:
+        """Return the static modal amplitude q' of a point, for messages.  Local."""
         return f"a static modal amplitude of {np.exp(parameter):.4g} kg^1/2 m"
 
 

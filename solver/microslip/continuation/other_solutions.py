@@ -52,6 +52,7 @@ class FromThere(ForcedResponse):
 
     @property
     def curve(self) -> KnownCurve:
+        """The linear response, but for the known solution."""
         return FromSolution(self, solution=self.begins)
 
 

@@ -72,9 +72,11 @@ class AmplitudeRow(_OutputRow):
     """|a| / ``size`` - 1 = 0, eq. (7.14); singular where the amplitude has a maximum."""
 
     def of(self, a: np.ndarray) -> float:
+        """Return the row for cosine and sine of the output, ``a`` (2,).  Local."""
         return float(np.hypot(*a)) / self.size - 1.0
 
     def rate(self, a: np.ndarray) -> np.ndarray:
+        """Return its derivative by ``a``, (2,).  Local."""
         return a / (np.hypot(*a) * self.size)
 
 
@@ -85,7 +87,9 @@ class PhaseRow(_OutputRow):
     phase: float  # rad
 
     def of(self, a: np.ndarray) -> float:
+        """Return the row for cosine and sine of the output, ``a`` (2,).  Local."""
         return float(self.rate(a) @ a)
 
     def rate(self, a: np.ndarray) -> np.ndarray:
+        """Return its derivative by ``a``, (2,).  Local."""
         return -np.array([np.sin(self.phase), np.cos(self.phase)]) / self.size

@@ -63,14 +63,17 @@ class PeakOver(ProblemBase):
 
     @property
     def units(self) -> tuple[float, ...]:
+        """Unit of the frequency [rad/s]: ``width``."""
         return (self.width,)
 
     @property
     def maximum(self) -> EnclosedRow:
+        """The row of the maximum: ``row``."""
         return self.row
 
     @property
     def curve(self) -> KnownCurve:
+        """The linear response at its own peak; from ``begins``, if there is one."""
         return (
             LinearResponse(self, (self.stuck,))
             if self.begins is None
@@ -79,9 +82,11 @@ class PeakOver(ProblemBase):
 
     @property
     def law_parameters(self) -> tuple[LawParameter, ...]:
+        """The parameter of the contact law that varies, if it is one."""
         return (self.varies,) if isinstance(self.varies, LawParameter) else ()
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        """Return the operating point for the value that varies and the frequency [rad/s].  Local."""
         value, omega = parameters
         at = OperatingPoint(omega, self.level, damping=self.damping)
         if isinstance(self.varies, LawParameter):
@@ -89,15 +94,18 @@ class PeakOver(ProblemBase):
         return replace(at, level=value) if self.varies == "level" else replace(at, damping=value)
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        """Return the rates of the operating point with the value that varies and the frequency.  Local."""
         return {self.varies: 1.0}, {"omega": 1.0}
 
     def without_solution(self, parameter: float, why: str) -> str:
+        """Return the message for lack of a first peak, and ``why`` Newton's method did not converge.  Local."""
         return (
             f"hb: no first peak at {self.where(parameter)}: neither from the peak near by ({why}) nor from rest, over the level "
             "or over further damping; begin at another value, or raise [solver] samples"
         )
 
     def where(self, parameter: float) -> str:
+        """Return the value that varies and the level, for messages.  Local."""
         if self.varies == "level":
             return f"level {parameter:.4g} N"
         return f"the value {parameter:.4g} at level {self.level:.4g} N"
@@ -110,6 +118,7 @@ class FromSolution(LinearResponse):
     solution: Iterate
 
     def at(self, parameter: float) -> Iterate:
+        """Return the solution at its own value of the parameter, the linear response at others.  Local."""
         if parameter != self.solution.parameter:
             return super().at(parameter)
         return self.solution.on(self.problem.equation.harmonics)

@@ -102,18 +102,22 @@ class PointSolver:
 
     @property
     def equation(self) -> HarmonicBalance:
+        """The equation of the problem."""
         return self.problem.equation
 
     @property
     def comm(self) -> MPI.Comm:
+        """The communicator of the ranks that follow the branch."""
         return self.equation.comm
 
     @property
     def harmonics(self) -> Harmonics:
+        """The harmonics of the motion."""
         return self.equation.harmonics
 
     @property
     def resolution(self) -> Resolution:
+        """Harmonics, samples and tolerance."""
         return Resolution(self.harmonics, self.equation.n_samples, self.tolerance)
 
     def resolved(self, resolution: Resolution) -> PointSolver:

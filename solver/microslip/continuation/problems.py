@@ -43,7 +43,8 @@ class Problem(Protocol):
     """The equation along k parameters."""
 
     @property
-    def equation(self) -> HarmonicBalance: ...
+    def equation(self) -> HarmonicBalance:
+        """The harmonic balance equation."""
 
     @property
     def units(self) -> tuple[float, ...]:
@@ -99,45 +100,57 @@ class ProblemBase:
 
     @property
     def is_constant(self) -> bool:
+        """Whether every value of the parameters has the same solution: not so."""
         return False
 
     @property
     def units(self) -> tuple[float, ...]:
+        """No units: there is one parameter, the swept one."""
         return ()
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
+        """No constraints in addition to that of the step."""
         return ()
 
     @property
     def maximum(self) -> EnclosedRow | None:
+        """None: no row is that of a maximum."""
         return None
 
     @property
     def curve(self) -> KnownCurve:
+        """The linear response."""
         return LinearResponse(self)
 
     @property
     def law_parameters(self) -> tuple[LawParameter, ...]:
+        """No parameters: the contact law does not vary."""
         return ()
 
     def allows(self, parameters: tuple[float, ...]) -> bool:
+        """Return whether all parameters are above zero and the law has its values.  Collective where the law varies."""
         has_sense = min(parameters) > 0.0
         return has_sense and (not self.law_parameters or self.equation.allows(self.at(parameters)))
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        """Return the operating point of k parameters: of each problem.  Local."""
         raise NotImplementedError
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        """Return the rates of the operating point with k parameters: of each problem.  Local."""
         raise NotImplementedError
 
     def with_equation(self, equation: HarmonicBalance) -> Self:
+        """Return the same problem with another equation.  Local."""
         return replace(self, equation=equation)
 
     def where(self, parameter: float) -> str:
+        """Return the operating point on the known curve, for messages.  Local."""
         return self.at(self.curve.at(parameter).parameters).text
 
     def without_solution(self, parameter: float, why: str) -> str:
+        """Return the message for lack of a first point, and ``why`` Newton's method did not converge.  Local."""
         return (
             f"hb: no first point at {self.where(parameter)}: neither from the linear response ({why}) nor from rest, "
             "over the level or over further damping; begin at another frequency, or raise [solver] samples"
@@ -152,13 +165,16 @@ class LinearResponse:
     fixed_parameters: tuple[float, ...] = ()
 
     def at(self, parameter: float) -> Iterate:
+        """Return the linear response at a value of the swept parameter; not finite on a resonance without damping.  Local."""
         return self._of((parameter, *self.fixed_parameters))
 
     def holds(self, parameters: tuple[float, ...]) -> bool:
+        """Return whether all pairs stick in the linear response.  Collective."""
         at = self.problem.at(parameters)
         return sticks(self.problem.equation.under(at), at)
 
     def on(self, there: Iterate) -> Iterate:
+        """Return the linear response at the parameters of an iterate.  Local."""
         return self._of(there.parameters)
 
     def _of(self, parameters: tuple[float, ...]) -> Iterate:
@@ -168,6 +184,7 @@ class LinearResponse:
         return Iterate(U, parameters, self.problem.equation.harmonics)
 
     def rate(self, parameters: tuple[float, ...]) -> np.ndarray:
+        """Return the rate of the linear response with the swept parameter, (n_owned, 3, N_H).  Local."""
         at = self.problem.at(parameters)
         return self.problem.equation.under(at).linear_motion_rate(at, self.problem.rates(parameters)[0])
 
@@ -180,9 +197,11 @@ class ForcedResponse(ProblemBase):
 
     @property
     def is_constant(self) -> bool:
+        """Whether the motion is constant: harmonic 0 alone."""
         return self.equation.harmonics.is_constant
 
     def without_solution(self, parameter: float, why: str) -> str:
+        """Return the message for lack of a first point, or of an equilibrium under static loads.  Local."""
         if not self.is_constant:
             return super().without_solution(parameter, why)
         return (
@@ -191,9 +210,11 @@ class ForcedResponse(ProblemBase):
         )
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        """Return the operating point at a frequency [rad/s].  Local."""
         return OperatingPoint(parameters[0], self.level)
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        """Return the rate of the operating point with the frequency.  Local."""
         return ({"omega": 1.0},)
 
 
@@ -204,9 +225,11 @@ class LevelHomotopy(ProblemBase):
     omega: float
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        """Return the operating point at a level [N].  Local."""
         return OperatingPoint(self.omega, parameters[0])
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        """Return the rate of the operating point with the level.  Local."""
         return ({"level": 1.0},)
 
 
@@ -222,11 +245,14 @@ class DampingHomotopy(ProblemBase):
     level: float  # N
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        """Return the operating point at t, eq. (7.3).  Local."""
         (t,) = parameters
         return OperatingPoint(self.omega, self.level, self.omega * (1.0 - t) / t)
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
+        """Return the rate of the operating point with t.  Local."""
         return ({"sigma": -self.omega / parameters[0] ** 2},)
 
     def where(self, parameter: float) -> str:
+        """Return the operating point on the known curve and its further damping, for messages.  Local."""
         return f"{super().where(parameter)}, damped further by {self.at((parameter,)).sigma:.3g} M"

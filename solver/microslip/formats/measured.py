@@ -42,6 +42,7 @@ class Measured:
 
     @property
     def n(self) -> int:
+        """The number of rows."""
         return len(self.frequency)
 
     def rows(self, chosen: np.ndarray) -> Measured:

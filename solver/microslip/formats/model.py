@@ -46,9 +46,11 @@ class Group:
     cells: dict[int, np.ndarray] = field(default_factory=dict)  # block of FileModel.cells: rows in the set
 
     def add_nodes(self, nodes: np.ndarray) -> None:
+        """Add nodes, by their index into FileModel.points.  Local."""
         self.nodes = np.union1d(self.nodes, nodes)
 
     def add_cells(self, block: int, rows: np.ndarray) -> None:
+        """Add rows of a block of FileModel.cells.  Local."""
         self.cells[block] = np.union1d(self.cells.get(block, NO_NODES), rows).astype(np.int64)
 
     def add_elements(self, cells: Sequence[Cells], numbers: np.ndarray) -> None:

@@ -19,6 +19,7 @@ from .quantities import TEXT, Column, Quantity, declared, hertz, number
 
 
 def pairs_in(kind: int) -> Callable[[np.ndarray], int]:
+    """Return a function that counts the pairs in a contact state, for states (n_pairs,).  Local."""
     return lambda state: np.count_nonzero(state == kind)
 
 

@@ -25,10 +25,12 @@ TEXT = "O"  # the type of texts
 
 
 def as_it_is(value: Any) -> Any:
+    """Return the value itself.  Local."""
     return value
 
 
 def hertz(omega: float) -> float:
+    """Return the frequency [Hz] of an angular frequency [rad/s].  Local."""
     return omega / (2.0 * np.pi)
 
 
@@ -63,10 +65,12 @@ class Quantity:
 
     @property
     def name(self) -> str:
+        """The name of the dataset without its unit."""
         return self.dataset.removesuffix(f"_{self.unit}")
 
     @property
     def axes(self) -> tuple[str, ...]:
+        """The names of the axes at a point."""
         return tuple(self.over.split())
 
     @property

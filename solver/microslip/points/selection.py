@@ -44,12 +44,15 @@ class NonStickingPairs:
     checks_in_point: bool = False
 
     def first(self, n_pairs: int) -> np.ndarray:
+        """Return all pairs, (n_pairs,) bool.  Local."""
         return np.ones(n_pairs, dtype=bool)
 
     def update(self, moves: np.ndarray, state: np.ndarray, energy: np.ndarray) -> np.ndarray:
+        """Return the pairs with p not zero, (n_pairs,) bool.  Local."""
         return moves
 
     def unknowns(self, selected: np.ndarray, moves: np.ndarray, n_modes: int, N_H: int) -> int:
+        """Return N_H times the number of modes and of components of the selected pairs.  Local."""
         return (n_modes + 3 * int(selected.sum())) * N_H
 
 
@@ -60,6 +63,7 @@ class DissipatingPairs(NonStickingPairs):
     energy_tolerance: float = 0.0
 
     def update(self, moves: np.ndarray, state: np.ndarray, energy: np.ndarray) -> np.ndarray:
+        """Return the pairs that dissipate more than the tolerance or are open, (n_pairs,) bool.  Local."""
         return (energy > self.energy_tolerance) | (state == OPEN)
 
 
@@ -76,10 +80,13 @@ class AllPairs:
     coordinates: int | None = None
 
     def first(self, n_pairs: int) -> np.ndarray:
+        """Return all pairs, (n_pairs,) bool.  Local."""
         return np.ones(n_pairs, dtype=bool)
 
     def update(self, moves: np.ndarray, state: np.ndarray, energy: np.ndarray) -> np.ndarray:
+        """Return all pairs, (n_pairs,) bool.  Local."""
         return np.ones(len(moves), dtype=bool)
 
     def unknowns(self, selected: np.ndarray, moves: np.ndarray, n_modes: int, N_H: int) -> int:
+        """Return N_H times the number of coordinates, or of components of the pairs with p not zero.  Local."""
         return (3 * int(moves.sum()) if self.coordinates is None else self.coordinates) * N_H

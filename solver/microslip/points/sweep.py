@@ -16,10 +16,12 @@ class Sweep:
 
     @property
     def direction(self) -> float:
+        """1 upward, -1 downward."""
         return 1.0 if self.stop > self.start else -1.0
 
     @property
     def scale(self) -> float:
+        """The length of the range, in the unit of the parameter."""
         return abs(self.stop - self.start)
 
     @property
@@ -38,9 +40,11 @@ class Sweep:
         return replace(self, stop=stop, at=tuple(value for value in self.at if low <= value <= high))
 
     def beyond(self, parameter: float) -> bool:
+        """Return whether a value is at the end of the range or beyond it.  Local."""
         return self.direction * (parameter - self.stop) >= 0.0
 
     def before(self, parameter: float) -> bool:
+        """Return whether a value lies before the start of the range.  Local."""
         return self.direction * (parameter - self.start) < 0.0
 
     def requested_between(self, a: float, b: float) -> list[float]:

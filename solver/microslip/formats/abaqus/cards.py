@@ -36,6 +36,7 @@ class Card:
 
     @property
     def where(self) -> str:
+        """File and line of the card, for messages."""
         return place(self.file, self.line)
 
     def parameter(self, name: str, default: str = "") -> str:

@@ -74,6 +74,7 @@ class Grouped:
         return np.sort(np.concatenate(parts))
 
     def has_faces(self, name: str) -> bool:
+        """Return whether a group has cells of two dimensions.  Local."""
         group = self.groups.get(name)
         return group is not None and any(
             KINDS[self.cells[block].kind][0] == 2 for block, rows in group.cells.items() if len(rows)

@@ -28,14 +28,17 @@ class Step:
 
     @property
     def is_frequency(self) -> bool:
+        """Whether it has a card *FREQUENCY."""
         return any(card.keyword == "FREQUENCY" for _, card in self.cards)
 
     @property
     def is_perturbation(self) -> bool:
+        """Whether *STEP has the parameter PERTURBATION."""
         return "PERTURBATION" in self.cards[0][1].parameters
 
     @property
     def is_static(self) -> bool:
+        """Whether it has a card *STATIC."""
         return any(card.keyword == "STATIC" for _, card in self.cards)
 
 

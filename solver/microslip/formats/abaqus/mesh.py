@@ -33,12 +33,14 @@ class FileMesh:
     offsets: tuple[int, int] = (0, 0)  # node and element number offset per instance; 0: none
 
     def of(self, scope: Scope) -> Names:
+        """Return the names of a scope, added if they are new.  Local."""
         key = scope.name.upper()
         if key not in self.names:
             self.names[key] = Names(scope)
         return self.names[key]
 
     def spelled(self, name: str) -> str:
+        """Return a name as it was written first; upper and lower case are the same.  Local."""
         return self.spelling.setdefault(name.upper(), name)
 
     # what the file calls nodes, elements, sets

@@ -35,6 +35,7 @@ def kind_of(word: str) -> str | None:
 
 
 def is_solid(word: str) -> bool:
+    """Return whether the name of an element type is that of a solid.  Local."""
     return word.startswith("C3D")
 
 

@@ -30,6 +30,7 @@ class Command:
 
     @property
     def where(self) -> str:
+        """Its line, or its word in a file without lines, for messages."""
         return f"line {self.line}" if self.line else f"its {self.word}"
 
     def field(self, i: int) -> str:

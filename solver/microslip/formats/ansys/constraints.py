@@ -27,6 +27,7 @@ class Restraints:
     typed: dict[str, list[Term]] = field(default_factory=dict)  # number of a typed CE: its terms
 
     def left_out(self, command: Command, effect: str, part: str = "") -> None:
+        """Add a finding on a command that is not taken over.  Local."""
         self.findings.add(command.word, command.where, effect, part=part)
 
 

@@ -61,6 +61,7 @@ class Content(Draft):
     selected: np.ndarray | None = None  # nodes given by ALL; None: an unsupported selection
 
     def axes(self, node: int) -> np.ndarray | None:
+        """Return the rotated axes of a node (position), (3, 3), or None for those of the model.  Local."""
         return between.turned_axes(self.angles[node]) if self.angles[node].any() else None
 
     def known(self, wanted: np.ndarray) -> np.ndarray:

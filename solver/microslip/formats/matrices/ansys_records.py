@@ -34,9 +34,11 @@ class Records:
         return at + self.length(at) + 3
 
     def integers(self, at: int) -> np.ndarray:
+        """Return the integers of the record at a position; CaseError if it has another type.  Local."""
         return self._content(at, _INTEGERS)
 
     def numbers(self, at: int) -> np.ndarray:
+        """Return the numbers in double precision of the record at a position; CaseError if it has another type.  Local."""
         return self._content(at, _NUMBERS).view("<f8")
 
     def _content(self, at: int, kind: int) -> np.ndarray:

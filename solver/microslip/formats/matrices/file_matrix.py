@@ -41,6 +41,7 @@ class DofMap:
         return DofMap(self.nodes[rows], self.directions[rows])
 
     def name(self, row: int) -> str:
+        """Return node and axis of a row, for messages.  Local."""
         direction = self.directions[row]
         axis = DIRECTIONS[direction - 1] if direction <= len(DIRECTIONS) else f"degree of freedom {direction}"
         return f"node {self.nodes[row]}" + (f" {axis}" if direction > 0 else "")

@@ -17,9 +17,11 @@ class Content(Draft):
     cards: Any = None  # pyNastran's BDF
 
     def left_out(self, card: str, number: int, effect: str, part: str = "", changes: bool = True) -> None:
+        """Add a finding on a card that is not taken over.  Local."""
         self.findings.add(card, f"{card} {number}", effect, changes, part)
 
     def taken_over(self, card: str, number: int, effect: str, part: str) -> None:
+        """Add a finding on a card that is taken over.  Local."""
         self.findings.take(Finding(word=card, where=f"{card} {number}", effect=effect, changes=False, part=part, is_taken=True))
 
     @property

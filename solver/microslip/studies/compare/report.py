@@ -26,7 +26,8 @@ class Solved(Protocol):
     """The points of one method, in order."""
 
     @property
-    def points(self) -> list[Point]: ...
+    def points(self) -> list[Point]:
+        """The points, in order."""
 
 
 @dataclass(frozen=True)

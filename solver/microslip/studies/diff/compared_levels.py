@@ -50,14 +50,17 @@ class LevelDifference:
 
     @property
     def difference(self) -> float:
+        """The largest difference of the outputs over their peaks [-]."""
         return max((output.difference for output in self.outputs), default=0.0)
 
     @property
     def beyond(self) -> float:
+        """The largest part of it beyond the resolution of the points [-]."""
         return max((output.beyond for output in self.outputs), default=0.0)
 
     @property
     def inside_bars(self) -> bool:
+        """Whether all outputs have bars and differ by less than them."""
         return bool(self.outputs) and all(output.inside_bars is True for output in self.outputs)
 
     @property

@@ -48,6 +48,7 @@ class Difference:
 
     @property
     def shown(self) -> Shown:
+        """The number shown of an output, as in A."""
         return self.a.shown
 
     def of_level(self, level: LevelDifference) -> tuple[LevelResult, LevelResult]:

@@ -34,6 +34,7 @@ class InterfaceModel:
 
     @property
     def n_b(self) -> int:
+        """The number of interface coordinates."""
         return len(self.independent)
 
 

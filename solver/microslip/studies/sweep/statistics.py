@@ -22,6 +22,7 @@ class Effect:
 
     @property
     def size(self) -> float:
+        """The change of the amplitude between the two ends."""
         return abs(self.high - self.low)
 
 

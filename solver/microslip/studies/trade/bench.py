@@ -227,6 +227,7 @@ class TimedEstimator(ErrorEstimator):
         self.spent = np.zeros(2)
 
     def at(self, *point: Any, **known: Any) -> Estimate | None:
+        """Return the estimate at a point, and add its time to ``spent``.  Collective."""
         start = stopwatch()
         estimate = super().at(*point, **known)
         self.spent += stopwatch() - start

@@ -106,6 +106,7 @@ class Run:
 
     @property
     def n_points(self) -> int:
+        """The number of points of all curves."""
         return sum(len(curve.omega) for curve in self.curves)
 
 
@@ -185,6 +186,7 @@ class Score:
 
     @property
     def is_known(self) -> bool:
+        """Whether there is an error."""
         return bool(np.isfinite(self.error))
 
 

@@ -75,10 +75,12 @@ class Check:
 
     @property
     def mark(self) -> str:
+        """A word if the point is a peak, else an empty text."""
         return "peak" if self.is_peak else ""
 
     @property
     def where(self) -> str:
+        """Level and frequency of the point, for messages."""
         return f"{self.level:g} N, {self.frequency:.6g} Hz"
 
 

@@ -301,6 +301,7 @@ def compared(point: Chosen, fine: np.ndarray, coarse: np.ndarray) -> Check:
 
 
 def failed_check(point: Chosen, why: str) -> Check:
+    """Return the row of a point whose march in time failed, and ``why``.  Local."""
     nothing = np.full(3, np.nan)
     return replace(compared(point, nothing, nothing), failure=why)
 

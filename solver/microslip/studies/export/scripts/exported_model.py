@@ -78,10 +78,12 @@ def outputs(model, q, omega):
 
 
 def shown(model):
+    """Return which outputs follow from displacements alone, (n_outputs,) bool."""
     return ~(model["output_p"].any(axis=1) | model["output_base"].any(axis=1))
 
 
 def write(model, path, rows) -> None:
+    """Write a CSV file of rows (level [N], frequency [Hz], seconds, coefficients of the outputs)."""
     H = int(model["harmonics"])
     names = ["mean"] + [f"{part} {n}" for n in range(1, H + 1) for part in ("cos", "sin")]
     with open(path, "w", newline="") as file:

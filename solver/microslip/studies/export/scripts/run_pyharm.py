@@ -21,6 +21,7 @@ logging.disable(logging.INFO)
 
 
 def main(folder: Path) -> None:
+    """Compute the curves of an exported model by pyHarm and write them into its folder."""
     model = read_model(folder, "pyHarm")
     refuse(model)
     place, matrices = at_nodes(model)

@@ -18,6 +18,7 @@ from tmdsimpy.vibration_system import VibrationSystem
 
 
 def main(folder: Path) -> None:
+    """Compute the curves of an exported model by TMDSimPy and write them into its folder."""
     model = read_model(folder, "TMDSimPy")
     refuse(model)
     D = 1.0 / np.sqrt(np.diag(model["K"] + model["R"].T @ (model["K_J"][:, None] * model["R"])))  # q = D x scales x
