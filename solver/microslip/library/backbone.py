@@ -472,19 +472,19 @@ def _areas(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def meetings_of(model: ReducedModel, j: int, points: tuple[ModePoint, ...]) -> tuple[Meeting, ...]:
     """Return where a harmonic of mode j (from 0) meets another mode of the stuck structure, by rising amplitude.  Local."""
-    found, own = [], model.index_of(1)[0]
+    meetings, first = [], model.index_of(1)[0]
     for n in (int(n) for n in model.harmonics.above_mean if n > 1):
         k, _ = model.index_of(n)
         for number, omega_k in enumerate(model.groups[k].receptance.modes.omega_n, 1):
-            if k == own and number == j + 1:
+            if k == first and number == j + 1:
                 continue
             for i, (a, b) in enumerate(zip(points, points[1:])):
                 before, after = n * a.omega - omega_k, n * b.omega - omega_k
                 if before * after < 0.0 or (after == 0.0 and before != 0.0):
                     share = before / (before - after)
                     q = a.amplitude * (b.amplitude / a.amplitude) ** share
-                    found.append(Meeting(n, number, float(q), float(omega_k / n / (2.0 * np.pi)), i + float(share)))
-    return tuple(sorted(found, key=lambda meeting: meeting.amplitude))
+                    meetings.append(Meeting(n, number, float(q), float(omega_k / n / (2.0 * np.pi)), i + float(share)))
+    return tuple(sorted(meetings, key=lambda meeting: meeting.amplitude))
 
 
 def _line(prepared: Prepared, problem: NonlinearMode, mode: int, notes: tuple[str, ...]) -> Backbone:

@@ -311,11 +311,11 @@ class _Model:
         if self._known is None or self._known[0] != x.tobytes():
             self.evaluations += 1
             try:
-                found = self._computed([each.value(x_i) for each, x_i in zip(self.fitted, x)])
+                computed = self._computed([each.value(x_i) for each, x_i in zip(self.fitted, x)])
             except (ConvergenceError, ValueError) as problem:
                 self.failure = f"there is no response: {problem}"
-                found = np.full_like(self.target, np.inf), np.zeros((*self.target.shape, len(x)))
-            self._known = (x.tobytes(), *self.structure.comm.bcast(self._as_residuals(x, *found)))
+                computed = np.full_like(self.target, np.inf), np.zeros((*self.target.shape, len(x)))
+            self._known = (x.tobytes(), *self.structure.comm.bcast(self._as_residuals(x, *computed)))
         return self._known[1], self._known[2]
 
     def _as_residuals(self, x: np.ndarray, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -333,13 +333,13 @@ class _Model:
             replace(each.varied, weights=np.array(1.0 / value)) if each.varied.number == "damping" else each.varied
             for each, value in zip(self.fitted, values)
         ]  # fmt: skip
-        found, rates = np.zeros((3, self.rows.n)), np.zeros((3, self.rows.n, len(values)))
+        responses, rates = np.zeros((3, self.rows.n)), np.zeros((3, self.rows.n, len(values)))
         for level in np.unique(self.rows.level):
             chosen = np.flatnonzero(self.rows.level == level)
             rows = self.rows.rows(chosen)
             at = _peaks_near(of, level, rows, varied, self._peaks) if rows.of_peaks else _points_at(of, level, rows, varied)
-            found[:, chosen], rates[:, chosen] = at
-        return found, rates
+            responses[:, chosen], rates[:, chosen] = at
+        return responses, rates
 
     def _problem(self, values: list[float]) -> ResponseProblem:
         """Return the problem with these values; contact stiffness by (4.7)."""
@@ -374,14 +374,14 @@ def _points_at(of: ResponseProblem, level: float, rows: Measured, varied: Sequen
     if branch.failure or len(branch.points) < len(omegas):
         raise ConvergenceError(branch.failure or "points are missing")
     points = branch.points[order]
-    found, rates = np.zeros((3, rows.n)), np.zeros((3, rows.n, len(varied)))
+    responses, rates = np.zeros((3, rows.n)), np.zeros((3, rows.n, len(varied)))
     for i, (j, k) in enumerate(zip(place, rows.output)):
         cos, sin = points[j].response[k, 1:3]
-        found[:, i] = np.hypot(cos, sin), np.arctan2(-sin, cos), rows.frequency[i]
+        responses[:, i] = np.hypot(cos, sin), np.arctan2(-sin, cos), rows.frequency[i]
         for m, each in enumerate(varied):
             d_cos, d_sin = each.rate(points[j].by_pairs[k], points[j].by_common[k])
             rates[:2, i, m] = of_size(cos, sin, d_cos, d_sin)
-    return found, rates
+    return responses, rates
 
 
 @dataclass(frozen=True, eq=False)
@@ -431,7 +431,7 @@ def _peaks_near(
     Along a curve where one is not known, Newton's method fails, or springs begin or cease to hold its mean slip.
     """
     comm, branch = of.model.comm, None
-    found, rates = np.zeros((3, rows.n)), np.zeros((3, rows.n, len(varied)))
+    responses, rates = np.zeros((3, rows.n)), np.zeros((3, rows.n, len(varied)))
     for i, (frequency, k) in enumerate(zip(rows.frequency, rows.output)):
         key = level, int(k), float(frequency)
         near = known.get(key)
@@ -447,9 +447,9 @@ def _peaks_near(
             raise ConvergenceError(f"at {level:g} N, output {k + 1}, the peak near {frequency:.6g} Hz: {why}")
         known[key] = there
         cos, sin = comm.bcast(peak.point.response[k, 1:3])
-        found[:, i] = peak.amplitude, np.arctan2(-sin, cos), peak.iterate.parameter / (2.0 * np.pi)
+        responses[:, i] = peak.amplitude, np.arctan2(-sin, cos), peak.iterate.parameter / (2.0 * np.pi)
         rates[:, i] = np.array([each.rate(peak.by_pairs, peak.by_common) for each in varied]).T
-    return found, rates
+    return responses, rates
 
 
 @dataclass(frozen=True, eq=False)

@@ -72,11 +72,11 @@ def follow_peaks_logged(
     stops = Stops(log, lambda: None, options.limit, saved)
     for k, number in enumerate(numbers):
         with log.stage(f"peaks over {number.key}"):
-            found = followed(prepared, number, partial(on_root, comm, stops.point, k, 0), partial(checkpointer_of, k))
-        for line in (line for curve in found for line in over_lines(curve)):
+            of_number = followed(prepared, number, partial(on_root, comm, stops.point, k, 0), partial(checkpointer_of, k))
+        for line in (line for curve in of_number for line in over_lines(curve)):
             log.note(line)
-        failures += [f"peaks over {curve.key}: {curve.points.failure}" for curve in found if curve.points.failure]
-        curves += found
+        failures += [f"peaks over {curve.key}: {curve.points.failure}" for curve in of_number if curve.points.failure]
+        curves += of_number
         on_root(comm, keep_peaks_over, str(folder), head_of(prepared), curves)
     return failures
 

@@ -437,8 +437,8 @@ class SamplePeaks:
                 "why": "; ".join((*notes, *([] if np.isfinite(width) else [NO_WIDTH]))),
             }
 
-        found = comm.bcast(numbers() if comm.rank == 0 else None)
-        return Sample(values, **found)
+        fields = comm.bcast(numbers() if comm.rank == 0 else None)
+        return Sample(values, **fields)
 
     def _nearest_linear(self, of: ResponseProblem, level: float, omega: float | None) -> Peak | None:
         """Return the linear peak nearest to a frequency [rad/s], by default to that of the scene itself; None without one."""
@@ -612,11 +612,11 @@ def amplitudes_at(branch: Branch, output: int, omegas: np.ndarray) -> tuple[floa
     omega = np.array([point.omega for point in branch.points])
     size = np.array([np.hypot(*point.response[output, 1:3]) for point in branch.points])
     segment = np.array([point.segment for point in branch.points])
-    found = np.full(len(omegas), np.nan)
+    amplitudes = np.full(len(omegas), np.nan)
     for i in np.flatnonzero(segment[:-1] == segment[1:]):
         low, high = sorted((omega[i], omega[i + 1]))
         within = (low <= omegas) & (omegas <= high)
         if high > low:
             share = (omegas[within] - omega[i]) / (omega[i + 1] - omega[i])
-            found[within] = np.fmax(found[within], size[i] + share * (size[i + 1] - size[i]))
-    return tuple(map(float, found))
+            amplitudes[within] = np.fmax(amplitudes[within], size[i] + share * (size[i + 1] - size[i]))
+    return tuple(map(float, amplitudes))

@@ -123,11 +123,10 @@ def search(
     of, omega = prepared.response, 2.0 * np.pi * at
     refuse_outside(prepared, at)
     curve = curve_through(of, level, omega, has_stability)
-    found = solutions_at(of, curve, omega, starts, seed, has_stability)
     solutions = []
-    for one in found:
-        through = continued(of, level, one, has_stability) if follow and one.source != ON_CURVE else None
-        solutions.append(_solution(one, through))
+    for solution in solutions_at(of, curve, omega, starts, seed, has_stability):
+        through = continued(of, level, solution, has_stability) if follow and solution.source != ON_CURVE else None
+        solutions.append(_solution(solution, through))
     scene, units = prepared.scene, units_of(prepared.scene)
     return Search(at, level, units.level, output_names(scene), units.outputs, tuple(solutions), _curve(curve), starts)
 
@@ -155,10 +154,12 @@ def refuse_outside(prepared: Prepared, at: float) -> None:
         raise CaseError(f"{prepared.scene.path}: search: {text}; choose one there, or widen [response] frequencies") from None
 
 
-def _solution(one: Solution, through: Branch | None) -> SolutionAt:
-    point, curve = one.point, None if through is None else _curve(through)
+def _solution(solution: Solution, through: Branch | None) -> SolutionAt:
+    point, curve = solution.point, None if through is None else _curve(through)
     slipping, is_open = (int(np.count_nonzero(point.state == kind)) for kind in (SLIP, OPEN))
-    return SolutionAt(point.response, one.residual, point.multipliers, slipping, is_open, one.source, curve, point.notes)
+    return SolutionAt(
+        point.response, solution.residual, point.multipliers, slipping, is_open, solution.source, curve, point.notes
+    )
 
 
 def _curve(branch: Branch) -> FollowedCurve:

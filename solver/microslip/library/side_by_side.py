@@ -123,7 +123,7 @@ def _divided(of_ranks: ResponseProblem, level: float, groups: Groups, on_point: 
 
     (curve,) = world.bcast(results_of(groups, [curve_of_level]))
     begun = world.bcast(results_of(groups, [partial(begin, i) for i in places(curve, PARTS * groups.n)]))
-    beginnings = [one for one in begun if one is not None]
+    beginnings = [each for each in begun if each is not None]
     parts = results_of(groups, [partial(part, k) for k in range(len(beginnings) + 1)], on_point)
     branch = joined(parts) if world.rank == 0 else None
     is_joined = world.bcast(branch is not None)

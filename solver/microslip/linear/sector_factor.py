@@ -455,8 +455,8 @@ class DiameterFactor:
             a, b = (rows % 2)[:, None], (columns % 2)[None, :]
             return np.where(a == b, real, np.where(a > b, imaginary, -imaginary))
 
-        found = on_root(self.of_sector.comm, entries, share=False)
-        return np.zeros((0, 0)) if found is None else found
+        G_boundary = on_root(self.of_sector.comm, entries, share=False)
+        return np.zeros((0, 0)) if G_boundary is None else G_boundary
 
     def count_below(self, sigma: float) -> int:
         """Return how many eigenvalues of the nodal diameter lie below ``sigma``.  Collective."""

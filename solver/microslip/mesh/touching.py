@@ -180,7 +180,7 @@ def with_touching_surfaces(mesh: Mesh, tables: StructureTables) -> Mesh:
         for tolerance in {surface.tolerance for surface in tables.surfaces if surface.through is None}
     }
     blocks, groups, notes = list(mesh.faces), dict(mesh.node_groups), list(mesh.notes)
-    planes = {one.name: plane_of(one) for one in tables.surfaces if one.through is not None}
+    planes = {surface.name: plane_of(surface) for surface in tables.surfaces if surface.through is not None}
     faults = Faults()
     for surface in tables.surfaces:
         with faults.collected():

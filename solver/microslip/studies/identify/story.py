@@ -37,11 +37,11 @@ def study(scene: Scene, comm: MPI.Comm, folder: Path, measured: str, fit: tuple[
     with RunLog(comm, str(folder / "identify.log"), facts=facts) as log:
         structure = build(scene, comm, log)
         with log.stage("least squares"):
-            found = identify(structure, rows, bounds)
-        log.note(on_root(comm, write_identified, found, scene, folder))
+            identified = identify(structure, rows, bounds)
+        log.note(on_root(comm, write_identified, identified, scene, folder))
         log.note(f"results in {folder}")
         structure.close()
-    if not found.is_converged:
+    if not identified.is_converged:
         raise ConvergenceError(f"identify: least squares has not converged; what was computed is in {folder}")
 
 

@@ -32,9 +32,14 @@ def write_search(result: Search, scene: Titled, folder: Path) -> str:
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(str(folder))
-    rows = [record(result, one) for one in result.solutions]
+    rows = [record(result, solution) for solution in result.solutions]
     write_csv(str(folder / "search.csv"), rows[0], rows)
-    followed = [row for i, one in enumerate(result.solutions, 1) if one.curve for row in curve_records(result, i, one.curve)]
+    followed = [
+        row
+        for i, solution in enumerate(result.solutions, 1)
+        if solution.curve
+        for row in curve_records(result, i, solution.curve)
+    ]
     if followed:
         write_csv(str(folder / "curves.csv"), followed[0], followed)
     with matplotlib.rc_context(RC):
@@ -42,19 +47,19 @@ def write_search(result: Search, scene: Titled, folder: Path) -> str:
     return "\n".join([on_screen(result), in_words(result), *noted(result), *returning(result), *ended(result)])
 
 
-def record(result: Search, one: SolutionAt) -> dict[str, Any]:
+def record(result: Search, solution: SolutionAt) -> dict[str, Any]:
     """Return a solution by the names of the columns of search.csv."""
     columns: dict[str, Any] = {}
-    for name, unit, size, phase in zip(result.outputs, result.units, one.amplitude, one.phase):
+    for name, unit, size, phase in zip(result.outputs, result.units, solution.amplitude, solution.phase):
         columns |= {f"{name}_{unit}": float(size), f"{name}_phase_rad": float(phase)}
-    stable = float("nan") if one.stable is None else int(one.stable)
+    stable = float("nan") if solution.stable is None else int(solution.stable)
     return columns | {
-        "slipping": one.slipping,
-        "open": one.open,
-        "residual": one.residual,
+        "slipping": solution.slipping,
+        "open": solution.open,
+        "residual": solution.residual,
         "stable": stable,
-        "largest_multiplier": one.largest_multiplier,
-        "found": one.source,
+        "largest_multiplier": solution.largest_multiplier,
+        "found": solution.source,
     }
 
 
@@ -87,16 +92,16 @@ def on_screen(result: Search) -> str:
     rows = [
         [
             str(i),
-            cell(float(one.amplitude[0]), 5),
-            cell(float(np.degrees(one.phase[0])), 4),
-            str(one.slipping),
-            str(one.open),
-            cell(one.residual, 2),
-            _STABLE[one.stable],
-            cell(one.largest_multiplier, 4),
-            _SOURCES[one.source],
+            cell(float(solution.amplitude[0]), 5),
+            cell(float(np.degrees(solution.phase[0])), 4),
+            str(solution.slipping),
+            str(solution.open),
+            cell(solution.residual, 2),
+            _STABLE[solution.stable],
+            cell(solution.largest_multiplier, 4),
+            _SOURCES[solution.source],
         ]
-        for i, one in enumerate(result.solutions, 1)
+        for i, solution in enumerate(result.solutions, 1)
     ]
     title = f"Solutions at {result.frequency:g} Hz, {result.level:g} {result.level_unit}"
     return screen_table(title, head, [(0, row) for row in rows], left=("found",))
@@ -112,16 +117,16 @@ def in_words(result: Search) -> str:
 
 def noted(result: Search) -> list[str]:
     """Return the notes of the solutions, each with their numbers."""
-    notes = dict.fromkeys(note for one in result.solutions for note in one.notes)
-    of = {note: [str(i) for i, one in enumerate(result.solutions, 1) if note in one.notes] for note in notes}
+    notes = dict.fromkeys(note for solution in result.solutions for note in solution.notes)
+    of = {note: [str(i) for i, solution in enumerate(result.solutions, 1) if note in solution.notes] for note in notes}
     return [f"solution{'s' * (len(numbers) > 1)} {', '.join(numbers)}: {note}" for note, numbers in of.items()]
 
 
 def returning(result: Search) -> list[str]:
     """Return for each followed curve that comes back to the frequency of the search, at which solutions it does."""
     lines, at = [], f"{result.frequency:g} Hz"
-    for i, one in enumerate(result.solutions, 1):
-        ends = returns(one.curve, result.frequency) if one.curve is not None else []
+    for i, solution in enumerate(result.solutions, 1):
+        ends = returns(solution.curve, result.frequency) if solution.curve is not None else []
         places = sorted({place(result, end) for end in ends})
         if len(ends) == 2 and len(places) == 1:
             lines.append(f"solution {i}: the curve through it is closed and passes {at} at {places[0]}, too")
@@ -132,8 +137,8 @@ def returning(result: Search) -> list[str]:
 
 def place(result: Search, response: np.ndarray) -> str:
     """Return the solution that a response at the frequency of the search is, in words."""
-    for k, one in enumerate(result.solutions, 1):
-        if np.linalg.norm(response - one.response) <= SAME * np.linalg.norm(response):
+    for k, solution in enumerate(result.solutions, 1):
+        if np.linalg.norm(response - solution.response) <= SAME * np.linalg.norm(response):
             return f"solution {k}"
     return f"a solution not in the table, of {np.hypot(*response[0, 1:3]):.4g} {result.units[0]}"
 
@@ -148,22 +153,22 @@ def returns(curve: FollowedCurve, frequency: float) -> list[np.ndarray]:
 def ended(result: Search) -> list[str]:
     """Return why followed curves end within the range."""
     return [
-        f"solution {i}: the curve through it ends within the range: {one.curve.failure}"
-        for i, one in enumerate(result.solutions, 1)
-        if one.curve is not None and one.curve.failure
+        f"solution {i}: the curve through it ends within the range: {solution.curve.failure}"
+        for i, solution in enumerate(result.solutions, 1)
+        if solution.curve is not None and solution.curve.failure
     ]
 
 
 def draw(result: Search, scene: Titled, path: str) -> None:
     """Draw the solutions beside the curve of the level and the curves through others.  Local."""
-    followed = [one.curve for one in result.solutions if one.curve is not None]
-    shown = np.concatenate([result.curve.amplitude[:, 0], [one.amplitude[0] for one in result.solutions]])
+    followed = [solution.curve for solution in result.solutions if solution.curve is not None]
+    shown = np.concatenate([result.curve.amplitude[:, 0], [solution.amplitude[0] for solution in result.solutions]])
     factor, unit = with_prefix(shown, result.units[0])
     handles = [Line2D([], [], color=_ACCENT, label="curve of the level")]
     if followed:
         handles.append(Line2D([], [], color=_SECOND, label="through other solutions"))
     for stable, label in ((True, "stable"), (False, "unstable"), (None, "stability not computed")):
-        if any(one.stable is stable for one in result.solutions):
+        if any(solution.stable is stable for solution in result.solutions):
             handles.append(Line2D([], [], color=INK, lw=0, marker="o", ms=4.5, mfc=_filled(stable), label=label))
     drawn = [result.curve, *followed]
     if any(curve.multipliers is not None and not all(map(is_stable, curve.multipliers)) for curve in drawn):
@@ -178,8 +183,10 @@ def draw(result: Search, scene: Titled, path: str) -> None:
         for segment in segments(curve.segment):
             for part, holds in runs(of_points, segment):
                 axes.plot(curve.frequency[part], curve.amplitude[part, 0] * factor, color=colour, ls="-" if holds else DASHES)
-    for one in result.solutions:
-        axes.plot(result.frequency, one.amplitude[0] * factor, "o", color=INK, ms=4.5, mfc=_filled(one.stable), zorder=4)
+    for solution in result.solutions:
+        axes.plot(
+            result.frequency, solution.amplitude[0] * factor, "o", color=INK, ms=4.5, mfc=_filled(solution.stable), zorder=4
+        )
     axes.set(xlabel="frequency [Hz]", ylabel=f"amplitude [{unit}]")
     if shown.min() > FAINTEST * shown.max():
         log_scale(axes, "y")

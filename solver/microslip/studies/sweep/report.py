@@ -121,8 +121,8 @@ def _on_screen(table: SweepTable) -> str:
         numbers = [cell(float(value), 5) for value in sample.values]
         if sample.status == DONE:
             bar = 100.0 * sample.error / sample.amplitude
-            found = (sample.amplitude, 5), (sample.frequency, 7), (sample.width, 4), (100.0 * sample.damping, 4)
-            numbers += [*(cell(value, digits) for value, digits in found), str(sample.slipping), str(sample.open), cell(bar, 2)]
+            cells = (sample.amplitude, 5), (sample.frequency, 7), (sample.width, 4), (100.0 * sample.damping, 4)
+            numbers += [*(cell(value, digits) for value, digits in cells), str(sample.slipping), str(sample.open), cell(bar, 2)]
         else:
             numbers += [sample.status, *[""] * 6]
         rows.append((0, [str(i), *numbers]))
@@ -134,8 +134,8 @@ def _percentiles_in_words(table: SweepTable) -> list[str]:
         return []
     lines = []
     for name in SMOOTH:
-        found = percentiles(table[name])
-        said = ", ".join(f"P{p} {value:.5g} ({low:.5g} to {high:.5g})" for p, value, low, high in found)
+        rows = percentiles(table[name])
+        said = ", ".join(f"P{p} {value:.5g} ({low:.5g} to {high:.5g})" for p, value, low, high in rows)
         lines.append(f"{name} [{table.unit_of(name)}]: {said}")
     return ["percentiles of the samples, and the ranges of 95 % of them by resampling:", *lines]
 

@@ -49,9 +49,9 @@ def design_of(scene: Scene, request: Request) -> Design:
     where = f"{scene.source}: sweep"
     ways = [bool(request.swept), bool(request.scatter), request.table is not None]
     if sum(ways) != 1:
-        found = listed([flag for flag, has in zip(("--set KEY=LIST", "--scatter", "--table"), ways) if has] or ["none"])
+        stated = listed([flag for flag, has in zip(("--set KEY=LIST", "--scatter", "--table"), ways) if has] or ["none"])
         raise CaseError(
-            f"{where}: exactly one of --set {_LISTS}, --scatter KEY=PERCENT or --table FILE.csv varies numbers, found {found}"
+            f"{where}: exactly one of --set {_LISTS}, --scatter KEY=PERCENT or --table FILE.csv varies numbers, found {stated}"
         )
     if not request.scatter and (request.samples or request.design):
         raise CaseError(f"{where}: --samples and --design belong to --scatter KEY=PERCENT")
@@ -70,12 +70,12 @@ def design_of(scene: Scene, request: Request) -> Design:
 
 def _by_key(entries, where: str) -> dict:
     """Return entries by their keys; CaseError if a key comes twice."""
-    found: dict = {}
+    by_key: dict = {}
     for key, value in entries:
-        if key in found:
+        if key in by_key:
             raise CaseError(f"{where}: {key} is stated twice; each number has one list, range or scatter")
-        found[key] = value
-    return found
+        by_key[key] = value
+    return by_key
 
 
 def _listed(text: str) -> tuple[str, np.ndarray]:
@@ -105,9 +105,9 @@ def _scattered(scene: Scene, request: Request) -> Design:
     scatter = {}
     for (key, (percent, distribution)), mean in zip(stated.items(), varied.nominal):
         if not np.isfinite(mean) or mean == 0.0:
-            found = "is 0" if mean == 0.0 else "is not stated"
+            fault = "is 0" if mean == 0.0 else "is not stated"
             raise CaseError(
-                f"{where}: --scatter {key}: the number {found} in the scene, and a scatter in percent needs one; state it"
+                f"{where}: --scatter {key}: the number {fault} in the scene, and a scatter in percent needs one; state it"
             )
         scatter[key] = Scatter(float(mean), percent, distribution)
     return scattered(scatter, request.samples or SAMPLES, kind, request.seed)

@@ -34,8 +34,8 @@ def percentiles(values: np.ndarray) -> list[tuple[int, float, float, float]]:
     rng = np.random.default_rng(0)
     resampled = np.percentile(rng.choice(values, (RESAMPLED, len(values))), PERCENTILES, axis=1)
     ranges = np.percentile(resampled, [2.5, 97.5], axis=1).T
-    found = np.percentile(values, PERCENTILES)
-    return [(p, float(value), float(low), float(high)) for p, value, (low, high) in zip(PERCENTILES, found, ranges)]
+    values_at = np.percentile(values, PERCENTILES)
+    return [(p, float(value), float(low), float(high)) for p, value, (low, high) in zip(PERCENTILES, values_at, ranges)]
 
 
 def effects_of(table: SweepTable) -> list[Effect]:

@@ -25,16 +25,16 @@ def keys_of(design: Design, identity: str, output: str | None, *options: bool) -
 
 def read_samples(folder: Path) -> dict[str, Sample]:
     """Return the stored samples by their keys.  Local."""
-    found = {}
+    samples = {}
     for path in sorted((folder / FOLDER).glob("*.jsonl")):
         for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
             try:
                 texts = json.loads(line)
                 key = texts.pop("key")
-                found[key] = Sample.from_texts(texts)
+                samples[key] = Sample.from_texts(texts)
             except (ValueError, TypeError, KeyError, AttributeError):
                 continue
-    return found
+    return samples
 
 
 def remove_samples(folder: Path, part: str) -> None:

@@ -23,7 +23,7 @@ class Record:
     level: str
     curves: Sequence[Curve]
     score: Score
-    own: float = np.nan
+    parameter_error: float = np.nan
     is_best: bool = False
     corrected: float = np.nan  # error of the corrected amplitude
 
@@ -51,7 +51,7 @@ COLUMNS: dict[str, tuple[str, Callable[[Record], Any]]] = {  # heading, and the 
     "cpu_with_bars_s": ("+ bars s", lambda of: of.run.cpu_with_bars),
     "error_percent": ("error %", lambda of: 100 * of.score.error),
     "rms_percent": ("rms %", lambda of: 100 * of.score.rms),
-    "own_percent": ("own %", lambda of: 100 * of.own),
+    "own_percent": ("own %", lambda of: 100 * of.parameter_error),
     "peak_percent": ("peak %", lambda of: 100 * of.score.peak),
     "frequency_percent": ("frequency %", lambda of: 100 * of.score.frequency),
     "bar_percent": ("bar %", lambda of: 100 * of.score.bar),
@@ -109,7 +109,7 @@ def records(study: Study) -> list[dict]:
     """Return one record per run over all levels, by the names of ``COLUMNS``; for several levels also one per level."""
     front, table_rows, exact = {id(run) for run in study.front()}, list[Record](), study.reference.curves
     for run in study.ordered():
-        parameter_error, is_best = study.own(run, run.parameter) if run.failure is None else np.nan, id(run) in front
+        parameter_error, is_best = study.parameter_error(run, run.parameter) if run.failure is None else np.nan, id(run) in front
         table_rows.append(
             Record(run, "all", run.curves, study.score(run), parameter_error, is_best, study.error_of_corrected(run.corrected))
         )
@@ -290,7 +290,7 @@ def step_sentence(study: Study, parameter: str, before: Run, after: Run) -> str:
     first, second = (_value(parameter, run) for run in (before, after))
     text = f"{parameter} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
     text += _more_setup(before, after) if parameter == "modes" else ""
-    parameter_errors = study.own(before, parameter), study.own(after, parameter)
+    parameter_errors = study.parameter_error(before, parameter), study.parameter_error(after, parameter)
     if parameter == "harmonics":
         return f"{text}, error {_known(parameter_errors[0], study)} -> {_known(parameter_errors[1], study)}"
     last = parameter_errors[1] == 0.0 and parameter != "eps"

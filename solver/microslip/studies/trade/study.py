@@ -237,7 +237,7 @@ class Study:
             return [by_value[value] for value in sorted(by_value, reverse=parameter == "tolerance")]
         return sorted(runs, key=lambda run: -(run.setting.energy_tolerance or 0.0)) if parameter == "eps" else runs
 
-    def own(self, run: Run, parameter: str) -> float:
+    def parameter_error(self, run: Run, parameter: str) -> float:
         """Return the error of a single parameter: relative to its finest value, for harmonics relative to the reference."""
         if parameter not in PARAMETERS:
             return np.nan
@@ -278,7 +278,7 @@ class Study:
 
     def sure_error(self, run: Run) -> float:
         """Return the larger of the error of a run and the error of its parameter, because errors may cancel at single points."""
-        return max(self.score(run).error, float(np.nan_to_num(self.own(run, run.parameter))))
+        return max(self.score(run).error, float(np.nan_to_num(self.parameter_error(run, run.parameter))))
 
     def validation(self) -> Score:
         """Return coverage and ratio over the points of all runs."""
@@ -359,7 +359,9 @@ def predicted(study: Study, parameters: Sequence[str]) -> list[tuple[Setting, fl
         sweep = study.sweep(parameter)
         if not sweep:
             continue
-        options = [(getattr(run.setting, KEYS[parameter]), run.cost / base.cost, study.own(run, parameter)) for run in sweep]
+        options = [
+            (getattr(run.setting, KEYS[parameter]), run.cost / base.cost, study.parameter_error(run, parameter)) for run in sweep
+        ]
         combinations = [
             (setting.varied(parameter, value), seconds * factor, error + added)
             for setting, seconds, error in combinations
