@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..error_estimate.estimate import output_amplitude
 from ..points.bifurcation import BRANCHING, FOLD, NEIMARK_SACKER, PERIOD_DOUBLING, Bifurcation
 from ..points.branch import Branch
 from ..points.multipliers import BEYOND, n_unstable
@@ -20,6 +19,7 @@ from ..stability.multipliers import N_STEPS, multipliers_at
 from .constraint_rows import Plane, Scaling
 from .corrector import BorderedSystem
 from .iterate import Iterate
+from .outputs import outputs_at
 from .peaks import equation_at, harmonics_of, iterate_of
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse
@@ -92,10 +92,8 @@ def _record(solver: PointSolver, there: Iterate, k: int) -> Bifurcation:
     values = multipliers_at(equation, at, there.U, N_STEPS if k else N_STEPS_AT_FOLDS).values
     multiplier = complex(values[k - 1] if k else values[np.argmin(np.abs(values - 1.0))])
     forces = equation.contact_forces(there.U, equation.every_pair, tangents=False)
-    amplitudes = output_amplitude(equation.model_at(at), at, equation.full_force(forces))
-    n = equation.model.n_outputs
     kind = FOLD if k == 0 else kind_of(multiplier)
-    return Bifurcation(kind, at.omega, np.hypot(amplitudes[:n], amplitudes[n : 2 * n]), multiplier, 0.0, 0)
+    return Bifurcation(kind, at.omega, np.abs(outputs_at(equation, at, forces)), multiplier, 0.0, 0)
 
 
 def kind_of(multiplier: complex) -> str:

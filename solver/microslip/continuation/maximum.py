@@ -19,6 +19,7 @@ from ..harmonic.linearisation import Linearisation
 from .constraint_rows import Plane
 from .corrector import BorderedSystem, Correction, Corrector
 from .iterate import Iterate
+from .outputs import output_at
 
 EXACT = 1e-8  # relative tolerance of the linear solves for rates
 DIFFERENCE = 1e-3  # of the unit of a parameter, over which rates at fixed forces are differences of the fourth order
@@ -200,10 +201,7 @@ class _Search:
     def size(self, there: Iterate) -> float:
         """Return the amplitude of the output at a solution, the same on all ranks."""
         at = self.system.problem.at(there.parameters)
-        equation = self.system.equation.under(at)
-        p = equation.full_force(equation.contact_forces(there.U, self.system.selected, tangents=False))
-        cos_sin = output_amplitude(equation.model_at(at), at, p)[self.row.output :: equation.model.n_outputs]
-        return self.corrector.comm.bcast(float(np.hypot(*cos_sin)))
+        return abs(output_at(self.system.equation, at, there.U, self.system.selected, self.row.output))
 
     # -- solutions on the curve ------------------------------------------------------------------------------------
 

@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..error_estimate.estimate import output_amplitude
 from .beside import Beside
 from .constraint_rows import Constraint, Plane
 from .corrector import BorderedSystem, Correction, Corrector
 from .iterate import Iterate
 from .output_rows import PhaseRow
+from .outputs import output_at
 
 DISTANCE = 0.04  # rad between the solutions, at least
 SAMPLES = 2.0  # and at least as many samples of the contact law: maxima of the sampled curve lie about one sample from each other
@@ -259,11 +259,8 @@ class _Search:
 
     def output(self, there: Iterate) -> complex:
         """Return the output [m] at a solution, the same on all ranks."""
-        problem, at = self.system.problem, self.system.problem.at(there.parameters)
-        equation = problem.equation.under(at)
-        p = equation.full_force(equation.contact_forces(there.U, self.system.selected, tangents=False))
-        cos, sin = output_amplitude(equation.model_at(at), at, p)[self.row.output :: equation.model.n_outputs]
-        return self.corrector.comm.bcast(complex(cos, -sin))
+        problem = self.system.problem
+        return output_at(problem.equation, problem.at(there.parameters), there.U, self.system.selected, self.row.output)
 
     def counted(self, solution: Correction, failure: str | None = None) -> Correction:
         """Return a solution as the outcome of all solves."""

@@ -29,6 +29,7 @@ from .follow import advance
 from .iterate import Iterate, interpolate
 from .maximum_by_phase import DISTANCE, rotated
 from .output_rows import AmplitudeRow
+from .outputs import output_at
 from .point_record import point_record
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, Problem
@@ -206,10 +207,7 @@ class _Search:
 
     def amplitude(self, there: Iterate) -> float:
         """Return |a| of harmonic 1 of the output, the same on all ranks."""
-        at, equation = self.problem.at(there.parameters), self.equation
-        p = equation.full_force(equation.contact_forces(there.U, self.every, tangents=False))
-        cos_sin = output_amplitude(equation.model_at(at), at, p)[self.output :: equation.model.n_outputs]
-        return equation.comm.bcast(float(np.hypot(*cos_sin)))
+        return abs(output_at(self.equation, self.problem.at(there.parameters), there.U, self.every, self.output))
 
     # -- the peak ----------------------------------------------------------------------------------------------------
 

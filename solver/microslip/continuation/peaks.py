@@ -28,6 +28,7 @@ from .follow import Emit, follow_branch
 from .iterate import Iterate, interpolate
 from .maximum import EXACT, Maximum
 from .maximum_by_phase import MaximumByPhase
+from .outputs import outputs_at
 from .point_record import HELD
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, KnownCurve, LinearResponse, ProblemBase
@@ -234,11 +235,10 @@ def peak_about(
     finally:
         workspace.destroy()
     forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
-    amplitudes = output_amplitude(equation.model_at(at), at, equation.full_force(forces))
-    cos, sin = amplitudes[[output, equation.model.n_outputs + output]]
+    amplitude = complex(outputs_at(equation, at, forces)[output])
     slipping = int(np.count_nonzero(equation.gather(forces.state) != STICK))
-    half_power = half_power_width(branch, output, i, at.omega, float(np.hypot(cos, sin)))
-    return Peak(output, at.omega, complex(cos, -sin), half_power, within, slipping, newton, point.segment, *derivatives)
+    half_power = half_power_width(branch, output, i, at.omega, abs(amplitude))
+    return Peak(output, at.omega, amplitude, half_power, within, slipping, newton, point.segment, *derivatives)
 
 
 def about_a_peak(
