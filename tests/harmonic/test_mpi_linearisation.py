@@ -151,6 +151,26 @@ def test_a_step_solves_the_whole_bordered_system(name, share, option, tolerance)
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
+def test_a_solver_solves_the_system_of_one_place_after_that_of_another(name):
+    """The same pairs are active; with a parameter of their stiffness the structure is another one."""
+    problem, parameters = PROBLEMS[name]
+    options, solver, equation = PETSc.Options(), NewtonSolver(COMM), chain()
+    options["hb_ksp_rtol"] = "1e-10"
+    try:
+        for factor in (1.0, 1.2, 0.9):
+            there = Place(problem(equation), (*parameters[:-1], factor * parameters[-1]), 1.3)
+            assert there.n_active == 2
+            linear, border = there.linearise()
+            b_U, b_nu = there.rng.standard_normal(there.U.shape), np.arange(1.0, 1.0 + len(parameters))
+            step = linear.solve(b_U, there.owned(b_nu), border, solver)
+            rows, of_constraints = linear.product(step.d_xi, step.d_nu_owned, border)
+            assert there.size(rows - b_U, of_constraints - b_nu) < 1e-8 * there.size(b_U, b_nu)
+    finally:
+        options.delValue("hb_ksp_rtol")
+        solver.destroy()
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
 def test_a_step_is_found_where_gmres_fails(name):
     """GMRES is stopped after the few iterations that borders take with an exact preconditioner."""
     problem, parameters = PROBLEMS[name]

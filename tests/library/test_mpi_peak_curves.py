@@ -69,6 +69,14 @@ def test_a_peak_over_friction_goes_down_to_small_values(structure):
     )
 
 
+def test_the_peak_over_contact_stiffness_is_the_closed_form(structure):
+    """The structure changes from one Newton iteration to the next."""
+    (curve,) = microslip.peaks(structure, {"joints.joint.tangential_stiffness": (0.5, 3.0)}, level=0.8)
+    assert not curve.points.failure and curve.value[-1] == 3.0
+    of_values = [exact.jenkins_peak(0.8, 1.0, C, k_t) for k_t in curve.value]
+    np.testing.assert_allclose(curve.amplitude, of_values, rtol=30.0 / 128**2)
+
+
 def test_the_peak_over_the_level_is_the_closed_form(structure):
     (curve,) = microslip.peaks(structure, {"level": LEVELS}, values=(0.4, 0.8))
     assert not curve.points.failure and curve.value[-1] == LEVELS[1] and len(curve.value) < 100

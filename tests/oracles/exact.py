@@ -26,18 +26,20 @@ def jenkins_harmonic(X, k_t, muN):
     return (k_t * X / np.pi * (th - 0.5 * np.sin(2.0 * th)), 4.0 * muN / np.pi * (1.0 - d / X), 4.0 * muN * (X - d))
 
 
-def jenkins_peak(level, muN, c):
-    """Return the peak amplitude of m = k = k_t = 1 at a level, one harmonic, from the first slip on."""
+def jenkins_peak(level, muN, c, k_t=1.0):
+    """Return the peak amplitude of m = k = 1 at a level, one harmonic, from the first slip on."""
 
     def level_of(X):
-        a1, b1, _ = jenkins_harmonic(X, 1.0, muN)
+        a1, b1, _ = jenkins_harmonic(X, k_t, muN)
 
         def squared(w):
             return (1.0 + a1 / X - w * w) ** 2 * X * X + (c * w * X + b1) ** 2
 
-        return np.sqrt(minimize_scalar(squared, bounds=(0.9, 1.5), method="bounded", options={"xatol": 1e-12}).fun)
+        return np.sqrt(
+            minimize_scalar(squared, bounds=(0.9, 1.1 * np.sqrt(1.0 + k_t)), method="bounded", options={"xatol": 1e-12}).fun
+        )
 
-    return brentq(lambda X: level_of(X) - level, muN * (1.0 + 1e-9), 1e4, xtol=1e-12)
+    return brentq(lambda X: level_of(X) - level, muN / k_t * (1.0 + 1e-9), 1e4, xtol=1e-12)
 
 
 def circle_path(X, k_t, muN):

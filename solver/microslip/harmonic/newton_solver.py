@@ -47,6 +47,7 @@ class NewtonSolver:
         self.wants_preconditioner = False
         self._active: np.ndarray | None = None
         self._columns: ActiveColumns | None = None
+        self._springs: object = None  # updates to another contact stiffness that the columns have
         self._gmres: Gmres | None = None
 
     def destroy(self) -> None:
@@ -128,9 +129,9 @@ class NewtonSolver:
             self._rtol, self._columns = self._gmres.rtol, None
         rtol = max(self._rtol / exactness.weight, min(self._rtol, FINEST))
         is_single = at.n_rows > SMALL and rtol >= SINGLE and not exactness.in_double
-        precision = np.float32 if is_single else np.float64
-        if self._columns is None or self._columns.precision is not precision:
-            self._columns = ActiveColumns(at.G, precision)
+        precision, springs = np.float32 if is_single else np.float64, at.G.model.spring_updates
+        if self._columns is None or self._columns.precision is not precision or self._springs is not springs:
+            self._columns, self._springs = ActiveColumns(at.G, precision), springs
         self._columns.move_to(at.G)  # update of all frequency-dependent data
         self._P: np.ndarray = self._columns.in_units(at.P)
         return self._gmres, rtol
