@@ -14,6 +14,7 @@ from scipy.optimize import root
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
+from microslip.continuation.levels import linear_curve
 from microslip.continuation.maximum import EXACT, Maximum, Sample, _Search
 from microslip.continuation.peaks import PeakOver, follow_peak, peaks_of
 from microslip.fourier.harmonics import Harmonics
@@ -112,6 +113,20 @@ def test_a_linear_peak_and_its_width_are_those_of_the_oscillator(points, error):
     assert peak.omega == pytest.approx(np.sqrt(omega_0**2 - c**2 / 2.0), rel=1e-9)
     assert peak.damping == pytest.approx(c / (2.0 * omega_0), rel=error)
     assert peak.slipping == 0
+
+
+def test_a_maximum_between_two_points_is_that_of_the_linear_response():
+    """The last point of a curve lies beyond the peak, that before far below it: no point is a maximum."""
+    found, (peak,) = peaks(damper(), 1.0, 1, 128)
+    beyond = next(point for point in found.points if point.omega > 1.002 * peak.omega)
+    found.points = [*(point for point in found.points if point.omega < 0.95 * peak.omega), beyond]
+    model, law = reduced(damper(), COMM, 1)
+    problem = forced(model, law, 128, 1.0)
+    assert peaks_of(problem, found, 1e-9) == []
+    (between,) = peaks_of(problem, found, 1e-9, curve=linear_curve(model, Sweep(*damper()["omega"])))
+    assert between.omega == pytest.approx(peak.omega, rel=1e-9)
+    assert between.amplitude == pytest.approx(peak.amplitude, rel=1e-7)
+    assert between.within == 0.0 and between.slipping == 0
 
 
 @pytest.fixture

@@ -262,7 +262,7 @@ def with_peaks(of: ResponseProblem, branch: Branch) -> Branch:
     """Return the branch of a level with its peaks and bifurcations, if requested.  Collective."""
     level = branch.level
     if of.settings.peaks and not of.model.harmonics.is_constant:
-        branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance, of.settings.sensitivities)
+        branch.peaks = peaks_of(of.at_level(level), branch, of.settings.tolerance, of.settings.sensitivities, of.curve)
     if of.settings.stability:
         branch.bifurcations = bifurcations_of(of.at_level(level), branch, of.settings.tolerance)
     return branch

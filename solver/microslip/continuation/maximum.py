@@ -28,8 +28,13 @@ CLOSE = 1e-3  # share of the first interval within which a corner is enclosed
 CLOSEST = 1e-12  # share of it that is divided no further
 REACH = 0.3  # most of a first step towards the maximum, in the scaled norm, where no neighbour on the curve is known
 DIVISIONS = 4  # of the parts of the curve beside the highest solution, between the neighbours of a maximum where pairs slip
+FURTHER = 12  # more of them, where a search from the highest solution does not end as high
+WIDE = 0.99  # of a maximum: where the solution that it was first known by is lower, others beside it may be higher
 SHARES = 0.5, 0.2, 0.08, 0.03  # of such a part from its higher end, where it is divided: the next where Newton's method fails
 OVERSHOOT = 1.5  # times the way to the maximum of a resonance, for the first step to lie beyond it
+
+
+Row = list[tuple[Iterate, float]]  # a solution between two that are lower, along the curve, with their amplitudes
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +118,30 @@ class _Search:
         fixed = np.zeros(len(guess.parameters))
         fixed[self.row.omega] = 1.0
         at_frequency = Plane(guess, np.zeros_like(guess.U), tuple(fixed))
-        slips = any(map(self.slips, (guess, *self.neighbours)))
-        if not slips:
+        if len(self.row.neighbours) != 2:
+            return self.from_guess(guess, at_frequency)
+        before, after = ((there, self.size(there)) for there in self.row.neighbours)
+        if not any(map(self.slips, (guess, *self.row.neighbours))):
             maximum = self.from_guess(guess, at_frequency)
-            if len(self.neighbours) != 2 or (maximum.failure is None and not self.slips(maximum.iterate)):
+            is_higher = self.is_as_high(maximum, self.size(guess))
+            if is_higher and not self.slips(maximum.iterate):
                 return maximum
-            self.normal, guess = None, maximum.iterate if maximum.failure is None else guess
-        return self.from_guess(*(self.narrowed(guess) or (guess, at_frequency)))
+            self.normal, guess = None, maximum.iterate if is_higher else guess
+        size = self.size(guess)
+        row = self.narrowed([before, (guess, size), after], DIVISIONS)
+        if row is None:
+            return self.from_guess(guess, at_frequency)
+        maximum = self.within(row)
+        highest = self.size(maximum.iterate)
+        if size < WIDE * highest:
+            row = self.narrowed([before, (maximum.iterate, highest), after], DIVISIONS)
+            if row is not None and row[1][1] > highest:
+                maximum = self.within(row)
+        return maximum
+
+    def is_as_high(self, maximum: Correction, size: float) -> bool:
+        """Return whether a search ended at a solution that is not lower than one that it began near.  Collective."""
+        return maximum.failure is None and self.size(maximum.iterate) >= (1.0 - self.corrector.tolerance) * size
 
     def from_guess(self, guess: Iterate, plane: Plane) -> Correction:
         """Return the maximum near a guess, whose plane leads to a first solution."""
@@ -139,28 +161,37 @@ class _Search:
 
     # -- the highest of some solutions on the curve ----------------------------------------------------------------
 
-    def narrowed(self, guess: Iterate) -> tuple[Iterate, Plane] | None:
-        """Return the highest of solutions between the neighbours of a guess, which become those of it, and a plane through it.
+    def narrowed(self, row: Row, divisions: int) -> Row | None:
+        """Return the highest of solutions between a solution and its neighbours, and those beside it.
 
         The curve of a sampled law has small maxima beside the highest one, at corners; and it may turn back at its top, where no
         coordinate that is fixed at one solution leads on.  Amplitudes of solutions between others are subject to
         neither.  None without two neighbours that are lower.
         """
-        if len(self.neighbours) != 2:
-            return None
-        before, after = self.neighbours
-        row = [(there, self.size(there)) for there in (before, guess, after)]
-        for _ in range(DIVISIONS):
+        for _ in range(divisions):
             below, above = (self.between_two(row[1][0], end) for end, _ in (row[0], row[2]))
             row = [each for each in (row[0], below, row[1], above, row[2]) if each is not None]
             k = int(np.argmax([size for _, size in row]))
             if not 0 < k < len(row) - 1:
                 return None
             row = row[k - 1 : k + 2]
-        (before, _), (here, _), (after, _) = row
-        self.neighbours = before, after
+        return row
+
+    def within(self, row: Row) -> Correction:
+        """Return the maximum between two solutions near the one between them.
+
+        Where a search from that one does not end as high, the highest solution after further divisions.
+        """
+        (before, _), (here, size), (after, _) = row
+        self.neighbours, self.normal = (before, after), None
         chord = self.chord(before, after)
-        return None if chord is None else (here, replace(chord, about=here))
+        assert chord is not None, "the neighbours are lower than the solution between them"
+        maximum = self.from_guess(here, replace(chord, about=here))
+        if self.is_as_high(maximum, size):
+            return maximum
+        (before, _), (here, _), (after, _) = self.narrowed(row, FURTHER) or row
+        ends = [there.parameters[self.row.omega] for there in (before, here, after)]
+        return replace(maximum, iterate=here, failure=None, within=max(ends) - min(ends))
 
     def between_two(self, here: Iterate, end: Iterate) -> tuple[Iterate, float] | None:
         """Return a solution between two on a plane across the chord, with its amplitude; None where none is found."""

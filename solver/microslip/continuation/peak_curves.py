@@ -23,7 +23,7 @@ from .checkpointer import NO_CHECKPOINTS, Checkpointer, finished_or
 from .follow import follow_branch
 from .iterate import Iterate
 from .levels import ResponseProblem, linear_curve, most_points
-from .peaks import follow_peak, harmonics_of, iterate_of, maxima, nobody
+from .peaks import follow_peak, harmonics_of, iterate_of, maxima, nobody, with_value
 from .problems import ForcedResponse
 from .resonances import FAINT_PEAK
 
@@ -46,11 +46,7 @@ class PeakRequest:
     @property
     def begin(self) -> OperatingPoint:
         """The operating point at the begin of the range, but for its frequency."""
-        if isinstance(self.varies, LawParameter):
-            return OperatingPoint(0.0, self.level, law=((self.varies, self.range[0]),))
-        if self.varies == "damping":
-            return OperatingPoint(0.0, self.level, damping=self.range[0])
-        return OperatingPoint(0.0, self.range[0])
+        return with_value(self.varies, self.range[0], OperatingPoint(0.0, self.level))
 
 
 @dataclass(frozen=True, eq=False)

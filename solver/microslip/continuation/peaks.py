@@ -32,7 +32,7 @@ from .outputs import outputs_at
 from .point_record import HELD
 from .point_solver import PointSolver, Workspace
 from .problems import ForcedResponse, KnownCurve, LinearResponse, ProblemBase
-from .steps import ArcLength
+from .steps import ArcLength, LinearCurve
 from .task import BranchTask
 
 STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  # each point takes 10 to 20 iterations
@@ -89,10 +89,7 @@ class PeakOver(ProblemBase):
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         """Return the operating point for the value that varies and the frequency [rad/s].  Local."""
         value, omega = parameters
-        at = OperatingPoint(omega, self.level, damping=self.damping)
-        if isinstance(self.varies, LawParameter):
-            return replace(at, law=((self.varies, value),))
-        return replace(at, level=value) if self.varies == "level" else replace(at, damping=value)
+        return with_value(self.varies, value, OperatingPoint(omega, self.level, damping=self.damping))
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rates, ...]:
         """Return the rates of the operating point with the value that varies and the frequency.  Local."""
@@ -125,15 +122,33 @@ class FromSolution(LinearResponse):
         return self.solution.on(self.problem.equation.harmonics)
 
 
-def peaks_of(problem: ForcedResponse, branch: Branch, tolerance: float, sensitivities: bool = False) -> list[Peak]:
+@dataclass(frozen=True)
+class Top:
+    """A place of a branch where an output is higher than at two points about it: a third point, or the linear response."""
+
+    output: int
+    between: tuple[int, int]  # numbers of the two points
+    point: int  # between them, or one of them
+    omega: float | None = None  # rad/s, of the linear response; None: that point
+
+
+def peaks_of(
+    problem: ForcedResponse, branch: Branch, tolerance: float, sensitivities: bool = False, curve: LinearCurve | None = None
+) -> list[Peak]:
     """Return every maximum of every output on a branch, to the solver's tolerance, by output and place.  Collective.
 
-    A maximum lies between neighbours that are lower; one at the end of the range is none.  With ``sensitivities`` they have the
-    derivatives of amplitude, phase and frequency.
+    A maximum lies between neighbours that are lower; one at the end of the range is none.  With the linear ``curve``, those that
+    it has between two points at which all pairs stick are among them.  With ``sensitivities`` they have the derivatives of
+    amplitude, phase and frequency.
     """
+    tops = [Top(output, (i - 1, i + 1), i) for output, i in maxima(branch)]
+    if curve is not None:
+        comm = problem.equation.comm
+        tops += comm.bcast(between_points(branch, curve) if comm.rank == 0 else [])
+        tops.sort(key=lambda top: (top.output, top.between))
     forward = AdjointSolver(problem.equation.comm, EXACT, np.float64)
     try:
-        return [peak_about(problem, branch, output, i, tolerance, forward, sensitivities) for output, i in maxima(branch)]
+        return [peak_about(problem, branch, top, tolerance, forward, sensitivities) for top in tops]
     finally:
         forward.destroy()
 
@@ -175,19 +190,27 @@ def follow_peak(
     -------
     branch : ``parameters`` of a point are the number and the frequency [rad/s]; why it ends early is in ``failure``
     """
-    row = MaximumByPhase(stuck.output, not turns(equation, stuck, damping))
+    begin = with_value(varies, sweep.start, OperatingPoint(0.0, level, damping=damping))
+    row = MaximumByPhase(stuck.output, not turns(equation, stuck, begin))
     problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, row, begins, damping)
     task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance, estimator, accuracy)
     return follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until)
 
 
-def turns(equation: HarmonicBalance, stuck: Peak, damping: float) -> bool:
+def with_value(varies: str | LawParameter, value: float, at: OperatingPoint) -> OperatingPoint:
+    """Return an operating point with a value of what varies: "level", "damping" or a parameter of the contact law."""
+    if isinstance(varies, LawParameter):
+        return replace(at, law=((varies, value),))
+    return replace(at, level=value) if varies == "level" else replace(at, damping=value)
+
+
+def turns(equation: HarmonicBalance, stuck: Peak, begin: OperatingPoint) -> bool:
     """Tell whether the linear motion of the pairs turns along a peak, as that of one mode does by a quarter of a cycle.
 
-    Collective.
+    Collective.  ``begin`` is the operating point, but for frequency and level.
     """
-    columns = equation.harmonics.columns(1)
-    at = [OperatingPoint(stuck.omega + half, 1.0, damping=damping) for half in (-0.5 * stuck.width, 0.5 * stuck.width)]
+    equation, columns = equation.under(begin), equation.harmonics.columns(1)
+    at = [replace(begin, omega=stuck.omega + half, level=1.0) for half in (-0.5 * stuck.width, 0.5 * stuck.width)]
     below, above = (to_complex(equation.linear_motion(point).reshape(-1, equation.model.N_H)[:, columns]) for point in at)
     return abs(np.angle(equation.comm.allreduce(complex(np.vdot(above, below))))) > TURNED
 
@@ -204,22 +227,41 @@ def maxima(branch: Branch) -> Iterator[tuple[int, int]]:
         yield int(output), int(i) + 1
 
 
-def peak_about(
-    problem: ForcedResponse,
-    branch: Branch,
-    output: int,
-    i: int,
-    tolerance: float,
-    forward: AdjointSolver,
-    sensitivities: bool = False,
-) -> Peak:
-    """Return the maximum of an output about the ``i``-th point of a branch; that point where none is reached.  Collective.
+def between_points(branch: Branch, curve: LinearCurve) -> list[Top]:
+    """Return the maxima of the linear response between consecutive points at which all pairs stick, none of them a maximum.
 
-    With the harmonics and samples of that point, and its mean slip held if it is there.
+    Local, on rank 0.
     """
-    point, harmonics = branch.points[i], harmonics_of(branch, branch.points[i], problem.equation.harmonics)
+    tops, points, known = [], branch.points, set(maxima(branch))
+    stuck = [
+        i for i in range(len(points) - 1) if all(p.segment == points[i].segment and not p.state.any() for p in points[i : i + 2])
+    ]
+    sizes = branch.level * np.hypot(curve.response[..., 1], curve.response[..., 2])  # (n, n_outputs)
+    inner = sizes[1:-1]
+    for k, output in np.argwhere((inner > sizes[:-2]) & (inner >= sizes[2:])):
+        omega, size = float(curve.omega[k + 1]), inner[k, output]
+        for i in stuck:
+            ends = points[i : i + 2]
+            is_between = min(end.omega for end in ends) < omega < max(end.omega for end in ends)
+            is_higher = all(np.hypot(*end.response[output, 1:3]) < size for end in ends)
+            if is_between and is_higher and not known & {(output, i), (output, i + 1)}:
+                tops.append(Top(int(output), (i, i + 1), i, omega))
+    return tops
+
+
+def peak_about(
+    problem: ForcedResponse, branch: Branch, top: Top, tolerance: float, forward: AdjointSolver, sensitivities: bool = False
+) -> Peak:
+    """Return the maximum of an output about a top of a branch; that point where none is reached.  Collective.
+
+    With the harmonics and samples of the point, and its mean slip held if it is there.
+    """
+    output, point = top.output, branch.points[top.point]
+    harmonics = harmonics_of(branch, point, problem.equation.harmonics)
     equation = equation_at(point, problem.equation, harmonics)
-    before, start, after = (iterate_of(branch.points[k], problem, harmonics) for k in (i - 1, i, i + 1))
+    before, start, after = (iterate_of(branch.points[k], problem, harmonics) for k in (top.between[0], top.point, top.between[1]))
+    if top.omega is not None:
+        start = replace(start, U=equation.linear_motion(problem.at((top.omega,))), parameters=(top.omega,))
     around = [there.parameter for there in (before, start, after)]
     within, workspace, every = max(around) - min(around), Workspace(equation), equation.every_pair
     try:
@@ -230,15 +272,14 @@ def peak_about(
         corrector = workspace.corrector(equation, solver.resolution)
         solution = Maximum(output, 0, forward, (before, after)).correct(corrector, system, start)
         there, newton, within = (start, 0, within) if solution.failure else (solution.iterate, solution.newton, solution.within)
-        width = half_power_width(branch, output, i, there.parameter, float(np.hypot(*point.response[output, 1:3])))
+        forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
+        amplitude = complex(outputs_at(equation, at, forces)[output])
+        width = half_power_width(branch, output, top.between, at.omega, abs(amplitude))
         derivatives = about_a_peak(solver, there, output, width, within) if sensitivities else (None, None)
     finally:
         workspace.destroy()
-    forces, at = equation.contact_forces(there.U, every, tangents=False), problem.at(there.parameters)
-    amplitude = complex(outputs_at(equation, at, forces)[output])
     slipping = int(np.count_nonzero(equation.gather(forces.state) != STICK))
-    half_power = half_power_width(branch, output, i, at.omega, abs(amplitude))
-    return Peak(output, at.omega, amplitude, half_power, within, slipping, newton, point.segment, *derivatives)
+    return Peak(output, at.omega, amplitude, width, within, slipping, newton, point.segment, *derivatives)
 
 
 def about_a_peak(
@@ -311,15 +352,15 @@ def harmonics_of(branch: Branch, point: Point, otherwise: Harmonics) -> Harmonic
     return otherwise if otherwise.highest == point.harmonics else Harmonics.up_to(point.harmonics)
 
 
-def half_power_width(branch: Branch, output: int, i: int, omega: float, amplitude: float) -> float:
-    """Return the width [rad/s] of a peak about the ``i``-th point, between the places of the curve at 1 / sqrt 2 of it.
+def half_power_width(branch: Branch, output: int, between: tuple[int, int], omega: float, amplitude: float) -> float:
+    """Return the width [rad/s] of a peak between two points of a branch, between the places of the curve at 1 / sqrt 2 of it.
 
     Local.  From the peak, at ``omega``, on, (|a*|^2 / |a|^2 - 1)^1/2 is taken along straight lines between the points, as it is
     proportional to the distance from the resonance of one mode.  NaN where the curve ends or rises before it is so low.
     """
     sides = []
-    for way in (-1, 1):
-        k, before = i + way, (omega, 0.0)
+    for way, i in zip((-1, 1), between):
+        k, before = i, (omega, 0.0)
         while 0 <= k < len(branch.points) and branch.points[k].segment == branch.points[i].segment:
             lower = float(np.hypot(*branch.points[k].response[output, 1:3]))
             here = branch.points[k].omega, np.sqrt(max((amplitude / lower) ** 2 - 1.0, 0.0)) if lower > 0.0 else np.inf
@@ -327,7 +368,7 @@ def half_power_width(branch: Branch, output: int, i: int, omega: float, amplitud
                 share = (1.0 - before[1]) / (here[1] - before[1])
                 sides.append(before[0] + share * (here[0] - before[0]))
                 break
-            if here[1] < before[1] and k != i + way:
+            if here[1] < before[1] and k != i:
                 break
             before, k = here, k + way
     return abs(sides[1] - sides[0]) if len(sides) == 2 else float("nan")
