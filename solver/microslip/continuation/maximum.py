@@ -30,7 +30,8 @@ REACH = 0.3  # most of a first step towards the maximum, in the scaled norm, whe
 DIVISIONS = 4  # of the parts of the curve beside the highest solution, between the neighbours of a maximum where pairs slip
 FURTHER = 12  # more of them, where a search from the highest solution does not end as high
 WIDE = 0.99  # of a maximum: where the solution that it was first known by is lower, others beside it may be higher
-SHARES = 0.5, 0.2, 0.08, 0.03  # of such a part from its higher end, where it is divided: the next where Newton's method fails
+SHARES = 0.5, 0.2  # of such a part from its higher end, where it is divided: the next where Newton's method fails
+ONWARD = 1.0, 0.3, 0.1  # of the part on the other side, to go on by from there
 OVERSHOOT = 1.5  # times the way to the maximum of a resonance, for the first step to lie beyond it
 
 
@@ -169,7 +170,8 @@ class _Search:
         neither.  None without two neighbours that are lower.
         """
         for _ in range(divisions):
-            below, above = (self.between_two(row[1][0], end) for end, _ in (row[0], row[2]))
+            (low, _), (here, _), (high, _) = row
+            below, above = self.beside(high, here, low), self.beside(low, here, high)
             row = [each for each in (row[0], below, row[1], above, row[2]) if each is not None]
             k = int(np.argmax([size for _, size in row]))
             if not 0 < k < len(row) - 1:
@@ -193,23 +195,34 @@ class _Search:
         ends = [there.parameters[self.row.omega] for there in (before, here, after)]
         return replace(maximum, iterate=here, failure=None, within=max(ends) - min(ends))
 
-    def between_two(self, here: Iterate, end: Iterate) -> tuple[Iterate, float] | None:
-        """Return a solution between two on a plane across the chord, with its amplitude; None where none is found."""
-        chord = self.chord(here, end)
+    def beside(self, other: Iterate, here: Iterate, end: Iterate) -> tuple[Iterate, float] | None:
+        """Return a solution between this one and an end of the curve, with its amplitude; None where none is found.
+
+        Where the curve turns so much that planes across the chord do not lead to it: on from a solution on the other side.
+        """
+        reach, back = self.distance(here, end), self.distance(other, here)
+        for share in SHARES:
+            there = self.on_line(here, end, share)
+            if there is not None and self.distance(there, here) <= reach:
+                return there, self.size(there)
+        for share in ONWARD:
+            if share * back < reach:
+                there = self.on_line(other, here, 1.0 + share)
+                if there is not None and self.distance(there, here) <= 2.0 * share * back:
+                    return there, self.size(there)
+        return None
+
+    def on_line(self, a: Iterate, b: Iterate, share: float) -> Iterate | None:
+        """Return the solution on the plane across a chord, at a share of the way along it; None where none is found."""
+        chord = self.chord(a, b)
         if chord is None:
             return None
-        for share in SHARES:
-            about = replace(
-                here,
-                U=here.U + share * (end.U - here.U),
-                parameters=tuple(float(p + share * (q - p)) for p, q in zip(here.parameters, end.parameters)),
-            )
-            system = replace(self.system, constraints=(replace(chord, about=about), *self.system.constraints))
-            solution = self.corrector.correct(system, about)
-            self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
-            if solution.failure is None and self.distance(solution.iterate, about) < self.distance(here, end):
-                return solution.iterate, self.size(solution.iterate)
-        return None
+        parameters = tuple(float(p + share * (q - p)) for p, q in zip(a.parameters, b.parameters))
+        about = replace(a, U=a.U + share * (b.U - a.U), parameters=parameters)
+        system = replace(self.system, constraints=(replace(chord, about=about), *self.system.constraints))
+        solution = self.corrector.correct(system, about)
+        self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
+        return solution.iterate if solution.failure is None else None
 
     def chord(self, a: Iterate, b: Iterate) -> Plane | None:
         """Return the plane across the chord from one solution to another; None where they are one.  Collective."""
