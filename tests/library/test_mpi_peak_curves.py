@@ -10,7 +10,7 @@ from oracles import exact, scenes
 
 import microslip
 from microslip.continuation import peak_curves
-from microslip.continuation.peak_curves import PeakRequest, beginnings
+from microslip.continuation.peak_curves import PeakRequest, beginnings, peak_at
 from microslip.continuation.point_solver import PointSolver
 from microslip.harmonic.operating_point import LawParameter
 from microslip.library.prepare import prepare
@@ -271,9 +271,15 @@ def test_a_peak_begins_on_the_curve_where_no_peak_over_the_level_leads_there(com
         return replace(branch, failure="lost") if sweep.stop == level else branch
 
     with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
-        led = microslip.peaks(structure, {"level": (level, 4.0)})
+        response = prepare(structure).response
+        led, led_one = microslip.peaks(structure, {"level": (level, 4.0)}), peak_at(response, 0, level)
         monkeypatch.setattr(peak_curves, "follow_peak", without_lead)
-        begun = microslip.peaks(structure, {"level": (level, 4.0)})
+        begun, one_begun = microslip.peaks(structure, {"level": (level, 4.0)}), peak_at(response, 0, level)
+    for each in (led_one, one_begun):
+        assert each.there is not None and len(each.curve.branch.points) == 1
+    assert one_begun.there.parameter == pytest.approx(led_one.there.parameter, rel=1e-4)
+    sizes = [np.hypot(*each.curve.branch.points[0].response[0, 1:3]) for each in (led_one, one_begun)]
+    assert sizes[1] == pytest.approx(sizes[0], rel=1e-4)
     assert len(led) == len(begun) == n and not any(curve.points.failure for curve in (*led, *begun))
     for one, other in zip(led, begun):
         for place in (0, -1):

@@ -127,18 +127,12 @@ def _follow(
     It begins at the ``top`` of the curve at the begin of the range where no peak over the level leads there.
     """
     equation, tolerance, varies = of.at_level(request.level).equation, of.settings.tolerance, request.varies
-    at_begin = equation.under(request.begin)
-    begin, begins, level = request.begin.level, None, 0.0 if varies == "level" else request.level
-    damping = request.begin.damping
-    sticks = STUCK * slips_from(at_begin, stuck.omega, damping)
+    level = 0.0 if varies == "level" else request.level
     if stuck.damping < UNDAMPED:
         return Branch(level, failure=UNBOUNDED)
-    if sticks < begin:
-        lead = follow_peak(at_begin, "level", Sweep(max(sticks, LEAST * begin), begin), stuck, tolerance, damping=damping)
-        begins = top() if lead.failure else _arrived(lead, ForcedResponse(at_begin, begin), request)
-        if begins is None:
-            why = f"on the way up to {begin:g} N: {lead.failure}; nor has the curve there a peak that belongs to this one"
-            return Branch(level, failure=why)
+    begins, why = peak_at_begin(of, request, stuck, top)
+    if why is not None:
+        return Branch(level, failure=why)
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
     accuracy = accuracy_of(of.settings, equation) if estimator else None
     accuracy = accuracy and replace(accuracy, chooses_steps=False)
@@ -157,6 +151,24 @@ def _follow(
     )
     branch.level = level
     return branch
+
+
+def peak_at_begin(
+    of: ResponseProblem, request: PeakRequest, stuck: Peak, top: Callable[[], Iterate | None]
+) -> tuple[Iterate | None, str | None]:
+    """Return a peak at the begin of a range, where pairs slip there, and why there is none.  Collective.
+
+    It is followed over the level from stick, or is the ``top`` of the curve where that fails.
+    """
+    begin, equation = request.begin, of.at_level(request.level).equation.under(request.begin)
+    sticks = STUCK * slips_from(equation, stuck.omega, begin.damping)
+    if sticks >= begin.level:
+        return None, None
+    way = Sweep(max(sticks, LEAST * begin.level), begin.level)
+    lead = follow_peak(equation, "level", way, stuck, of.settings.tolerance, damping=begin.damping)
+    begins = top() if lead.failure else _arrived(lead, ForcedResponse(equation, begin.level), request)
+    why = f"on the way up to {begin.level:g} N: {lead.failure}; nor has the curve there a peak that belongs to this one"
+    return begins, why if begins is None else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,28 +229,28 @@ class PeakAt:
 
 
 def peak_at(of: ResponseProblem, output: int, level: float, near: PeakAt | None = None) -> PeakAt:
-    """Return the peak of an output at a level, with its error bar: from a peak near by, else up from the linear response.
+    """Return the peak of an output at a level, with its error bar: from a peak near by, else as a curve of peaks begins.
 
     Collective.  Of several peaks it is the largest of the linear response, or the one whose linear peak is next to that of
-    ``near``.  A point that Newton's method does not find from there is led up from the linear response as well.
+    ``near``.  A point that Newton's method does not find from there is searched for as without it.
 
     Raises
     ------
     CaseError : the output has no peak in the range of frequencies
     """
-    peaks = beginnings(of, PeakRequest("level", (level, 2.0 * level), (), output, level))
-    at_level, equation = ForcedResponse(of.at_level(level).equation, level), of.at_level(level).equation
+    request = PeakRequest("level", (level, 2.0 * level), (), output, level)
+    peaks, equation = beginnings(of, request), of.at_level(level).equation
     stuck = (
         max(peaks, key=lambda peak: abs(peak.amplitude))
         if near is None
         else min(peaks, key=lambda peak: abs(peak.omega - near.linear.omega))
     )
     begins = None if near is None else near.there
-    if begins is None and (sticks := STUCK * slips_from(equation, stuck.omega)) < level:
-        lead = follow_peak(equation, "level", Sweep(max(sticks, LEAST * level), level), stuck, of.settings.tolerance)
-        if lead.failure is not None:
-            return PeakAt(PeakCurve(stuck, Branch(level, failure=f"on the way up to {level:g}: {lead.failure}")), None)
-        begins = _arrived(lead, at_level, PeakRequest("level", (level, level), (), output, level))
+    if begins is None:
+        k = peaks.index(stuck)
+        begins, why = peak_at_begin(of, request, stuck, lambda: top_of_peak(tops_at_begin(of, request), peaks, k))
+        if why is not None:
+            return PeakAt(PeakCurve(stuck, Branch(level, failure=why)), None)
     estimator = None if of.enriched is None else ErrorEstimator(of.enriched)
     accuracy = accuracy_of(of.settings, equation) if estimator else None
     branch = follow_peak(
@@ -257,7 +269,9 @@ def peak_at(of: ResponseProblem, output: int, level: float, near: PeakAt | None 
         return peak_at(of, output, level, replace(near, there=None))
     there = None
     if branch.points:
-        there = iterate_of(branch.points[0], at_level, harmonics_of(branch, branch.points[0], equation.harmonics))
+        there = iterate_of(
+            branch.points[0], ForcedResponse(equation, level), harmonics_of(branch, branch.points[0], equation.harmonics)
+        )
     branch.level = level
     return PeakAt(PeakCurve(stuck, branch), there)
 
