@@ -80,17 +80,23 @@ INLINED lanes root(lanes a)                         /* 0 for negative values */
     return *(const lanes *)values;
 }
 
-INLINED int any(mask a)
+INLINED int any(mask a)                             /* a has all bits of a lane, or none */
 {
+#if LANES == 4 && defined(__AVX__)
+    return __builtin_ia32_movmskpd256((double __attribute__((vector_size(32))))a) != 0;
+#elif LANES == 2 && defined(__SSE2__)
+    return __builtin_ia32_movmskpd((double __attribute__((vector_size(16))))a) != 0;
+#else
     long long values[LANES] __attribute__((aligned(sizeof(mask)))), found = 0;
     *(mask *)values = a;
     for (int l = 0; l < LANES; l++)
         found |= values[l];
     return found != 0;
+#endif
 }
 
 typedef struct {                                    /* one group of LANES pairs */
-    double N0[LANES], k_t[LANES], k_n[LANES];
+    double N0[LANES] __attribute__((aligned(sizeof(lanes)))), k_t[LANES], k_n[LANES];
     double give[LANES];                             /* mu / k_t, slip distance per normal force */
     double start[3 * LANES];                        /* du at rest relative to the initial slider position, -w0 */
     double *U;                                      /* (N_H, 3, LANES) */
@@ -107,7 +113,7 @@ typedef struct {                                    /* one group of LANES pairs 
         lanes all;
         double each[LANES];
     } slipped;                                      /* in the last period */
-    double opened[LANES];
+    double opened[LANES] __attribute__((aligned(sizeof(lanes))));
     int at_corner[LANES];                           /* whether the slider drifted to a corner, held by two samples, */
     index_t corners[2 * LANES];                  /* and the numbers of these samples */
     double *p;                                      /* (N_H, 3, LANES) */
@@ -271,6 +277,37 @@ INLINED step begin_step(const aft_group *group, index_t i, index_t j)
     return s;
 }
 
+/* circle_step where no lane is free and every lane that slips does so from the start of the step on, on its circle: sigma is 0 and
+ * no path has an area.  Returns 0, without an effect, for any other step. */
+INLINED int slide(const aft_group *group, index_t i, index_t j, lanes *w, lanes *slides, lanes *slipped)
+{
+    const lanes zero = {0.0}, one = zero + 1.0, rho_i = row(group->rho, i), rho_j = row(group->rho, j), per_rho = row(group->per_rho, i);
+    const lanes ui_x = row(group->du, 3 * i), ui_y = row(group->du, 3 * i + 1);
+    const lanes uj_x = row(group->du, 3 * j), uj_y = row(group->du, 3 * j + 1);
+    const lanes V_x = uj_x - ui_x, V_y = uj_y - ui_y, d_rho = rho_j - rho_i, r_x = ui_x - w[0], r_y = ui_y - w[1];
+    const lanes x = uj_x - w[0], y = uj_y - w[1], square = r_x * r_x + r_y * r_y, relative = square * per_rho * per_rho;
+    const lanes b = r_x * V_x + r_y * V_y - rho_i * d_rho, q = V_x * V_x + V_y * V_y, chord = root(q);
+    const lanes rho_square = rho_i * rho_i, c = square - rho_square;
+    const mask slips = x * x + y * y > rho_j * rho_j;
+    const mask at_once = ((c >= -ON_LIMIT * rho_square) & (b > 0.0)) | ((b <= 0.0) & (q <= d_rho * d_rho));
+    if (any(slips & ~(at_once & (size_of(relative - 1.0) < NEAR_LIMIT))))
+        return 0;
+    const lanes per_size = per_rho * (1.5 - 0.5 * relative), d_x = r_x * per_size, d_y = r_y * per_size;
+    const lanes p = 0.5 * (rho_i + rho_j), pp = p * p, half = p + 0.5 * chord, Y = pp + chord * half;
+    const lanes dq = (d_x * V_x + d_y * V_y) * half, den = Y * Y + pp * pp + dq * (Y + pp), turn = half * (Y + pp + dq);
+    const mask turns = den > 0.0;
+    const lanes inverse = 1.0 / pick(turns, den, one), stays = 2.0 * Y * pp;
+    const lanes t_x = pick(turns, (stays * d_x + turn * V_x) * inverse, d_x), t_y = pick(turns, (stays * d_y + turn * V_y) * inverse, d_y);
+    const lanes to_x = pick(slips, uj_x - rho_j * t_x, w[0]), to_y = pick(slips, uj_y - rho_j * t_y, w[1]);
+    const lanes moved = size_of(to_x - w[0]) + size_of(to_y - w[1]);
+    const lanes roundoff = MOVES * (size_of(uj_x) + size_of(uj_y) + size_of(w[0]) + size_of(w[1]));
+    *slides = pick(slips, one, zero);
+    *slipped = pick(slips & (moved > roundoff), one, *slipped);
+    w[0] = to_x;
+    w[1] = to_y;
+    return 1;
+}
+
 /* One step on all lanes, eq. (3.6): updates w, writes the area between the path of w in the step and the straight line between
  * its ends, and marks lanes whose slider moves (slides), and moves by more than roundoff (slipped). */
 INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w, lanes *area, lanes *slides, lanes *slipped)
@@ -283,6 +320,10 @@ INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w,
     const lanes out_x = uj_x - was_x, out_y = uj_y - was_y;
     if (!any(either | (out_x * out_x + out_y * out_y > s.rho_j * s.rho_j))) {
         area[0] = area[1] = *slides = zero;
+        return;
+    }
+    if (!any(either) && slide(group, i, j, w, slides, slipped)) {
+        area[0] = area[1] = zero;
         return;
     }
     const lanes v_x = uj_x - ui_x, v_y = uj_y - ui_y;
@@ -634,35 +675,39 @@ INLINED void march(aft_group *group, index_t N_t, int separate, int sampled, wan
     }
 }
 
-/* Difference of the mean of min(N, 0) over a step from the mean of its end values, if N changes its sign in the step. */
-INLINED double dip_area(double N_i, double N_j)
+/* Half the difference of the mean of min(N, 0) over a step from the mean of its end values: not 0 if N changes its sign. */
+INLINED lanes half_dip(lanes N_i, lanes N_j)
 {
-    return (N_i > 0.0) != (N_j > 0.0) && N_i != N_j ? 0.5 * fabs(N_i * N_j) / fabs(N_i - N_j) : 0.0;
+    const lanes zero = {0.0}, product = size_of(N_i * N_j), distance = size_of(N_i - N_j);
+    const mask crosses = ((N_i > 0.0) ^ (N_j > 0.0)) & (distance > 0.0);
+    return pick(crosses, 0.25 * product / pick(crosses, distance, zero + 1.0), zero);
 }
 
 /* p at the samples, eq. (3.2) and eq. (3.4); half the area of a step is added at each of its ends, eq. (6.4). */
 INLINED void find_forces(aft_group *group, index_t N_t, int sampled)
 {
-    double closing[LANES], preload[LANES];
-    memset(group->opened, 0, sizeof group->opened);
-    for (int l = 0; l < LANES; l++) {
-        preload[l] = group->N0[l] > 0.0 ? group->N0[l] : 0.0;
-        closing[l] = group->N0[l] < 0.0 ? -group->N0[l] : 0.0;      /* normal force needed to close an initial gap */
-    }
+    const lanes zero = {0.0}, N0 = row(group->N0, 0), k_t = row(group->k_t, 0), k_n = row(group->k_n, 0);
+    const lanes preload = pick(N0 > 0.0, N0, zero), closing = pick(N0 < 0.0, -N0, zero);     /* normal force needed to close a gap */
+    mask ever_open = {0};
+    for (index_t j = 0; j < N_t; j++)
+        ever_open |= ~(row(group->N, j) > 0.0);
+    const int some_open = any(ever_open);
+    *(lanes *)group->opened = pick(ever_open, zero + 1.0, zero);
     for (index_t j = 0; j < N_t; j++) {
         const index_t i = j > 0 ? j - 1 : N_t - 1, k = j + 1 < N_t ? j + 1 : 0;
-        const double *w = group->slider + 2 * j * LANES, *area = group->area + 2 * j * LANES;
-        const double *next = group->area + 2 * k * LANES, *N = group->N;
-        double *force = group->force + 3 * j * LANES;
-        for (int l = 0; l < LANES; l++) {
-            const double dip = sampled ? 0.0 : 0.5 * (dip_area(N[i * LANES + l], N[j * LANES + l])
-                                                      + dip_area(N[j * LANES + l], N[k * LANES + l]));
-            const double x = sampled ? 0.0 : 0.5 * (area[l] + next[l]), y = sampled ? 0.0 : 0.5 * (area[LANES + l] + next[LANES + l]);
-            const int closed = N[j * LANES + l] > 0.0;
-            force[l] = -group->k_t[l] * (w[l] + x);
-            force[LANES + l] = -group->k_t[l] * (w[LANES + l] + y);
-            force[2 * LANES + l] = (closed ? closing[l] : preload[l] - group->k_n[l] * group->du[(3 * j + 2) * LANES + l]) + dip;
-            group->opened[l] = closed ? group->opened[l] : 1.0;
+        lanes *force = (lanes *)(group->force + 3 * j * LANES);
+        force[2] = closing;
+        for (int a = 0; a < 2; a++) {
+            lanes w = row(group->slider, 2 * j + a);
+            if (!sampled)
+                w += 0.5 * (row(group->area, 2 * j + a) + row(group->area, 2 * k + a));
+            force[a] = -k_t * w;
+        }
+        if (some_open) {
+            const lanes N = row(group->N, j), open_force = preload - k_n * row(group->du, 3 * j + 2);
+            force[2] = pick(N > 0.0, closing, open_force);
+            if (!sampled)
+                force[2] += half_dip(row(group->N, i), N) + half_dip(N, row(group->N, k));
         }
     }
 }
