@@ -39,6 +39,7 @@ from microslip.studies.export import story as export
 JOBS = Path(__file__).parents[1]
 sys.path.insert(0, str(JOBS.parent / "meshes"))
 
+from fan_sector import SIZES, Shape, fan_sector  # noqa: E402
 from lap_joint import LapJoint, lap_joint  # noqa: E402
 from msh import write_msh  # noqa: E402
 
@@ -94,6 +95,8 @@ def cases(folder: Path, names: list[str]) -> Iterator[tuple[str, Case]]:
             ("TMDSimPy",),
         ),
         "lap": lambda: Case("lap joint of two beams", lap(folder, of, separate), ("TMDSimPy",)),
+        "demo": lambda: Case("the demo: fan-blade sector, a friction circle", demo(folder, of, circle), (), ("pyHarm",)),
+        "demo-separate": lambda: Case("the demo with a limit for each direction", demo(folder, of, separate), ("TMDSimPy",)),
     }
     for name in names or makers:
         yield name, makers[name]()
@@ -111,6 +114,14 @@ def lap(folder: Path, of, limits: dict) -> microslip.Scene:
     few = {"harmonics": 3, "samples": 128, "accuracy": None, "modes": 6, "interface_modes": 100}
     scene = of("lap_joint.toml", limits, few, levels=[0.5, 2.0], points=15)
     return changed(scene, {"model": {"mesh": str(folder / "lap.msh")}})
+
+
+def demo(folder: Path, of, limits: dict) -> microslip.Scene:
+    """Return the scene of the demo, 46 pairs, at its highest level about the peak."""
+    write_msh(str(folder / "fan_small.msh"), fan_sector(Shape(), SIZES["small"]))
+    few = {"harmonics": 3, "samples": 128, "accuracy": None, "modes": 8, "interface_modes": 3 * 46}
+    scene = of("fan_small.toml", limits, few, levels=[15.0], points=8, mode=None, span=None, frequencies=[97.5, 99.5])
+    return changed(scene, {"model": {"mesh": str(folder / "fan_small.msh")}})
 
 
 def ours(scene: microslip.Scene, frequency: np.ndarray) -> Curve:
