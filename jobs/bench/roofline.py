@@ -137,7 +137,8 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=98)
     parser.add_argument("--calls", type=int, default=60, help="of the contact law that are repeated")
     given = parser.parse_args()
-    prepared, points, calls = prepare(given.scene, everyone(), given.points), [], Calls()
+    prepared, calls = prepare(given.scene, everyone(), given.points), Calls()
+    points: list = []
     task = BranchTask(prepared.problem(given.level), AllPairs(), prepared.sweep, prepared.steps, prepared.scene.solver.tolerance)
     calls.of(lambda: follow.follow_branch(task, 10 * given.points, points.append))
     rows = []
