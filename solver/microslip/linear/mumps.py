@@ -363,10 +363,21 @@ def _handed_over(A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, scale: np.
     """
     try:
         owned = _owned_rows(A)
-        shifted = owned if shift is None else owned - shift[0] * _owned_rows(shift[1])
-        return (owned.indptr, owned.indices), upper_triangle(A.getOwnershipRange()[0], shifted, scale)
+        pattern = owned.indptr, owned.indices
+        if shift is not None:
+            owned = _minus(owned, shift[0], _owned_rows(shift[1]))
+        return pattern, upper_triangle(A.getOwnershipRange()[0], owned, scale)
     except MemoryError as error:
         raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
+
+
+def _minus(A: sp.csr_matrix, sigma: float, M: sp.csr_matrix) -> sp.csr_matrix:
+    """Return A - sigma M; both are overwritten.  Local.  Where their patterns are equal, without memory for a third matrix."""
+    M.data *= sigma
+    if not np.array_equal(A.indptr, M.indptr) or not np.array_equal(A.indices, M.indices):
+        return A - M
+    A.data -= M.data
+    return A
 
 
 def upper_triangle(first: int, A: sp.csr_matrix, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -378,8 +389,11 @@ def upper_triangle(first: int, A: sp.csr_matrix, scale: np.ndarray) -> tuple[np.
     is_above = A.indices >= rows
     rows, columns, values = rows[is_above], A.indices[is_above], A.data[is_above]
     if len(scale):
-        values *= scale[rows] * scale[columns]
-    return rows + np.int32(1), columns + np.int32(1), values
+        values *= scale[rows]
+        values *= scale[columns]
+    rows += 1
+    columns += 1
+    return rows, columns, values
 
 
 def _owned_rows(A: PETSc.Mat) -> sp.csr_matrix:
