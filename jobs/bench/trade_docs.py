@@ -93,7 +93,7 @@ def measure(name: str, comm: MPI.Comm, seconds: float) -> None:
 def write_page(names: Sequence[str], out: Path) -> None:
     """Write the parts of the page that belong to scenes, and the first table from all stored measurements.  Local."""
     everything = [from_json(stored(name).read_text()) for name in dict.fromkeys([*SCENES, *names]) if stored(name).exists()]
-    parts: dict[str, list[str]] = {"chosen": table(CHOSEN, [row for each in everything for row in chosen(each)], 2)}
+    parts: dict[str, list[str]] = {"chosen": table(CHOSEN, [row for each in everything for row in chosen(each)])}
     (out / "img").mkdir(parents=True, exist_ok=True)
     for each in everything:
         if each.scene in names:

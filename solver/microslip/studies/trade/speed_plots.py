@@ -101,12 +101,12 @@ def _name(axes, study: Study, shown: dict) -> None:
     """Label runs of `accuracy` and of harmonics, if there is space."""
     taken: list[np.ndarray] = []
     (left, right), (low, high) = np.log10(axes.get_xlim()), np.log10(axes.get_ylim())
-    for kind, offset in ((ACCURACY, (4, -9)), ("harmonics", (4, 4))):
+    for kind, offset, space in ((ACCURACY, (4, -9), (0.08, 0.04)), ("harmonics", (4, 4), (0.12, 0.08))):
         for run in study.complete:
             if run.parameter != kind:
                 continue
             here = (np.log10(shown[id(run)]) - (left, low)) / (right - left, high - low)
-            if all(np.any(np.abs(here - other) > (0.08, 0.04)) for other in taken):
+            if all(np.any(np.abs(here - other) > space) for other in taken):
                 text = run.value if kind == ACCURACY else f"H={run.value}"
                 place, side = ((-4, -9), "right") if run.setting.is_corrected else (offset, "left")  # corrected: left
                 look = {"textcoords": "offset points", "fontsize": 6, "color": LOOKS[kind][0], "zorder": 5}
