@@ -25,6 +25,7 @@ from ..results.sensitivities import write_sensitivities
 from ..system.walltime import TimeLimit
 from .build import WholeStructure
 from .follow_response import follow, in_turn, known_columns
+from .mode_at_rest import note_on_mode
 from .peak_curves import followed, numbers_of, refuse_without_peaks
 from .prepare import Prepared
 from .result_files import extent_of, head_of, writer_of
@@ -87,6 +88,8 @@ def follow_logged(
     """Return the branches of all levels, written and logged while they are computed; log what was not computed.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     refuse_without_peaks(prepared)
+    for note in note_on_mode(prepared):
+        log.note(note)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
     n_groups = options.n_groups or (
         response.model.comm.size if options.divides else groups_that_pay(response, prepared.structure.n_dof)

@@ -9,7 +9,8 @@ import numpy as np
 from ..contact.law import Law
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.nonlinear_mode import NonlinearMode
-from ..messages.errors import CaseError
+from ..mesh.data import ContactPairs
+from ..messages.errors import CaseError, ResourceError
 from ..receptance.other_springs import with_springs
 from ..receptance.springs import SpringChange
 from .prepare import Prepared
@@ -30,6 +31,29 @@ class Begin:
     is_first_slip: bool = True  # False: some pairs slip from the first motion on, and q is a small amplitude
 
 
+def has_springs_across_gap(pairs: ContactPairs) -> np.ndarray:
+    """Return which pairs are open by a gap, but closed in the modes of the stuck structure, (n_pairs,) bool.  Local."""
+    return (pairs.N0 < 0.0) & ~pairs.open_at_rest & (pairs.laws == ELASTIC_COULOMB)
+
+
+def note_on_mode(prepared: Prepared) -> list[str]:
+    """Return a note on a range about a mode that counts with pairs of a gap closed: its frequency with them open.  Collective."""
+    mode, sweep = prepared.response.settings.band.mode, prepared.response.sweep
+    n = np.count_nonzero(has_springs_across_gap(prepared.pairs))
+    if mode is None or n == 0:
+        return []
+    says, omega = f"[response] mode = {mode} counts with {n} pairs of a gap closed; with them open ", np.nan
+    try:
+        omega = pairs_without_springs(prepared)[0].model.receptance_of(1).modes.omega_n[mode - 1]
+        says += f"its frequency is {omega / (2.0 * np.pi):.6g} Hz"
+    except CaseError:
+        says += "a body has no support"
+    except ResourceError:
+        says += "its frequency takes more memory than there is"
+    is_inside = min(sweep.start, sweep.stop) <= omega <= max(sweep.start, sweep.stop)
+    return [says if is_inside else f"WARNING: {says}, not in the range; state frequencies for pairs that do not close"]
+
+
 def pairs_without_springs(prepared: Prepared) -> tuple[Prepared, int]:
     """Return the structure in which pairs with a gap have no springs, and their number, 0 if nothing changes.
 
@@ -40,7 +64,7 @@ def pairs_without_springs(prepared: Prepared) -> tuple[Prepared, int]:
     CaseError : without these springs a body has no support; on every rank
     """
     pairs, of = prepared.pairs, prepared.response
-    has_gap = (pairs.N0 < 0.0) & ~pairs.open_at_rest & (pairs.laws == ELASTIC_COULOMB)
+    has_gap = has_springs_across_gap(pairs)
     if not has_gap.any():
         return prepared, 0
     at_rest = replace(pairs, open_at_rest=pairs.open_at_rest | has_gap)

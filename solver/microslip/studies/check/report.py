@@ -10,6 +10,7 @@ from ...contact.laws import ELASTIC_COULOMB
 from ...continuation.accuracy import MOST_HARMONICS
 from ...formats.model import FileModel
 from ...library.complete import taken_parts
+from ...library.mode_at_rest import has_springs_across_gap
 from ...library.settings import reduction_settings, response_settings
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
@@ -73,6 +74,7 @@ def description(
         ),
         *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, whole.outputs)),
         *_solution(scene, n_dof, pairs.n_pairs),
+        *_mode_across_gaps(scene, pairs),
     ]
     return lines
 
@@ -133,6 +135,7 @@ def description_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
         *(f"load {i}     {_load_on_dofs(load)}, harmonic {load.harmonic}" for i, load in enumerate(scene.loads, 1)),
         *(f"output     {output.name}: {_output_on(output, _place_of(output))}" for output in scene.outputs),
         *_solution(scene, given.n_dof, given.pairs.n_pairs),
+        *_mode_across_gaps(scene, given.pairs),
     ]
 
 
@@ -177,6 +180,14 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
         f"modes      {modes}",
         f"response   {len(scene.response.levels)} levels of {points}",
     ]
+
+
+def _mode_across_gaps(scene: Scene, pairs: ContactPairs) -> list[str]:
+    """Return a warning if the range lies about a mode that counts with pairs of a gap closed."""
+    n, mode = np.count_nonzero(has_springs_across_gap(pairs)), scene.response.mode
+    if mode is None or scene.statics is not None or n == 0:
+        return []
+    return [f"           WARNING: mode = {mode} counts with {n} pairs of a gap closed; a run states its frequency with them open"]
 
 
 def _joints(pairs: ContactPairs) -> list[str]:
