@@ -86,7 +86,10 @@ def test_a_joint_takes_the_place_of_a_tie_or_a_contact_between_its_surfaces(tmp_
     tied = scene(tmp_path, joints=({**keys, "surfaces": ("beam_top", "pad")},))
     assert complete(tied, model())[0].ties == ()
     in_contact = scene(tmp_path, joints=({**keys, "surfaces": ("lower", "upper")},))
-    assert complete(in_contact, model(findings=(CONTACT,)))[0].joints
+    completed, notes = complete(in_contact, model(findings=(CONTACT,)))
+    assert completed.joints
+    assert "line 7: *CONTACT PAIR is replaced by a joint or tie of the scene between upper and lower" in notes
+    assert not any("left out" in note for note in notes)
 
 
 def test_what_changes_the_answer_is_refused_unless_the_scene_waives_it_by_name(tmp_path):

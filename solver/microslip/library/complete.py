@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..formats.model import FileModel
+from ..formats.model import FileModel, Finding
 from ..formats.read import read_model
 from ..messages.errors import CaseError, Faults
 from ..messages.words import hint, listed
@@ -188,7 +188,14 @@ def _refuse_findings(scene: Scene, model: FileModel, file_parts: set[str]) -> li
         )
     answered -= set(ignored.values())
     left_out = [each for each in findings if each.word not in answered and frozenset(each.surfaces) not in of_file]
-    return [f"{each.where}: {each.word}{'' if each.is_taken else ' is left out'}: {each.effect}" for each in left_out]
+    return [f"{each.where}: {each.word}{_fate(each, between)}" for each in left_out]
+
+
+def _fate(finding: Finding, between: list[frozenset[str]]) -> str:
+    """Return whether the scene replaces an entry of the file, or its effect in the file's program, as text."""
+    if finding.surfaces and frozenset(finding.surfaces) in between:
+        return f" is replaced by a joint or tie of the scene between {' and '.join(finding.surfaces)}"
+    return f"{'' if finding.is_taken else ' is left out'}: {finding.effect}"
 
 
 def _bare(word: str) -> str:
