@@ -1,6 +1,7 @@
 """The table of public models: files are read or refused with a reason, edited lines are counted, modes are those of the commands."""
 
 import gzip
+import subprocess
 import sys
 from pathlib import Path
 
@@ -60,3 +61,29 @@ def test_compressed_inputs_and_built_models_are_written_beside(tmp_path):
     assert (place / "a.inp").read_text() == inp(plain())
     built = fetched({"fetch": ["built", "built"]}, tmp_path)
     assert checked(built / "fv52.inp").outcome == "read" and (built / "vm320_pairs.csv").exists()
+
+
+def test_some_folders_of_a_repository_are_fetched(tmp_path, monkeypatch):
+    """From a repository on this disk: the stated folders are there, the content of the others is not fetched."""
+    server = tmp_path / "server" / "owner" / "models"
+    for name in ("beams/beam.inp", "videos/tour.bin"):
+        (server / name).parent.mkdir(parents=True)
+        (server / name).write_text(name)
+
+    def git(command: str, folder: Path = server) -> str:
+        return subprocess.run(["git", *command.split()], cwd=folder, check=True, capture_output=True, text=True).stdout
+
+    for command in (
+        "init -q",
+        "config uploadpack.allowFilter true",
+        "add .",
+        "-c user.name=a -c user.email=a commit -q -m first",
+    ):
+        git(command)
+    monkeypatch.setenv("GIT_CONFIG_COUNT", "1")
+    monkeypatch.setenv("GIT_CONFIG_KEY_0", f"url.file://{tmp_path}/server/.insteadOf")
+    monkeypatch.setenv("GIT_CONFIG_VALUE_0", "https://github.com/")
+    place = fetched({"fetch": ["git", "owner/models", "beams"]}, tmp_path)
+    assert (place / "beams" / "beam.inp").read_text() == "beams/beam.inp" and not (place / "videos").exists()
+    missing = [word for word in git("rev-list --objects --missing=print HEAD", place).split() if word.startswith("?")]
+    assert missing == ["?" + git("hash-object videos/tour.bin").strip()]
