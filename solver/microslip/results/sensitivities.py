@@ -120,11 +120,11 @@ class SensitivityTable(Mapping[str, Derivative]):
         return self.varied[key].rate(level.d_by_pairs, level.d_by_common)
 
     def of_peaks(self, level: float) -> list[tuple[Peak, dict[str, OfPeak]]]:
-        """Return the peaks of a level [N] with their derivatives by key; none where no solution beside a peak was found."""
-        found = next((each for each in self.levels if each.level == level), None)
-        if found is None or found.peaks is None:
+        """Return the peaks of a level [N] with their derivatives by key; none where no solution next to a peak is known."""
+        at_level = next((each for each in self.levels if each.level == level), None)
+        if at_level is None or at_level.peaks is None:
             raise CaseError(f"sensitivity: there are no peaks of a level {level:g}; state peaks = true")
-        return [(peak, peak_rates(peak, self.varied.values())) for peak in found.peaks]
+        return [(peak, peak_rates(peak, self.varied.values())) for peak in at_level.peaks]
 
     def scatter(self, deviations: Mapping[str, float]) -> Scatter:
         """Return what scatter of numbers does to first order: ``deviations`` are standard deviations in per cent, by key.
