@@ -71,8 +71,8 @@ def test_masses_and_springs_at_a_point_are_those_of_the_point(connection):
     springs = tuple(Spring(points=("knob",), direction=tuple(axis), stiffness=k) for axis, k in zip(np.eye(3), (1e6, 2e6, 3e6)))
     named = case_of(points=(knob,), masses=(Mass(point="knob", mass=5.0),), springs=springs)
     own = case_of(points=(knob.with_keys(mass=5.0, stiffness=(1e6, 2e6, 3e6)),))
-    for found, expected in zip(dense(mesh, named)[:2], dense(mesh, own)[:2], strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+    for each, expected in zip(dense(mesh, named)[:2], dense(mesh, own)[:2], strict=True):
+        np.testing.assert_allclose(each, expected, atol=1e-12 * np.abs(expected).max())
 
 
 def test_a_spring_from_point_to_point_is_stretched_along_their_line():
@@ -142,8 +142,8 @@ def test_equations_merge_what_they_equate():
     whole = mesh_of(("one", "hex20", *box("hex20", (1, 1, 2), (1.0, 1.0, 2.0))), groups=groups)
     K1, M1, _ = dense(whole, settings({"one": "one"}, SUPPORTED))
     assert K.shape == K1.shape and (dof[[high for _, high in meeting]] == -1).all()
-    found, expected = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K1, M1)))
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    computed, expected = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K1, M1)))
+    np.testing.assert_allclose(computed, expected, rtol=1e-9)
 
 
 def test_supports_in_turned_axes_are_equations():
@@ -156,8 +156,8 @@ def test_supports_in_turned_axes_are_equations():
     K, M, _ = dense(replace(mesh, equations=equations(*rows)), case_of(()))
     K1, M1, _ = dense(block(), case_of([("base", "z")]))
     assert K.shape == K1.shape
-    found, expected = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K1, M1)))
-    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8 * expected.max())
+    computed, expected = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K1, M1)))
+    np.testing.assert_allclose(computed, expected, rtol=1e-8, atol=1e-8 * expected.max())
 
 
 def test_a_mean_of_nodes_that_lead_and_follow_equations_is_exact():
@@ -183,11 +183,11 @@ def test_a_mean_of_nodes_that_lead_and_follow_equations_is_exact():
     C[np.arange(9, len(C)), (3 * mesh.node_groups["base"][:, None] + np.arange(3)).ravel()] = 1.0
     order = np.r_[dof[: len(mesh.points)].ravel(), len(K0) + np.arange(6)]  # rows of K1 of nodes and point
     Z = scipy.linalg.null_space(C)
-    found, expected = (
+    computed, expected = (
         scipy.linalg.eigh(a, b, eigvals_only=True)
         for a, b in ((K, M), (Z.T @ K1[np.ix_(order, order)] @ Z, Z.T @ M1[np.ix_(order, order)] @ Z))
     )
-    np.testing.assert_allclose(found, expected, rtol=1e-8)
+    np.testing.assert_allclose(computed, expected, rtol=1e-8)
 
 
 AXIS = np.array([1.0, 2.0, 2.0]) / 3.0
@@ -251,14 +251,14 @@ def test_masses_turn_and_accelerate_with_the_structure():
     accelerated = (Load(base_acceleration=(1.0, 2.0, 3.0)),)
     masses = (Mass(group="corner", mass=5.0),)
     plain = case_of(model=model, statics=statics, loads=accelerated, masses=(Mass(group="corner", mass=0.0),))
-    found = []
+    values = []
     for case in (plain, plain.with_keys(masses=masses)):
         system, shares = system_of(mesh, case)
         on_root = mesh if comm.rank == 0 else None
         f = np.concatenate(comm.allgather(constant_forces(shares, on_root, case, system)))
         K = stiffness_at_rest(shares, case, system, np.zeros(system.K.getLocalSize()[0])).K
-        found.append((f, gathered(system, K), system.loads.toarray()[:, 0], system.dof))
-    (f0, K0, load0, dof), (f, K, load, _) = found
+        values.append((f, gathered(system, K), system.loads.toarray()[:, 0], system.dof))
+    (f0, K0, load0, dof), (f, K, load, _) = values
     rows = dof[mesh.node_groups["corner"][0]]
     expected = np.zeros(len(f))
     expected[rows] = 5.0 * 1e4 * np.array([2.0, 1.0, 0.0])
@@ -326,8 +326,8 @@ def test_points_tied_by_equations_are_one_rigid_body(names):
     )
     one = settings({"all": "all"}, [("base", "xyz")], points=(FIRST,))
     K_1, M_1, _ = dense(whole, one)
-    found, exact = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K_1, M_1)))
-    np.testing.assert_allclose(found, exact, rtol=1e-8)
+    computed, exact = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K_1, M_1)))
+    np.testing.assert_allclose(computed, exact, rtol=1e-8)
 
 
 def joined(*parts):
@@ -356,8 +356,8 @@ def test_a_point_that_leads_points_alone_is_one_rigid_body_with_them(corner):
     chain = given.with_keys(points=(hub.with_keys(connection="equations"), FIRST, second))
     K, M, _ = dense(replace(halves, equations=rows), with_equations(chain))
     K_1, M_1, _ = dense(halves, given.with_keys(points=(hub.with_keys(group="both"),)))
-    found, exact = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K_1, M_1)))
-    np.testing.assert_allclose(found, exact, rtol=1e-8, atol=1e-8 * exact[-1])
+    computed, exact = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K_1, M_1)))
+    np.testing.assert_allclose(computed, exact, rtol=1e-8, atol=1e-8 * exact[-1])
 
 
 def test_a_point_connected_by_no_equation_is_refused():

@@ -65,8 +65,8 @@ def assert_receptance(system, model, omega):
     p = np.random.default_rng(5).standard_normal((3 * model.n_pairs, model.N_H))
     p[~system["R"].any(axis=1)] = 0.0  # directions that do not move carry nothing
     u, still = exact_motion(system, omega, p), np.zeros_like(p)
-    found = output_motion(model, 1.0, omega, p)
-    np.testing.assert_allclose(found, u, atol=1e-10 * np.abs(u).max())
+    motion = output_motion(model, 1.0, omega, p)
+    np.testing.assert_allclose(motion, u, atol=1e-10 * np.abs(u).max())
     U_lin, dU_lin = linear_motion(model, 1.0, omega), linear_motion_rate(model, 1.0, omega)
     du, h = (system["R"] @ exact_motion(system, omega, still))[model.owned_rows], 1e-6 * omega
     np.testing.assert_allclose(U_lin, du, atol=1e-10 * np.abs(u).max())

@@ -33,10 +33,10 @@ def box_mesh(kind, n=(3, 2, 1), turn=((1, 0, 0), (0, 1, 0), (0, 0, 1)), origin=(
 
 def complex_forces(mesh, **load):
     """The complex force of a load on every node, (n_nodes, 3)."""
-    found = nodal_forces(mesh, Load(**load), MODEL, "[[loads]] 1")
+    forces = nodal_forces(mesh, Load(**load), MODEL, "[[loads]] 1")
     total = np.zeros((len(mesh.points), 3), dtype=complex)
-    for factor, shape in zip((1.0, 1j), found.shapes):
-        np.add.at(total, found.nodes, factor * shape)
+    for factor, shape in zip((1.0, 1j), forces.shapes):
+        np.add.at(total, forces.nodes, factor * shape)
     return total
 
 
@@ -102,13 +102,13 @@ def test_forces_of_a_file_are_those_of_tables_with_phases(comm, shared_path):
         modes=12,
         name="b",
     )
-    found = []
+    values = []
     for scene in (file, tables):
         with microslip.build(scene, comm) as structure:
             model = reduced_model(structure)
-            found.append(output_motion(model, 1.0, 2e4, np.zeros((3 * model.n_pairs, model.N_H))))
-    assert np.abs(found[1][:, 3:5]).max() > 0.0
-    np.testing.assert_allclose(found[0], found[1], atol=1e-12 * np.abs(found[1]).max())
+            values.append(output_motion(model, 1.0, 2e4, np.zeros((3 * model.n_pairs, model.N_H))))
+    assert np.abs(values[1][:, 3:5]).max() > 0.0
+    np.testing.assert_allclose(values[0], values[1], atol=1e-12 * np.abs(values[1]).max())
 
 
 def test_forces_on_dofs_are_complex(comm, shared_path):
@@ -128,10 +128,10 @@ def test_forces_on_dofs_are_complex(comm, shared_path):
     scene = microslip.read(on_root(comm, write))
     with build(scene, comm, RunLog(comm, screen=False)) as structure:
         model = reduced_model(structure)
-        found = to_complex(output_motion(model, 1.0, omega, np.zeros((3 * model.n_pairs, model.N_H))))
+        amplitudes = to_complex(output_motion(model, 1.0, omega, np.zeros((3 * model.n_pairs, model.N_H))))
     Z = scenes.stuck_stiffness(system) - omega**2 * system["M"] + 1j * omega * scenes.damping_matrix(system)
     exact = np.linalg.solve(Z, values @ [1.0, 1j])
-    np.testing.assert_allclose(found[:, 1], exact, atol=1e-9 * np.abs(exact).max())
+    np.testing.assert_allclose(amplitudes[:, 1], exact, atol=1e-9 * np.abs(exact).max())
 
 
 PRESSURE = '[[loads]]\ngroup = "bar_top"\npressure = 1.0\n'

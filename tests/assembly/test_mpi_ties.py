@@ -63,8 +63,8 @@ def gathered(system, name):
 
 
 def frequencies(system, n):
-    found = scipy.linalg.eigh(gathered(system, "K"), gathered(system, "M"), eigvals_only=True)[:n]
-    return np.sign(found) * np.sqrt(np.abs(found)) / (2.0 * np.pi)
+    computed = scipy.linalg.eigh(gathered(system, "K"), gathered(system, "M"), eigvals_only=True)[:n]
+    return np.sign(computed) * np.sqrt(np.abs(computed)) / (2.0 * np.pi)
 
 
 def flexibility(system):
@@ -112,8 +112,8 @@ def test_matching_meshes_are_one(kind, loose):
     """Frequencies of the tied structure are those of the mesh with common nodes, to rounding."""
     mesh = stack(kind, kind)
     one = mesh_of(("one", kind, *box(kind, (2, 2, 2), size=(1.0, 1.0, 2.0))))
-    found, wanted = (frequencies(system_of(own, tied(own, *ties)), 20) for own, ties in ((mesh, [GLUE]), (one, [])))
-    assert found[6:] == pytest.approx(wanted[6:], rel=1e-10)
+    computed, wanted = (frequencies(system_of(own, tied(own, *ties)), 20) for own, ties in ((mesh, [GLUE]), (one, [])))
+    assert computed[6:] == pytest.approx(wanted[6:], rel=1e-10)
 
 
 def curved(n_low, n_high, kind="hex8"):
@@ -281,9 +281,9 @@ def test_a_block_on_springs(loose):
         rotational_stiffness=kr,
         inertia=(10.0, 20.0, 30.0, 0, 0, 0),
     )
-    found = (2.0 * np.pi * frequencies(system_of(mesh, tied(mesh, points=(point,))), 6)) ** 2
+    computed = (2.0 * np.pi * frequencies(system_of(mesh, tied(mesh, points=(point,))), 6)) ** 2
     mass, J = DENSITY + 100.0, DENSITY / 6.0 + np.array([10.0, 20.0, 30.0])
-    assert found == pytest.approx(np.sort(np.concatenate([np.array(k) / mass, np.array(kr) / J])), rel=1e-4)
+    assert computed == pytest.approx(np.sort(np.concatenate([np.array(k) / mass, np.array(kr) / J])), rel=1e-4)
 
 
 @pytest.mark.parametrize("connection", ["rigid", "distributing"])

@@ -54,9 +54,9 @@ def test_order_of_columns_blanks_capitals_comments_and_the_marks_of_a_spreadshee
 )
 def test_a_mistake_gives_one_message(tmp_path, lines, expected):
     path = write(tmp_path, *lines)
-    with pytest.raises(CaseError) as found:
+    with pytest.raises(CaseError) as caught:
         read_pairs(path, N_DOF)
-    assert str(found.value).startswith(str(path)) and expected in str(found.value)
+    assert str(caught.value).startswith(str(path)) and expected in str(caught.value)
 
 
 def test_files_that_are_no_text_and_folders(tmp_path):
