@@ -37,15 +37,15 @@ def test_the_share_of_pairs_asked_for_slips(share):
 
 
 def test_costs_of_the_parts_add_up():
-    found = cost_of.of_joint(COMM, n_pairs=20, share=0.5, H=2, points=3)
-    assert found["failure"] is None and found["not_sticking"] == 10 and found["points"] == 3
-    assert sum(found["groups"].values()) == pytest.approx(found["cpu"])
-    assert min(found["groups"].values()) >= -1e-4 * found["cpu"]
-    assert found["calls"]["G p"] >= found["krylov"] >= found["newton"] > 1
+    computed = cost_of.of_joint(COMM, n_pairs=20, share=0.5, H=2, points=3)
+    assert computed["failure"] is None and computed["not_sticking"] == 10 and computed["points"] == 3
+    assert sum(computed["groups"].values()) == pytest.approx(computed["cpu"])
+    assert min(computed["groups"].values()) >= -1e-4 * computed["cpu"]
+    assert computed["calls"]["G p"] >= computed["krylov"] >= computed["newton"] > 1
 
 
 def test_one_measurement_is_a_command():
     script = Path(costs.__file__).with_name("cost_of.py")
     request = {"kind": "joint", "n_pairs": 8, "share": 0.5, "H": 1, "points": 2}
-    found = subprocess.run([sys.executable, str(script), json.dumps(request)], stdout=subprocess.PIPE, text=True, check=True)
-    assert json.loads(found.stdout)["ranks"] == 1
+    process = subprocess.run([sys.executable, str(script), json.dumps(request)], stdout=subprocess.PIPE, text=True, check=True)
+    assert json.loads(process.stdout)["ranks"] == 1

@@ -17,17 +17,17 @@ ROOT = Path(__file__).parents[2]
 def test_a_short_run_does_not_grow():
     """A leak of 15 kB a point would show: 200 of them are 2 % of what the program has anyway."""
     command = [sys.executable, "jobs/bench/leak.py", "jobs/jenkins.toml", "--points", "400", "--warm", "200"]
-    found = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
-    (rank,) = json.loads(found.stdout)["ranks"]
-    assert found.returncode == 0 and rank["growth"] < 0.02
+    process = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=False)
+    (rank,) = json.loads(process.stdout)["ranks"]
+    assert process.returncode == 0 and rank["growth"] < 0.02
     assert 500.0 < rank["bytes_a_point"] < 20_000.0
 
 
 def test_growth_is_what_the_points_do_not_explain():
     meter = leak.Meter(4)
     meter.resident[:], meter.recorded[:] = [90e6, 100e6, 105e6, 110e6], [0.0, 1e6, 2e6, 3e6]
-    found = leak.growth(meter, 2)
-    assert found["growth"] == pytest.approx(0.08) and found["bytes_a_point"] == 1e6 and found["warm_MB"] == 100.0
+    computed = leak.growth(meter, 2)
+    assert computed["growth"] == pytest.approx(0.08) and computed["bytes_a_point"] == 1e6 and computed["warm_MB"] == 100.0
 
 
 def test_a_point_counts_with_the_memory_that_its_arrays_keep():

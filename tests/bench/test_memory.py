@@ -18,9 +18,9 @@ total                                        7.762 100.0%                       
 
 
 def test_stages_of_both_are_compared():
-    found = memory.compared(memory.stages(CHECKED, memory.FORESEEN), memory.stages(LOGGED, memory.TAKEN))
-    assert [one["stage"] for one in found] == ["partition", "factor of the stuck structure"]
-    assert found[1]["foreseen"] == (253.0, 130.0) and found[1]["taken"] == (220.0, 120.0)
-    assert found[1]["ratio"] == pytest.approx(1.15)
-    lines = memory.rows_of({"scene": "fan_small", "ranks": 2, "stages": found})
+    comparison = memory.compared(memory.stages(CHECKED, memory.FORESEEN), memory.stages(LOGGED, memory.TAKEN))
+    assert [one["stage"] for one in comparison] == ["partition", "factor of the stuck structure"]
+    assert comparison[1]["foreseen"] == (253.0, 130.0) and comparison[1]["taken"] == (220.0, 120.0)
+    assert comparison[1]["ratio"] == pytest.approx(1.15)
+    lines = memory.rows_of({"scene": "fan_small", "ranks": 2, "stages": comparison})
     assert "fan_small, 2 ranks" in lines and "| factor of the stuck structure | 253 | 220 | 1.15 | 130 | 120 |" in lines

@@ -85,8 +85,8 @@ def test_dense_solution():
 
 def test_newton_that_does_not_converge_says_so():
     problem, _ = chain_problem(30.0)
-    found = CondensedFullSet(problem, 1e-300).correct(methods.linear_iterate(problem, 560.0), 1.0)
-    assert found.failure is not None
+    correction = CondensedFullSet(problem, 1e-300).correct(methods.linear_iterate(problem, 560.0), 1.0)
+    assert correction.failure is not None
 
 
 # -- plain Rubin ------------------------------------------------------------------------------------------------------
@@ -180,12 +180,12 @@ def all_rows():
 
 
 def test_records_compare_at_common_points_and_weight_levels_with_their_points():
-    found = {(record["level_N"], record["method"]): record for record in Comparison(all_rows()).records()}
-    assert found["1", "adaptive"]["difference_from_receptance"] == pytest.approx(0.1)
-    assert found["5", "adaptive"]["difference_from_condensed"] == pytest.approx(0.9 / 2.0)
-    assert np.isnan(found["5", REFERENCE]["difference_from_receptance"])
-    assert found["5", "adaptive"]["rubin_over_this"] == pytest.approx(5e4 / 10.0)
-    of_all = found["all", REFERENCE]
+    by_key = {(record["level_N"], record["method"]): record for record in Comparison(all_rows()).records()}
+    assert by_key["1", "adaptive"]["difference_from_receptance"] == pytest.approx(0.1)
+    assert by_key["5", "adaptive"]["difference_from_condensed"] == pytest.approx(0.9 / 2.0)
+    assert np.isnan(by_key["5", REFERENCE]["difference_from_receptance"])
+    assert by_key["5", "adaptive"]["rubin_over_this"] == pytest.approx(5e4 / 10.0)
+    of_all = by_key["all", REFERENCE]
     assert of_all["cpu_ms_a_point"] == pytest.approx((2 * 1.0 + 6 * 5.0) / 8) and of_all["points_of_curve"] == 8
     assert of_all["condensed_over_this"] == pytest.approx(100.0)
 

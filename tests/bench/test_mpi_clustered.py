@@ -92,13 +92,13 @@ def test_clusters_leave_gmres_little_to_do(problem, monkeypatch):
 
 def test_clusters_are_of_neighbours(problem):
     at = linearised(problem)
-    found = bisected(at.G, [np.arange(N_PAIRS)], 16)
-    assert np.array_equal(np.sort(np.concatenate(found)), np.arange(N_PAIRS)) and 9 <= min(map(len, found))
+    computed = bisected(at.G, [np.arange(N_PAIRS)], 16)
+    assert np.array_equal(np.sort(np.concatenate(computed)), np.arange(N_PAIRS)) and 9 <= min(map(len, computed))
     assert coupling(at.G, 5)[5] == 1.0 == coupling(at.G, 5).max()
     every, shape = np.arange(N_PAIRS), synthetic.grid(N_PAIRS)
     steps = np.array(divmod(synthetic.offsets(every, every, shape), shape[1])).T
     distance = np.linalg.norm(np.minimum(steps, shape - steps) / shape, axis=2)
-    within = np.mean([distance[np.ix_(one, one)].mean() for one in found])
+    within = np.mean([distance[np.ix_(one, one)].mean() for one in computed])
     assert within < 0.75 * distance.mean()
 
 
@@ -137,8 +137,8 @@ def test_the_curve_is_the_same_with_it(problem, monkeypatch, n_sectors, kind):
     monkeypatch.setattr(clustered, "LOCAL", 12)
     monkeypatch.setattr(newton_solver, "of_wide_slip", lambda at: made.append(of_wide_slip(at)) or made[-1])
     problem = replace(problem, equation=problem.equation.of(replace(problem.equation.model, n_sectors=n_sectors)))
-    found = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
-    assert plain.failure is None and found.failure is None and made and isinstance(made[0], kind)
-    for one, other in zip(plain.points, found.points, strict=True):
+    solution = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
+    assert plain.failure is None and solution.failure is None and made and isinstance(made[0], kind)
+    for one, other in zip(plain.points, solution.points, strict=True):
         assert other.response == pytest.approx(one.response, abs=1e-8 * np.abs(one.response).max())
-    assert sum(p.krylov for p in found.points[1:]) < sum(p.krylov for p in plain.points[1:])
+    assert sum(p.krylov for p in solution.points[1:]) < sum(p.krylov for p in plain.points[1:])

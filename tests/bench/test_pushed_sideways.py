@@ -38,8 +38,8 @@ def test_coarse_roller_on_another_mesh_is_that_of_cattaneo(tmp_path):
     contact, pushed = by_march(ROLLER, shares, tmp_path)
     assert at_rest(ROLLER, contact) == (pytest.approx(1.0, abs=0.03), pytest.approx(1.0, abs=0.03))
     for share, one in zip(shares, pushed):
-        found = over_theory(ROLLER, share, contact, one)
-        assert found.balance == pytest.approx(1.0, abs=1e-3)
-        assert (found.stick, found.fitted) == (pytest.approx(1.0, abs=0.05), pytest.approx(1.0, abs=0.05))
-        assert found.loss == pytest.approx(1.0, abs=0.05)
-        assert found.traction < 0.05
+        computed = over_theory(ROLLER, share, contact, one)
+        assert computed.balance == pytest.approx(1.0, abs=1e-3)
+        assert (computed.stick, computed.fitted) == (pytest.approx(1.0, abs=0.05), pytest.approx(1.0, abs=0.05))
+        assert computed.loss == pytest.approx(1.0, abs=0.05)
+        assert computed.traction < 0.05

@@ -20,9 +20,9 @@ def test_files_are_read_or_refused_with_their_reason(tmp_path):
     for name in ("bad1.inp", "bad2.inp"):
         (tmp_path / name).write_text(f"*NODE\n1,0.,0.,0.\n2,{name[3]},0.,0.\n*ELEMENT,TYPE=T3D2\n1,1,2\n")
     package = {"name": "two", "files": ["*.cdb", "bad*.inp"]}
-    found = [checked(path) for path in files_of(package, tmp_path)]
-    assert [one.outcome for one in found] == ["refused", "refused", "read"]
-    ((name, why, example, n),) = reason_rows(package, found)
+    listed = [checked(path) for path in files_of(package, tmp_path)]
+    assert [one.outcome for one in listed] == ["refused", "refused", "read"]
+    ((name, why, example, n),) = reason_rows(package, listed)
     assert (name, example, n) == ("two", "bad1.inp", "2") and "no volume elements (beams or shells)" in why
 
 
@@ -50,8 +50,8 @@ def test_edited_lines_are_counted(tmp_path):
 def test_modes_are_those_of_the_two_commands(tmp_path):
     (tmp_path / "m.inp").write_text(inp(plain()))
     out, n, why = solved(tmp_path / "m.inp", {}, ["modes", "--count", str(table.N_MODES)], tmp_path)
-    found = frequencies(out, {}) if not why else None
-    assert n == 0 and (why or (len(found) == table.N_MODES and (np.diff(found) >= 0.0).all()))
+    computed = frequencies(out, {}) if not why else None
+    assert n == 0 and (why or (len(computed) == table.N_MODES and (np.diff(computed) >= 0.0).all()))
 
 
 def test_compressed_inputs_and_built_models_are_written_beside(tmp_path):

@@ -19,5 +19,5 @@ def test_tables_are_those_of_the_page():
 
 @pytest.mark.slow
 def test_stages_are_those_of_a_run(tmp_path):
-    found = stages_of(ROOT / "jobs" / "fan_small.toml", 1, 1.0, 5, tmp_path)
-    assert list(found) == [*SET_UP, POINT] and all(seconds > 0.0 and memory > 0.0 for seconds, memory in found.values())
+    stages = stages_of(ROOT / "jobs" / "fan_small.toml", 1, 1.0, 5, tmp_path)
+    assert list(stages) == [*SET_UP, POINT] and all(seconds > 0.0 and memory > 0.0 for seconds, memory in stages.values())
