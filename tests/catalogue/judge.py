@@ -26,7 +26,7 @@ class Ended:
     seconds: float
 
 
-def violations(ended: Ended, case: Case, earlier: dict[str, str], found: dict[str, str], limit: float) -> list[str]:
+def violations(ended: Ended, case: Case, earlier: dict[str, str], computed: dict[str, str], limit: float) -> list[str]:
     """Return what is wrong with how a bad input ended, a text each; none is as it should be.  Local.
 
     ``earlier`` and ``found`` are the results of an earlier run before and after, by :func:`.sound.fingerprint`.
@@ -42,11 +42,11 @@ def violations(ended: Ended, case: Case, earlier: dict[str, str], found: dict[st
         wrong.append(f"a message of {len(message)} characters")
     if ended.seconds > limit:
         wrong.append(f"{ended.seconds:.1f} s")
-    return wrong + _touched(earlier, found)
+    return wrong + _touched(earlier, computed)
 
 
 def violations_of_fault(
-    ended: Ended, after: float | None, fault: Fault, n_ranks: int, earlier: dict[str, str], found: dict[str, str]
+    ended: Ended, after: float | None, fault: Fault, n_ranks: int, earlier: dict[str, str], computed: dict[str, str]
 ) -> list[str]:
     """Return what is wrong with how a run with a fault ended, a text each.  Local.
 
@@ -65,8 +65,8 @@ def violations_of_fault(
         wrong.append("the fault did not come about")
     if fault.moment and fault.status != 0 and (after or 0.0) > fault.within:
         wrong.append(f"{after:.1f} s until the end")
-    return wrong + (_touched(earlier, found) if fault.status != 0 else [])
+    return wrong + (_touched(earlier, computed) if fault.status != 0 else [])
 
 
-def _touched(earlier: dict[str, str], found: dict[str, str]) -> list[str]:
-    return [f"{name} of an earlier run was touched" for name, digest in earlier.items() if found.get(name) != digest]
+def _touched(earlier: dict[str, str], computed: dict[str, str]) -> list[str]:
+    return [f"{name} of an earlier run was touched" for name, digest in earlier.items() if computed.get(name) != digest]

@@ -98,10 +98,10 @@ def entry(number, sort, case):
 
 def entries():
     """Return all cases as parameters, in an order that CATALOGUE_SEED shuffles."""
-    found = [entry(i, sort, case) for sort, cases in BY_SORT.items() for i, case in enumerate(cases)]
+    listed = [entry(i, sort, case) for sort, cases in BY_SORT.items() for i, case in enumerate(cases)]
     if SEED:
-        random.Random(SEED).shuffle(found)
-    return found
+        random.Random(SEED).shuffle(listed)
+    return listed
 
 
 @pytest.mark.slow
@@ -118,8 +118,8 @@ def test_a_bad_input(comm, place, capfd, case):
     seconds = comm.allreduce(time.monotonic() - began) / comm.size
     said = "".join(comm.allgather(capfd.readouterr().err))
     assert set(comm.allgather(status)) == {case.status}, said
-    found = on_root(comm, fingerprint, folder / EARLIER)
-    assert not violations(Ended(status, said, seconds), case, earlier, found, LIMIT), said
+    computed = on_root(comm, fingerprint, folder / EARLIER)
+    assert not violations(Ended(status, said, seconds), case, earlier, computed, LIMIT), said
 
 
 def test_the_catalogue_is_as_large_as_it_says():
