@@ -131,6 +131,6 @@ def test_what_is_asked_arrives(line, command):
     ],
 )
 def test_what_nobody_knows_is_an_error(line, message):
-    with pytest.raises(CaseError) as found:
+    with pytest.raises(CaseError) as caught:
         parse(line.split())
-    assert message in str(found.value)
+    assert message in str(caught.value)

@@ -113,8 +113,8 @@ def test_a_bolt_that_is_none_is_refused_once(comm, folder, program, old, new, st
         (folder / "bad.toml").write_text(SCENE.replace(old, new))
 
     on_root(comm, write)
-    found, _, error = program("run", folder / "bad.toml", "--out", folder / "bad")
-    assert found == status and says in error
+    ended, _, error = program("run", folder / "bad.toml", "--out", folder / "bad")
+    assert ended == status and says in error
     assert error.count("microslip: error: ") == 1 and "Traceback" not in error
 
 
@@ -148,9 +148,9 @@ def test_a_tightened_bar_rings_like_one_that_is_colder(comm, folder):
             (folder / f"{name}.toml").write_text(BAR.replace("LOADED", load))
 
     on_root(comm, write)
-    found = {}
+    values = {}
     for name in ("slack", "tight", "cold"):
         with microslip.build(microslip.read(folder / f"{name}.toml"), comm) as structure:
-            found[name] = structure.modes.frequency
-    assert found["tight"] == pytest.approx(found["cold"], rel=2e-4)
-    assert (found["tight"] > 1.05 * found["slack"])[:2].all()
+            values[name] = structure.modes.frequency
+    assert values["tight"] == pytest.approx(values["cold"], rel=2e-4)
+    assert (values["tight"] > 1.05 * values["slack"])[:2].all()

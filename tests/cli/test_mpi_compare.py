@@ -36,12 +36,12 @@ def rows(folder):
 def test_all_methods_in_one_command(program, shared_path):
     status, out, err = program()
     assert (status, err) == (0, "")
-    found = rows(shared_path)
-    assert set(found) == set(METHODS) and next(iter(found)) == "full"
-    assert len({entry["points"] for entry in found.values()}) == 1
-    assert float(found["full"]["difference_percent"]) == 0.0
+    table = rows(shared_path)
+    assert set(table) == set(METHODS) and next(iter(table)) == "full"
+    assert len({entry["points"] for entry in table.values()}) == 1
+    assert float(table["full"]["difference_percent"]) == 0.0
     for method in ("receptance", "rubin", "craig-bampton"):
-        assert float(found[method]["difference_percent"]) < 0.1
+        assert float(table[method]["difference_percent"]) < 0.1
     assert (shared_path / "out" / "compare.png").exists() and "differences from full" in out
 
 

@@ -17,9 +17,9 @@ def files(comm, shared_path):
     def make():
         pairs = two_flanks(4, 1)
         for name, level in (("a", 8.0), ("b", 8.0), ("c", 8.8)):
-            found = branch(level, pairs)
-            found.level = 8.0
-            write(shared_path / name, [found], pairs)
+            curve = branch(level, pairs)
+            curve.level = 8.0
+            write(shared_path / name, [curve], pairs)
 
     on_root(comm, make)
     return [shared_path / name / "results.h5" for name in "abc"]

@@ -73,20 +73,20 @@ def test_one_mass_from_scene_to_choices(program, shared_path, comm):
     seconds = "5" if comm.size == 1 else "1.5"  # several ranks on few processors may not come so far, however many
     status, out, err = program(write_mass, "--seconds", seconds, "--vary", "harmonics,samples", "--levels", "0.8")
     assert (status, err) == (0, "")
-    found = [entry for entry in rows(shared_path) if not entry["failure"]]
-    kinds = {entry["parameter"] for entry in found}
+    listed = [entry for entry in rows(shared_path) if not entry["failure"]]
+    kinds = {entry["parameter"] for entry in listed}
     assert {"base"} <= kinds <= {"base", "harmonics", "samples", "combination", "accuracy"}
     by_H = {
-        int(entry["harmonics"]): float(entry["error_percent"]) for entry in found if entry["parameter"] in ("base", "harmonics")
+        int(entry["harmonics"]): float(entry["error_percent"]) for entry in listed if entry["parameter"] in ("base", "harmonics")
     }
-    base = next(entry for entry in found if entry["parameter"] == "base")
+    base = next(entry for entry in listed if entry["parameter"] == "base")
     assert float(base["error_percent"]) <= float(base["bar_percent"]) < 5.0
     if comm.size == 1:
         assert by_H[1] > by_H[5] and "harmonics 1 -> 2:" in out
-        covered = [float(entry["covered_percent"]) for entry in found if entry["covered_percent"]]
+        covered = [float(entry["covered_percent"]) for entry in listed if entry["covered_percent"]]
         assert covered and sum(covered) / len(covered) >= 90.0
         assert "lie under their bar" in out
-    assert any(entry["on_front"] for entry in found)
+    assert any(entry["on_front"] for entry in listed)
     assert "more would change" in out
     assert "for 1 %:" in out and (shared_path / "out" / "trade.png").exists()
 
@@ -104,9 +104,9 @@ def test_every_parameter_of_a_scene_with_a_mesh_and_another_mesh(program, shared
     mesh = str(other / "bar.msh")
     status, out, err = program(write, "--seconds", "3", "--levels", "30", "--meshes", mesh)
     assert (status, err) == (0, "")
-    found = rows(shared_path)
-    assert {entry["parameter"] for entry in found} >= set(PARAMETERS)
-    coarse, fine = (entry for entry in found if entry["parameter"] == "mesh")
+    table = rows(shared_path)
+    assert {entry["parameter"] for entry in table} >= set(PARAMETERS)
+    coarse, fine = (entry for entry in table if entry["parameter"] == "mesh")
     assert float(coarse["error_percent"]) > 1.0 and float(fine["error_percent"]) == 0.0
     assert "meshes, against the finest" in out
 
@@ -140,11 +140,11 @@ def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
     meshes = ",".join(str(shared_path / f"{name}.msh") for name in ("finest", "finer"))
     status, out, err = program(write, "--seconds", "3", "--levels", "2", "--vary", "mesh", "--meshes", meshes)
     assert (status, err) == (0, "")
-    found = [entry for entry in rows(shared_path) if entry["parameter"] == "mesh"]
-    assert [entry["value"] for entry in found] == ["coarse.msh", "finer.msh", "finest.msh"]
-    assert not any(entry["failure"] for entry in found) and len({entry["points"] for entry in found}) == 1
-    peaks = [float(entry["frequency_percent"]) for entry in found]
-    assert peaks[0] > peaks[1] > peaks[2] == 0.0 and float(found[2]["error_percent"]) == 0.0
+    listed = [entry for entry in rows(shared_path) if entry["parameter"] == "mesh"]
+    assert [entry["value"] for entry in listed] == ["coarse.msh", "finer.msh", "finest.msh"]
+    assert not any(entry["failure"] for entry in listed) and len({entry["points"] for entry in listed}) == 1
+    peaks = [float(entry["frequency_percent"]) for entry in listed]
+    assert peaks[0] > peaks[1] > peaks[2] == 0.0 and float(listed[2]["error_percent"]) == 0.0
     assert "meshes, against the finest, finest.msh" in out and "no pair slips" not in out
 
 
@@ -200,11 +200,11 @@ def test_without_slip_modes_alone_are_traded_of_what_was_asked(program, shared_p
     status, out, err = program(write_bar, "--levels", "0.001", "--seconds", "60", "--vary", "harmonics,modes,samples")
     assert (status, err) == (0, "")
     assert out.count("no pair slips or opens at 0.001 N: the response is linear") == 1
-    found = rows(shared_path)
-    assert {"base", "modes"} <= {entry["parameter"] for entry in found} <= {"base", "modes", "accuracy", "combination"}
+    table = rows(shared_path)
+    assert {"base", "modes"} <= {entry["parameter"] for entry in table} <= {"base", "modes", "accuracy", "combination"}
     by_modes = {
         int(entry["modes"]): float(entry["error_percent"])
-        for entry in found
+        for entry in table
         if entry["parameter"] in ("base", "modes") and not entry["failure"]
     }
     assert "    modes = " in out and "    harmonics = " not in out and "    tolerance = " not in out

@@ -51,16 +51,16 @@ def test_two_pairs_on_any_number_of_ranks(program, shared_path):
     """Two pairs: of three ranks one has none."""
     status, out, err = program()
     assert (status, err) == (0, "")
-    found = rows(shared_path)
-    assert [float(row["level_N"]) for row in found] == [0.5] * 5 + [20.0] * 5
-    assert [row["peak"] for row in found].count("peak") == 2
-    assert all(float(row["difference_with_phase"]) < 2e-3 for row in found[:5])  # nothing slips
-    for row in found[5:]:
+    table = rows(shared_path)
+    assert [float(row["level_N"]) for row in table] == [0.5] * 5 + [20.0] * 5
+    assert [row["peak"] for row in table].count("peak") == 2
+    assert all(float(row["difference_with_phase"]) < 2e-3 for row in table[:5])  # nothing slips
+    for row in table[5:]:
         assert float(row["difference_with_phase"]) < 4e-3 + 2.0 * float(row["own_error"])
         assert float(row["distance"]) <= verify.TOLERANCE and float(row["change"]) <= 10.0 * verify.TOLERANCE
         assert abs(float(row["energy_closure"])) < 1e-2 and float(row["higher_harmonics"]) > 1e-4
         assert float(row["harmonic_balance_m"]) - float(row["time_integration_m"]) == pytest.approx(
-            float(row["difference"]) * max(float(one["harmonic_balance_m"]) for one in found[5:]), rel=1e-5, abs=1e-12
+            float(row["difference"]) * max(float(one["harmonic_balance_m"]) for one in table[5:]), rel=1e-5, abs=1e-12
         )
     assert {"verify.png", "verify.log", "verify.csv"} <= {path.name for path in (shared_path / "out").iterdir()}
     assert out.count("time integration's own error is about") == 1 and "largest difference" in out
@@ -73,10 +73,10 @@ def test_curves_of_a_scene_with_accuracy_are_as_good_as_it_asks(program, shared_
     for accuracy in (0.1, 1e-2):
         status, out, err = program("--levels", "20", "--at", "66,68", "--steps", "64", points=16, accuracy=accuracy)
         assert (status, err) == (0, "") and f"accuracy {accuracy:g}" in out
-        found = rows(shared_path)
-        assert [float(row["frequency_Hz"]) for row in found] == pytest.approx([66.0, 68.0])
-        difference[accuracy] = max(float(row["difference_with_phase"]) for row in found)
-        assert difference[accuracy] < accuracy + 2.0 * max(float(row["own_error"]) for row in found)
+        table = rows(shared_path)
+        assert [float(row["frequency_Hz"]) for row in table] == pytest.approx([66.0, 68.0])
+        difference[accuracy] = max(float(row["difference_with_phase"]) for row in table)
+        assert difference[accuracy] < accuracy + 2.0 * max(float(row["own_error"]) for row in table)
     assert difference[1e-2] < difference[0.1]
 
 
@@ -122,14 +122,14 @@ def test_a_point_that_comes_to_no_steady_state_is_said_and_the_rest_kept(program
 def test_from_rest_it_comes_to_the_same(program, shared_path):
     """One mass on a Jenkins element that slips in every cycle."""
     of_jenkins = {"system": scenes.jenkins_mass, "levels": (0.8,), "frequencies": (1.1, 1.4)}
-    found = []
+    values = []
     for arguments in ((), ("--from-rest",)):
         system = {**scenes.jenkins_mass(), "C": np.array([[0.1]])}
         status, _, _ = program(*arguments, "--at", "0.2", **{**of_jenkins, "system": lambda system=system: system})
         assert status == 0
-        found += rows(shared_path)
-    assert float(found[1]["time_integration_m"]) == pytest.approx(float(found[0]["time_integration_m"]), rel=1e-4)
-    assert int(found[1]["periods"]) > int(found[0]["periods"])
+        values += rows(shared_path)
+    assert float(values[1]["time_integration_m"]) == pytest.approx(float(values[0]["time_integration_m"]), rel=1e-4)
+    assert int(values[1]["periods"]) > int(values[0]["periods"])
 
 
 @pytest.mark.study
@@ -140,8 +140,8 @@ def test_small_disturbances_grow_as_the_multipliers_say(program, shared_path):
     mass = {"system": scenes.gap_mass, "levels": (0.2,), "frequencies": (1.05, 1.4), "points": 12, "harmonics": 9, "samples": 256}
     status, out, _ = program("--disturbed", "--at", f"{1.25 / (2.0 * np.pi)!r}", "--steps", "256", **mass)
     assert status == 0 and "as the Floquet multipliers say at 3 of 3 points" in out
-    found = rows(shared_path)
-    multipliers, factors = ([float(row[name]) for row in found] for name in ("largest_multiplier", "growth"))
+    table = rows(shared_path)
+    multipliers, factors = ([float(row[name]) for row in table] for name in ("largest_multiplier", "growth"))
     assert sorted(factor > 1.0 for factor in factors) == [False, False, True]
     assert factors == pytest.approx(multipliers, rel=0.04) and max(factors) == pytest.approx(max(multipliers), rel=0.02)
 

@@ -20,22 +20,22 @@ AFTER = 10.0  # s
 
 def left_behind(folder, until):
     """Return the processes that still work in a folder when a time has come."""
-    while (found := at_work(folder)) and time.monotonic() < until:
+    while (computed := at_work(folder)) and time.monotonic() < until:
         time.sleep(0.1)
-    return found
+    return computed
 
 
 def at_work(folder):
     """Return the processes that work in a folder."""
-    found = []
+    values = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
                 if os.readlink(entry / "cwd") == str(folder):
-                    found.append(entry.name)
+                    values.append(entry.name)
             except OSError:  # it has ended, or is not ours
                 continue
-    return found
+    return values
 
 
 @pytest.mark.parametrize(

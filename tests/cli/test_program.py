@@ -104,9 +104,9 @@ def test_the_doctor_names_what_was_built_for_another_numpy(monkeypatch):
 
 
 def test_the_doctor_notes_formats_that_are_not_read(monkeypatch):
-    found = doctor.importlib.util.find_spec
+    find_spec = doctor.importlib.util.find_spec
     monkeypatch.setattr(
-        doctor.importlib.util, "find_spec", lambda name, *more: None if name == "pyNastran" else found(name, *more)
+        doctor.importlib.util, "find_spec", lambda name, *more: None if name == "pyNastran" else find_spec(name, *more)
     )
     lines, is_well = doctor.examine()
     assert is_well and any("without pyNastran Nastran's files are not read: " in line for line in lines)
