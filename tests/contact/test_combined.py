@@ -60,13 +60,13 @@ def motions(n, size, seed=5):
 @pytest.mark.parametrize("make", MAKERS)
 def test_derivative_of_a_cycle_is_exact(make):
     of, U = make(9), motions(9, 0.4)
-    found, d = of.cycle(U, 64), motions(9, 0.3, seed=8)
+    cycle, d = of.cycle(U, 64), motions(9, 0.3, seed=8)
     P = np.zeros((9, 3 * N_H, 3 * N_H))
-    P[found.active] = found.P
+    P[cycle.active] = cycle.P
     first = np.einsum("nij,nj->ni", P, d.reshape(9, -1))
     steps = 1e-4 * 0.25 ** np.arange(4)
-    remains = np.array([np.abs((of.cycle(U + h * d, 64, False).p - found.p).reshape(9, -1) - h * first).max(1) for h in steps])
-    assert len(found.active) >= 8 and np.abs(first).max() > 0.1
+    remains = np.array([np.abs((of.cycle(U + h * d, 64, False).p - cycle.p).reshape(9, -1) - h * first).max(1) for h in steps])
+    assert len(cycle.active) >= 8 and np.abs(first).max() > 0.1
     assert np.all(remains[-1] < 1e-4 * steps[-1] * np.abs(first).max())
     assert np.median(np.log(remains[0] / remains[2]) / np.log(16.0)) == pytest.approx(2.0, abs=0.2)
 
@@ -95,8 +95,8 @@ def test_steps_through_the_samples_come_to_the_cycle_of_the_return_map(make):
             before, _, _ = of.step(at, before)
             forces.append(before[:, :3])
     marched = analyse(np.moveaxis(np.array(forces), 0, -1), Harmonics.full(N_H))
-    found = of.cycle(U, 64)
-    assert np.abs(marched - found.p).max() < 1e-12 * np.abs(found.p).max()
+    cycle = of.cycle(U, 64)
+    assert np.abs(marched - cycle.p).max() < 1e-12 * np.abs(cycle.p).max()
 
 
 @pytest.mark.parametrize("make", MAKERS)
@@ -143,21 +143,21 @@ def test_half_wave_symmetry_is_kept_where_it_is_said_to_be():
 def test_several_laws_are_their_parts_bit_for_bit_in_the_order_of_the_pairs():
     of, U = mixed(15), motions(15, 0.4)
     assert isinstance(of, CombinedLaw) and of.n_pairs == 15 and of.order == 2
-    found = of.cycle(U, 64)
+    cycle = of.cycle(U, 64)
     before = np.zeros((15, 3 + of.n_memory))
     after, L, state = of.step(U[..., 1], before)
     seen = np.zeros(15, dtype=int)
     for own, law in of.parts:
         alone = law.cycle(U[own], 64)
         seen[own] += 1
-        assert np.array_equal(found.p[own], alone.p) and np.array_equal(found.state[own], alone.state)
-        place = np.searchsorted(found.active, own[alone.active])
-        assert np.array_equal(found.active[place], own[alone.active]) and np.array_equal(found.P[place], alone.P)
+        assert np.array_equal(cycle.p[own], alone.p) and np.array_equal(cycle.state[own], alone.state)
+        place = np.searchsorted(cycle.active, own[alone.active])
+        assert np.array_equal(cycle.active[place], own[alone.active]) and np.array_equal(cycle.P[place], alone.P)
         assert np.array_equal(of.stiffness[own], law.stiffness)
         stepped = law.step(U[own][..., 1], before[own, : 3 + law.n_memory])
         assert np.array_equal(after[own, : 3 + law.n_memory], stepped[0])
         assert np.array_equal(L[own], stepped[1]) and np.array_equal(state[own], stepped[2])
-    assert np.all(seen == 1) and np.all(np.diff(found.active) > 0)
+    assert np.all(seen == 1) and np.all(np.diff(cycle.active) > 0)
 
 
 def test_pairs_taken_a_few_at_a_time_are_those_taken_together(monkeypatch):
@@ -200,14 +200,14 @@ def test_pairs_name_their_laws():
 
 def test_directions_of_their_own_are_two_elements_under_one_pressure():
     of, U = by_direction(20), motions(20, 0.3)
-    found = of.cycle(U, 128)
+    cycle = of.cycle(U, 128)
     for axis, k, mu in ((0, of.k_t, of.mu), (1, of.k_ty, of.mu_y)):
         w0 = np.zeros((20, 2))
         w0[:, 0] = of.w0[:, axis]
         alone = ElasticCoulomb(mu, of.N0, k, of.k_n, of.separate, w0)
         turned = U.copy()
         turned[:, 0], turned[:, 1] = U[:, axis], 0.0
-        assert np.allclose(found.p[:, axis], alone.cycle(turned, 128).p[:, 0], rtol=1e-10, atol=1e-12)
+        assert np.allclose(cycle.p[:, axis], alone.cycle(turned, 128).p[:, 0], rtol=1e-10, atol=1e-12)
     assert np.allclose(of.stiffness, np.column_stack([of.k_t, of.k_ty, of.k_n]))
 
 

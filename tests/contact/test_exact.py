@@ -35,16 +35,16 @@ def friction(U, law, N_t):
 @pytest.mark.parametrize("X", [1.6, 3.0, 5.0, 50.0])
 def test_loop_dissipates_4_mu_N0_times_the_slip(X, separate):
     U, law = motion(x=[0.0, X]), joint(separate=separate)
-    found = law.cycle(U, 4096)
-    assert found.state[0] == SLIP
-    assert pair_energy(U, found.p)[0] == pytest.approx(4.0 * 3.0 * (X - 1.5), rel=1e-5)
+    cycle = law.cycle(U, 4096)
+    assert cycle.state[0] == SLIP
+    assert pair_energy(U, cycle.p)[0] == pytest.approx(4.0 * 3.0 * (X - 1.5), rel=1e-5)
 
 
 @pytest.mark.parametrize("X", [0.0, 0.3, 1.499999999])
 def test_below_the_limit_nothing_is_lost_and_p_is_exactly_zero(X):
-    found = joint().cycle(motion(H=3, x=[0.0, X]), 128)
-    assert found.state[0] == STICK and len(found.active) == 0 and found.P.shape == (0, 21, 21)
-    assert np.all(found.p == 0.0)
+    cycle = joint().cycle(motion(H=3, x=[0.0, X]), 128)
+    assert cycle.state[0] == STICK and len(cycle.active) == 0 and cycle.P.shape == (0, 21, 21)
+    assert np.all(cycle.p == 0.0)
 
 
 def test_jenkins_harmonic_and_its_convergence():
@@ -92,9 +92,9 @@ def test_normal_load_that_follows_the_motion():
     up = (2.0 * mu * N0 - (k_t + mu * gamma) * X) / (k_t - mu * gamma)
     corners = [(u, sign * mu * (N0 + gamma * u)) for u, sign in ((X, 1), (down, -1), (-X, -1), (up, 1))]
     U = motion(x=[0.0, X], z=[0.0, -gamma * X / 4.0])
-    found = joint(mu=mu, N0=N0, k_t=k_t).cycle(U, 4096)
-    assert found.state[0] == SLIP
-    assert pair_energy(U, found.p)[0] == pytest.approx(loop_area(corners), rel=1e-5)
+    cycle = joint(mu=mu, N0=N0, k_t=k_t).cycle(U, 4096)
+    assert cycle.state[0] == SLIP
+    assert pair_energy(U, cycle.p)[0] == pytest.approx(loop_area(corners), rel=1e-5)
 
 
 def test_lift_off_lets_the_friction_go():
@@ -103,10 +103,10 @@ def test_lift_off_lets_the_friction_go():
     down = (k_t * X - mu * (2.0 * N0 + gamma * X)) / (k_t + mu * gamma)
     corners = [(X, mu * (N0 + gamma * X)), (down, -mu * (N0 + gamma * down)), (-N0 / gamma, 0.0)]
     U = motion(x=[0.0, X], z=[0.0, -gamma * X / 4.0])
-    found = joint(mu=mu, N0=N0, k_t=k_t).cycle(U, 4096)
-    assert found.state[0] == OPEN
-    assert pair_energy(U, found.p)[0] == pytest.approx(loop_area(corners), rel=1e-4)
-    assert contact_work(U, found.p)[0] == pytest.approx(pair_energy(U, found.p)[0], rel=1e-4)
+    cycle = joint(mu=mu, N0=N0, k_t=k_t).cycle(U, 4096)
+    assert cycle.state[0] == OPEN
+    assert pair_energy(U, cycle.p)[0] == pytest.approx(loop_area(corners), rel=1e-4)
+    assert contact_work(U, cycle.p)[0] == pytest.approx(pair_energy(U, cycle.p)[0], rel=1e-4)
 
 
 def test_normal_force_of_an_opening_pair():
@@ -123,18 +123,18 @@ def test_pair_that_stays_open_exerts_its_preload_less():
     """Far apart the preload of a closed pair is gone: f_z = N0; with a gap there was none: f_z = 0."""
     U = motion(x=[0.0, 1.0], z=[100.0, 0.5])
     for N0, f_z in ((6.0, 6.0), (-6.0, 0.0)):
-        found = joint(N0=N0).cycle(U, 64)
-        assert found.state[0] == OPEN
-        assert np.allclose(found.p[0], [[0.0, -2.0, 0.0], [0.0] * 3, [f_z - 400.0, -2.0, 0.0]], atol=1e-12)
-        assert np.allclose(found.P[0], np.diag([-2.0] * 6 + [-4.0] * 3), atol=1e-13)
+        cycle = joint(N0=N0).cycle(U, 64)
+        assert cycle.state[0] == OPEN
+        assert np.allclose(cycle.p[0], [[0.0, -2.0, 0.0], [0.0] * 3, [f_z - 400.0, -2.0, 0.0]], atol=1e-12)
+        assert np.allclose(cycle.P[0], np.diag([-2.0] * 6 + [-4.0] * 3), atol=1e-13)
 
 
 def test_gap_that_is_closed_all_the_time():
     """Pressed by 5 N/k_n beyond the gap, the pair is linear about f_z = k_n (du_z + g0): p is a constant."""
-    found = joint(N0=-6.0).cycle(motion(z=[-11.0 / 4.0, 0.5]), 64)
-    assert found.state[0] == STICK and found.active.tolist() == [0]
-    assert np.allclose(found.p[0], [[0.0] * 3, [0.0] * 3, [6.0, 0.0, 0.0]], atol=1e-14)
-    assert np.abs(found.P).max() < 1e-14
+    cycle = joint(N0=-6.0).cycle(motion(z=[-11.0 / 4.0, 0.5]), 64)
+    assert cycle.state[0] == STICK and cycle.active.tolist() == [0]
+    assert np.allclose(cycle.p[0], [[0.0] * 3, [0.0] * 3, [6.0, 0.0, 0.0]], atol=1e-14)
+    assert np.abs(cycle.P).max() < 1e-14
 
 
 def test_separate_limits_are_two_elements_in_line():
@@ -176,9 +176,9 @@ def test_law_scales_with_force_and_with_length():
     plain = law.cycle(U, 64)
     for force, length in ((1e9, 1e-9), (1e-9, 1.0), (3.0, 1e6)):
         scaled = ElasticCoulomb(law.mu, force * law.N0, force / length * law.k_t, force / length * law.k_n, law.separate)
-        found = scaled.cycle(length * U, 64)
-        assert np.allclose(found.p / force, plain.p, rtol=0.0, atol=1e-12) and np.array_equal(found.state, plain.state)
-        assert np.allclose(found.P * length / force, plain.P, rtol=0.0, atol=1e-11)
+        cycle = scaled.cycle(length * U, 64)
+        assert np.allclose(cycle.p / force, plain.p, rtol=0.0, atol=1e-12) and np.array_equal(cycle.state, plain.state)
+        assert np.allclose(cycle.P * length / force, plain.P, rtol=0.0, atol=1e-11)
 
 
 def test_more_samples_converge_to_the_same_force():
@@ -194,25 +194,25 @@ def test_more_samples_converge_to_the_same_force():
 
 @pytest.mark.parametrize("X", [0.3, 0.9])
 def test_below_the_limit_the_preload_stays_and_p_is_exactly_zero(X):
-    found = joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, X * (1.0 - 1e-9)]), 128)
-    assert found.state[0] == STICK and np.all(found.p == 0.0)
+    cycle = joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, X * (1.0 - 1e-9)]), 128)
+    assert cycle.state[0] == STICK and np.all(cycle.p == 0.0)
     assert len(joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, 0.9 + 1e-9]), 128).active) == 1
 
 
 def test_preload_that_slip_lowers_to_what_friction_holds():
     """Within the slip distance the slider settles once: the peak keeps mu N0, the mean mu N0 - k_t X."""
-    found = joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, 0.0, 1.2]), 128)
-    assert found.state[0] == STICK and found.active.tolist() == [0]
-    assert np.allclose(found.p[0, 0] + [1.2, 0.0, 0.0], [3.0 - 2.0 * 1.2, 0.0, 0.0], atol=1e-14)
+    cycle = joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, 0.0, 1.2]), 128)
+    assert cycle.state[0] == STICK and cycle.active.tolist() == [0]
+    assert np.allclose(cycle.p[0, 0] + [1.2, 0.0, 0.0], [3.0 - 2.0 * 1.2, 0.0, 0.0], atol=1e-14)
 
 
 @pytest.mark.parametrize("separate", [False, True])
 def test_slip_both_ways_forgets_the_preload(separate):
     """The loop of T lies about zero, so that p has the mean -T0; the loss is that without preload."""
     U, plain, law = motion(x=[0.0, 5.0]), joint(separate=separate), joint(separate=separate, w0=(-0.6, 0.0))
-    found = law.cycle(U, 4096)
-    assert np.allclose(found.p - plain.cycle(U, 4096).p, motion(x=[-1.2]), atol=1e-13)
-    assert pair_energy(U, found.p)[0] == pytest.approx(4.0 * 3.0 * (5.0 - 1.5), rel=1e-5)
+    cycle = law.cycle(U, 4096)
+    assert np.allclose(cycle.p - plain.cycle(U, 4096).p, motion(x=[-1.2]), atol=1e-13)
+    assert pair_energy(U, cycle.p)[0] == pytest.approx(4.0 * 3.0 * (5.0 - 1.5), rel=1e-5)
 
 
 def test_a_start_that_moves_with_the_mean_changes_nothing():
@@ -221,9 +221,9 @@ def test_a_start_that_moves_with_the_mean_changes_nothing():
     U, w0, law = rng.standard_normal((30, 3, 7)), rng.standard_normal((30, 2)), joint(30, N0=2.0, k_n=1.0)
     shifted = U.copy()
     shifted[:, :2, 0] += w0
-    plain, found = law.cycle(U, 64), replace(law, w0=w0).cycle(shifted, 64)
-    assert np.allclose(found.p, plain.p, atol=1e-13) and np.allclose(found.P, plain.P, atol=1e-12)
-    assert np.array_equal(found.state, plain.state)
+    plain, cycle = law.cycle(U, 64), replace(law, w0=w0).cycle(shifted, 64)
+    assert np.allclose(cycle.p, plain.p, atol=1e-13) and np.allclose(cycle.P, plain.P, atol=1e-12)
+    assert np.array_equal(cycle.state, plain.state)
 
 
 # -- limits ---------------------------------------------------------------------------------------------------------------

@@ -58,13 +58,13 @@ def test_loss_a_cycle_is_a_power_of_the_amplitude():
         u = of.phi_max[0] * 1e-3 ** (np.array([7.0, 14.0, 28.0]) / 49.0)  # ends of intervals of both
         U = np.zeros((3, 3, 3))
         U[:, 0, 1] = u
-        found = of.cycle(U, 2048, tangents=False)
+        cycle = of.cycle(U, 2048, tangents=False)
         R = K_T / (1.0 + BETA) * (CHI + 1.0) / of.phi_max[0] ** (CHI + 1.0)
         exact = 4.0 * R * u ** (CHI + 3.0) / ((CHI + 2.0) * (CHI + 3.0))
-        errors.append(np.abs(pair_energy(U, found.p) / exact - 1.0))
-        assert found.state.tolist() == [STICK] * 3 and found.active.tolist() == [0, 1, 2]
+        errors.append(np.abs(pair_energy(U, cycle.p) / exact - 1.0))
+        assert cycle.state.tolist() == [STICK] * 3 and cycle.active.tolist() == [0, 1, 2]
     assert np.all(errors[0] < 4e-3) and np.all(errors[1] < 1.2e-3)
-    slope = np.diff(np.log(pair_energy(U, found.p))) / np.diff(np.log(u))
+    slope = np.diff(np.log(pair_energy(U, cycle.p))) / np.diff(np.log(u))
     assert np.allclose(slope, 3.0 + CHI, atol=2e-3)
 
 
@@ -81,13 +81,13 @@ def test_the_normal_direction_is_a_spring_alone():
     rng = np.random.default_rng(3)
     U = np.zeros((4, 3, 7))
     U[:, 2] = 100.0 * rng.standard_normal((4, 7))
-    found = law(n=4).cycle(U, 32)
-    assert len(found.active) == 0 and not found.p.any()
+    cycle = law(n=4).cycle(U, 32)
+    assert len(cycle.active) == 0 and not cycle.p.any()
     assert np.isinf(law(n=4).slip_safety(np.abs(U).sum(axis=2))).all()
     U[:, 0] = 0.3 * rng.standard_normal((4, 7))
-    found = law(n=4).cycle(U, 32)
-    assert len(found.active) == 4 and not found.p[:, 2].any()
-    assert not found.P[:, 14:].any() and not found.P[:, :, 14:].any()
+    cycle = law(n=4).cycle(U, 32)
+    assert len(cycle.active) == 4 and not cycle.p[:, 2].any()
+    assert not cycle.P[:, 14:].any() and not cycle.P[:, :, 14:].any()
 
 
 def test_sticks_until_the_weakest_slider_slips():

@@ -67,10 +67,10 @@ def path_harmonics(U, law, N_t):
 @given(joints(largest_H=6))
 def test_kernel_meets_the_oracle_of_the_path_between_samples(joint):
     U, law, N_t = joint
-    found = law.cycle(U, N_t, tangents=False)
+    cycle = law.cycle(U, N_t, tangents=False)
     expected, is_settled = path_harmonics(U, law, N_t)
     force = np.abs(law.N0) + stiffness(law) * size_of(U, law)
-    assert np.all((np.abs(found.p - expected).max(axis=(1, 2)) <= 1e-9 * force)[is_settled & ~found.creeps])
+    assert np.all((np.abs(cycle.p - expected).max(axis=(1, 2)) <= 1e-9 * force)[is_settled & ~cycle.creeps])
 
 
 @pytest.mark.slow
@@ -79,20 +79,20 @@ def test_kernel_meets_the_oracle_of_the_path_between_samples(joint):
 def test_return_map_at_samples_meets_the_oracle(joint):
     U, law, N_t = joint
     law = replace(law, sampled=True)
-    found = law.cycle(U, N_t)
+    cycle = law.cycle(U, N_t)
     P = np.zeros((len(U), 3 * U.shape[2], 3 * U.shape[2]))
-    P[found.active] = found.P
+    P[cycle.active] = cycle.P
     for i in range(len(U)):
         expected = marched(U[i], law, i, N_t)
         force = (np.abs(law.N0) + stiffness(law) * size_of(U, law))[i]
         if not expected.is_settled or expected.margin < 1e-10:
             continue
-        assert np.abs(found.p[i] - expected.p).max() <= 1e-11 * force
-        if i in found.active:
+        assert np.abs(cycle.p[i] - expected.p).max() <= 1e-11 * force
+        if i in cycle.active:
             assert np.abs(P[i] - expected.P).max() <= 1e-10 * stiffness(law)[i]
         else:
-            assert np.all(found.p[i] == 0.0) and np.abs(expected.P).max() <= 1e-12 * stiffness(law)[i]
-        assert found.state[i] == expected.state
+            assert np.all(cycle.p[i] == 0.0) and np.abs(expected.P).max() <= 1e-12 * stiffness(law)[i]
+        assert cycle.state[i] == expected.state
 
 
 @pytest.mark.parametrize("separate", [False, True])
@@ -105,11 +105,11 @@ def test_jacobian_meets_central_differences(sampled, separate):
     law = ElasticCoulomb(
         mu, rng.uniform(-0.3, 2.0, n), k_t, k_n, np.full(n, separate), 0.2 * rng.standard_normal((n, 2)), sampled
     )
-    found, V, h = law.cycle(U, 64), rng.standard_normal(U.shape), 1e-6
+    cycle, V, h = law.cycle(U, 64), rng.standard_normal(U.shape), 1e-6
     ahead, behind = (law.cycle(U + s * h * V, 64, tangents=False).p for s in (1.0, -1.0))
-    slope = np.einsum("nij,nj->ni", found.P, V[found.active].reshape(len(found.active), -1)).reshape(-1, 3, N_H)
-    errors = np.abs((ahead - behind)[found.active] / (2.0 * h) - slope).max(axis=(1, 2))
-    assert len(found.active) > 0.85 * n and np.mean(errors < 1e-7) > 0.985 and not found.creeps.any()
+    slope = np.einsum("nij,nj->ni", cycle.P, V[cycle.active].reshape(len(cycle.active), -1)).reshape(-1, 3, N_H)
+    errors = np.abs((ahead - behind)[cycle.active] / (2.0 * h) - slope).max(axis=(1, 2))
+    assert len(cycle.active) > 0.85 * n and np.mean(errors < 1e-7) > 0.985 and not cycle.creeps.any()
 
 
 @pytest.mark.slow
@@ -119,19 +119,19 @@ def test_jacobian_meets_central_differences_where_no_sample_switches(joint):
     U, law, N_t = joint
     law = replace(law, sampled=True)
     n, _, N_H = U.shape
-    found = law.cycle(U, N_t)
-    assume(len(found.active) > 0)
+    cycle = law.cycle(U, N_t)
+    assume(len(cycle.active) > 0)
     rng = np.random.default_rng(0)
     direction = rng.standard_normal(U.shape)
     step = 1e-6 * np.abs(U).max(axis=(1, 2))[:, None, None] * direction
     ahead, behind = (law.cycle(U + s * step, N_t, tangents=False).p for s in (1.0, -1.0))
     difference = (ahead - behind).reshape(n, -1)
     checked = 0
-    for k, i in enumerate(found.active):
+    for k, i in enumerate(cycle.active):
         nearby = (U[i] + s * step[i] for s in (-1.0, 0.0, 1.0))
         patterns = {marched(near, law, i, N_t).pattern for near in nearby}
         if len(patterns) == 1:
-            linear = 2.0 * found.P[k] @ step[i].ravel()
+            linear = 2.0 * cycle.P[k] @ step[i].ravel()
             bound = 1e-6 * stiffness(law)[i] * np.abs(step[i]).max() * np.sqrt(3 * N_H)
             assert np.abs(difference[i] - linear).max() <= bound
             checked += 1
@@ -141,11 +141,11 @@ def test_jacobian_meets_central_differences_where_no_sample_switches(joint):
 def taylor_remainders(law, U, V, N_t, steps):
     """Return |p(U + h V) - p(U) - h P V| by direction for each step h, (n_steps, n, 3), NaN where a sample switches."""
     n, _, N_H = U.shape
-    found = law.cycle(U, N_t)
+    cycle = law.cycle(U, N_t)
     P = np.zeros((n, 3 * N_H, 3 * N_H))
-    P[found.active] = found.P
+    P[cycle.active] = cycle.P
     slope = np.einsum("nij,nj->ni", P, V.reshape(n, -1)).reshape(U.shape)
-    remainders = np.array([np.abs(law.cycle(U + h * V, N_t).p - found.p - h * slope).max(axis=2) for h in steps])
+    remainders = np.array([np.abs(law.cycle(U + h * V, N_t).p - cycle.p - h * slope).max(axis=2) for h in steps])
     for i in range(n):
         if len({marched((U + h * V)[i], law, i, N_t).pattern for h in (0.0, *steps)}) > 1:
             remainders[:, i] = np.nan
@@ -184,9 +184,9 @@ ALONG_THE_PATH = {
 def test_remainder_of_the_derivative_of_every_law_falls_as_the_square_of_the_step(name):
     """Of the path between samples, but for the few pairs that change at one within the steps."""
     law, (U, V) = ALONG_THE_PATH[name], 0.3 * np.random.default_rng(1).standard_normal((2, 40, 3, 5))
-    found, steps = law.cycle(U, 64), 1e-3 * 0.25 ** np.arange(4)
-    U, V, p = (values[found.active] for values in (U, V, found.p))
-    law, slope = law.take(found.active), np.einsum("nij,nj->ni", found.P, V.reshape(len(V), -1)).reshape(V.shape)
+    cycle, steps = law.cycle(U, 64), 1e-3 * 0.25 ** np.arange(4)
+    U, V, p = (values[cycle.active] for values in (U, V, cycle.p))
+    law, slope = law.take(cycle.active), np.einsum("nij,nj->ni", cycle.P, V.reshape(len(V), -1)).reshape(V.shape)
     left = [np.abs(law.cycle(U + h * V, 64, tangents=False).p - p - h * slope).max(axis=(1, 2)) for h in steps]
     rates = np.log2(np.array(left[:-1]) / left[1:]).min(axis=0) / 2.0
     assert len(rates) > 30 and np.mean(np.abs(rates - 2.0) < 0.1) > 0.8
@@ -213,8 +213,8 @@ def test_kernel_meets_the_formulas_of_the_law(joint):
     f_nl = np.concatenate([T, normal_contact_force(N, law.N0[:, None])[:, None]], axis=1)
     expected = analyse(f_nl - law.stiffness[:, :, None] * du, Harmonics.full(U.shape[2]))
     force = np.abs(law.N0) + stiffness(law) * size_of(U, law)
-    found = law.cycle(U, N_t, tangents=False)
-    assert np.all((np.abs(found.p - expected).max(axis=(1, 2)) <= 1e-11 * force)[is_settled])
+    cycle = law.cycle(U, N_t, tangents=False)
+    assert np.all((np.abs(cycle.p - expected).max(axis=(1, 2)) <= 1e-11 * force)[is_settled])
 
 
 @FAST
@@ -244,13 +244,13 @@ def test_every_number_of_harmonics_at_its_least_number_of_samples(H):
     rng = np.random.default_rng(H)
     U = rng.standard_normal((9, 3, 2 * H + 1))
     law = ElasticCoulomb(*rng.uniform(0.2, 1.0, (4, 9)), rng.random(9) < 0.5, sampled=True)
-    found = law.cycle(U, 2 * H + 1)
-    for k, i in enumerate(found.active):
+    cycle = law.cycle(U, 2 * H + 1)
+    for k, i in enumerate(cycle.active):
         expected = marched(U[i], law, i, 2 * H + 1)
         if not expected.is_settled:
             continue
-        assert np.allclose(found.p[i], expected.p, rtol=0.0, atol=1e-12 * (1.0 + np.abs(U[i]).max()))
-        assert np.allclose(found.P[k], expected.P, rtol=0.0, atol=1e-12)
+        assert np.allclose(cycle.p[i], expected.p, rtol=0.0, atol=1e-12 * (1.0 + np.abs(U[i]).max()))
+        assert np.allclose(cycle.P[k], expected.P, rtol=0.0, atol=1e-12)
 
 
 def test_too_few_samples_are_refused():
@@ -265,9 +265,9 @@ def one_pair(mu=0.5, N0=2.0, k_t=3.0, k_n=4.0, separate=False):
 
 def test_no_pairs():
     none = np.zeros(0)
-    found = ElasticCoulomb(none, none, none, none, none > 0).cycle(np.zeros((0, 3, 7)), 128)
-    assert found.p.shape == (0, 3, 7) and found.P.shape == (0, 21, 21)
-    assert found.state.shape == found.active.shape == (0,) and found.state.dtype == np.uint8
+    cycle = ElasticCoulomb(none, none, none, none, none > 0).cycle(np.zeros((0, 3, 7)), 128)
+    assert cycle.p.shape == (0, 3, 7) and cycle.P.shape == (0, 21, 21)
+    assert cycle.state.shape == cycle.active.shape == (0,) and cycle.state.dtype == np.uint8
 
 
 @pytest.mark.parametrize(
@@ -283,10 +283,10 @@ def test_not_a_number_stays_with_its_pair_and_is_not_hidden(which, value):
         U[1, 0, 2] = value
     else:
         arrays[which][1] = value
-    found = ElasticCoulomb(**arrays, separate=np.zeros(3, dtype=bool)).cycle(U, 32)
-    assert 1 in found.active
-    assert np.isnan(found.p[1]).all() and np.isnan(found.P[np.searchsorted(found.active, 1)]).all()
-    assert np.array_equal(found.p[[0, 2]], clean.p[[0, 2]])
+    cycle = ElasticCoulomb(**arrays, separate=np.zeros(3, dtype=bool)).cycle(U, 32)
+    assert 1 in cycle.active
+    assert np.isnan(cycle.p[1]).all() and np.isnan(cycle.P[np.searchsorted(cycle.active, 1)]).all()
+    assert np.array_equal(cycle.p[[0, 2]], clean.p[[0, 2]])
 
 
 def test_without_tangents_the_forces_are_the_same():
@@ -300,16 +300,16 @@ def test_no_friction_slides_freely():
     U = np.zeros((1, 3, 5))
     for motion in (0.0, 1e-9, 1.0):
         U[0, :2] = motion * np.random.default_rng(1).standard_normal((2, 5))
-        found = one_pair(mu=0.0).cycle(U, 64)
-        assert found.state[0] == SLIP
-        assert np.allclose(found.p, -3.0 * U, rtol=0.0, atol=1e-14 * motion)
-        assert np.allclose(found.P[0], np.diag([-3.0] * 10 + [0.0] * 5), rtol=0.0, atol=1e-14)
+        cycle = one_pair(mu=0.0).cycle(U, 64)
+        assert cycle.state[0] == SLIP
+        assert np.allclose(cycle.p, -3.0 * U, rtol=0.0, atol=1e-14 * motion)
+        assert np.allclose(cycle.P[0], np.diag([-3.0] * 10 + [0.0] * 5), rtol=0.0, atol=1e-14)
 
 
 def test_no_stiffness_carries_no_force():
     U = np.random.default_rng(2).standard_normal((1, 3, 5)) * 100.0
-    found = one_pair(k_t=0.0, k_n=0.0).cycle(U, 64)
-    assert found.state[0] == STICK and len(found.active) == 0 and np.all(found.p == 0.0)
+    cycle = one_pair(k_t=0.0, k_n=0.0).cycle(U, 64)
+    assert cycle.state[0] == STICK and len(cycle.active) == 0 and np.all(cycle.p == 0.0)
 
 
 def test_huge_friction_sticks_until_the_pair_opens():
@@ -329,19 +329,19 @@ def test_pairs_at_their_limit_stick_without_roundoff():
     U[:, 0, 1], U[:, 1, 1] = np.cos(angle) / 3.0, np.sin(angle) / 3.0
     limit = 3.0 * np.hypot(U[:, 0, 1], U[:, 1, 1]) * (1.0 + 1e-15)
     law = replace(one_pair().take(np.zeros(200, dtype=int)), N0=2.0 * limit)
-    found = law.cycle(U, 128)
-    assert np.all(found.p == 0.0) and len(found.active) == 0
+    cycle = law.cycle(U, 128)
+    assert np.all(cycle.p == 0.0) and len(cycle.active) == 0
 
 
 def test_slip_while_settling_leaves_a_constant_force_and_the_state_stick():
     """The first samples push the slider, the cycle then fits between its limits."""
     U = np.zeros((1, 3, 3))
     U[0, 0] = [0.6, 0.0, 0.5]  # k_t (mean +- amplitude) = 3.3, 0.3; mu N0 = 2
-    found = one_pair(mu=1.0).cycle(U, 64)
-    assert found.state[0] == STICK and found.active.tolist() == [0]
-    assert np.allclose(found.p[0, 0], [-1.3, 0.0, 0.0], atol=1e-14)
-    assert np.allclose(found.P[0, 0, :3], [-3.0, 0.0, -3.0], atol=1e-13)  # the peak, sample 16, set the slider
-    assert abs(pair_energy(U, found.p)[0]) < 1e-14
+    cycle = one_pair(mu=1.0).cycle(U, 64)
+    assert cycle.state[0] == STICK and cycle.active.tolist() == [0]
+    assert np.allclose(cycle.p[0, 0], [-1.3, 0.0, 0.0], atol=1e-14)
+    assert np.allclose(cycle.P[0, 0, :3], [-3.0, 0.0, -3.0], atol=1e-13)  # the peak, sample 16, set the slider
+    assert abs(pair_energy(U, cycle.p)[0]) < 1e-14
 
 
 def test_settled_pairs_are_not_marked_as_slipping_by_roundoff():
@@ -350,8 +350,8 @@ def test_settled_pairs_are_not_marked_as_slipping_by_roundoff():
     U = np.zeros((300, 3, 3))
     U[:, 0, 0], U[:, 0, 1], U[:, 0, 2] = 0.6, 0.5 * np.cos(phase), 0.5 * np.sin(phase)
     for separate in (False, True):
-        found = one_pair(mu=1.0, separate=separate).take(np.zeros(300, dtype=int)).cycle(U, 64)
-        assert len(found.active) == 300 and np.all(found.state == STICK)
+        cycle = one_pair(mu=1.0, separate=separate).take(np.zeros(300, dtype=int)).cycle(U, 64)
+        assert len(cycle.active) == 300 and np.all(cycle.state == STICK)
 
 
 # -- the cycle that repeats, and the path between samples -----------------------------------------------------------------
@@ -369,18 +369,18 @@ def many(n=300, seed=3, **changed):
 def test_it_is_the_cycle_that_repeats(sampled):
     """From the sliders at its end the same cycle follows: where one slips, where it rests after creeping, after two periods or 50."""
     U, law = many(sampled=sampled)
-    found = law.cycle(U, 64)
+    cycle = law.cycle(U, 64)
     start = (
-        found.p[:, :2].sum(axis=2) * 0.0
+        cycle.p[:, :2].sum(axis=2) * 0.0
     )  # p at the last sample is not known from its harmonics; the mean is where a pair rests
-    rests = found.state == STICK
-    start[rests] = -found.p[rests, :2, 0] / law.k_t[rests, None]
+    rests = cycle.state == STICK
+    start[rests] = -cycle.p[rests, :2, 0] / law.k_t[rests, None]
     again = replace(law, w0=start).cycle(U, 64)
-    shifted = found.p.copy()
+    shifted = cycle.p.copy()
     shifted[:, :2, 0] += law.k_t[:, None] * start
     error = np.abs(again.p - shifted).max(axis=(1, 2))
-    assert not found.creeps.any() and rests.sum() > 5
-    assert np.all(error[rests] < 1e-10) and np.all(error[found.state != STICK] < 1e-9)  # slip forgets where it began
+    assert not cycle.creeps.any() and rests.sum() > 5
+    assert np.all(error[rests] < 1e-10) and np.all(error[cycle.state != STICK] < 1e-9)  # slip forgets where it began
 
 
 @pytest.mark.slow
@@ -398,9 +398,9 @@ def test_a_slow_creep_is_not_taken_for_a_cycle():
             ends.append(T)
     creeps = np.abs(ends[-1] - ends[-2]).max(axis=1) > 1e-3
     expected, is_settled = path_harmonics(U[creeps], law.take(creeps), 64)
-    found = law.take(creeps).cycle(U[creeps], 64, tangents=False)
+    cycle = law.take(creeps).cycle(U[creeps], 64, tangents=False)
     assert creeps.sum() > 10 and np.mean(is_settled) > 0.9
-    error = np.abs(found.p - expected).max(axis=(1, 2))[is_settled & ~found.creeps]
+    error = np.abs(cycle.p - expected).max(axis=(1, 2))[is_settled & ~cycle.creeps]
     assert np.all(error < 1e-7)
 
 
@@ -430,18 +430,18 @@ def test_a_pair_without_springs_has_all_of_its_force_in_p_and_none_where_it_stay
     U, law = many(200, sampled=sampled)
     law = replace(law, N0=-np.abs(law.N0))
     gaps = replace(law, open_at_rest=np.arange(200) % 2 == 0)
-    found, plain = gaps.cycle(U, 64), law.cycle(U, 64)
+    cycle, plain = gaps.cycle(U, 64), law.cycle(U, 64)
     n = U.shape[-1]
     expected = plain.p + np.where(gaps.open_at_rest[:, None, None], law.stiffness[:, :, None] * U, 0.0)
-    assert found.p == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
+    assert cycle.p == pytest.approx(expected, abs=1e-12 * np.abs(expected).max())
     assert not gaps.stiffness[gaps.open_at_rest].any() and gaps.stiffness[~gaps.open_at_rest] == pytest.approx(
         law.stiffness[1::2]
     )
-    stays = gaps.open_at_rest & ~np.isin(np.arange(200), found.active)
-    assert 0 < stays.sum() < 100 and not found.p[stays].any()
-    springs = np.where(gaps.open_at_rest[:, None], law.stiffness, 0.0)[found.active]
-    for i, P in zip(found.active, found.P):
-        own = np.diag(np.repeat(springs[np.flatnonzero(found.active == i)[0]], n))
+    stays = gaps.open_at_rest & ~np.isin(np.arange(200), cycle.active)
+    assert 0 < stays.sum() < 100 and not cycle.p[stays].any()
+    springs = np.where(gaps.open_at_rest[:, None], law.stiffness, 0.0)[cycle.active]
+    for i, P in zip(cycle.active, cycle.P):
+        own = np.diag(np.repeat(springs[np.flatnonzero(cycle.active == i)[0]], n))
         assert P == pytest.approx(plain.P[np.flatnonzero(plain.active == i)[0]] + own)
 
 

@@ -58,14 +58,14 @@ def test_pressure_grows_as_the_power_says_and_is_linear_about_rest(exponent):
 def test_harmonics_of_the_exponential_are_bessel_functions():
     amplitude, U = 0.5, np.zeros((1, 3, 11))
     U[0, 2, 1] = amplitude
-    found = law().cycle(U, 64)
+    cycle = law().cycle(U, 64)
     x, n = K_N * amplitude / N0, np.arange(1, 6)
-    assert found.p[0, 2, 0] == pytest.approx(N0 - N0 * iv(0, x), rel=1e-12)
+    assert cycle.p[0, 2, 0] == pytest.approx(N0 - N0 * iv(0, x), rel=1e-12)
     cosines = -2.0 * N0 * (-1.0) ** n * iv(n, x) - np.where(n == 1, K_N * amplitude, 0.0)
-    assert np.allclose(found.p[0, 2, 1::2], cosines, rtol=1e-11)
-    assert np.abs(found.p[0, :2]).max() == 0.0 and np.abs(found.p[0, 2, 2::2]).max() < 1e-14
-    assert found.state.tolist() == [STICK] and found.active.tolist() == [0]
-    assert abs(contact_work(U, found.p)[0]) < 1e-12
+    assert np.allclose(cycle.p[0, 2, 1::2], cosines, rtol=1e-11)
+    assert np.abs(cycle.p[0, :2]).max() == 0.0 and np.abs(cycle.p[0, 2, 2::2]).max() < 1e-14
+    assert cycle.state.tolist() == [STICK] and cycle.active.tolist() == [0]
+    assert abs(contact_work(U, cycle.p)[0]) < 1e-12
 
 
 @pytest.mark.parametrize("exponent", EXPONENTS)
@@ -99,10 +99,10 @@ def test_loss_a_cycle_under_constant_pressure_is_masings():
     v = np.array([0.3, 1.0, 2.5])  # amplitudes over mu N0 / k_t
     U = np.zeros((3, 3, 3))
     U[:, 0, 1] = v * MU * N0 / K_T
-    found = law(n=3, n_sliders=96).cycle(U, 512)
+    cycle = law(n=3, n_sliders=96).cycle(U, 512)
     unit = (MU * N0) ** 2 / K_T
     exact = unit * (8.0 * (v - 1.0 + np.exp(-v)) - 4.0 * v * (1.0 - np.exp(-v)))
-    assert np.allclose(pair_energy(U, found.p), exact, rtol=2e-3)
+    assert np.allclose(pair_energy(U, cycle.p), exact, rtol=2e-3)
 
 
 def test_gross_slip_is_at_the_friction_limit_of_the_pressure():
@@ -148,8 +148,8 @@ def test_sticks_until_the_asperity_that_carries_least_slips():
     assert of.slip_safety(np.array([[1.0, 0.0, 1e-9]]))[0] == 0.0
     U = np.zeros((2, 3, 3))
     U[:, 0, 1] = slips_at * np.array([0.99, 1.01])
-    found = law(n=2).cycle(U, 256)
-    assert found.active.tolist() == [1] and not found.p[0].any() and found.p[1].any()
+    cycle = law(n=2).cycle(U, 256)
+    assert cycle.active.tolist() == [1] and not cycle.p[0].any() and cycle.p[1].any()
 
 
 def test_what_per_area_keys_mean():
@@ -231,17 +231,17 @@ def test_open_at_rest_it_is_the_law_of_pairs_that_are_pressed_moved_away():
     open_pairs, far = from_gap(n)
     pressed, moved = law(2.0, n), U.copy()
     moved[:, 2, 0] += far
-    found, wanted = open_pairs.cycle(U, 64), pressed.cycle(moved, 64)
+    cycle, wanted = open_pairs.cycle(U, 64), pressed.cycle(moved, 64)
     force = wanted.p + pressed.stiffness[:, :, None] * moved
     force[:, 2, 0] -= N0
-    assert np.allclose(found.p, force, atol=1e-12)
+    assert np.allclose(cycle.p, force, atol=1e-12)
     touches = np.zeros(n, dtype=bool)
-    touches[found.active] = True
-    assert 0 < touches.sum() < n and not found.p[~touches].any() and np.all(found.state[~touches] == OPEN)
-    P = wanted.P[np.searchsorted(wanted.active, found.active)]
+    touches[cycle.active] = True
+    assert 0 < touches.sum() < n and not cycle.p[~touches].any() and np.all(cycle.state[~touches] == OPEN)
+    P = wanted.P[np.searchsorted(wanted.active, cycle.active)]
     i = np.arange(3 * N_H)
-    P[:, i, i] += np.repeat(pressed.stiffness[found.active], N_H, axis=1)
-    assert np.allclose(found.P, P, atol=1e-11)
+    P[:, i, i] += np.repeat(pressed.stiffness[cycle.active], N_H, axis=1)
+    assert np.allclose(cycle.P, P, atol=1e-11)
 
 
 def test_open_at_rest_a_march_comes_to_the_cycle():
@@ -252,8 +252,8 @@ def test_open_at_rest_a_march_comes_to_the_cycle():
     of = from_gap(n)[0].followed(False)
     du = synthesise(U.reshape(-1, 5), N_t).reshape(n, 3, N_t).transpose(2, 0, 1)
     forces = steady_loop(of, du).transpose(1, 2, 0)
-    found = of.cycle(U, N_t)
-    assert np.allclose(found.p, np.einsum("nit,ct->nic", forces, analysis_matrix(Harmonics.up_to(2), N_t)), atol=1e-10)
+    cycle = of.cycle(U, N_t)
+    assert np.allclose(cycle.p, np.einsum("nit,ct->nic", forces, analysis_matrix(Harmonics.up_to(2), N_t)), atol=1e-10)
 
 
 def test_about_a_rest_that_begins_untouched_it_goes_on_as_it_would_have():
@@ -345,11 +345,11 @@ def test_derivative_far_above_the_pressure_at_rest():
     U = 2.0 * rng.standard_normal((n, 3, 7))
     U[:, 2, 0] -= 6.0
     of, d_U, h = law(2.0, n, n_sliders=6), rng.standard_normal((n, 3, 7)), 1e-6
-    found = of.cycle(U, 128)
-    assert found.active.tolist() == list(range(n))
+    cycle = of.cycle(U, 128)
+    assert cycle.active.tolist() == list(range(n))
     slope = (of.cycle(U + h * d_U, 128).p - of.cycle(U - h * d_U, 128).p) / (2.0 * h)
     assert np.allclose(
-        np.einsum("iab,ib->ia", found.P, d_U.reshape(n, -1)), slope.reshape(n, -1), rtol=1e-5, atol=1e-5 * np.abs(slope).max()
+        np.einsum("iab,ib->ia", cycle.P, d_U.reshape(n, -1)), slope.reshape(n, -1), rtol=1e-5, atol=1e-5 * np.abs(slope).max()
     )
 
 

@@ -22,12 +22,12 @@ def settling(n, seed=3):
 @pytest.mark.parametrize("k", [1, 17, 63])
 def test_a_start_at_a_sample_is_the_return_map_marched_from_there(k):
     law, U = elastic(40, 77).followed(False), 0.6 * motions(40, 0.3)
-    found = StartedLaw(law, np.full(40, 2.0 * np.pi * k / N_T)).cycle(U, N_T)
+    cycle = StartedLaw(law, np.full(40, 2.0 * np.pi * k / N_T)).cycle(U, N_T)
     du, before, forces = np.moveaxis(synthesise(U, N_T), -1, 0), np.zeros((40, 3)), np.zeros((N_T, 40, 3))
     for j in np.arange(k, k + 4 * N_T) % N_T:
         before, _, _ = law.step(du[j], before)
         forces[j] = before
-    np.testing.assert_allclose(found.p, analyse(np.moveaxis(forces, 0, -1), FULL), atol=1e-13)
+    np.testing.assert_allclose(cycle.p, analyse(np.moveaxis(forces, 0, -1), FULL), atol=1e-13)
 
 
 def test_what_rests_after_slip_keeps_a_force_that_depends_on_the_start():

@@ -99,10 +99,10 @@ def test_steps_until_they_repeat_are_the_cycle_of_the_return_map(gaps_have_sprin
         p, _, state = of.step(du[sample % N_t], p)
         kept.append((p[:, :3], state))
     forces, states = zip(*kept[-N_t:])
-    found = of.cycle(U, N_t)
+    cycle = of.cycle(U, N_t)
     repeats = np.abs(kept[-1][0] - kept[-1 - N_t][0]).max(axis=1) < 1e-14
     expected = analyse(np.stack(forces, axis=-1), Harmonics.up_to(3))
-    assert repeats.mean() > 0.97 and found.p[repeats] == pytest.approx(expected[repeats], abs=1e-11)
-    assert np.array_equal(found.state[repeats], np.max(states, axis=0)[repeats]) and {STICK, SLIP, OPEN} == set(
-        found.state.tolist()
+    assert repeats.mean() > 0.97 and cycle.p[repeats] == pytest.approx(expected[repeats], abs=1e-11)
+    assert np.array_equal(cycle.state[repeats], np.max(states, axis=0)[repeats]) and {STICK, SLIP, OPEN} == set(
+        cycle.state.tolist()
     )
