@@ -36,23 +36,23 @@ def prepare(folder: Path) -> None:
 def run(page: str, folder: Path) -> list[tuple[str, str]]:
     """Run the blocks of a page one after the other in a folder; return what stands below each and what it printed."""
     names: dict = {}
-    found = []
+    values = []
     with contextlib.chdir(folder):
         for block in BLOCK.finditer(page):
             said = io.StringIO()
             with contextlib.redirect_stdout(said):
                 exec(compile(block["code"], f"docs/library.md: {block['code'].splitlines()[0]}", "exec"), names)
-            found.append((block["said"] or "", said.getvalue()))
-    return found
+            values.append((block["said"] or "", said.getvalue()))
+    return values
 
 
 def written(page: str, said: list[str]) -> str:
     """Return the page with what its blocks print."""
     texts = iter(said)
 
-    def block(found: re.Match) -> str:
+    def block(computed: re.Match) -> str:
         text = next(texts)
-        return f"```python\n{found['code']}```\n" + (f"\n```text\n{text}```\n" if found["said"] is not None else "")
+        return f"```python\n{computed['code']}```\n" + (f"\n```text\n{text}```\n" if computed["said"] is not None else "")
 
     return BLOCK.sub(block, page)
 
@@ -61,9 +61,9 @@ def main() -> None:
     page = PAGE.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as name:
         prepare(Path(name))
-        found = run(page, Path(name))
+        output = run(page, Path(name))
         shutil.copy(Path(name) / PICTURE, PAGE.parent / "img" / PICTURE)
-    PAGE.write_text(written(page, [said for _, said in found]), encoding="utf-8")
+    PAGE.write_text(written(page, [said for _, said in output]), encoding="utf-8")
 
 
 if __name__ == "__main__":

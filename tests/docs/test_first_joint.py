@@ -26,5 +26,7 @@ def test_the_files_of_the_page_give_what_it_shows(tmp_path):
     scene = tmp_path / "leaves.toml"
     text = re.sub("levels = .*", "levels = [0.1]", scene.read_text())
     scene.write_text(re.sub("span = .*", "span = [0.998, 1.001]\npoints = 10", text))  # the flat top alone
-    found, shown = (float(re.search(PEAK, text)[1]) for text in (microslip("run", scene, cwd=tmp_path).stdout, "\n".join(SHOWN)))
-    assert found == pytest.approx(shown, rel=3e-3)
+    computed, shown = (
+        float(re.search(PEAK, text)[1]) for text in (microslip("run", scene, cwd=tmp_path).stdout, "\n".join(SHOWN))
+    )
+    assert computed == pytest.approx(shown, rel=3e-3)

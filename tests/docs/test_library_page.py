@@ -12,9 +12,9 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?")
 @pytest.mark.slow
 def test_the_page_prints_what_it_says(tmp_path):
     library_page.prepare(tmp_path)
-    found = library_page.run(library_page.PAGE.read_text(encoding="utf-8"), tmp_path)
-    assert len(found) > 8
-    for stands, printed in found:
+    output = library_page.run(library_page.PAGE.read_text(encoding="utf-8"), tmp_path)
+    assert len(output) > 8
+    for stands, printed in output:
         assert NUMBER.sub("#", printed) == NUMBER.sub("#", stands)
         numbers = [[float(x) for x in NUMBER.findall(text)] for text in (printed, stands)]
         assert numbers[0] == pytest.approx(numbers[1], rel=2e-3)

@@ -34,47 +34,47 @@ def test_commands_of_a_page():
 
 
 def test_the_same_numbers_agree_and_times_are_not_judged():
-    _, found = made("| samples | error | wall, s |\n| --- | --- | --- |\n| 32 | 2.10 %, 1250 | 9 |\n| | 0.611 % | 7 |\n")
-    assert (found.rows, found.equal, found.differ, found.machine) == (2, 3, [], 2)
+    _, compared = made("| samples | error | wall, s |\n| --- | --- | --- |\n| 32 | 2.10 %, 1250 | 9 |\n| | 0.611 % | 7 |\n")
+    assert (compared.rows, compared.equal, compared.differ, compared.machine) == (2, 3, [], 2)
 
 
 def test_ratios_of_times_are_a_class_of_their_own():
     page = "| level | evaluations | time, s | ratio | speed-up a step | of samples |\n| --- | --- | --- | --- | --- | --- |\n"
     now = f"{page}| 1 | 7 | 2.0 | 1.5 | 1.2 | 2x |\n| speed-up, lowest | 3 |  |  |  |  |\n"
-    _, found = made(now, f"{page}| 1 | 7 | 4.0 | 3.0 | 1.1 | 7,600x |\n| speed-up, lowest | 2 |  |  |  |  |\n")
-    assert (found.equal, found.differ, found.machine, found.ratios) == (1, [], 1, 4)
-    assert found.change == pytest.approx(3800.0)
+    _, compared = made(now, f"{page}| 1 | 7 | 4.0 | 3.0 | 1.1 | 7,600x |\n| speed-up, lowest | 2 |  |  |  |  |\n")
+    assert (compared.equal, compared.differ, compared.machine, compared.ratios) == (1, [], 1, 4)
+    assert compared.change == pytest.approx(3800.0)
     page = "| stage | error | ratio | mesh |\n| --- | --- | --- | --- |\n| x | 2.0 | 1.5 | 8 x 8 |\n"
-    _, found = made(page.replace("1.5", "1.9"), page)
-    assert found.differ == [("x", "ratio", "1.5", "1.9")]  # a ratio of what is no time is of the model
+    _, compared = made(page.replace("1.5", "1.9"), page)
+    assert compared.differ == [("x", "ratio", "1.5", "1.9")]  # a ratio of what is no time is of the model
 
 
 def test_another_number_differs_and_is_named():
-    _, found = made("| 32 | 2.4 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n")
-    assert found.differ == [("32", "error", "2.1 %, 1,250", "2.4 %, 1,250")]
-    assert found.equal == 1
+    _, compared = made("| 32 | 2.4 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n")
+    assert compared.differ == [("32", "error", "2.1 %, 1,250", "2.4 %, 1,250")]
+    assert compared.equal == 1
 
 
 def test_a_number_more_differs():
-    _, found = made("| 32 | 2.1 %, 1,250, 8 | 9 |\n")
-    assert len(found.differ) == 1 and found.rows == 1
+    _, compared = made("| 32 | 2.1 %, 1,250, 8 | 9 |\n")
+    assert len(compared.differ) == 1 and compared.rows == 1
 
 
 def test_columns_of_another_order_are_found_by_name():
     page = "| case | a | b |\n| --- | --- | --- |\n| x | 1 | 2 |\n"
-    _, found = made("| case | b | c | a |\n| --- | --- | --- | --- |\n| x | 2 | 5 | 1 |\n", page)
-    assert (found.equal, found.differ) == (2, [])
+    _, compared = made("| case | b | c | a |\n| --- | --- | --- | --- |\n| x | 2 | 5 | 1 |\n", page)
+    assert (compared.equal, compared.differ) == (2, [])
 
 
 def test_of_rows_of_one_name_that_of_the_same_words_and_mesh_is_taken():
     page = "| bar | of | cells | value |\n| --- | --- | --- | --- |\n| x | here | 8 x 8 | 1 |\n| | there | 8 x 8 | 2 |\n| | here | 16 x 16 | 3 |\n"
-    _, found = made("| x | here | 4 x 4 | 1 |\n| x | there | 8 x 8 | 2 |\n| x | here | 8 x 8 | 5 |\n", page)
-    assert found.rows == 2 and found.differ == [("x", "value", "1", "5")]
+    _, compared = made("| x | here | 4 x 4 | 1 |\n| x | there | 8 x 8 | 2 |\n| x | here | 8 x 8 | 5 |\n", page)
+    assert compared.rows == 2 and compared.differ == [("x", "value", "1", "5")]
 
 
 def test_the_table_with_most_rows_in_common_is_taken():
-    _, found = made("| 64 | 1 | 1 |\n\n| 32 | 2.1 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n\n| 32 | 7 | 7 |\n")
-    assert found.rows == 2 and not found.differ
+    _, compared = made("| 64 | 1 | 1 |\n\n| 32 | 2.1 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n\n| 32 | 7 | 7 |\n")
+    assert compared.rows == 2 and not compared.differ
     assert made("no table") is None and made("| 64 | 2.1 % | 9 |\n") is None
 
 
@@ -116,8 +116,8 @@ READS = "from pathlib import Path\nprint(Path('docs/page.md').read_text())\n"
 def test_a_page_is_compared_with_what_its_command_makes(tmp_path, monkeypatch, script, counts):
     page = project(tmp_path, script)
     monkeypatch.setattr(reproduce, "ROOT", tmp_path)
-    found = reproduce.examined(page, Namespace(seconds=2.0, only="", without=None, list=False))
-    assert {name: n for name, n in found.items() if n} == counts
+    computed = reproduce.examined(page, Namespace(seconds=2.0, only="", without=None, list=False))
+    assert {name: n for name, n in computed.items() if n} == counts
     assert "1.5" in page.read_text()
 
 
@@ -138,6 +138,6 @@ def test_peaks_that_a_run_prints_are_compared_in_any_unit():
     )
     page = "| level | peak | per newton | pairs that slip, open (of 64) | friction |\n| --- | --- | --- | --- | --- |\n"
     page += "| 0.5 N | 0.082 mm | 163 µm/N | 16, 30 | 3 % |\n"
-    found = nearest(tables(page)[0], [("command", one) for one in reproduce.peaks(said)])[1]
-    assert (found.equal, found.differ) == (2, [("0.5 N", "pairs that slip, open", "16, 30", "16, 32")])
+    computed = nearest(tables(page)[0], [("command", one) for one in reproduce.peaks(said)])[1]
+    assert (computed.equal, computed.differ) == (2, [("0.5 N", "pairs that slip, open", "16, 30", "16, 32")])
     assert reproduce.peaks("nothing") == []

@@ -18,18 +18,18 @@ def referred(text, alone):
     """Return the numbers in "eq. 5.3, 5.4" and "eq. (5.1)", with ``alone`` in " (5.1)", too."""
     lists = re.findall(r"\beqs?\. \(?(\d+\.\d+(?:(?:, | and | to )\d+\.\d+)*)", text)
     lists += re.findall(r"(?<!tag)(?<=[\s(])\((\d+\.\d+)\)", text) if alone else []
-    return {(int(section), int(n)) for found in lists for section, n in re.findall(r"(\d+)\.(\d+)", found)}
+    return {(int(section), int(n)) for each in lists for section, n in re.findall(r"(\d+)\.(\d+)", each)}
 
 
 def entries(text):
     """Return {number: names} of the lines "In the code", the numbers of each line with the section it stands in."""
-    found = {}
+    values = {}
     for section, part in re.findall(r"^## (\d+)\.(.*?)(?=^## |\Z)", text, flags=re.M | re.S):
         for line in NAMED.findall(part):
             for number, names in re.findall(r"\((\d+\.\d+)\)((?:,?\s`[^`]+`)+)", line):
-                assert number.startswith(f"{section}.") and number not in found, number
-                found[number] = re.findall(r"`([^`]+)`", names)
-    return found
+                assert number.startswith(f"{section}.") and number not in values, number
+                values[number] = re.findall(r"`([^`]+)`", names)
+    return values
 
 
 def faults(text, files):
@@ -43,10 +43,10 @@ def faults(text, files):
     wrong += [f"({number}) is no equation" for number in named if number not in numbers]
     for number, names in named.items():
         for name in names:
-            found = places.get(name, [])
-            if len(found) != 1:
-                wrong.append(f"({number}): `{name}` is defined {len(found)} times")
-            elif number not in CITED.findall(found[0][1]):
+            cited_in = places.get(name, [])
+            if len(cited_in) != 1:
+                wrong.append(f"({number}): `{name}` is defined {len(cited_in)} times")
+            elif number not in CITED.findall(cited_in[0][1]):
                 wrong.append(f"({number}): {name} does not say eq. ({number})")
     for path, source in files.items():
         here = {name for name, _ in definitions(path, source)}
@@ -61,8 +61,8 @@ def faults(text, files):
 
 def test_equations_are_numbered_in_order_in_each_section():
     assert len(NUMBERS) > 30
-    for section, found in groupby(NUMBERS, key=lambda number: number[0]):
-        assert [n for _, n in found] == list(range(1, sum(s == section for s, _ in NUMBERS) + 1)), section
+    for section, numbers in groupby(NUMBERS, key=lambda number: number[0]):
+        assert [n for _, n in numbers] == list(range(1, sum(s == section for s, _ in NUMBERS) + 1)), section
     headings = [int(n) for n in re.findall(r"^## (\d+)\.", THEORY, flags=re.M)]
     assert headings == list(range(1, len(headings) + 1))
     for text, heading in zip(re.split(r"^## \d+\.", THEORY, flags=re.M)[1:], headings):
@@ -75,9 +75,9 @@ def test_every_equation_referred_to_is_there():
     ]
     texts = {path: path.read_text(encoding="utf-8") for path in files if path.name != Path(__file__).name} | sources()
     alone = {*sources(), ROOT / "docs" / "theory.md"}
-    found = {(path.name, number) for path, text in texts.items() for number in referred(text, path in alone)}
-    assert len(found) > 40
-    assert not {entry for entry in found if entry[1] not in NUMBERS}
+    by_key = {(path.name, number) for path, text in texts.items() for number in referred(text, path in alone)}
+    assert len(by_key) > 40
+    assert not {entry for entry in by_key if entry[1] not in NUMBERS}
 
 
 def test_every_equation_names_its_code_and_is_cited_back():
