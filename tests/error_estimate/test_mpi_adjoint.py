@@ -34,10 +34,10 @@ def test_it_gives_the_derivative_of_the_outputs_by_the_law(name):
         guess = Iterate(equation.linear_motion(problem.at((OMEGA,))), (OMEGA,), equation.harmonics)
         corrector = Corrector(COMM, equation.shape, 1e-12)
         rows = (Plane.fixed_parameter(guess),)
-        found = corrector.correct(BorderedSystem(problem, rows, Scaling(1e-4, (OMEGA,)), equation.every_pair), guess)
+        correction = corrector.correct(BorderedSystem(problem, rows, Scaling(1e-4, (OMEGA,)), equation.every_pair), guess)
         corrector.destroy()
-        assert found.failure is None
-        return equation, problem.at((OMEGA,)), found.iterate.U
+        assert correction.failure is None
+        return equation, problem.at((OMEGA,)), correction.iterate.U
 
     def outputs(value):
         equation, at, U = solved(value)

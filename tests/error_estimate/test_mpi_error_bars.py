@@ -36,9 +36,9 @@ def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM
     model, parameters = reduced(scene(name), comm, H)
     estimator = ErrorEstimator(EnrichedModel.of_all_modes(model))
     task = task_at(forced(model, parameters, n_samples, level), selection or AllPairs(), omegas, tolerance, estimator)
-    found = solved_at(task, omegas)
-    assert found.failure is None
-    return found.points
+    solution = solved_at(task, omegas)
+    assert solution.failure is None
+    return solution.points
 
 
 @lru_cache
@@ -200,9 +200,9 @@ def test_what_a_correction_leaves_falls_as_the_square_of_what_it_corrects():
         p = equation.full_force(equation.contact_forces(U, everything, tangents=False))
         none = np.zeros_like(p)
         estimator.changes = lambda *_: Changes(none, none, none, none, equation, np.zeros_like(U), p)
-        found, first = estimator.at(equation, U, at, everything), output_motion(model, 100.0, 560.0, p)[0, 1:3]
+        computed, first = estimator.at(equation, U, at, everything), output_motion(model, 100.0, 560.0, p)[0, 1:3]
         estimator.destroy()
-        return first[0] - 1j * first[1] + np.array([0.0, found.correction[0]])
+        return first[0] - 1j * first[1] + np.array([0.0, computed.correction[0]])
 
     true = values(0.0)[0]
     errors_of = np.abs(np.array([values(size) for size in (1e-3, 1e-4)]) - true)
@@ -222,18 +222,18 @@ def test_the_bar_where_all_stick_is_that_without_any_change_through_the_joint():
     truncated, nothing = np.array([3.0, 0.0, 4.0, 1.0]), np.zeros((6, 4))
     parts = nothing.copy()
     parts[PARTS.index("modes")] = truncated
-    expected, found = corrected(parts, nothing, nothing[:1], True, truncated, np.ones(4)), Estimate.of_modes_alone(truncated)
+    expected, computed = corrected(parts, nothing, nothing[:1], True, truncated, np.ones(4)), Estimate.of_modes_alone(truncated)
     for name in ("parts", "correction", "remaining", "is_near"):
-        assert np.array_equal(getattr(found, name), getattr(expected, name))
+        assert np.array_equal(getattr(computed, name), getattr(expected, name))
 
 
 @pytest.mark.parametrize("second", [[0.01, 0.0], [1.0, 1.0], [-0.3, -0.4]])
 def test_what_is_beyond_first_order_counts_with_the_harmonics(second):
     steps = LINEAR.sum(axis=0) + np.array([[0.0, 0.0], second])
-    found, size = corrected(LINEAR, LINEAR, steps, True, np.zeros(2), np.ones(2)), np.hypot(0.3 + second[0], 0.4 + second[1])
-    assert found.is_near and found.correction == pytest.approx([0.3 + second[0] - 1j * (0.7 + second[1])])
-    assert found.remaining == pytest.approx([SAFETY * (0.2 * size + 0.25 * (0.1 + 0.2) + 0.2 * np.hypot(*second))])
-    assert total(found.parts) == pytest.approx([SAFETY * (size + 0.1 + 0.2)])
+    computed, size = corrected(LINEAR, LINEAR, steps, True, np.zeros(2), np.ones(2)), np.hypot(0.3 + second[0], 0.4 + second[1])
+    assert computed.is_near and computed.correction == pytest.approx([0.3 + second[0] - 1j * (0.7 + second[1])])
+    assert computed.remaining == pytest.approx([SAFETY * (0.2 * size + 0.25 * (0.1 + 0.2) + 0.2 * np.hypot(*second))])
+    assert total(computed.parts) == pytest.approx([SAFETY * (size + 0.1 + 0.2)])
 
 
 @pytest.mark.parametrize(
@@ -242,6 +242,6 @@ def test_what_is_beyond_first_order_counts_with_the_harmonics(second):
 def test_nothing_is_corrected_where_steps_do_not_settle_and_far_ones_say_that_no_solution_is_near(amplitude, is_near, size):
     steps = np.tile([3.0, 4.0] if amplitude[0] > 1.0 else [0.05, 0.0], (MOST_STEPS, 1))
     steps[0] = 1e6  # an early one says nothing
-    found = corrected(LINEAR, LINEAR, steps, False, np.zeros(2), np.array(amplitude))
-    assert found.is_near == is_near and found.correction == 0.0
-    assert found.remaining == pytest.approx(SAFETY * (size + 0.3)) and found.remaining == total(found.parts)
+    computed = corrected(LINEAR, LINEAR, steps, False, np.zeros(2), np.array(amplitude))
+    assert computed.is_near == is_near and computed.correction == 0.0
+    assert computed.remaining == pytest.approx(SAFETY * (size + 0.3)) and computed.remaining == total(computed.parts)

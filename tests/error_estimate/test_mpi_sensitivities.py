@@ -42,10 +42,10 @@ def solved(equation, omega=OMEGA, level=LEVEL):
     guess = Iterate(equation.linear_motion(at), (omega,), equation.harmonics)
     corrector = Corrector(COMM, equation.shape, 1e-13)
     system = BorderedSystem(problem, (Plane.fixed_parameter(guess),), Scaling(1e-4, (omega,)), equation.every_pair)
-    found = corrector.correct(system, guess, is_patient=True)
+    correction = corrector.correct(system, guess, is_patient=True)
     corrector.destroy()
-    assert found.failure is None, found.failure
-    return at, found.iterate.U
+    assert correction.failure is None, correction.failure
+    return at, correction.iterate.U
 
 
 def outputs(equation, omega=OMEGA, level=LEVEL):
@@ -57,10 +57,10 @@ def outputs(equation, omega=OMEGA, level=LEVEL):
 def sensitivities(equation, omega=OMEGA, level=LEVEL):
     at, U = solved(equation, omega, level)
     solver = exact_adjoints(equation)
-    found = sensitivities_of(equation, at, U, equation.every_pair, solver)
+    derivatives = sensitivities_of(equation, at, U, equation.every_pair, solver)
     solver.destroy()
-    assert found.is_found
-    return found
+    assert derivatives.is_found
+    return derivatives
 
 
 def base(system):
@@ -92,7 +92,7 @@ def test_by_each_number_of_each_pair(name, kind):
         system["C"] = 0.02 * system["M"] + 2e-5 * system["K"]
         del system["zeta"]
     equation = base(system)
-    found = sensitivities(equation).of_pairs[:, NUMBERS.index(name)]
+    derivatives = sensitivities(equation).of_pairs[:, NUMBERS.index(name)]
     for pair in range(2):
         column = system[name][pair]
         vary = LawParameter(name, np.array([pair]), np.array([column]))
@@ -101,17 +101,17 @@ def test_by_each_number_of_each_pair(name, kind):
             return outputs(equation.under(OperatingPoint(OMEGA, LEVEL, law=((vary, 1.0 + h),))))
 
         slope = central(at, 5e-5) / column
-        assert found[:, pair] == pytest.approx(slope, abs=1e-5 * np.abs(slope).max())
+        assert derivatives[:, pair] == pytest.approx(slope, abs=1e-5 * np.abs(slope).max())
 
 
 def test_by_level_damping_and_frequency():
     system = chain()
     equation = base(system)
-    found = sensitivities(equation).common
+    derivatives = sensitivities(equation).common
     by_level = central(lambda h: outputs(equation, level=LEVEL * (1 + h)), 1e-5) / LEVEL
     by_omega = central(lambda h: outputs(equation, omega=OMEGA * (1 + h)), 1e-6) / OMEGA
     by_damping = central(lambda h: outputs(base(system | {"zeta": system["zeta"] * (1 + h)})), 1e-5)
-    for column, slope in zip(found.T, (by_level, by_damping, by_omega)):
+    for column, slope in zip(derivatives.T, (by_level, by_damping, by_omega)):
         assert column == pytest.approx(slope, abs=1e-5 * np.abs(slope).max())
     assert len(COMMON) == 3
 
@@ -142,8 +142,8 @@ def test_the_friction_damper_of_vm320_as_its_closed_form_differentiated():
         cos, sin = output_amplitude(
             model, at, equation.full_force(equation.contact_forces(U, equation.every_pair, tangents=False))
         )
-        found = sensitivities(equation, 200.0, 123.024)
-        rows = np.concatenate([found.of_pairs[:, :, 0], found.common], axis=1)
+        derivatives = sensitivities(equation, 200.0, 123.024)
+        rows = np.concatenate([derivatives.of_pairs[:, :, 0], derivatives.common], axis=1)
         size, _ = of_size(cos, sin, *rows)
         by = dict(zip((*NUMBERS, *COMMON), size))
         of_damper = by["mu"] / 246.048, by["k_t"], by["level"], by["damping"] / 7700.0, by["omega"]
@@ -159,7 +159,7 @@ def test_on_a_sector_of_a_disc_each_harmonic_has_its_own_complex_matrices(name):
     sector = Sector(COMM, 5, lambda n: n % 5)
     model = replace(sector.model(Harmonics.up_to(3)), stated_damping=ModalDamping(ratio=ZETA))
     equation = HarmonicBalance.of_all(model, sector.law, 160)
-    found = sensitivities(equation, 700.0, 150.0)
+    derivatives = sensitivities(equation, 700.0, 150.0)
     for pair in range(2):
         vary = LawParameter(name, np.array([pair]), np.array(LAW[name])[[pair]])
 
@@ -167,6 +167,6 @@ def test_on_a_sector_of_a_disc_each_harmonic_has_its_own_complex_matrices(name):
             return outputs(equation.under(OperatingPoint(700.0, 150.0, law=((vary, 1.0 + h),))), 700.0, 150.0)
 
         slope = central(at, 5e-5) / LAW[name][pair]
-        assert found.of_pairs[:, NUMBERS.index(name), pair] == pytest.approx(slope, abs=2e-5 * np.abs(slope).max())
+        assert derivatives.of_pairs[:, NUMBERS.index(name), pair] == pytest.approx(slope, abs=2e-5 * np.abs(slope).max())
     by_omega = central(lambda h: outputs(equation, 700.0 * (1.0 + h), 150.0), 1e-6) / 700.0
-    assert found.common[:, COMMON.index("omega")] == pytest.approx(by_omega, abs=1e-5 * np.abs(by_omega).max())
+    assert derivatives.common[:, COMMON.index("omega")] == pytest.approx(by_omega, abs=1e-5 * np.abs(by_omega).max())

@@ -52,14 +52,14 @@ def test_the_bar_holds_what_the_modes_left_out_change(name, comm, shared_path):
         write_matrix_scene(shared_path, chain(DAMPINGS[name]), [1.0], (0.08, 0.22), at=AT, outputs=[0, 3, 10], points=6, modes=4)
     comm.barrier()
     scene = microslip.read(path)
-    found = []
+    values = []
     for changed in ({}, {"modes": N}):
         with microslip.build(scene.model_copy(update={"solver": scene.solver.model_copy(update=changed)}), comm) as structure:
-            found.append(microslip.respond(structure))
-    few, every = found
+            values.append(microslip.respond(structure))
+    few, every = values
     for k, output in enumerate(few.outputs):
         for hertz in np.array(AT) / (2.0 * np.pi):
-            i, j = (int(np.argmin(np.abs(of[output].frequency[0] - hertz))) for of in found)
+            i, j = (int(np.argmin(np.abs(of[output].frequency[0] - hertz))) for of in values)
             error = abs(few[output].harmonic(1)[0][i] - every[output].harmonic(1)[0][j])
             parts = few.array("error")[0][i][k].sum()
             assert 0.5 <= error / parts <= 1.5
