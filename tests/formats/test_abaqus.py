@@ -261,10 +261,10 @@ def test_supports_in_axes_of_the_nodes_become_equations(tmp_path):
     model = read(tmp_path, text)
     assert model.supports == (Support.of_file(group="*BOUNDARY xyz", fix=("x", "y", "z")),)
     radial, tangential = np.array([-0.5, 1.0]) / np.sqrt(1.25), np.array([-2.0, 0.5]) / np.sqrt(4.25)
-    found = {}
+    values = {}
     for node, axis, value in zip(model.equations.nodes, model.equations.axes, model.equations.coefficients, strict=True):
-        found[int(model.numbers[node]), int(axis)] = value
-    assert found == pytest.approx({(1, 0): radial[0], (1, 1): radial[1], (3, 0): tangential[0], (3, 1): tangential[1]})
+        values[int(model.numbers[node]), int(axis)] = value
+    assert values == pytest.approx({(1, 0): radial[0], (1, 1): radial[1], (3, 0): tangential[0], (3, 1): tangential[1]})
 
 
 def test_ties_couplings_and_contact(tmp_path):
@@ -419,11 +419,11 @@ def test_what_a_set_names_beside_the_file_is_said(tmp_path):
 
 def test_equations_of_sets_and_in_axes_of_nodes(tmp_path):
     more = "*NSET, NSET=A\n5, 6\n*NSET, NSET=B\n11, 12\n*EQUATION\n2\nA, 1, 1., B, 1, -1.\n3\n7, 2, 1., 8, 2, -.5,\n99, 2, -.5\n"
-    found = read(tmp_path, CUBE + TWICE + more).equations
-    assert found.equation.tolist() == [0, 0, 1, 1, 2, 2, 2] and found.axes.tolist() == [0, 0, 0, 0, 1, 1, 1]
-    assert found.coefficients.tolist() == [1.0, -1.0, 1.0, -1.0, 1.0, -0.5, -0.5]
-    assert found.nodes.tolist() == [4, 8, 5, 9, 6, 7, 16]
-    assert found.where[2].startswith("*EQUATION, line")
+    matrix = read(tmp_path, CUBE + TWICE + more).equations
+    assert matrix.equation.tolist() == [0, 0, 1, 1, 2, 2, 2] and matrix.axes.tolist() == [0, 0, 0, 0, 1, 1, 1]
+    assert matrix.coefficients.tolist() == [1.0, -1.0, 1.0, -1.0, 1.0, -0.5, -0.5]
+    assert matrix.nodes.tolist() == [4, 8, 5, 9, 6, 7, 16]
+    assert matrix.where[2].startswith("*EQUATION, line")
 
 
 def test_a_mass_on_a_spring_that_an_equation_leads(tmp_path):
@@ -491,9 +491,7 @@ FINDINGS = {
 def test_what_changes_the_answer_is_found(tmp_path, card, word):
     plain_text = CUBE + TWICE + STEEL
     before = words(read(tmp_path, plain_text))
-    assert [found for found in words(read(tmp_path, plain_text + "*MATERIAL, NAME=other\n" + card)) if found not in before] == [
-        word
-    ]
+    assert [each for each in words(read(tmp_path, plain_text + "*MATERIAL, NAME=other\n" + card)) if each not in before] == [word]
 
 
 STEPS = """*STEP, NAME=Fixed, PERTURBATION
@@ -575,8 +573,8 @@ STATICS = {
 @pytest.mark.parametrize("card, word", STATICS.items(), ids=STATICS.values())
 def test_loads_before_the_vibration_that_are_not_taken_over_are_found(tmp_path, card, word):
     plain_text = CUBE + TWICE + STEEL
-    found = words(read(tmp_path, plain_text + "*STEP\n*STATIC\n" + card + "*END STEP\n" + VIBRATION))
-    assert set(found) - set(words(read(tmp_path, plain_text))) == {word, "*STEP, PERTURBATION"}
+    keywords = words(read(tmp_path, plain_text + "*STEP\n*STATIC\n" + card + "*END STEP\n" + VIBRATION))
+    assert set(keywords) - set(words(read(tmp_path, plain_text))) == {word, "*STEP, PERTURBATION"}
 
 
 def test_what_the_statics_of_a_scene_leave_out_is_found(tmp_path):
@@ -594,8 +592,8 @@ def test_supports_that_are_moved_before_the_vibration_are_taken_over(tmp_path):
     second = "*STEP\n*STATIC\n*BOUNDARY\n1, 3\n2, 3, 3, -0.5\n*END STEP\n"
     model = read(tmp_path, CUBE + STEEL + first + second + VIBRATION)
     moved = model.statics.table.displacements
-    found = {one.displacement: model.numbers[model.groups[one.group].nodes].tolist() for one in moved}
-    assert found == {(0.0, 0.0, 0.5): [3, 4, 6, 7, 8], (0.25, 0.25, 0.5): [5], (0.0, 0.0, -0.5): [2]}
+    by_key = {one.displacement: model.numbers[model.groups[one.group].nodes].tolist() for one in moved}
+    assert by_key == {(0.0, 0.0, 0.5): [3, 4, 6, 7, 8], (0.25, 0.25, 0.5): [5], (0.0, 0.0, -0.5): [2]}
     assert model.statics.large == "*STEP, NLGEOM" and words(model) == ["*STEP, NLGEOM", "*STEP, PERTURBATION"]
     held = {axis for one in model.supports for axis in one.fix if one.group == "ALL"}
     assert held == {"z"}
@@ -617,8 +615,8 @@ def test_loads_before_the_vibration_are_those_at_the_end_of_their_steps(tmp_path
     steps = f"*STEP\n*STATIC\n{first}*END STEP\n*STEP\n*STATIC\n{second}*END STEP\n"
     model = read(tmp_path, CUBE + STEEL + sets + steps + VIBRATION)
     statics = model.statics
-    found = {tuple(model.numbers[model.groups[one.group].nodes]): one.force for one in statics.table.forces}
-    assert found == {(5, 6): (0.0, 14.0, 0.0), (7,): (0.0, 0.0, 9.0), (8,): (1.0, 0.0, 0.0)}
+    by_key = {tuple(model.numbers[model.groups[one.group].nodes]): one.force for one in statics.table.forces}
+    assert by_key == {(5, 6): (0.0, 14.0, 0.0), (7,): (0.0, 0.0, 9.0), (8,): (1.0, 0.0, 0.0)}
     on_faces, side = statics.table.pressures
     assert on_faces.pressure == 4.0 and (side.group, side.pressure) == ("SIDE", -2.0)
     assert set(model.numbers[model.cells[next(iter(model.groups[on_faces.group].cells))].nodes.ravel()]) == {5, 6, 7, 8}
@@ -631,14 +629,14 @@ def test_loads_before_the_vibration_are_those_at_the_end_of_their_steps(tmp_path
 
 def test_what_changes_nothing_is_listed_or_passed_over(tmp_path):
     step = "*STEP\n*STATIC\n*CLOAD\n1, 1, 1.\n2, 1, 1.\n*CLOAD\n3, 1, 1.\n*NODE PRINT, NSET=ALL\nU\n*OUTPUT, FIELD\n*END STEP\n"
-    found = read(tmp_path, CUBE + STEEL + "*AMPLITUDE, NAME=a\n0., 1.\n*Damping, alpha=3.\n" + step).findings
-    assert {one.word: one.where for one in found} == {
+    matrix = read(tmp_path, CUBE + STEEL + "*AMPLITUDE, NAME=a\n0., 1.\n*Damping, alpha=3.\n" + step).findings
+    assert {one.word: one.where for one in matrix} == {
         "*AMPLITUDE": "line 18",
         "*DAMPING": "line 20",
         "*STATIC": "line 22",
         "*CLOAD": "line 23 and 1 more",
     }
-    assert not any(one.changes for one in found)
+    assert not any(one.changes for one in matrix)
 
 
 BAD = {
@@ -813,9 +811,9 @@ def test_a_reference_node_that_leads_reference_nodes_alone(tmp_path):
     more += "*KINEMATIC COUPLING, REF NODE=97\n98, 1, 6\n*KINEMATIC COUPLING, REF NODE=98\n99, 1, 6\n"
     hub = "*COUPLING, CONSTRAINT NAME=hub, REF NODE=99, SURFACE=CROWN\n*KINEMATIC\n"
     model = read(tmp_path, CUBE + TWICE + more + hub)
-    found = {point.name: (point.connection, point.group) for point in model.connected}
-    group = found["hub"][1]
-    assert found == {"hub": ("rigid", group), "node 97": ("equations", group), "node 98": ("equations", group)}
+    by_key = {point.name: (point.connection, point.group) for point in model.connected}
+    group = by_key["hub"][1]
+    assert by_key == {"hub": ("rigid", group), "node 97": ("equations", group), "node 98": ("equations", group)}
     assert len(model.equations.where) == 12 and not any("COUPLING" in finding.word for finding in model.findings)
     model = read(tmp_path, CUBE + TWICE + more)
     effects = [finding.effect for finding in model.findings if finding.changes]

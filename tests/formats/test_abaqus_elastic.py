@@ -50,8 +50,8 @@ def test_elasticities_are_symmetric_in_the_order_of_the_card(tmp_path, elastic):
 def test_engineering_constants_come_to_the_scene_with_their_axes(tmp_path):
     model = read(tmp_path, CONSTANTS + "*EXPANSION, TYPE=ORTHO\n-1e-6, 3e-5, 2e-5\n")
     assert changes(model) == []
-    found, _ = complete(scene(tmp_path, units="mm-t-s"), model)
-    body = found.sections["CUBE"]
+    completed, _ = complete(scene(tmp_path, units="mm-t-s"), model)
+    body = completed.sections["CUBE"]
     C = np.array(body.material.elasticity)
     compliance = np.linalg.inv(C)
     assert 1.0 / np.diag(compliance) == pytest.approx(1e6 * np.array([140.0, 10.0, 20.0, 5.0, 6.0, 3.5]))
@@ -84,8 +84,8 @@ def test_rectangular_axes(tmp_path, name):
 def test_cylindrical_axes_have_a_point_in_units_of_the_file(tmp_path):
     model = read(tmp_path, CONSTANTS, "*ORIENTATION, NAME=FIBRES, SYSTEM=CYLINDRICAL\n1., 2., 3., 1., 2., 5.\n")
     assert model.bodies["CUBE"].orientation == "FIBRES" and changes(model) == []
-    found, _ = complete(scene(tmp_path, units="mm-t-s"), model)
-    axes = found.sections["CUBE"].material.axes
+    completed, _ = complete(scene(tmp_path, units="mm-t-s"), model)
+    axes = completed.sections["CUBE"].material.axes
     assert (axes.axis, axes.point) == ((0.0, 0.0, 2.0), pytest.approx((1e-3, 2e-3, 3e-3)))
 
 

@@ -86,9 +86,9 @@ NOT_KNOWN = {
 }
 
 
-@pytest.mark.parametrize("steps, found", NOT_KNOWN.values(), ids=NOT_KNOWN)
-def test_what_no_one_temperature_tells_is_found(tmp_path, steps, found):
-    assert set(words(read(tmp_path, CUBE + TABLES + steps))) - {"*STEP, PERTURBATION"} == found
+@pytest.mark.parametrize("steps, expected", NOT_KNOWN.values(), ids=NOT_KNOWN)
+def test_what_no_one_temperature_tells_is_found(tmp_path, steps, expected):
+    assert set(words(read(tmp_path, CUBE + TABLES + steps))) - {"*STEP, PERTURBATION"} == expected
 
 
 def test_tables_over_fields_are_found(tmp_path):

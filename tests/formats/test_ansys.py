@@ -39,16 +39,16 @@ def written(folder, model=None, *more, text=None):
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet10"])
 def test_solids_keep_their_shape_nodes_and_numbers(tmp_path, kind):
     model = plain(kind)
-    found = read_model(written(tmp_path, model))
-    np.testing.assert_array_equal(found.numbers, model.numbers)
-    np.testing.assert_allclose(found.points, model.points, atol=1e-15)
-    for cells, expected in zip(found.cells, model.elements, strict=True):
+    from_file = read_model(written(tmp_path, model))
+    np.testing.assert_array_equal(from_file.numbers, model.numbers)
+    np.testing.assert_allclose(from_file.points, model.points, atol=1e-15)
+    for cells, expected in zip(from_file.cells, model.elements, strict=True):
         assert cells.kind == kind
         np.testing.assert_array_equal(cells.nodes, expected)
-        assert (elements.jacobian_minimum(kind, found.points[cells.nodes]) > 0.0).all()
+        assert (elements.jacobian_minimum(kind, from_file.points[cells.nodes]) > 0.0).all()
     for name, nodes in model.sets.items():
-        np.testing.assert_array_equal(found.groups[name].nodes, nodes)
-    assert found.facts == ("title: bar on a plate",)
+        np.testing.assert_array_equal(from_file.groups[name].nodes, nodes)
+    assert from_file.facts == ("title: bar on a plate",)
 
 
 def page(
@@ -77,14 +77,14 @@ def test_page_headers_of_a_listing_are_left_out_between_commands_and_within_bloc
     lines = write(plain()).splitlines(keepends=True)
     plain_file.write_text("".join(lines))
     listing.write_text("".join((page if i % 25 == 0 else "") + line for i, line in enumerate(lines)))
-    expected, found = read_model(plain_file), read_model(listing)
+    expected, model = read_model(plain_file), read_model(listing)
     n_pages = len(range(0, len(lines), 25))
-    assert found.facts == (*expected.facts, f"{n_pages} page headers of a listing are left out, lines are counted without them")
-    assert [finding.word for finding in found.findings] == [finding.word for finding in expected.findings]
-    np.testing.assert_array_equal(found.points, expected.points)
-    for cells, of_plain in zip(found.cells, expected.cells, strict=True):
+    assert model.facts == (*expected.facts, f"{n_pages} page headers of a listing are left out, lines are counted without them")
+    assert [finding.word for finding in model.findings] == [finding.word for finding in expected.findings]
+    np.testing.assert_array_equal(model.points, expected.points)
+    for cells, of_plain in zip(model.cells, expected.cells, strict=True):
         np.testing.assert_array_equal(cells.nodes, of_plain.nodes)
-    assert {name: len(group.nodes) for name, group in found.groups.items()} == {
+    assert {name: len(group.nodes) for name, group in model.groups.items()} == {
         name: len(group.nodes) for name, group in expected.groups.items()
     }
     listing.write_text("".join([page, *lines[:20]]))
@@ -167,12 +167,12 @@ def test_a_cyclic_sector_and_its_components(tmp_path, commands, sectors, axis, p
     path.write_text(path.read_text().replace("BAR_BOTTOM", "CYC_M01L").replace("PLATE_TOP", "CYC_M01H"))
     model = read_model(path)
     assert model.cyclic.faces == ("CYC_M01L", "CYC_M01H") and model.cyclic.sectors == sectors
-    found = [finding for finding in model.findings if finding.word == "CYCLIC"]
-    assert len(found) == (axis is not None)
+    listed = [finding for finding in model.findings if finding.word == "CYCLIC"]
+    assert len(listed) == (axis is not None)
     if axis is not None:
         np.testing.assert_allclose(model.cyclic.axis, axis, atol=1e-15)
         np.testing.assert_allclose(model.cyclic.axis_point, point)
-        assert found[0].part == "cyclic" and 'faces = ["CYC_M01L", "CYC_M01H"]' in found[0].effect
+        assert listed[0].part == "cyclic" and 'faces = ["CYC_M01L", "CYC_M01H"]' in listed[0].effect
 
 
 def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):
@@ -188,8 +188,10 @@ def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):
         "KEYOPT,7,3,2",
         "R,9,0.25",
     )
-    found = read_model(written(tmp_path, model, *more))
-    rows = list(zip(found.equations.equation, found.equations.nodes, found.equations.axes, found.equations.coefficients))
+    from_file = read_model(written(tmp_path, model, *more))
+    rows = list(
+        zip(from_file.equations.equation, from_file.equations.nodes, from_file.equations.axes, from_file.equations.coefficients)
+    )
     assert rows == [
         (0, 0, 0, 1.0),
         (0, 1, 0, -0.5),
@@ -199,9 +201,11 @@ def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):
         (2, 2, 1, 1.0),
         (2, 0, 1, -1.0),
     ]
-    (point,) = found.connected
+    (point,) = from_file.connected
     assert point.position == pytest.approx(tuple(model.points[0]))
-    assert set(found.groups[point.group].nodes) == set(model.sets["BAR_BOTTOM"]) | {0}, "a leading node of a solid follows, too"
+    assert set(from_file.groups[point.group].nodes) == set(model.sets["BAR_BOTTOM"]) | {0}, (
+        "a leading node of a solid follows, too"
+    )
 
 
 def test_a_leading_node_has_the_mass_and_the_supports_of_the_file(tmp_path):
@@ -219,10 +223,10 @@ def test_a_leading_node_has_the_mass_and_the_supports_of_the_file(tmp_path):
         .replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,7,7")
         .replace(f"NBLOCK,6,SOLID,{model.numbers[-1]},{len(model.points)}", f"NBLOCK,6,SOLID,5000,{len(model.points) + 1}")
     )
-    found = read_model(written(tmp_path, text=text))
-    (point,) = found.connected
-    assert (point.mass, point.inertia, found.masses) == (0.25, (1.0, 2.0, 3.0), ())
-    assert [support.fix for support in found.supports if support.point == point.name] == [("z", "rx")]
+    from_file = read_model(written(tmp_path, text=text))
+    (point,) = from_file.connected
+    assert (point.mass, point.inertia, from_file.masses) == (0.25, (1.0, 2.0, 3.0), ())
+    assert [support.fix for support in from_file.supports if support.point == point.name] == [("z", "rx")]
 
 
 @pytest.mark.parametrize(
@@ -237,10 +241,10 @@ def test_rigid_regions_follow_each_other_and_equations_turn(tmp_path, members, c
     lines[end:end] = [f"{n:9d}{0:9d}{0:9d}{0.02:21.13E}{y:21.13E}{0.1:21.13E}" for n, y in ((5000, 0.0), (5001, 0.3))]
     size = f"NBLOCK,6,SOLID,{model.numbers[-1]},{len(model.points)}"
     text = "\n".join(lines).replace(size, f"NBLOCK,6,SOLID,5001,{len(model.points) + 2}")
-    found = read_model(written(tmp_path, text=text))
-    connections = {point.name: point.connection for point in found.connected}
+    from_file = read_model(written(tmp_path, text=text))
+    connections = {point.name: point.connection for point in from_file.connected}
     assert connections == {"CERIG node 5000": "rigid", "CERIG node 5001": connection}
-    assert len(found.equations.where) == 7 and found.equations.axes[-2:].tolist() == [3, 3]
+    assert len(from_file.equations.where) == 7 and from_file.equations.axes[-2:].tolist() == [3, 3]
 
 
 @pytest.mark.parametrize(
@@ -249,8 +253,8 @@ def test_rigid_regions_follow_each_other_and_equations_turn(tmp_path, members, c
 def test_keyopts_of_types_stand_in_et_and_in_its_block(tmp_path, text):
     lines = [line for line in cdb(plain()).splitlines() if not line.startswith(("ET,1", "KEYOP,1"))]
     lines.insert(2, text)
-    found = read_model(written(tmp_path, text="\n".join(lines)))
-    assert all(body.incompatible_modes for body in found.bodies.values())
+    model = read_model(written(tmp_path, text="\n".join(lines)))
+    assert all(body.incompatible_modes for body in model.bodies.values())
 
 
 def test_a_range_of_nodes_a_selection_and_equations_of_several_commands(tmp_path):
@@ -258,18 +262,19 @@ def test_a_range_of_nodes_a_selection_and_equations_of_several_commands(tmp_path
     a, b, c = map(int, model.numbers[:3])
     more = (f"D,{a},UX,0,,{c},2", "CMSEL,S,BAR_BOTTOM", "D,ALL,UZ", "ALLSEL", f"CE,1,0,{a},UY,1,{b},UY,-1", f"CE,1,0,{c},UY,2")
     more += ("CE,R5.0,DEFI,2,2,0.0", f"CE,R5.0,NODE,{a},UX,1.0,{b},ROTX,1.0", "/TITLE,a $ WOBBLE")
-    found = read_model(written(tmp_path, model, *more))
+    from_file = read_model(written(tmp_path, model, *more))
     held = {
-        axis: np.concatenate([found.groups[s.group].nodes for s in found.supports if axis in s.fix]).tolist() for axis in "xz"
+        axis: np.concatenate([from_file.groups[s.group].nodes for s in from_file.supports if axis in s.fix]).tolist()
+        for axis in "xz"
     }
     assert {0, 2} <= set(held["x"]) and 1 not in held["x"]
     assert set(held["z"]) == {*model.sets["BAR_BOTTOM"], *model.sets["PLATE_BASE"]}
-    assert list(zip(found.equations.equation, found.equations.nodes, found.equations.coefficients)) == [
+    assert list(zip(from_file.equations.equation, from_file.equations.nodes, from_file.equations.coefficients)) == [
         (0, 0, 1.0),
         (0, 1, -1.0),
         (0, 2, 2.0),
     ]
-    assert [finding.word for finding in found.findings if finding.changes] == ["CE"]
+    assert [finding.word for finding in from_file.findings if finding.changes] == ["CE"]
 
 
 def test_point_masses_and_springs_are_elements(tmp_path):
@@ -279,23 +284,23 @@ def test_point_masses_and_springs_are_elements(tmp_path):
     end = lines.index(f"{-1:9d}")
     rows = [[1, 7, 9, 1, 0, 0, 0, 0, 1, 0, 901, a], [1, 8, 10, 1, 0, 0, 0, 0, 2, 0, 902, a, b]]
     lines[end:end] = ["".join(f"{value:9d}" for value in row) for row in rows]
-    found = read_model(written(tmp_path, text="\n".join(lines).replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,8,8")))
-    assert [(found.groups[mass.group].nodes.tolist(), mass.mass) for mass in found.masses] == [([0], 0.25)]
-    (spring,) = found.springs
+    from_file = read_model(written(tmp_path, text="\n".join(lines).replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,8,8")))
+    assert [(from_file.groups[mass.group].nodes.tolist(), mass.mass) for mass in from_file.masses] == [([0], 0.25)]
+    (spring,) = from_file.springs
     assert (spring.stiffness, spring.damping) == (4e5, 3.0) and spring.direction is None
-    assert [found.groups[name].nodes.tolist() for name in spring.groups] == [[0], [1]]
+    assert [from_file.groups[name].nodes.tolist() for name in spring.groups] == [[0], [1]]
 
 
 def test_the_sides_of_a_contact_are_groups_that_a_tie_or_a_joint_joins(tmp_path):
     model = plain()
     path = written(tmp_path, text=cdb_with_contact(model))
-    found, names = read_model(path), ("CONTA174 real 5", "TARGE170 real 5")
+    from_file, names = read_model(path), ("CONTA174 real 5", "TARGE170 real 5")
     of_cells = [
-        {int(node) for block, rows in found.groups[name].cells.items() for node in found.cells[block].nodes[rows].ravel()}
+        {int(node) for block, rows in from_file.groups[name].cells.items() for node in from_file.cells[block].nodes[rows].ravel()}
         for name in names
     ]
     assert of_cells == [set(model.sets["BAR_BOTTOM"]), set(model.sets["PLATE_TOP"])]
-    assert [(one.word, one.surfaces, one.is_glued) for one in found.findings] == [
+    assert [(one.word, one.surfaces, one.is_glued) for one in from_file.findings] == [
         ("element type 170", names, True),
         ("element type 174", names, True),
     ]
@@ -303,23 +308,26 @@ def test_the_sides_of_a_contact_are_groups_that_a_tie_or_a_joint_joins(tmp_path)
     with pytest.raises(
         CaseError, match=r"(?s)2 entries.*bonded; state \[\[ties\]\] or \[\[joints\]\] with surfaces = .*CONTA174 real 5"
     ):
-        complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), found)
-    complete(scene_of({**base, "ties": ({"surfaces": names},)}, tmp_path / "s.toml"), found)
+        complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), from_file)
+    complete(scene_of({**base, "ties": ({"surfaces": names},)}, tmp_path / "s.toml"), from_file)
     joint = {**tables("model.cdb")["joints"][0], "surfaces": names}
-    complete(scene_of({**base, "joints": (joint,)}, tmp_path / "s.toml"), found)
-    complete(scene_of(tables("model.cdb", ignore=("element type 174", "element type 170")), tmp_path / "s.toml"), found)
+    complete(scene_of({**base, "joints": (joint,)}, tmp_path / "s.toml"), from_file)
+    complete(scene_of(tables("model.cdb", ignore=("element type 174", "element type 170")), tmp_path / "s.toml"), from_file)
 
 
 def test_a_contact_without_its_other_side_or_with_a_pilot_node_is_named(tmp_path):
     model = plain()
     text = cdb_with_contact(model, 0).replace(f"{7:9d}{5:9d}", f"{7:9d}{6:9d}")  # targets of another pair
-    found = read_model(written(tmp_path, text=text))
-    assert [(one.effect, one.surfaces) for one in found.findings] == [("a target of contact", ()), ("a surface in contact", ())]
+    from_file = read_model(written(tmp_path, text=text))
+    assert [(one.effect, one.surfaces) for one in from_file.findings] == [
+        ("a target of contact", ()),
+        ("a surface in contact", ()),
+    ]
     lines = cdb_with_contact(model, 5).splitlines()
     lines = [line for line in lines if not line.startswith(f"{2:9d}{7:9d}{5:9d}")]
     lines.insert(lines.index(f"{-1:9d}"), "".join(f"{n:9d}" for n in [2, 7, 5, 1, 0, 0, 0, 0, 1, 0, 901, 101]))
-    found = read_model(written(tmp_path, text="\n".join(lines).replace("SOLID,12,12", "SOLID,10,10")))
-    assert "a pilot node or a rigid body; state [[points]]" in found.findings[0].effect and not found.findings[1].surfaces
+    from_file = read_model(written(tmp_path, text="\n".join(lines).replace("SOLID,12,12", "SOLID,10,10")))
+    assert "a pilot node or a rigid body; state [[points]]" in from_file.findings[0].effect and not from_file.findings[1].surfaces
 
 
 @pytest.mark.parametrize(
@@ -351,11 +359,11 @@ def test_an_isotropic_material_may_state_all_axes(tmp_path, more, says):
         "MP,NUXZ,1,0.3",
         "MP,PRXY,1,0.3",
     )
-    found = read_model(written(tmp_path, plain(), *alike, *more))
-    assert [one.effect.partition(",")[0] for one in found.findings] == (
+    model = read_model(written(tmp_path, plain(), *alike, *more))
+    assert [one.effect.partition(",")[0] for one in model.findings] == (
         [f"{says} of material 1: it is not isotropic"] if says else []
     )
-    assert found.materials["material 1"].poisson == 0.3
+    assert model.materials["material 1"].poisson == 0.3
 
 
 PLY = (
@@ -384,16 +392,16 @@ def test_an_orthotropic_material_has_the_axes_of_its_elements(tmp_path):
         "LOCAL,R5.0,ANG,    12,  0, 30.0, 0.0, 0.0",
         "LOCAL,13,1,0.5,0.0,0.25,0.0,-90.0,0.0",
     ]
-    found = read_model(written(tmp_path, text="\n".join(lines)))
-    assert not [one for one in found.findings if one.changes]
-    one = found.materials["material 1"]
+    model = read_model(written(tmp_path, text="\n".join(lines)))
+    assert not [one for one in model.findings if one.changes]
+    one = model.materials["material 1"]
     assert (one.young, one.shear, one.expansion) == ((1.4e11, 1e10, 2e10), (5e9, 6e9, 3.5e9), (1e-6, 3e-5, 0.0))
     assert one.poisson == pytest.approx((0.28, 0.05 * 1.4e11 / 2e10, 0.4))
-    axes = {name: body.orientation for name, body in found.bodies.items() if body.material == "material 1"}
+    axes = {name: body.orientation for name, body in model.bodies.items() if body.material == "material 1"}
     assert axes == {"material 1 ESYS 0": None, "material 1 ESYS 12": "ESYS 12", "material 1 ESYS 13": "ESYS 13"}
-    first, second = found.orientations["ESYS 12"].directions
+    first, second = model.orientations["ESYS 12"].directions
     assert first == pytest.approx((np.sqrt(0.75), 0.5, 0.0)) and second == pytest.approx((-0.5, np.sqrt(0.75), 0.0))
-    around = found.orientations["ESYS 13"]
+    around = model.orientations["ESYS 13"]
     assert around.axis == pytest.approx((0.0, 1.0, 0.0)) and around.axis_point == (0.5, 0.0, 0.25)
     lines[4:7] = []
     unknown = [one for one in read_model(written(tmp_path, text="\n".join(lines))).findings if one.changes]
@@ -401,8 +409,8 @@ def test_an_orthotropic_material_has_the_axes_of_its_elements(tmp_path):
 
 
 def test_an_isotropic_material_may_expand_by_direction(tmp_path):
-    found = read_model(written(tmp_path, plain(), "MP,ALPX,1,1e-5", "MP,ALPY,1,1e-5", "MP,ALPZ,1,2e-5"))
-    one = found.materials["material 1"]
+    model = read_model(written(tmp_path, plain(), "MP,ALPX,1,1e-5", "MP,ALPY,1,1e-5", "MP,ALPZ,1,2e-5"))
+    one = model.materials["material 1"]
     assert (one.young, one.poisson, one.expansion) == ((2.1e11,) * 3, (0.3,) * 3, (1e-5, 1e-5, 2e-5))
 
 
@@ -413,9 +421,9 @@ def test_supports_in_turned_nodal_axes_become_equations(tmp_path):
     i = next(i for i, line in enumerate(lines) if line.startswith(f"{node:9d}{0:9d}"))
     lines[i] += f"{30.0:21.13E}"
     lines = [line for line in lines if not (line.startswith(f"D,{node},") and "UX" not in line)]
-    found = read_model(written(tmp_path, text="\n".join(lines)))
-    assert found.equations.coefficients == pytest.approx([np.cos(np.pi / 6), np.sin(np.pi / 6)], abs=1e-12)
-    assert model.sets["PLATE_BASE"][0] not in found.groups["D xyz"].nodes
+    from_file = read_model(written(tmp_path, text="\n".join(lines)))
+    assert from_file.equations.coefficients == pytest.approx([np.cos(np.pi / 6), np.sin(np.pi / 6)], abs=1e-12)
+    assert model.sets["PLATE_BASE"][0] not in from_file.groups["D xyz"].nodes
 
 
 def test_archives_that_are_not_blocked_hold_the_same(tmp_path):
@@ -484,12 +492,12 @@ def test_a_pilot_node_leads_its_surface(tmp_path, key, connection):
     lines.insert(end, "".join(f"{value:9d}" for value in [2, 7, 5, 1, 0, 0, 0, 0, 1, 0, 901, 5000]))
     text = "\n".join(lines).replace("EBLOCK,19,SOLID,12,12", "EBLOCK,19,SOLID,10,10")
     text = text.replace(f"NBLOCK,6,SOLID,{model.numbers[-1]},{len(model.points)}", f"NBLOCK,6,SOLID,5000,{len(model.points) + 1}")
-    found = read_model(written(tmp_path, text=text))
-    (point,) = found.connected
+    from_file = read_model(written(tmp_path, text=text))
+    (point,) = from_file.connected
     assert (point.name, point.connection, point.position) == ("pilot node 5000", connection, (0.02, 0.0, 0.1))
-    np.testing.assert_array_equal(found.groups[point.group].nodes, np.sort(model.sets["BAR_BOTTOM"]))
-    assert [support.fix for support in found.supports if support.point == point.name] == [("z", "rx")]
-    assert not [one for one in found.findings if one.changes]
+    np.testing.assert_array_equal(from_file.groups[point.group].nodes, np.sort(model.sets["BAR_BOTTOM"]))
+    assert [support.fix for support in from_file.supports if support.point == point.name] == [("z", "rx")]
+    assert not [one for one in from_file.findings if one.changes]
     other = read_model(written(tmp_path, text=text.replace(f"KEYOP,8,4,{key}", "KEYOP,8,4,0")))
     assert any("pilot node" in one.effect for one in other.findings if one.changes) and not other.connected
 
@@ -520,11 +528,11 @@ def test_solids_with_an_option_that_is_not_available_are_named_with_it(tmp_path)
 
 @pytest.mark.parametrize("file, volume", [("hexarchivefile", 5.0), ("tetarchivefile", None), ("sector_archive_file", None)])
 def test_files_of_mapdl_archive_are_read(file, volume):
-    found = read_model(getattr(mapdl_archive.examples, file))
+    model = read_model(getattr(mapdl_archive.examples, file))
     inside = 0.0
-    for cells in found.cells:
-        assert (elements.jacobian_minimum(cells.kind, found.points[cells.nodes]) > 0.0).all()
-        inside += elements.mass(cells.kind, found.points[cells.nodes], 1.0).sum()
+    for cells in model.cells:
+        assert (elements.jacobian_minimum(cells.kind, model.points[cells.nodes]) > 0.0).all()
+        inside += elements.mass(cells.kind, model.points[cells.nodes], 1.0).sum()
     assert volume is None or inside == pytest.approx(volume)
 
 
@@ -561,25 +569,25 @@ def test_damaged_archives_are_refused_with_one_message(tmp_path, change, says):
 def test_an_input_file_of_workbench_says_what_the_archive_says(tmp_path, kind):
     model = plain(kind)
     (tmp_path / "ds.dat").write_text(ds_dat(model))
-    found, archived = read_model(tmp_path / "ds.dat"), read_model(written(tmp_path, model))
-    np.testing.assert_array_equal(found.numbers, archived.numbers)
-    np.testing.assert_allclose(found.points, archived.points, atol=1e-11)
-    solids = [cells for cells in found.cells if cells.kind == kind]
+    from_file, archived = read_model(tmp_path / "ds.dat"), read_model(written(tmp_path, model))
+    np.testing.assert_array_equal(from_file.numbers, archived.numbers)
+    np.testing.assert_allclose(from_file.points, archived.points, atol=1e-11)
+    solids = [cells for cells in from_file.cells if cells.kind == kind]
     for one, other in zip(solids, archived.cells, strict=True):
         np.testing.assert_array_equal(one.nodes, other.nodes)
         np.testing.assert_array_equal(one.numbers, other.numbers)
-    assert (found.bodies, found.materials, found.supports) == (archived.bodies, archived.materials, archived.supports)
+    assert (from_file.bodies, from_file.materials, from_file.supports) == (archived.bodies, archived.materials, archived.supports)
     for name in model.sets:
-        np.testing.assert_array_equal(found.groups[name].nodes, archived.groups[name].nodes)
+        np.testing.assert_array_equal(from_file.groups[name].nodes, archived.groups[name].nodes)
     names = ("CONTA174 real 3", "TARGE170 real 3")
-    assert [(one.word, one.surfaces, one.is_glued) for one in found.findings] == [
+    assert [(one.word, one.surfaces, one.is_glued) for one in from_file.findings] == [
         ("element type 174", names, True),
         ("element type 170", names, True),
     ]
     for name, nodes in zip(names, ("BAR_BOTTOM", "PLATE_TOP")):
-        ((block, _),) = found.groups[name].cells.items()
-        assert set(found.cells[block].nodes.ravel()) == set(model.sets[nodes])
-    assert found.facts == ("title: bar on a plate--Modal (A5)", "units: MKS, as stated in the file")
+        ((block, _),) = from_file.groups[name].cells.items()
+        assert set(from_file.cells[block].nodes.ravel()) == set(model.sets[nodes])
+    assert from_file.facts == ("title: bar on a plate--Modal (A5)", "units: MKS, as stated in the file")
 
 
 @pytest.mark.parametrize(
@@ -602,11 +610,11 @@ def test_what_an_input_file_does_beside_is_refused_until_it_is_waived(tmp_path, 
     model = plain()
     nodes = "".join(f"{n:9d}" for n in model.numbers[model.elements[0][0]])
     (tmp_path / "ds.dat").write_text(ds_dat(model, (more.replace("{nodes}", nodes),)))
-    found = read_model(tmp_path / "ds.dat")
-    (finding,) = [one for one in found.findings if one.changes and not one.surfaces]
+    from_file = read_model(tmp_path / "ds.dat")
+    (finding,) = [one for one in from_file.findings if one.changes and not one.surfaces]
     assert finding.word == word
     with pytest.raises(CaseError, match=says):
-        complete(scene_of(tables("ds.dat"), tmp_path / "s.toml"), found)
+        complete(scene_of(tables("ds.dat"), tmp_path / "s.toml"), from_file)
 
 
 @pytest.mark.parametrize(
@@ -659,7 +667,7 @@ def test_an_input_file_of_ansys_or_nastran_may_end_in_inp(tmp_path):
     """The ending is that of Abaqus, and of others: NASTRAN-95's decks, inputs of Mechanical APDL."""
     for text, node_group in ((ds_dat(plain()), "_FIXEDSU"), (bdf(plain()), None)):
         (tmp_path / "m.inp").write_text(text)
-        found = read_model(tmp_path / "m.inp")
-        assert len(found.points) >= len(plain().points) and (node_group is None or node_group in found.groups)
+        model = read_model(tmp_path / "m.inp")
+        assert len(model.points) >= len(plain().points) and (node_group is None or node_group in model.groups)
         with pytest.raises(MeshError, match="m.inp: it is a file of Ansys or Nastran, of which no steps are read"):
             read_model(tmp_path / "m.inp", 1)

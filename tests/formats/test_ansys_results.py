@@ -73,15 +73,15 @@ def test_the_model_of_a_results_file_is_read(monkeypatch, file):
 
 def test_what_of_it_changes_the_answer_is_found(monkeypatch, file):
     def read(path, parse_vtk):
-        found = Result(element=181)
-        found.materials[1]["EY"] = 1e11
-        found.materials[1]["stress_failure_criteria"] = np.zeros((2, 3))
-        found.nodal_boundary_conditions = lambda number: (np.array([11]), np.array([1]), np.array([0.5]))
-        return found
+        result = Result(element=181)
+        result.materials[1]["EY"] = 1e11
+        result.materials[1]["stress_failure_criteria"] = np.zeros((2, 3))
+        result.nodal_boundary_conditions = lambda number: (np.array([11]), np.array([1]), np.array([0.5]))
+        return result
 
     install(monkeypatch, read)
-    found = {one.word for one in read_model(file).findings if one.changes}
-    assert {"element type 181", "MP", "D"} <= found
+    computed = {one.word for one in read_model(file).findings if one.changes}
+    assert {"element type 181", "MP", "D"} <= computed
 
 
 def broken(path, parse_vtk):

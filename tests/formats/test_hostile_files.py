@@ -144,8 +144,8 @@ def test_files_that_do_not_end_are_said_to(tmp_path, name, write, last):
 @pytest.mark.parametrize("second, changes", [("1., 0.3", True), (f"{YOUNG}, {POISSON}", False)])
 def test_a_property_that_stands_twice_is_found(tmp_path, second, changes):
     (tmp_path / "m.inp").write_text(inp(plain()).replace("*Elastic\n", f"*Elastic\n{second}\n*Elastic\n"))
-    (found,) = (one for one in read_model(tmp_path / "m.inp").findings if one.word == "*ELASTIC")
-    assert found.changes == changes and "of material 'Steel' again, after line" in found.effect
+    (model,) = (one for one in read_model(tmp_path / "m.inp").findings if one.word == "*ELASTIC")
+    assert model.changes == changes and "of material 'Steel' again, after line" in model.effect
 
 
 @pytest.mark.parametrize("second, changes", [("1., 0.3", True), (f"{YOUNG}, {POISSON}", False)])
@@ -155,8 +155,8 @@ def test_of_a_material_that_is_stated_twice_the_first_counts(tmp_path, second, c
     again = cards.replace("Steel", "STEEL").replace(f"{YOUNG}, {POISSON}", second)
     (tmp_path / "m.inp").write_text(text.replace(cards, cards + again))
     model = read_model(tmp_path / "m.inp")
-    (found,) = (one for one in model.findings if one.word == "*MATERIAL")
-    assert found.changes == changes and "as first stated" in found.effect
+    (computed,) = (one for one in model.findings if one.word == "*MATERIAL")
+    assert computed.changes == changes and "as first stated" in computed.effect
     assert model.materials["Steel"].young == YOUNG and list(model.materials) == ["Steel"]
 
 

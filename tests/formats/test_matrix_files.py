@@ -25,18 +25,18 @@ def save(path, value, **others):
 
 
 def message(path):
-    with pytest.raises(CaseError) as found:
+    with pytest.raises(CaseError) as caught:
         read_matrix(path, "[model] stiffness", "K")
-    assert str(found.value).startswith(f"{path}: [model] stiffness")
-    return str(found.value).removeprefix(f"{path}: [model] stiffness")
+    assert str(caught.value).startswith(f"{path}: [model] stiffness")
+    return str(caught.value).removeprefix(f"{path}: [model] stiffness")
 
 
 @pytest.mark.parametrize("ending", ["mtx", "mat", "npz"])
 @pytest.mark.parametrize("form", [np.array, sp.csr_matrix, sp.csc_matrix, sp.coo_matrix])
 def test_every_format_holds_the_same_matrix(tmp_path, ending, form):
-    found = read_matrix(save(tmp_path / f"K.{ending}", form(K)), "[model] stiffness", "K").matrix
-    assert found.dtype == float and sp.isspmatrix_csr(found)
-    np.testing.assert_array_equal(found.toarray(), K)
+    matrix = read_matrix(save(tmp_path / f"K.{ending}", form(K)), "[model] stiffness", "K").matrix
+    assert matrix.dtype == float and sp.isspmatrix_csr(matrix)
+    np.testing.assert_array_equal(matrix.toarray(), K)
 
 
 @pytest.mark.parametrize("ending", ["mat", "npz"])
@@ -55,9 +55,9 @@ def test_entries_that_a_file_repeats_are_added_and_whole_numbers_will_do(tmp_pat
 
 def test_what_rounding_left_of_symmetry_is_evened_out(tmp_path):
     noisy = K * (1.0 + 1e-12 * np.random.default_rng(1).standard_normal(K.shape))
-    found = read_matrix(save(tmp_path / "K.npz", noisy), "[model] stiffness", "K").matrix.toarray()
-    np.testing.assert_array_equal(found, found.T)
-    np.testing.assert_allclose(found, K, rtol=1e-11)
+    matrix = read_matrix(save(tmp_path / "K.npz", noisy), "[model] stiffness", "K").matrix.toarray()
+    np.testing.assert_array_equal(matrix, matrix.T)
+    np.testing.assert_allclose(matrix, K, rtol=1e-11)
 
 
 @pytest.mark.parametrize(

@@ -51,11 +51,11 @@ def test_the_matrix_comes_back(tmp_path, ending):
     write, accuracy = WRITERS[ending]
     A, path = matrix(), tmp_path / f"A.{ending}"
     write(path, A, DOFS)
-    found = read(path)
-    np.testing.assert_allclose(found.matrix.toarray(), A, rtol=0.0, atol=accuracy * np.abs(A).max())
-    assert (found.dofs is not None) == (ending in WITH_DOFS)
-    if found.dofs is not None:
-        np.testing.assert_array_equal(found.dofs.keys(), DOFS.keys())
+    computed = read(path)
+    np.testing.assert_allclose(computed.matrix.toarray(), A, rtol=0.0, atol=accuracy * np.abs(A).max())
+    assert (computed.dofs is not None) == (ending in WITH_DOFS)
+    if computed.dofs is not None:
+        np.testing.assert_array_equal(computed.dofs.keys(), DOFS.keys())
 
 
 @pytest.mark.parametrize("order, is_big", [("<", False), (">", False), (">", True)])
@@ -72,10 +72,10 @@ def test_op4_of_any_machine_with_several_matrices(tmp_path, order, is_big):
 def test_a_superelement_of_ansys_has_rows_of_modes_and_may_be_a_triangle(tmp_path):
     A, path = matrix(), tmp_path / "se.sub"
     matrix_files.write_sub(path, A, DOFS[np.arange(6)], n_modes=3, is_triangle=True)
-    found = read(path)
-    np.testing.assert_array_equal(found.matrix.toarray(), A)
+    computed = read(path)
+    np.testing.assert_array_equal(computed.matrix.toarray(), A)
     np.testing.assert_array_equal(read(path, "M").matrix.toarray(), 7.0 * A)
-    np.testing.assert_array_equal(found.dofs.keys(), [*DOFS.keys()[:6], 0, 0, 0])
+    np.testing.assert_array_equal(computed.dofs.keys(), [*DOFS.keys()[:6], 0, 0, 0])
     with pytest.raises(CaseError, match="the file holds no C"):
         read(path, "C")
 
@@ -123,9 +123,9 @@ def test_dmig_in_small_fields_and_between_commas(tmp_path):
         "DMIG    K       5       1               5       1       4.0\n        5       2       -1.5-3\n"
         "DMIG,K,5,2,,5,2,2.5+2\nGRID,1,,0.,0.,0.\n"
     )
-    found = read(path)
-    np.testing.assert_array_equal(found.matrix.toarray(), [[4.0, -1.5e-3], [-1.5e-3, 250.0]])
-    assert [found.dofs.name(row) for row in (0, 1)] == ["node 5 x", "node 5 y"]
+    matrix = read(path)
+    np.testing.assert_array_equal(matrix.matrix.toarray(), [[4.0, -1.5e-3], [-1.5e-3, 250.0]])
+    assert [matrix.dofs.name(row) for row in (0, 1)] == ["node 5 x", "node 5 y"]
 
 
 # -- files that others wrote: tests/data/README.md --------------------------------------------------------------------
@@ -152,9 +152,9 @@ def test_nastran_op2_holds_products_that_nastran_formed():
 
 
 def test_nastran_punch_file_of_springs():
-    found = read(DATA / "dmig.pch")
-    K, row = found.matrix.toarray(), {node: i for i, node in enumerate(found.dofs.nodes)}
-    assert (found.dofs.directions == 1).all() and K[row[101], row[101]] == 155.6 and K[row[106], row[105]] == -3002.7
+    matrix = read(DATA / "dmig.pch")
+    K, row = matrix.matrix.toarray(), {node: i for i, node in enumerate(matrix.dofs.nodes)}
+    assert (matrix.dofs.directions == 1).all() and K[row[101], row[101]] == 155.6 and K[row[106], row[105]] == -3002.7
     np.testing.assert_array_equal(K[row[101]][[row[101], row[102]]], [155.6, -155.6])
     assert np.linalg.eigvalsh(K).min() > -1e-9 * K.max()
 
@@ -201,12 +201,12 @@ def test_a_truncated_file_is_named_or_read_as_what_is_left(tmp_path, ending, sha
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     try:
-        found = read(path).matrix
+        computed = read(path).matrix
     except CaseError as problem:
         assert str(problem).startswith(f"{path}") and "\n" not in str(problem)
         return
     assert ending in ("abaqus.mtx", "pch", "sti"), "lists of entries have no counts that would tell"
-    assert found.nnz < sp.csr_matrix(A).nnz
+    assert computed.nnz < sp.csr_matrix(A).nnz
 
 
 HUGE = "999999999999"

@@ -83,9 +83,9 @@ def text_of(folder, name, text):
 def test_a_mistake_gives_one_message(tmp_path, file, old, new, said):
     path = write_scene(tmp_path, OF_CALCULIX)
     change(tmp_path / file, old, new)
-    with pytest.raises((CaseError, MeshError), match=re.escape(said)) as found:
+    with pytest.raises((CaseError, MeshError), match=re.escape(said)) as caught:
         structure(path)
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -139,8 +139,8 @@ def test_a_direction_without_a_row(tmp_path):
 )
 def test_a_recovery_matrix_that_does_not_fit(tmp_path, recovery, said):
     path = write_superelement(tmp_path)
-    found = scipy.io.loadmat(tmp_path / "cb.mat")
-    scipy.io.savemat(tmp_path / "cb.mat", {"K": found["K"], "M": found["M"], "T": recovery})
+    content = scipy.io.loadmat(tmp_path / "cb.mat")
+    scipy.io.savemat(tmp_path / "cb.mat", {"K": content["K"], "M": content["M"], "T": recovery})
     with pytest.raises(CaseError, match=re.escape(said)):
         structure(path)
 

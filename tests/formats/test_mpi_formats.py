@@ -150,12 +150,12 @@ def test_a_loaded_step_before_the_vibration_is_the_statics_of_a_scene(folder):
     on_root(comm, lambda: (folder / "loaded.inp").write_text(inp(model, step)))
     stated = {"forces": ({"group": "BAR_BOTTOM", "force": (30.0 * n, 0.0, -2000.0 * n)},), "deformed_shape": True}
     joints = ({**SCENE["joints"][0], "preload": "static"},)
-    found = []
+    values = []
     for more in ({"joints": joints}, {"joints": joints, "statics": stated}, {}):
         ignore = () if more else ("*STEP, PERTURBATION",)
         scene = scene_of({**tables("loaded.inp", ignore=ignore), **more}, folder / "loaded.toml")
         with microslip.build(scene, comm) as structure:
-            found.append((structure.modes.omega_n.copy(), structure.pairs.N0.copy()))
-    assert found[0][0] == pytest.approx(found[1][0], rel=1e-10) and found[0][1] == pytest.approx(found[1][1], rel=1e-9)
-    assert found[0][1].sum() == pytest.approx(2000.0 * n, rel=1e-6)
-    assert abs(found[0][0][0] / found[2][0][0] - 1.0) > 1e-6
+            values.append((structure.modes.omega_n.copy(), structure.pairs.N0.copy()))
+    assert values[0][0] == pytest.approx(values[1][0], rel=1e-10) and values[0][1] == pytest.approx(values[1][1], rel=1e-9)
+    assert values[0][1].sum() == pytest.approx(2000.0 * n, rel=1e-6)
+    assert abs(values[0][0][0] / values[2][0][0] - 1.0) > 1e-6

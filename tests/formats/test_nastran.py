@@ -28,34 +28,34 @@ def written(folder, model=None, *more, case=(), text=None):
 
 def scene(folder, **model):
     """Return the scene of the model, whose sets have numbers here."""
-    found = tables("model.bdf", **model)
-    return scene_of({**found, "joints": ({**found["joints"][0], **SURFACES},)}, folder / "s.toml")
+    computed = tables("model.bdf", **model)
+    return scene_of({**computed, "joints": ({**computed["joints"][0], **SURFACES},)}, folder / "s.toml")
 
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet4", "tet10"])
 def test_solids_keep_their_nodes_and_numbers(tmp_path, kind):
     model = plain(kind)
-    found = read_model(written(tmp_path, model))
-    np.testing.assert_array_equal(found.numbers, model.numbers)
-    np.testing.assert_allclose(found.points, model.points, atol=1e-11)
-    for cells, expected in zip(found.cells, model.elements, strict=True):
+    from_file = read_model(written(tmp_path, model))
+    np.testing.assert_array_equal(from_file.numbers, model.numbers)
+    np.testing.assert_allclose(from_file.points, model.points, atol=1e-11)
+    for cells, expected in zip(from_file.cells, model.elements, strict=True):
         assert cells.kind == kind
         np.testing.assert_array_equal(cells.nodes, expected)
-        assert (elements.jacobian_minimum(kind, found.points[cells.nodes]) > 0.0).all()
+        assert (elements.jacobian_minimum(kind, from_file.points[cells.nodes]) > 0.0).all()
     for i, nodes in enumerate(model.sets.values(), 1):
-        np.testing.assert_array_equal(found.groups[f"SET {i}"].nodes, nodes)
+        np.testing.assert_array_equal(from_file.groups[f"SET {i}"].nodes, nodes)
 
 
 def test_what_the_cards_say_becomes_the_scene(tmp_path):
     written(tmp_path, plain(), "FORCE,5,101,0,1.0,0.0,0.0,1.0", "EIGRL,7,,,5")
-    found, notes = complete(scene(tmp_path), read_model(tmp_path / "model.bdf"))
-    assert {name: (body.group, body.material) for name, body in found.bodies.items()} == {
+    model, notes = complete(scene(tmp_path), read_model(tmp_path / "model.bdf"))
+    assert {name: (body.group, body.material) for name, body in model.bodies.items()} == {
         "PSOLID 1": ("1", "MAT1 1"),
         "PSOLID 2": ("2", "MAT1 2"),
     }
-    steel = found.materials["MAT1 1"]
+    steel = model.materials["MAT1 1"]
     assert (steel.young, steel.poisson, steel.density) == pytest.approx((2.1e11, 0.3, 7800.0))
-    assert [(support.group, support.fix) for support in found.supports] == [("SPC xyz", ("x", "y", "z"))]
+    assert [(support.group, support.fix) for support in model.supports] == [("SPC xyz", ("x", "y", "z"))]
 
 
 MAT9 = (
@@ -94,28 +94,28 @@ def test_materials_with_axes_of_their_own(tmp_path, system):
     text = bdf(plain(), SYSTEMS).splitlines()
     i = next(i for i, line in enumerate(text) if line.startswith("MAT1,1,"))
     text[i - 1 : i + 1] = [f"PSOLID,1,1,{system}", *(MAT11 if system == 7 else MAT9)]
-    found = read_model(written(tmp_path, text="\n".join(text)))
-    assert [one.word for one in found.findings if one.changes] == (["PSOLID CORDM"] if system == -1 else [])
-    body = found.bodies["PSOLID 1"]
-    one = found.materials[body.material]
+    model = read_model(written(tmp_path, text="\n".join(text)))
+    assert [one.word for one in model.findings if one.changes] == (["PSOLID CORDM"] if system == -1 else [])
+    body = model.bodies["PSOLID 1"]
+    one = model.materials[body.material]
     if system == 7:
         assert (one.young, one.poisson, one.shear) == ((1.4e11, 1e10, 2e10), (0.28, 0.31, 0.4), (5e9, 6e9, 3.5e9))
         assert (one.density, one.expansion) == (1600.0, (1e-6, 2e-5, 3e-5))
-        x, y = found.orientations[body.orientation].directions
+        x, y = model.orientations[body.orientation].directions
         assert x == pytest.approx(np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)) and y == pytest.approx((-x[0], x[1], 0.0))
         return
     C = np.array(one.elasticity)
     assert np.array_equal(C, C.T) and np.array_equal(np.diag(C), [11.0, 22.0, 33.0, 44.0, 66.0, 55.0])
     assert (C[0, 3], C[0, 4], C[0, 5], C[4, 5], C[3, 4]) == (14.0, 16.0, 15.0, 56.0, 46.0)
     assert (one.density, one.expansion) == (2.5, (1e-6, 2e-6, 3e-6))
-    around = found.orientations[body.orientation] if system == 8 else None
+    around = model.orientations[body.orientation] if system == 8 else None
     assert body.orientation is None or around.axis == (0.0, 1.0, 0.0) and around.axis_point == (0.5, 0.0, 0.25)
 
 
 def test_mass_is_in_the_units_of_wtmass(tmp_path):
-    found = read_model(written(tmp_path, plain(), "PARAM,WTMASS,0.5", "CONM2,900,101,,3.0"))
-    assert found.materials["MAT1 1"].density == pytest.approx(3900.0)
-    assert [(found.groups[mass.group].nodes.tolist(), mass.mass) for mass in found.masses] == [([0], 1.5)]
+    model = read_model(written(tmp_path, plain(), "PARAM,WTMASS,0.5", "CONM2,900,101,,3.0"))
+    assert model.materials["MAT1 1"].density == pytest.approx(3900.0)
+    assert [(model.groups[mass.group].nodes.tolist(), mass.mass) for mass in model.masses] == [([0], 1.5)]
 
 
 def test_rigid_elements_springs_and_equations(tmp_path):
@@ -134,19 +134,19 @@ def test_rigid_elements_springs_and_equations(tmp_path):
         "PDAMP,906,7.0",
         f"MPC,7,{tip},1,1.0,{a},1,-1.0",
     )
-    found = read_model(written(tmp_path, model, *more, case=("MPC = 7",)))
-    (point,) = found.connected
+    from_file = read_model(written(tmp_path, model, *more, case=("MPC = 7",)))
+    (point,) = from_file.connected
     assert point.position == pytest.approx((0.1, 0.0, 0.03)) and point.mass == 2.0
     assert point.inertia == pytest.approx((1.0, 2.0, 3.0, -0.1, -0.3, -0.2))
-    assert found.groups[point.group].nodes.tolist() == [0, 1, 2]
-    assert ("RBE2 901", ("rx",)) in [(support.point, support.fix) for support in found.supports]
-    spring, *dampers = found.springs
+    assert from_file.groups[point.group].nodes.tolist() == [0, 1, 2]
+    assert ("RBE2 901", ("rx",)) in [(support.point, support.fix) for support in from_file.supports]
+    spring, *dampers = from_file.springs
     assert spring.stiffness == 4e5 and spring.direction == (0.0, 1.0, 0.0)
     assert [(one.direction, one.stiffness, one.damping) for one in dampers] == [
         ((0.0, 0.0, 1.0), 0.0, 6.0),
         ((1.0, 0.0, 0.0), 0.0, 7.0),
     ]
-    assert found.equations.coefficients.tolist() == [1.0, -1.0] and found.equations.axes.tolist() == [0, 0]
+    assert from_file.equations.coefficients.tolist() == [1.0, -1.0] and from_file.equations.axes.tolist() == [0, 0]
 
 
 def rows_of(equations):
@@ -163,14 +163,14 @@ def test_rigid_elements_follow_each_other_and_equations_turn(tmp_path):
     more = ("GRID,5000,,0.1,0.0,0.03", "GRID,5001,,0.3,0.2,-0.1", "GRID,5002,,0.0,0.5,0.0")
     more += (f"RBE2,901,5000,123456,{a},{b}", f"RBE2,902,5001,123456,5000,{c},{d}", f"RBE3,903,,5002,123456,1.0,123,{e},{f}")
     more += ("MPC,7,5002,6,1.0,5001,6,-2.0",)
-    found = read_model(written(tmp_path, model, *more, case=("MPC = 7",)))
-    groups = {point.name: found.groups[point.group].nodes.tolist() for point in found.connected}
+    from_file = read_model(written(tmp_path, model, *more, case=("MPC = 7",)))
+    groups = {point.name: from_file.groups[point.group].nodes.tolist() for point in from_file.connected}
     assert groups == {"RBE2 901": [0, 1], "RBE2 902": [2, 3], "RBE3 903": [4, 5]}
-    rows, names = rows_of(found.equations), found.equations.points
+    rows, names = rows_of(from_file.equations), from_file.equations.points
     *chain, turn = rows
     assert turn[names.index("RBE3 903")].tolist() == [0, 0, 0, 0, 0, 1.0]
     assert turn[names.index("RBE2 902")].tolist() == [0, 0, 0, 0, 0, -2.0]
-    positions = {point.name: np.array(point.position) for point in found.connected}
+    positions = {point.name: np.array(point.position) for point in from_file.connected}
     moves = np.zeros((6, len(names), 6))
     for i, name in enumerate(names):
         moves[:, i, :3] = np.vstack([np.eye(3), np.cross(np.eye(3), positions[name])])
@@ -186,8 +186,8 @@ def test_a_rigid_element_of_leading_grid_points_alone(tmp_path):
     more = ("GRID,5000,,0.1,0.0,0.03", "GRID,5001,,0.3,0.2,-0.1", "GRID,5002,,0.0,0.5,0.0", "GRID,5003,,0.0,0.7,0.0")
     more += ("RBE2,900,5003,123456,5002", "RBE2,903,5002,123456,5000,5001")
     more += (f"RBE2,901,5000,123456,{a},{b}", f"RBE2,902,5001,123456,{c},{d}", "CONM2,904,5003,,2.0")
-    found = read_model(written(tmp_path, model, *more))
-    points = {point.name: (point.connection, point.group, point.mass) for point in found.connected}
+    from_file = read_model(written(tmp_path, model, *more))
+    points = {point.name: (point.connection, point.group, point.mass) for point in from_file.connected}
     first, second = ("RBE2 901", "RBE2 902")
     assert points == {
         first: ("rigid", first, 0.0),
@@ -195,8 +195,8 @@ def test_a_rigid_element_of_leading_grid_points_alone(tmp_path):
         "RBE2 903": ("equations", first, 0.0),
         "RBE2 900": ("equations", first, 2.0),
     }
-    assert found.groups[first].nodes.tolist() == [0, 1] and len(found.equations.where) == 18
-    assert not any(finding.changes for finding in found.findings)
+    assert from_file.groups[first].nodes.tolist() == [0, 1] and len(from_file.equations.where) == 18
+    assert not any(finding.changes for finding in from_file.findings)
 
 
 def test_a_mean_of_grid_points_that_lead_others_is_a_finding(tmp_path):
@@ -205,10 +205,10 @@ def test_a_mean_of_grid_points_that_lead_others_is_a_finding(tmp_path):
     a, b, c, d = map(int, model.numbers[:4])
     grid = ("GRID,5000,,0.1,0.0,0.03", "GRID,5001,,0.3,0.2,-0.1", f"RBE2,901,5000,123456,{a},{b},{c}")
     for others, effect, n in ((f",{d}", "a mean of 2 grid points, 1 of them", 2), ("", "a mean of 1 grid points, 1 of them", 1)):
-        found = read_model(written(tmp_path, model, *grid, f"RBE3,902,,5001,123456,1.0,123,5000{others}"))
-        (finding,) = (finding for finding in found.findings if finding.word == "RBE3")
+        from_file = read_model(written(tmp_path, model, *grid, f"RBE3,902,,5001,123456,1.0,123,5000{others}"))
+        (finding,) = (finding for finding in from_file.findings if finding.word == "RBE3")
         assert finding.effect == f"{effect} of no solid, as 5000 (which leads others)" and finding.changes
-        assert len(found.connected) == n
+        assert len(from_file.connected) == n
 
 
 @pytest.mark.parametrize(
@@ -224,16 +224,16 @@ def test_weights_of_a_mean_are_taken_over(tmp_path, more, weights):
     a, b, c, d = map(int, model.numbers[:4])
     card = f"RBE3,901,,5000,123456,{more.format(a=a, b=b, c=c, d=d)}".split(",")
     lines = [",".join(card[:9]), ",".join(["", *card[9:]])]
-    found = read_model(written(tmp_path, model, "GRID,5000,,0.1,0.0,0.03", *lines))
-    (point,) = found.connected
+    from_file = read_model(written(tmp_path, model, "GRID,5000,,0.1,0.0,0.03", *lines))
+    (point,) = from_file.connected
     assert (point.connection, point.weights) == ("distributing", weights)
-    assert not [one for one in found.findings if one.word == "RBE3"]
+    assert not [one for one in from_file.findings if one.word == "RBE3"]
 
 
 def test_a_mean_of_other_components_is_a_finding(tmp_path):
     a, b, c = map(int, plain().numbers[:3])
-    found = read_model(written(tmp_path, plain(), "GRID,5000,,0.1,0.0,0.03", f"RBE3,901,,5000,123456,1.0,12,{a},{b}", f",{c}"))
-    (finding,) = (one for one in found.findings if one.word == "RBE3")
+    model = read_model(written(tmp_path, plain(), "GRID,5000,,0.1,0.0,0.03", f"RBE3,901,,5000,123456,1.0,12,{a},{b}", f",{c}"))
+    (finding,) = (one for one in model.findings if one.word == "RBE3")
     assert finding.changes and finding.effect == "a mean of other components than 123, or with a weight that is not above 0"
 
 
@@ -254,8 +254,8 @@ def test_components_may_have_blanks_between_them(tmp_path):
 def test_an_equation_with_a_rotation_of_a_solid_is_left_out(tmp_path):
     model = plain()
     a, b = map(int, model.numbers[:2])
-    found = read_model(written(tmp_path, model, f"MPC,7,{a},4,1.0,{b},1,-1.0", case=("MPC = 7",)))
-    assert found.equations is None and any("rotation" in finding.effect and finding.changes for finding in found.findings)
+    from_file = read_model(written(tmp_path, model, f"MPC,7,{a},4,1.0,{b},1,-1.0", case=("MPC = 7",)))
+    assert from_file.equations is None and any("rotation" in finding.effect and finding.changes for finding in from_file.findings)
 
 
 def test_leading_grid_points_have_springs_and_belong_to_their_solids(tmp_path):
@@ -263,10 +263,10 @@ def test_leading_grid_points_have_springs_and_belong_to_their_solids(tmp_path):
     a, b, c, d = map(int, model.numbers[:4])
     more = ("GRID,5000,,0.1,0.0,0.03", f"RBE2,901,5000,123,{a},{b}", f"RBE2,902,{c},123,{d}")
     more += ("CELAS2,903,4.0e5,5000,2", "CELAS2,904,7.0,5000,6")
-    found = read_model(written(tmp_path, model, *more))
-    outer, inner = found.connected
-    assert (outer.stiffness, outer.rotational_stiffness, found.springs) == ((0.0, 4e5, 0.0), (0.0, 0.0, 7.0), ())
-    assert found.groups[inner.group].nodes.tolist() == [2, 3]
+    from_file = read_model(written(tmp_path, model, *more))
+    outer, inner = from_file.connected
+    assert (outer.stiffness, outer.rotational_stiffness, from_file.springs) == ((0.0, 4e5, 0.0), (0.0, 0.0, 7.0), ())
+    assert from_file.groups[inner.group].nodes.tolist() == [2, 3]
 
 
 def test_rigid_elements_of_one_leading_grid_point_are_one(tmp_path):
@@ -274,23 +274,26 @@ def test_rigid_elements_of_one_leading_grid_point_are_one(tmp_path):
     a, b, c, d = map(int, model.numbers[:4])
     more = ("GRID,5000,,0.1,0.0,0.03", f"RBE2,901,5000,123456,{a},{b}", f"RBE2,902,5000,123,{c}")
     more += (f"RBE3,903,,5001,123456,1.0,123,{d},{a}", "GRID,5001,,0.1,0.1,0.03", f"RBE2,904,5001,123,{c}")
-    found = read_model(written(tmp_path, model, *more))
-    assert [(point.name, point.connection) for point in found.connected] == [("RBE2 901", "rigid"), ("RBE3 903", "distributing")]
-    assert found.groups["RBE2 901"].nodes.tolist() == [0, 1, 2]
-    assert [(one.where, one.effect) for one in found.findings] == [("RBE2 904", "grid point 5001 leads an RBE3 already")]
+    from_file = read_model(written(tmp_path, model, *more))
+    assert [(point.name, point.connection) for point in from_file.connected] == [
+        ("RBE2 901", "rigid"),
+        ("RBE3 903", "distributing"),
+    ]
+    assert from_file.groups["RBE2 901"].nodes.tolist() == [0, 1, 2]
+    assert [(one.where, one.effect) for one in from_file.findings] == [("RBE2 904", "grid point 5001 leads an RBE3 already")]
 
 
 def test_the_geometry_of_nastrans_output_is_that_of_its_bulk_data():
     """A hex20 that MSC Nastran wrote, in single precision; materials come as they were typed."""
-    found, bulk = read_model(DATA / "chexa20.op2"), read_model(DATA / "chexa20.bdf")
-    np.testing.assert_array_equal(found.numbers, bulk.numbers)
-    np.testing.assert_allclose(found.points, bulk.points, atol=1e-7 * abs(bulk.points).max())
-    for one, other in zip(found.cells, bulk.cells, strict=True):
+    model, bulk = read_model(DATA / "chexa20.op2"), read_model(DATA / "chexa20.bdf")
+    np.testing.assert_array_equal(model.numbers, bulk.numbers)
+    np.testing.assert_allclose(model.points, bulk.points, atol=1e-7 * abs(bulk.points).max())
+    for one, other in zip(model.cells, bulk.cells, strict=True):
         assert one.kind == other.kind == "hex20"
         np.testing.assert_array_equal(one.nodes, other.nodes)
-    assert (found.materials, found.bodies, found.supports) == (bulk.materials, bulk.bodies, bulk.supports)
-    assert found.materials["MAT1 1"].young == 7.2e10
-    np.testing.assert_array_equal(found.groups["SPC xyz"].nodes, bulk.groups["SPC xyz"].nodes)
+    assert (model.materials, model.bodies, model.supports) == (bulk.materials, bulk.bodies, bulk.supports)
+    assert model.materials["MAT1 1"].young == 7.2e10
+    np.testing.assert_array_equal(model.groups["SPC xyz"].nodes, bulk.groups["SPC xyz"].nodes)
 
 
 @pytest.mark.parametrize(
@@ -357,21 +360,21 @@ def test_supports_of_the_scene_leave_other_equations_of_the_file(tmp_path):
 def test_defaults_of_grid_points_hold_them_and_a_set_that_is_not_asked_for_is_said(tmp_path):
     model = plain()
     text = bdf(model, ("GRDSET,,,,,,,2",)).replace("SPC = 1\n", "")
-    found = read_model(written(tmp_path, text=text))
-    held = {axis: set().union(*(found.groups[s.group].nodes for s in found.supports if axis in s.fix)) for axis in "xy"}
+    from_file = read_model(written(tmp_path, text=text))
+    held = {axis: set().union(*(from_file.groups[s.group].nodes for s in from_file.supports if axis in s.fix)) for axis in "xy"}
     assert held == {"x": set(model.sets["PLATE_BASE"]), "y": set(range(len(model.points)))}
     says = "the case control names no set: Nastran would leave out set 1, the only one; it is taken over here"
-    assert [(one.effect, one.is_taken, one.changes) for one in found.findings if one.word == "SPC"] == [(says, True, False)]
-    assert passed_over(found.findings) == [f"taken over SPC 1: SPC: {says}"]
+    assert [(one.effect, one.is_taken, one.changes) for one in from_file.findings if one.word == "SPC"] == [(says, True, False)]
+    assert passed_over(from_file.findings) == [f"taken over SPC 1: SPC: {says}"]
 
 
 def test_ranges_of_an_spc1_may_hold_numbers_without_a_grid_point(tmp_path):
     """As in MYSTRAN's SB-HEXA08: 10101 THRU 10505 on a mesh with every second number; Nastran ignores those of a range."""
     model = plain()
     last = int(model.numbers.max())
-    found = read_model(written(tmp_path, model, f"SPC1,1,2,{last - 1},THRU,{last + 5}"))
-    assert {i for s in found.supports if "y" in s.fix for i in found.groups[s.group].nodes} >= {len(model.points) - 1}
-    (effect,) = (one.effect for one in found.findings if one.word == "SPC1")
+    from_file = read_model(written(tmp_path, model, f"SPC1,1,2,{last - 1},THRU,{last + 5}"))
+    assert {i for s in from_file.supports if "y" in s.fix for i in from_file.groups[s.group].nodes} >= {len(model.points) - 1}
+    (effect,) = (one.effect for one in from_file.findings if one.word == "SPC1")
     assert effect.startswith(f"5 of its 7 grid points, as {last + 1}, are not in the file")
     with pytest.raises(MeshError, match=f"SPC1 names grid point {last + 5}"):
         read_model(written(tmp_path, model, f"SPC1,1,2,{last + 5},THRU,{last + 6}"))
@@ -381,27 +384,27 @@ def test_ranges_of_an_spc1_may_hold_numbers_without_a_grid_point(tmp_path):
 def test_sets_of_a_kind_that_the_case_control_does_not_name_are_left_out(tmp_path, case, kind):
     a, b = plain().numbers[:2]
     text = bdf(plain(), (f"MPC,7,{a},1,1.0,{b},1,-1.0",)).replace("SPC = 1\n", f"{case}\n")
-    found = read_model(written(tmp_path, text=text))
-    assert (found.equations is None, found.supports == ()) == (kind == "MPC", kind == "SPC")
+    model = read_model(written(tmp_path, text=text))
+    assert (model.equations is None, model.supports == ()) == (kind == "MPC", kind == "SPC")
     number = 7 if kind == "MPC" else 1
     says = f"the case control names no {kind} set, and Nastran leaves set {number} out, too"
-    assert [(one.word, one.effect, one.changes) for one in found.findings] == [(kind, says, False)]
+    assert [(one.word, one.effect, one.changes) for one in model.findings] == [(kind, says, False)]
 
 
 def test_subcases_that_name_other_sets_are_answered(tmp_path):
     a, b = plain().numbers[:2]
     text = bdf(plain(), (f"MPC,7,{a},1,1.0,{b},1,-1.0",)).replace("SPC = 1\n", "SUBCASE 1\nSPC = 1\nSUBCASE 2\nMPC = 7\n")
-    found = read_model(written(tmp_path, text=text))
-    assert found.supports and found.equations is not None and found.findings == ()
+    model = read_model(written(tmp_path, text=text))
+    assert model.supports and model.equations is not None and model.findings == ()
 
 
 def test_a_mean_of_equal_weights_is_taken_over_as_such(tmp_path):
     model = plain()
     a, b, c = map(int, model.numbers[:3])
-    found = read_model(written(tmp_path, model, "GRID,5000,,0.1,0.0,0.03", f"RBE3,901,,5000,123456,1.0,123,{a},{b}", f",{c}"))
-    (point,) = found.connected
-    assert (point.connection, point.weights) == ("distributing", "equal") and found.findings == ()
-    assert found.groups[point.group].nodes.tolist() == [0, 1, 2]
+    from_file = read_model(written(tmp_path, model, "GRID,5000,,0.1,0.0,0.03", f"RBE3,901,,5000,123456,1.0,123,{a},{b}", f",{c}"))
+    (point,) = from_file.connected
+    assert (point.connection, point.weights) == ("distributing", "equal") and from_file.findings == ()
+    assert from_file.groups[point.group].nodes.tolist() == [0, 1, 2]
 
 
 def test_cylindrical_systems_place_and_hold_grid_points(tmp_path):
@@ -409,11 +412,11 @@ def test_cylindrical_systems_place_and_hold_grid_points(tmp_path):
     model = plain()
     more = ("CORD2C,6,,0.0,0.0,0.0,0.0,0.0,1.0", ",1.0,0.0,0.0", "GRID,6000,6,2.0,30.0,0.5,6", "SPC1,1,1,6000")
     extra = (f"CTETRA,950,1,6000,{model.numbers[0]},{model.numbers[1]},{model.numbers[2]}",)
-    found = read_model(written(tmp_path, model, *more, *extra))
-    at = int(np.flatnonzero(found.numbers == 6000)[0])
-    assert found.points[at] == pytest.approx((np.sqrt(3.0), 1.0, 0.5))
-    assert found.equations.nodes.tolist() == [at] * 2
-    assert found.equations.coefficients == pytest.approx((np.cos(np.pi / 6), 0.5), abs=1e-12)
+    from_file = read_model(written(tmp_path, model, *more, *extra))
+    at = int(np.flatnonzero(from_file.numbers == 6000)[0])
+    assert from_file.points[at] == pytest.approx((np.sqrt(3.0), 1.0, 0.5))
+    assert from_file.equations.nodes.tolist() == [at] * 2
+    assert from_file.equations.coefficients == pytest.approx((np.cos(np.pi / 6), 0.5), abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -39,21 +39,23 @@ def _real(value: str, width: int) -> str:
 
 
 def both(path, monkeypatch):
-    found = read_model(path)
+    model = read_model(path)
     with monkeypatch.context() as patch:
         patch.setattr(read, "take_plain", none_plain)
-        return found, read_model(path)
+        return model, read_model(path)
 
 
-def compare(found, expected):
-    np.testing.assert_array_equal(found.numbers, expected.numbers)
-    np.testing.assert_array_equal(found.points, expected.points)
-    assert [cells.kind for cells in found.cells] == [cells.kind for cells in expected.cells]
-    for own, other in zip(found.cells, expected.cells):
+def compare(computed, expected):
+    np.testing.assert_array_equal(computed.numbers, expected.numbers)
+    np.testing.assert_array_equal(computed.points, expected.points)
+    assert [cells.kind for cells in computed.cells] == [cells.kind for cells in expected.cells]
+    for own, other in zip(computed.cells, expected.cells):
         order = np.argsort(own.numbers)
         np.testing.assert_array_equal(own.numbers[order], other.numbers)
         np.testing.assert_array_equal(own.nodes[order], other.nodes)
-    assert found.bodies == expected.bodies and found.supports == expected.supports and found.findings == expected.findings
+    assert (
+        computed.bodies == expected.bodies and computed.supports == expected.supports and computed.findings == expected.findings
+    )
 
 
 @pytest.mark.parametrize("width", [8, 16])

@@ -14,16 +14,16 @@ from microslip.messages.errors import CaseError
 DATA = Path(__file__).parents[1] / "data"
 
 
-def check(found, model):
-    np.testing.assert_array_equal(found.numbers, model.numbers)
-    np.testing.assert_allclose(found.points, model.points, atol=1e-15)
-    solids = [cells for cells in found.cells if cells.kind in elements.KINDS]
+def check(computed, model):
+    np.testing.assert_array_equal(computed.numbers, model.numbers)
+    np.testing.assert_allclose(computed.points, model.points, atol=1e-15)
+    solids = [cells for cells in computed.cells if cells.kind in elements.KINDS]
     rows = np.concatenate([cells.nodes for cells in solids])
     np.testing.assert_array_equal(rows, np.concatenate(model.elements))
-    assert all((elements.jacobian_minimum(cells.kind, found.points[cells.nodes]) > 0.0).all() for cells in solids)
+    assert all((elements.jacobian_minimum(cells.kind, computed.points[cells.nodes]) > 0.0).all() for cells in solids)
     for name, nodes in model.sets.items():
-        np.testing.assert_array_equal(found.groups[name].nodes, nodes)
-    assert {"bar", "plate"} <= set(found.groups)
+        np.testing.assert_array_equal(computed.groups[name].nodes, nodes)
+    assert {"bar", "plate"} <= set(computed.groups)
 
 
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "tet4", "tet10"])
@@ -33,10 +33,10 @@ def test_universal_files_keep_nodes_numbers_and_groups(tmp_path, kind):
 
 
 def test_a_universal_file_of_gmsh_is_the_unit_cube():
-    found = read_model(DATA / "gmsh_hex20.unv")
-    (solid,) = (cells for cells in found.cells if cells.kind == "hex20")
-    assert elements.mass("hex20", found.points[solid.nodes], 1.0).sum() == pytest.approx(1.0, rel=1e-12)
-    assert {"face", "solid"} <= set(found.groups)
+    model = read_model(DATA / "gmsh_hex20.unv")
+    (solid,) = (cells for cells in model.cells if cells.kind == "hex20")
+    assert elements.mass("hex20", model.points[solid.nodes], 1.0).sum() == pytest.approx(1.0, rel=1e-12)
+    assert {"face", "solid"} <= set(model.groups)
 
 
 def test_pyuff_reads_no_groups_that_gmsh_writes():
@@ -50,11 +50,11 @@ def test_pyuff_reads_no_groups_that_gmsh_writes():
 @pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet4", "tet10"])
 def test_exodus_files_keep_nodes_numbers_and_sets(tmp_path, kind, hdf5):
     exodus(plain(kind), tmp_path / "model.e", hdf5)
-    found = read_model(tmp_path / "model.e")
-    check(found, plain(kind))
+    model = read_model(tmp_path / "model.e")
+    check(model, plain(kind))
     if kind == "hex8":
         assert set(
-            np.concatenate([found.cells[i].nodes[rows] for i, rows in found.groups["side set 1"].cells.items()]).ravel()
+            np.concatenate([model.cells[i].nodes[rows] for i, rows in model.groups["side set 1"].cells.items()]).ravel()
         ) == set(plain(kind).sets["BAR_BOTTOM"])
 
 
@@ -72,11 +72,11 @@ def test_empty_blocks_and_sets_of_an_exodus_file_hide_no_others(tmp_path):
         file["ns_names"] = names
         file.move("connect2", "connect3")
         file["eb_prop1"] = np.array([1, 2, 3])
-    found = read_model(tmp_path / "m.exo")
-    assert [len(cells.nodes) for cells in found.cells[:2]] == [len(block) for block in model.elements]
+    from_file = read_model(tmp_path / "m.exo")
+    assert [len(cells.nodes) for cells in from_file.cells[:2]] == [len(block) for block in model.elements]
     for name, nodes in model.sets.items():
-        np.testing.assert_array_equal(found.groups[name].nodes, nodes)
-    assert len(found.groups["nothing"].nodes) == 0
+        np.testing.assert_array_equal(from_file.groups[name].nodes, nodes)
+    assert len(from_file.groups["nothing"].nodes) == 0
 
 
 @pytest.mark.parametrize(
