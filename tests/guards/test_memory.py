@@ -99,8 +99,8 @@ def test_a_container_sees_its_own_group_as_the_root(root):
 def test_what_slurm_grants_is_shared_by_the_ranks_of_a_machine(root, monkeypatch, stated, total):
     for name, value in stated.items():
         monkeypatch.setenv(name, value)
-    found = left(root()).get("the job's memory in Slurm")
-    assert found == (None if total is None else total * 1024**2 - 1.0 * GB)
+    available = left(root()).get("the job's memory in Slurm")
+    assert available == (None if total is None else total * 1024**2 - 1.0 * GB)
 
 
 @pytest.mark.parametrize(
