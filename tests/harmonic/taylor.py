@@ -73,8 +73,8 @@ def assert_second_order(there, columns="both", rows="both"):
 def assert_square_of_step(remainders, first):
     """Assert that remainders at ``STEPS`` fall as their squares, down to rounding of ``first``, |J d|."""
     rounding = 1e-11 * first
-    found = np.maximum(remainders, rounding)
+    computed = np.maximum(remainders, rounding)
     assert first > 0.0
-    assert found[-1] <= 1e-6 * first  # a wrong derivative leaves 1.6e-5 of its error in the last step
-    rates = np.log2(found[:-1] / found[1:]) / 2.0
-    assert np.all(rates[found[1:] > 10.0 * rounding] > 1.7), (found, first)
+    assert computed[-1] <= 1e-6 * first  # a wrong derivative leaves 1.6e-5 of its error in the last step
+    rates = np.log2(computed[:-1] / computed[1:]) / 2.0
+    assert np.all(rates[computed[1:] > 10.0 * rounding] > 1.7), (computed, first)

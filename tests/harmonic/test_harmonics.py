@@ -124,15 +124,15 @@ def test_contact_forces_on_a_set_are_those_of_the_full_set_there(harmonics, seed
         rng.random(n) < 0.5,
     )
     U = coefficients(harmonics, seed, n, 3) * 10.0 ** rng.uniform(-1.0, 0.5, (n, 1, 1))
-    found = law.cycle(U, N_t, harmonics=harmonics)
+    cycle = law.cycle(U, N_t, harmonics=harmonics)
     expected = law.cycle(harmonics.carry(U, full), N_t)
-    assert np.array_equal(found.state, expected.state) and np.array_equal(found.active, expected.active)
-    assert np.allclose(found.p, full.carry(expected.p, harmonics), rtol=0.0, atol=1e-12 * (1.0 + np.abs(expected.p).max()))
+    assert np.array_equal(cycle.state, expected.state) and np.array_equal(cycle.active, expected.active)
+    assert np.allclose(cycle.p, full.carry(expected.p, harmonics), rtol=0.0, atol=1e-12 * (1.0 + np.abs(expected.p).max()))
     where = np.concatenate([np.r_[full.columns(k)] for k in harmonics.chosen])
     rows = (np.arange(3)[:, None] * full.n_coefficients + where).ravel()
-    assert np.allclose(found.P, expected.P[:, rows[:, None], rows], rtol=0.0, atol=1e-12)
+    assert np.allclose(cycle.P, expected.P[:, rows[:, None], rows], rtol=0.0, atol=1e-12)
     energy = pair_energy(harmonics.carry(U, full), expected.p)
-    assert np.allclose(pair_energy(U, found.p, harmonics), energy, atol=1e-11 * (1.0 + np.abs(energy).max()))
+    assert np.allclose(pair_energy(U, cycle.p, harmonics), energy, atol=1e-11 * (1.0 + np.abs(energy).max()))
 
 
 @given(sets, seeds)

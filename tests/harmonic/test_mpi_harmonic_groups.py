@@ -71,8 +71,8 @@ def test_the_residual_is_that_of_dense_harmonic_balance(diameter):
     forces = equation.contact_forces(mine, equation.every_pair, tangents=False)
     assert len(forces.active) == 2
     du, _ = sector.physical(U, OMEGA, LEVEL, H3, N_SAMPLES)
-    found = whole(equation.residual(mine, at, forces)).reshape(6, -1)
-    np.testing.assert_allclose(found, U - du, atol=1e-12 * np.abs(du).max())
+    computed = whole(equation.residual(mine, at, forces)).reshape(6, -1)
+    np.testing.assert_allclose(computed, U - du, atol=1e-12 * np.abs(du).max())
 
 
 @pytest.mark.parametrize("problem", ["frequency", "level", "damping"])
@@ -121,10 +121,10 @@ def test_the_transposed_system_is_solved(direct, monkeypatch):
 def test_a_branch_solves_dense_harmonic_balance(diameter):
     sector, equation = equation_of(diameter)
     problem, steps = ForcedResponse(equation, LEVEL), ArcLength(ds=0.02, ds_min=1e-6, ds_max=0.1)
-    found = follow_branch(BranchTask(problem, AllPairs(), Sweep(550.0, 800.0, (700.0,)), steps, 1e-10), 400)
-    assert found.failure is None and len(found.points) > 10
+    branch = follow_branch(BranchTask(problem, AllPairs(), Sweep(550.0, 800.0, (700.0,)), steps, 1e-10), 400)
+    assert branch.failure is None and len(branch.points) > 10
     slips = 0
-    for point in found.points:
+    for point in branch.points:
         U, state = COMM.bcast((point.U, point.state))
         du, out = sector.physical(U.reshape(6, -1), point.omega, LEVEL, H3, N_SAMPLES)
         np.testing.assert_allclose(U.reshape(6, -1), du, atol=3e-9 * np.abs(U).max())
@@ -137,9 +137,9 @@ def test_a_branch_solves_dense_harmonic_balance(diameter):
 def points_with_bars(sector, model, omegas, enriched):
     estimator = ErrorEstimator(enriched)
     task = task_at(forced(model, sector.law, N_SAMPLES, LEVEL), AllPairs(), omegas, 1e-10, estimator)
-    found = solved_at(task, omegas)
-    assert found.failure is None
-    return found.points
+    solution = solved_at(task, omegas)
+    assert solution.failure is None
+    return solution.points
 
 
 def amplitudes(points):

@@ -204,9 +204,9 @@ def test_the_adjoint_gives_the_gradient_of_the_forces_along_the_solution(name):
         """Return the linearisation at the solution of a parameter ``h`` times itself further, and <B, p>."""
         there = replace(guess, parameters=(parameter * (1.0 + h),))
         system = BorderedSystem(problem, (Plane.fixed_parameter(there),), Scaling(UNIT, unit), equation.every_pair)
-        found = corrector.correct(system, there)
-        assert found.failure is None
-        forces = equation.contact_forces(found.iterate.U, equation.every_pair, tangents=True)
+        correction = corrector.correct(system, there)
+        assert correction.failure is None
+        forces = equation.contact_forces(correction.iterate.U, equation.every_pair, tangents=True)
         p = np.vdot(B, equation.full_force(forces))
         return Linearisation.of(equation, problem.at(there.parameters), forces), p
 
@@ -228,11 +228,11 @@ def test_the_law_of_an_operating_point_is_that_of_its_values_and_is_kept():
     equation = chain()
     some, all_of = LawParameter("N0", np.array([1]), np.array([40.0])), LawParameter("mu", np.arange(2), np.array([0.3, 0.25]))
     at = OperatingPoint(OMEGA, LEVEL, law=((some, 0.5), (all_of, 2.0)))
-    found = equation.under(at)
+    computed = equation.under(at)
     own = equation.model.owned
-    assert found.law.N0.tolist() == [60.0, 20.0][own] and found.law.mu.tolist() == [0.6, 0.5][own]
-    assert equation.under(replace(at, omega=600.0)) is found
-    assert equation.under(replace(at, law=((some, 0.6), (all_of, 2.0)))) is not found
+    assert computed.law.N0.tolist() == [60.0, 20.0][own] and computed.law.mu.tolist() == [0.6, 0.5][own]
+    assert equation.under(replace(at, omega=600.0)) is computed
+    assert equation.under(replace(at, law=((some, 0.6), (all_of, 2.0)))) is not computed
     assert equation.under(OperatingPoint(OMEGA, LEVEL)) is equation
 
 
@@ -269,10 +269,10 @@ def test_two_parameters_and_two_constraints_give_the_level_at_which_a_pair_moves
     size = np.sqrt(COMM.allreduce(float(np.vdot(U_lin, U_lin))))
     guess = Iterate(U_lin, (omega,), equation.harmonics)
     plane = Plane.fixed_parameter(guess)
-    found = corrector.correct(BorderedSystem(forced_response, (plane,), Scaling(size, (400.0,)), equation.every_pair), guess)
+    correction = corrector.correct(BorderedSystem(forced_response, (plane,), Scaling(size, (400.0,)), equation.every_pair), guess)
     corrector.destroy()
-    assert found.failure is None
-    U = found.iterate.U
+    assert correction.failure is None
+    U = correction.iterate.U
     n_U = np.zeros(equation.shape)
     if equation.n_owned and equation.model.owned.start == 0:
         n_U[0, 0, 1] = 1.0

@@ -76,11 +76,11 @@ def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
     """A branch on a part of the harmonics: its residual in the full set vanishes in these rows, and its energy closes."""
     harmonics, full = Harmonics(chosen), Harmonics.up_to(5)
     system = scene("chain")
-    found = branch(system, COMM, 20.0, low=530.0, high=590.0, H=harmonics, points=8, tolerance=1e-11)
-    assert found.failure is None
+    curve = branch(system, COMM, 20.0, low=530.0, high=590.0, H=harmonics, points=8, tolerance=1e-11)
+    assert curve.failure is None
     model, parameters = reduced(system, COMM, full)
     equation = forced(model, parameters, 128, 20.0).equation
-    for point in found.points[::2]:
+    for point in curve.points[::2]:
         U_all = COMM.bcast(point.U)
         U = full_of(U_all, full)[model.owned]
         forces = equation.contact_forces(U, equation.every_pair, tangents=False)
@@ -88,7 +88,7 @@ def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
         size = np.abs(U_all).max()
         assert np.abs(full.carry(r, harmonics)).max(initial=0.0) < 1e-8 * size
         assert abs(point.input - point.damping - point.friction) < 1e-8 * point.input
-    assert any(point.state.any() for point in found.points) and max(amplitude(point) for point in found.points) > 0.0
+    assert any(point.state.any() for point in curve.points) and max(amplitude(point) for point in curve.points) > 0.0
 
 
 def full_of(U, full):
@@ -106,8 +106,8 @@ def test_points_record_the_harmonics_that_the_model_ever_had():
     )
     assert odd.with_harmonics(model.harmonics).f.tolist() == model.f.tolist()
     assert odd.with_harmonics(Harmonics.odd_up_to(7)).recorded == Harmonics.up_to(7)
-    found = at_frequencies(forced(odd, parameters, 64, 1.0), AllPairs(), [1.5, 1.6], tolerance=1e-10)
-    for point in found.points:
+    solution = at_frequencies(forced(odd, parameters, 64, 1.0), AllPairs(), [1.5, 1.6], tolerance=1e-10)
+    for point in solution.points:
         assert point.response.shape == (1, 9)
         assert not point.response[:, [0, 3, 4, 7, 8]].any() and point.response[:, [1, 2, 5, 6]].all()
         assert COMM.rank > 0 or point.U.shape == point.p.shape == (3, 3, 9)
@@ -225,10 +225,10 @@ def equation_of(system, H=5, n_samples=64):
 
 
 def changed(system, **values):
-    found = {**system}
+    arrays = {**system}
     for key, value in values.items():
-        found[key] = np.broadcast_to(np.asarray(value, dtype=system[key].dtype), system[key].shape).copy()
-    return found
+        arrays[key] = np.broadcast_to(np.asarray(value, dtype=system[key].dtype), system[key].shape).copy()
+    return arrays
 
 
 def with_load(system, harmonic):
@@ -292,14 +292,14 @@ def test_odd_harmonics_alone_give_the_solution_of_the_full_set(system, level):
     full, odd = Harmonics.up_to(7), Harmonics.odd_up_to(7)
     model, parameters = reduced(system, COMM, full)
     omegas = np.linspace(*system["omega"], 9)[2:6]
-    found = []
+    values = []
     for of in (model, model.with_harmonics(odd)):
         problem = forced(of, parameters, 128, level)
         assert symmetric(problem.equation)
-        found.append(at_frequencies(problem, AllPairs(), omegas, tolerance=1e-12))
-    for a, b in zip(found[0].points, found[1].points, strict=True):
+        values.append(at_frequencies(problem, AllPairs(), omegas, tolerance=1e-12))
+    for a, b in zip(values[0].points, values[1].points, strict=True):
         size = np.abs(a.response).max()
         assert a.response == pytest.approx(b.response, abs=1e-10 * size)
         assert np.abs(full.carry(a.response, Harmonics((0, 2, 4, 6)))).max() < 1e-10 * size
         assert np.array_equal(a.state, b.state) and a.friction == pytest.approx(b.friction, rel=1e-8, abs=1e-12)
-    assert len(found[0].points) == 4
+    assert len(values[0].points) == 4
