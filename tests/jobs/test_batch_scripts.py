@@ -134,8 +134,8 @@ def test_the_values_that_come_along_fit_the_demo():
 @pytest.mark.skipif(shutil.which("shellcheck") is None, reason="needs shellcheck")
 def test_shellcheck_finds_nothing():
     files = [*(ROOT / "jobs").glob("*.sh"), ROOT / ".ci" / "run", ROOT / ".ci" / "packages"]
-    found = subprocess.run(["shellcheck", "--exclude=SC1091", *map(str, files)], capture_output=True, text=True, check=False)
-    assert found.returncode == 0, found.stdout
+    process = subprocess.run(["shellcheck", "--exclude=SC1091", *map(str, files)], capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stdout
 
 
 @pytest.mark.parametrize("script", ["slurm_sweep.sh", "pbs_sweep.sh"])

@@ -98,8 +98,8 @@ def test_the_scene_comes_to_rest_and_vibrates_about_it(comm, shared_path, name):
         bodies = structure.balance.bodies
         assert (np.linalg.norm(bodies.left[:, :3], axis=1) < 1e-7 * bodies.size).all()
         results = microslip.respond(structure, levels=[level], **keys).results
-    (found,) = results.levels
-    assert not found.failure and len(found.frequency) >= 2
-    assert (found.friction > 0.0).all() and found.friction + found.damping == pytest.approx(found.input, rel=found.closes_to)
+    (curve,) = results.levels
+    assert not curve.failure and len(curve.frequency) >= 2
+    assert (curve.friction > 0.0).all() and curve.friction + curve.damping == pytest.approx(curve.input, rel=curve.closes_to)
     stuck = np.abs(results.linear.response[:, 0, 1] - 1j * results.linear.response[:, 0, 2]).max()
-    assert 0.0 < np.abs(found.response[:, 0, 1] - 1j * found.response[:, 0, 2]).max() < level * stuck
+    assert 0.0 < np.abs(curve.response[:, 0, 1] - 1j * curve.response[:, 0, 2]).max() < level * stuck
