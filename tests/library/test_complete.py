@@ -47,13 +47,13 @@ def scene(path, of_model=None, **more):
 
 
 def test_everything_is_taken_over_in_si_units(tmp_path):
-    found, notes = complete(scene(tmp_path), model())
-    assert found.model.metres == 1e-3
-    assert found.materials["STEEL"].young == pytest.approx(2.1e11)
-    assert found.sections["beam"].density == pytest.approx(7850.0)
-    assert (found.bodies["beam"].integration, found.supports[0].group) == ("reduced", "root")
-    assert found.ties[0].tolerance == pytest.approx(1e-4)
-    point = found.points[0]
+    completed, notes = complete(scene(tmp_path), model())
+    assert completed.model.metres == 1e-3
+    assert completed.materials["STEEL"].young == pytest.approx(2.1e11)
+    assert completed.sections["beam"].density == pytest.approx(7850.0)
+    assert (completed.bodies["beam"].integration, completed.supports[0].group) == ("reduced", "root")
+    assert completed.ties[0].tolerance == pytest.approx(1e-4)
+    point = completed.points[0]
     assert point.position == pytest.approx((1e-3, 2e-3, 3e-3))
     assert point.mass == pytest.approx(2.0) and point.inertia[:3] == pytest.approx((4e-6, 5e-6, 6e-6))
     assert "1 bodies taken over from job.inp: beam" in notes
@@ -67,18 +67,18 @@ def test_what_the_scene_states_stands(tmp_path):
         bodies={"half": {"group": "upper_half", "material": "STEEL"}},
         supports=({"group": "other_root", "fix": ("x",)},),
     )
-    found, _ = complete(stated, model())
-    assert list(found.bodies) == ["half"] and list(found.materials) == ["STEEL"]
-    assert found.materials["STEEL"].young == 7e10
-    assert [support.group for support in found.supports] == ["other_root"]
-    assert len(found.ties) == 1
+    completed, _ = complete(stated, model())
+    assert list(completed.bodies) == ["half"] and list(completed.materials) == ["STEEL"]
+    assert completed.materials["STEEL"].young == 7e10
+    assert [support.group for support in completed.supports] == ["other_root"]
+    assert len(completed.ties) == 1
 
 
 def test_take_adds_to_what_the_scene_states_and_leaves_the_rest(tmp_path):
     own = ({"group": "other_root", "fix": ("x",)},)
-    found, _ = complete(scene(tmp_path, {"take": ("materials", "bodies", "supports")}, supports=own), model())
-    assert [support.group for support in found.supports] == ["root", "other_root"]
-    assert found.ties == () and found.points == ()
+    completed, _ = complete(scene(tmp_path, {"take": ("materials", "bodies", "supports")}, supports=own), model())
+    assert [support.group for support in completed.supports] == ["root", "other_root"]
+    assert completed.ties == () and completed.points == ()
 
 
 def test_a_joint_takes_the_place_of_a_tie_or_a_contact_between_its_surfaces(tmp_path):
@@ -95,8 +95,8 @@ def test_a_joint_takes_the_place_of_a_tie_or_a_contact_between_its_surfaces(tmp_
 def test_what_changes_the_answer_is_refused_unless_the_scene_waives_it_by_name(tmp_path):
     with pytest.raises(CaseError, match=r"(?s)job.inp: 1 entries .*\[model\] ignore takes .\*CONTACT PAIR..*line 7.*in contact"):
         complete(scene(tmp_path), model(findings=(CONTACT, OUTPUT)))
-    found, notes = complete(scene(tmp_path, {"ignore": ("contact pair",)}), model(findings=(CONTACT, OUTPUT)))
-    assert found.ties and [note for note in notes if "left out" in note] == [
+    completed, notes = complete(scene(tmp_path, {"ignore": ("contact pair",)}), model(findings=(CONTACT, OUTPUT)))
+    assert completed.ties and [note for note in notes if "left out" in note] == [
         "line 7: *CONTACT PAIR is left out: two surfaces in contact",
         "line 9: *NODE PRINT is left out: output alone",
     ]
@@ -134,14 +134,14 @@ GRAVITY = Finding(word="*DLOAD, GRAV", where="line 8", effect="a load GRAV", cha
 
 
 def test_loads_before_the_vibration_become_statics(tmp_path):
-    found, notes = complete(scene(tmp_path), model(**LOADED))
-    statics = found.statics
+    completed, notes = complete(scene(tmp_path), model(**LOADED))
+    statics = completed.statics
     assert statics.forces[0].force == (1.0, 0.0, -2.0) and (statics.pressures[0].group, statics.pressures[0].pressure) == (
         "pad",
         3e6,
     )
     assert (statics.bolts[0].group, statics.bolts[0].force) == ("cut", 4.0)
-    assert (statics.rotation_speed, found.model.axis, found.model.axis_point) == (5.0, (0.0, 0.0, 1.0), (6e-3, 0.0, 0.0))
+    assert (statics.rotation_speed, completed.model.axis, completed.model.axis_point) == (5.0, (0.0, 0.0, 1.0), (6e-3, 0.0, 0.0))
     assert (
         statics.deformed_shape
         and not any(WORD in note for note in notes)
@@ -151,16 +151,16 @@ def test_loads_before_the_vibration_become_statics(tmp_path):
 
 def test_loads_before_the_vibration_are_stated_taken_or_left_out(tmp_path):
     pulled = {"forces": ({"group": "root", "force": (7.0, 0.0, 0.0)},)}
-    found, _ = complete(scene(tmp_path, statics=pulled), model(**LOADED))
-    assert found.statics.bolts == () and not found.statics.deformed_shape and found.model.axis is None
-    found, _ = complete(scene(tmp_path, {"take": ("bodies", "materials", "statics")}, statics=pulled), model(**LOADED))
-    assert [one.group for one in found.statics.forces] == ["tip", "root"] and len(found.statics.bolts) == 1
+    completed, _ = complete(scene(tmp_path, statics=pulled), model(**LOADED))
+    assert completed.statics.bolts == () and not completed.statics.deformed_shape and completed.model.axis is None
+    completed, _ = complete(scene(tmp_path, {"take": ("bodies", "materials", "statics")}, statics=pulled), model(**LOADED))
+    assert [one.group for one in completed.statics.forces] == ["tip", "root"] and len(completed.statics.bolts) == 1
     findings = (*LOADED["findings"], GRAVITY)
     assert complete(scene(tmp_path, {"ignore": (WORD,)}), model(**{**LOADED, "findings": findings}))[0].statics is None
     with pytest.raises(CaseError, match=r'1 entries .*takes "\*DLOAD, GRAV"'):
         complete(scene(tmp_path), model(**{**LOADED, "findings": findings}))
-    found, _ = complete(scene(tmp_path, {"ignore": ("*DLOAD, GRAV",)}), model(**{**LOADED, "findings": findings}))
-    assert len(found.statics.bolts) == 1
+    completed, _ = complete(scene(tmp_path, {"ignore": ("*DLOAD, GRAV",)}), model(**{**LOADED, "findings": findings}))
+    assert len(completed.statics.bolts) == 1
     with pytest.raises(CaseError, match=r'takes "\*STEP, PERTURBATION"'):
         complete(scene(tmp_path, {"take": ("bodies", "materials")}), model(**LOADED))
 
@@ -170,11 +170,11 @@ def test_large_displacements_and_moved_supports_of_the_file_become_those_of_the_
     table = LOADED["statics"].table.with_keys(bolts=(), displacements=moved)
     held = replace(LOADED["statics"], table=table, large="*STEP, NLGEOM")
     whole = model(**{**LOADED, "statics": held, "findings": (*LOADED["findings"], LARGE)})
-    found, _ = complete(scene(tmp_path), whole)
-    assert found.statics.large_displacements and not found.statics.deformed_shape
-    assert found.statics.displacements[0].displacement == (0.0, 0.0, -5e-4)
-    found, notes = complete(scene(tmp_path, {"ignore": ("*STEP, NLGEOM",)}), whole)
-    assert found.statics.deformed_shape and not found.statics.large_displacements
+    completed, _ = complete(scene(tmp_path), whole)
+    assert completed.statics.large_displacements and not completed.statics.deformed_shape
+    assert completed.statics.displacements[0].displacement == (0.0, 0.0, -5e-4)
+    completed, notes = complete(scene(tmp_path, {"ignore": ("*STEP, NLGEOM",)}), whole)
+    assert completed.statics.deformed_shape and not completed.statics.large_displacements
     assert "line 7: *STEP, NLGEOM is left out: large displacements" in notes
 
 
@@ -202,8 +202,8 @@ def test_materials_in_part_and_unknown_units_are_refused(tmp_path):
 
 
 def test_a_completed_scene_is_not_completed_again(tmp_path):
-    found, _ = complete(scene(tmp_path), model())
-    again, notes = complete(changed(found, {"solver": {"harmonics": 5}}), model())
+    completed, _ = complete(scene(tmp_path), model())
+    again, notes = complete(changed(completed, {"solver": {"harmonics": 5}}), model())
     assert len(again.ties) == 1 and notes == () and again.solver.harmonics == 5
 
 
@@ -226,8 +226,8 @@ IN_CONTACT = {**LOADED, "joints": (RUBBING,), "findings": (*LOADED["findings"], 
 
 
 def test_a_contact_of_the_file_becomes_a_joint_that_its_loads_press(tmp_path):
-    found, notes = complete(scene(tmp_path), model(**IN_CONTACT))
-    (joint,) = found.joints
+    completed, notes = complete(scene(tmp_path), model(**IN_CONTACT))
+    (joint,) = completed.joints
     assert (joint.name, joint.surfaces, joint.pairing, joint.friction) == ("lap", ("upper", "lower"), "points", 0.3)
     assert (joint.tangential_stiffness, joint.normal_stiffness) == pytest.approx((2e9, 3e9))
     assert (joint.preload, joint.gap, joint.tolerance) == ("static", 0.0, pytest.approx(5e-4))
@@ -242,8 +242,8 @@ def test_a_contact_of_the_file_gives_way_to_the_scene(tmp_path):
     keys = {"name": "j", "friction": 0.1, "tangential_stiffness": 1e12, "normal_stiffness": 1e12, "preload": 1e6}
     stated = scene(tmp_path, joints=({**keys, "surfaces": ("lower", "upper")},))
     assert [joint.name for joint in complete(stated, model(**IN_CONTACT))[0].joints] == ["j"]
-    found, notes = complete(scene(tmp_path, {"ignore": ("*CONTACT PAIR",)}), model(**IN_CONTACT))
-    assert found.joints == () and "line 7: *CONTACT PAIR is left out: two surfaces in contact" in notes
+    completed, notes = complete(scene(tmp_path, {"ignore": ("*CONTACT PAIR",)}), model(**IN_CONTACT))
+    assert completed.joints == () and "line 7: *CONTACT PAIR is left out: two surfaces in contact" in notes
     lacking = {**IN_CONTACT, "joints": (RUBBING.with_keys(normal_stiffness=None),)}
     for own, of_file in (
         (scene(tmp_path), lacking),

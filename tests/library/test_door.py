@@ -26,7 +26,7 @@ def test_few_places_ask_whether_all_is_static():
     files = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in ROOT.rglob("*.py")}
     asking = sorted(name for name, text in files.items() if ASKS.search(text) and name not in ANSWER)
     assert len(asking) <= MOST_ASK, asking
-    asked = {found[0] for name in asking for found in ASKS.finditer(files[name])}
+    asked = {each[0] for name in asking for each in ASKS.finditer(files[name])}
     assert asked == {".is_constant", ".is_static"}, "Harmonics and Problem say is_constant, Scene and Shown is_static"
 
 

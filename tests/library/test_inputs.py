@@ -54,7 +54,7 @@ def test_includes_of_abaqus_are_those_that_its_reader_opens(tmp_path, monkeypatc
             "none.inc": "",
         },
     )
-    names = [str(found.relative_to(tmp_path)) for found in included_files(path)]
+    names = [str(each.relative_to(tmp_path)) for each in included_files(path)]
     assert names == ["sub/nodes.inc", "sub/table.inc", "elements.inc"]
     assert set(included_files(path)) == _opened(path, monkeypatch)
 
@@ -71,7 +71,7 @@ def test_includes_of_nastran_are_those_that_its_reader_opens(tmp_path, monkeypat
             "old.bdf": "",
         },
     )
-    assert [found.name for found in included_files(path)] == ["grids.bdf"]
+    assert [each.name for each in included_files(path)] == ["grids.bdf"]
     assert set(included_files(path)) == _opened(path, monkeypatch)
 
 
@@ -79,7 +79,7 @@ def test_what_readers_refuse_is_no_input_and_no_endless_loop(tmp_path):
     _written(tmp_path, {"outside.inc": NODES})
     within = "*INCLUDE, INPUT=../../outside.inc\n*INCLUDE, INPUT=absent.inc\n*INCLUDE, INPUT=model.inp\n*INCLUDE, INPUT=\0\n"
     path = _written(tmp_path, {"folder/model.inp": within + "*INCLUDE, INPUT=again.inc\n", "folder/again.inc": within})
-    assert [found.name for found in included_files(path)] == ["again.inc"]
+    assert [each.name for each in included_files(path)] == ["again.inc"]
     assert included_files(_written(tmp_path, {"mesh.msh": within})) == ()
 
 
@@ -89,12 +89,12 @@ def test_includes_are_found_wherever_a_block_ends(tmp_path, before):
     path = _written(
         tmp_path, {"m.inp": "*NODE\n" + lines + "*INCLUDE, INPUT=nodes.inc", "nodes.inc": "", "nodes.in": "", "n": ""}
     )
-    assert [found.name for found in included_files(path)] == ["nodes.inc"]
+    assert [each.name for each in included_files(path)] == ["nodes.inc"]
 
 
 def test_a_scene_of_matrices_reads_them_and_what_lies_beside_them():
-    found = dict(input_files(read_scene(JOBS / "calculix_blocks.toml")))
-    names = {key: path.name for key, path in found.items()}
+    computed = dict(input_files(read_scene(JOBS / "calculix_blocks.toml")))
+    names = {key: path.name for key, path in computed.items()}
     assert names["[model] stiffness"] == "calculix_blocks.sti" and names["beside calculix_blocks.sti"] == "calculix_blocks.dof"
     pairs = dict(input_files(read_scene(JOBS / "jenkins.toml")))
     assert any(key.endswith("pairs") and path.name == "jenkins_pairs.csv" for key, path in pairs.items())

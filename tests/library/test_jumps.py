@@ -82,9 +82,9 @@ def test_the_error_falls_with_the_square_of_the_jump():
 def test_the_tolerance_bounds_the_error(tolerance):
     states = worn(JumpControl(CYCLES, most=1e-5, tolerance=tolerance))
     exact = np.array([(N0 - logistic(state.cycles)) / K for state in states])
-    found = np.array([state.depth[0] for state in states])
-    print(f"tolerance {tolerance:g}: {abs(found - exact).max() / found[-1]:.2g} in {len(states) - 1} jumps")
-    assert abs(found - exact).max() < tolerance * found[-1]
+    computed = np.array([state.depth[0] for state in states])
+    print(f"tolerance {tolerance:g}: {abs(computed - exact).max() / computed[-1]:.2g} in {len(states) - 1} jumps")
+    assert abs(computed - exact).max() < tolerance * computed[-1]
     assert all(state.error <= tolerance * max(state.depth[0], 1e-5) for state in states)
     assert len(states) < 4.0 / np.sqrt(tolerance) + 10
 

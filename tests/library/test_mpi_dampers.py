@@ -58,8 +58,8 @@ def test_every_method_meets_a_direct_solution(comm, shared_path, eta):
         u = np.column_stack([np.linalg.solve(Z[n], forces[:, n]) for n in range(3)])
         exact = system.outputs @ u
         for method, keys in METHODS.items():
-            found = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
-            np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max(), err_msg=method)
+            amplitudes = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
+            np.testing.assert_allclose(amplitudes, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max(), err_msg=method)
 
 
 def test_dampers_take_the_work_that_nothing_else_takes(comm, shared_path):

@@ -71,20 +71,20 @@ def noisy(exact, seed):
 
 
 def test_exact_data_give_the_values_back(structure, exact):
-    found = microslip.identify(structure, exact, BOUNDS)
-    assert found[FRICTION] == pytest.approx(0.8, rel=1e-4) and found[RATIO] == pytest.approx(0.03, rel=1e-4)
-    assert found.rms < 1e-4 and not found.unseen and not found.alike and not found.at_bounds
-    assert found.factors == {FRICTION: found[FRICTION]} and found.scene.damping.ratio == pytest.approx(0.03, rel=1e-4)
-    assert found.fit.amplitude == pytest.approx(exact["amplitude_m"], rel=1e-3)
+    fit = microslip.identify(structure, exact, BOUNDS)
+    assert fit[FRICTION] == pytest.approx(0.8, rel=1e-4) and fit[RATIO] == pytest.approx(0.03, rel=1e-4)
+    assert fit.rms < 1e-4 and not fit.unseen and not fit.alike and not fit.at_bounds
+    assert fit.factors == {FRICTION: fit[FRICTION]} and fit.scene.damping.ratio == pytest.approx(0.03, rel=1e-4)
+    assert fit.fit.amplitude == pytest.approx(exact["amplitude_m"], rel=1e-3)
 
 
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_noisy_data_give_them_within_their_intervals(structure, exact):
     """Of one seed; jobs/bench/identify.py counts many."""
-    found = microslip.identify(structure, noisy(exact, 0), BOUNDS)
-    assert found.low[0] <= 0.8 <= found.high[0] and found.low[1] <= 0.03 <= found.high[1]
-    assert found.rms == pytest.approx(1.0, abs=0.4) and np.all(found.high / found.low < 1.5) and found.is_explained
+    fit = microslip.identify(structure, noisy(exact, 0), BOUNDS)
+    assert fit.low[0] <= 0.8 <= fit.high[0] and fit.low[1] <= 0.03 <= fit.high[1]
+    assert fit.rms == pytest.approx(1.0, abs=0.4) and np.all(fit.high / fit.low < 1.5) and fit.is_explained
     of_less = {key: 0.25 * values if key.startswith("sigma") else values for key, values in noisy(exact, 0).items()}
     assert not microslip.identify(structure, of_less, BOUNDS).is_explained
 
@@ -112,10 +112,10 @@ def test_the_weights_of_a_fit_are_the_deviations_that_its_residuals_show(structu
     columns["amplitude_m"] = np.maximum(columns["amplitude_m"], 1e-3 * size.max())
     stated = microslip.identify(structure, columns, BOUNDS)
     columns.pop("sigma_m")
-    found = microslip.identify(structure, columns, BOUNDS)
+    fit = microslip.identify(structure, columns, BOUNDS)
     width = np.log(stated.high / stated.low)
-    assert np.all(np.abs(np.log(found.values / stated.values)) < 0.02 * width)
-    np.testing.assert_allclose(np.log(found.high / found.low), width, rtol=0.1)
+    assert np.all(np.abs(np.log(fit.values / stated.values)) < 0.02 * width)
+    np.testing.assert_allclose(np.log(fit.high / fit.low), width, rtol=0.1)
 
 
 def test_what_data_do_not_see_is_said(structure, exact):
@@ -127,23 +127,23 @@ def test_what_data_do_not_see_is_said(structure, exact):
     asked = stuck.level(1e-3).requested.astype(bool)
     a = stuck["6"].harmonic(1)[0, : len(asked)][asked]
     columns |= {"amplitude_m": np.abs(a), "phase_rad": np.angle(a), "sigma_m": 0.02 * np.abs(a)}
-    found = microslip.identify(structure, columns, BOUNDS)
-    assert found.unseen == (FRICTION,) and (found.low[0], found.high[0]) == pytest.approx(BOUNDS[FRICTION])
-    assert found[RATIO] == pytest.approx(0.02, rel=1e-3)
+    fit = microslip.identify(structure, columns, BOUNDS)
+    assert fit.unseen == (FRICTION,) and (fit.low[0], fit.high[0]) == pytest.approx(BOUNDS[FRICTION])
+    assert fit[RATIO] == pytest.approx(0.02, rel=1e-3)
 
 
 def test_numbers_of_which_the_data_see_the_product_have_their_bounds_as_interval(structure, exact):
     bounds = {FRICTION: (0.3, 3.0), "joints.joint.preload": (0.4, 2.0)}
-    found = microslip.identify(structure, noisy(exact, 0), bounds, ratio=0.03)
-    assert found[FRICTION] * found["joints.joint.preload"] == pytest.approx(0.8, rel=0.05)
-    assert found.low == pytest.approx([0.3, 0.4]) and found.high == pytest.approx([3.0, 2.0])
-    assert len(found.alike) == 1 and found.dof == 2 * len(exact["amplitude_m"]) - 1
+    fit = microslip.identify(structure, noisy(exact, 0), bounds, ratio=0.03)
+    assert fit[FRICTION] * fit["joints.joint.preload"] == pytest.approx(0.8, rel=0.05)
+    assert fit.low == pytest.approx([0.3, 0.4]) and fit.high == pytest.approx([3.0, 2.0])
+    assert len(fit.alike) == 1 and fit.dof == 2 * len(exact["amplitude_m"]) - 1
 
 
 def test_as_many_numbers_as_rows_have_their_bounds_as_interval(structure, exact):
     one = {name: values[len(FREQUENCY) // 2 :][:1] for name, values in exact.items() if name != "phase_rad"}
-    found = microslip.identify(structure, one, {FRICTION: (0.3, 3.0)}, ratio=0.03)
-    assert found.dof == 0 and (found.low[0], found.high[0]) == pytest.approx((0.3, 3.0))
+    fit = microslip.identify(structure, one, {FRICTION: (0.3, 3.0)}, ratio=0.03)
+    assert fit.dof == 0 and (fit.low[0], fit.high[0]) == pytest.approx((0.3, 3.0))
 
 
 def test_a_number_that_the_data_do_not_see_leaves_the_others_as_they_are(comm, shared_path):
@@ -185,9 +185,9 @@ def test_peaks_of_the_closed_form_give_its_numbers_back(comm, shared_path):
     columns |= {"sigma_m": [1e-4 * size for size in columns["amplitude_m"]], "sigma_frequency_Hz": [1e-5] * len(levels)}
     stiffness = "joints.joint.tangential_stiffness"
     with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
-        found = microslip.identify(structure, columns | {"level_N": levels}, {FRICTION: (0.3, 3.0), stiffness: (0.3, 3.0)})
-    assert found.values == pytest.approx([0.8, 1.2], rel=3e-5)
-    assert np.all(found.low < [0.8, 1.2]) and np.all(found.high > [0.8, 1.2])
+        fit = microslip.identify(structure, columns | {"level_N": levels}, {FRICTION: (0.3, 3.0), stiffness: (0.3, 3.0)})
+    assert fit.values == pytest.approx([0.8, 1.2], rel=3e-5)
+    assert np.all(fit.low < [0.8, 1.2]) and np.all(fit.high > [0.8, 1.2])
 
 
 def test_the_jacobian_of_peaks_is_that_of_differences(structure):
@@ -393,8 +393,8 @@ def test_a_universal_file_of_results_is_identified(structure, comm, path, progra
     assert status == 0, err
     assert program("convert", shared_path / "unv" / "results.h5", "--to", "unv")[0] == 0
     (file,) = on_root(comm, lambda: [str(each) for each in (shared_path / "unv").rglob("*.unv")])
-    found = microslip.identify(structure, file, BOUNDS)
-    assert found[FRICTION] == pytest.approx(1.0, rel=1e-3) and found.rms < 1e-3 and (found.measured.level == 20.0).all()
+    fit = microslip.identify(structure, file, BOUNDS)
+    assert fit[FRICTION] == pytest.approx(1.0, rel=1e-3) and fit.rms < 1e-3 and (fit.measured.level == 20.0).all()
 
 
 @pytest.mark.pictures

@@ -55,9 +55,9 @@ def response(structure):
     return microslip.respond(structure)
 
 
-def assert_equal(found, wanted, tolerance=0.0):
+def assert_equal(computed, wanted, tolerance=0.0):
     """Compare all that two results say of their points, relative to the largest of each quantity."""
-    for a, b in zip(found.levels, wanted.levels, strict=True):
+    for a, b in zip(computed.levels, wanted.levels, strict=True):
         assert (a.level, a.status) == (b.level, b.status) and len(a.frequency) > 5
         for name in COMPARED:
             x, y = getattr(a, name), getattr(b, name)
@@ -129,13 +129,13 @@ def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, n
     if name == "range":
         band = [float(share * structure.modes.frequency[0]) for share in (0.95, 1.05)]
         keys, tables = {"frequencies": band}, {"response": {"frequencies": band, "mode": None, "span": None}}
-    found = microslip.respond(structure, **keys)
+    computed = microslip.respond(structure, **keys)
     new = changed(scene, tables, {"joint": of_joint})
     with microslip.build(new, comm) as fresh:
         wanted = microslip.respond(fresh)
-    assert_equal(found.results, wanted.results, max(ROUNDING, 1e-10))
-    assert found.prepared.scene == new and found.results.scene_text == new.text
-    assert not np.array_equal(found["corner"].amplitude, response["corner"].amplitude)
+    assert_equal(computed.results, wanted.results, max(ROUNDING, 1e-10))
+    assert computed.prepared.scene == new and computed.results.scene_text == new.text
+    assert not np.array_equal(computed["corner"].amplitude, response["corner"].amplitude)
 
 
 def test_nothing_that_did_not_change_is_built_again(structure, response, monkeypatch):
@@ -144,14 +144,14 @@ def test_nothing_that_did_not_change_is_built_again(structure, response, monkeyp
     columns.require(np.arange(N_PAIRS))
     solves, batches = info["solves"], columns.batches
     for keys in ({"friction": 0.04}, {"preload": 1.8e7}, {"levels": [5.0, 7.0]}, {"harmonics": 2}, {"method": "adaptive"}):
-        found = microslip.respond(structure, **{"levels": 6.0, **keys})
-        assert found.prepared.structure.projected is structure.projected, keys
-        assert found.prepared.model.receptance_of(1).static.G_static is columns, keys
+        computed = microslip.respond(structure, **{"levels": 6.0, **keys})
+        assert computed.prepared.structure.projected is structure.projected, keys
+        assert computed.prepared.model.receptance_of(1).static.G_static is columns, keys
     assert (info["solves"], columns.batches, built) == (solves, batches, [])
     basis = microslip.respond(structure, method="craig-bampton", error_bars=False, levels=5.0).prepared.reduction
     n_built = len(built)
-    found = microslip.respond(structure, method="craig-bampton", error_bars=False, levels=5.0, friction=0.04, harmonics=2)
-    assert len(built) == n_built > 0 and found.prepared.reduction.structure.receptances is basis.structure.receptances
+    computed = microslip.respond(structure, method="craig-bampton", error_bars=False, levels=5.0, friction=0.04, harmonics=2)
+    assert len(built) == n_built > 0 and computed.prepared.reduction.structure.receptances is basis.structure.receptances
 
 
 @pytest.mark.ranks(1)
@@ -175,9 +175,9 @@ def test_what_a_log_would_say_of_the_modes_is_kept(structure):
 @pytest.mark.slow
 def test_friction_and_preload_of_each_pair(structure):
     mu, pressure = np.linspace(0.02, 0.08, N_PAIRS), np.linspace(1e7, 3e7, N_PAIRS)
-    found = microslip.respond(structure, friction={"joint": mu}, preload=pressure, levels=30.0)
-    assert np.array_equal(found.results.joint.mu, mu)
-    assert found.results.joint.N0 == pytest.approx(pressure * structure.pairs.area)
+    response = microslip.respond(structure, friction={"joint": mu}, preload=pressure, levels=30.0)
+    assert np.array_equal(response.results.joint.mu, mu)
+    assert response.results.joint.N0 == pytest.approx(pressure * structure.pairs.area)
     alike = microslip.respond(structure, friction=np.full(N_PAIRS, 0.05), preload=2.0e7, levels=30.0)  # those of the scene
     assert_equal(alike.results, microslip.respond(structure, levels=30.0).results, ROUNDING)
 
@@ -208,13 +208,13 @@ def test_fields_and_forces_of_matrices(comm, folder):
 
     with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
         mu, N0 = structure.pairs.mu, structure.pairs.N0
-        found = microslip.respond(structure, friction=0.5 * mu, preload={"joint": N0}, error_bars=False)
-        assert np.array_equal(found.results.joint.mu, 0.5 * mu) and np.array_equal(found.results.joint.N0, N0)
-        _, u = found.fields(0.1)
-        top = int(np.argmax(found["2"].amplitude[1]))
-        assert u[2] == pytest.approx(found["2"].coefficients[1, top], rel=1e-9, abs=1e-12)
+        response = microslip.respond(structure, friction=0.5 * mu, preload={"joint": N0}, error_bars=False)
+        assert np.array_equal(response.results.joint.mu, 0.5 * mu) and np.array_equal(response.results.joint.N0, N0)
+        _, u = response.fields(0.1)
+        top = int(np.argmax(response["2"].amplitude[1]))
+        assert u[2] == pytest.approx(response["2"].coefficients[1, top], rel=1e-9, abs=1e-12)
         in_groups = microslip.respond(structure, friction=0.5 * mu, error_bars=False, n_groups=min(2, comm.size))
-        assert in_groups["2"].peaks[1] == pytest.approx(found["2"].peaks[1], rel=1e-6)
+        assert in_groups["2"].peaks[1] == pytest.approx(response["2"].peaks[1], rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -262,10 +262,10 @@ def test_pictures(comm, folder, response):
 
 def test_a_closed_structure_refuses_what_needs_its_factor(scene, comm):
     with microslip.build(scene, comm) as structure:
-        found = microslip.respond(structure, levels=1e-3, points=5, error_bars=False)
+        response = microslip.respond(structure, levels=1e-3, points=5, error_bars=False)
     structure.close()
-    assert len(found["corner"].amplitude) == 1
-    for asks in (lambda: found.fields(1e-3), *(lambda k=k: microslip.respond(structure, **k) for k in ({}, {"modes": 8}))):
+    assert len(response["corner"].amplitude) == 1
+    for asks in (lambda: response.fields(1e-3), *(lambda k=k: microslip.respond(structure, **k) for k in ({}, {"modes": 8}))):
         with pytest.raises(CaseError, match="the structure is closed, and its factor is freed; build it again"):
             asks()
 

@@ -54,14 +54,14 @@ def test_a_structure_without_its_stiffness_answers_as_one_with_it(comm, scene, o
         assert bool(K) == (method == "rubin")  # which starts from the bodies alone
         linearised.bring_K_back()
         phi_owned = structure.modes.phi_owned
-        found = gram(comm, phi_owned, multiply(K, phi_owned))
+        products = gram(comm, phi_owned, multiply(K, phi_owned))
     PETSc.Options().delValue("static_mat_mumps_icntl_22")
     with microslip.build(scene, comm) as structure:
         K = structure.linearised.system.K
         assert K and not structure.linearised.factor.info["out_of_core"]
         assert without == pytest.approx(peak(microslip.respond(structure, method=method)), rel=ROUNDING)
         wanted = gram(comm, phi_owned, multiply(K, phi_owned))
-    assert np.abs(found - wanted).max() <= 1e-12 * np.abs(wanted).max()
+    assert np.abs(products - wanted).max() <= 1e-12 * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize("changes", [{"method": "craig-bampton"}, {"verify_modes": False}])

@@ -82,8 +82,8 @@ def test_every_method_meets_a_direct_solution(comm, shared_path):
         np.testing.assert_allclose(exact[5] * 2.0 * 2.1e11 / 2.6, exact[4], rtol=1e-9)
         scale = np.abs(exact).max(axis=1, keepdims=True)
         for method, keys in METHODS.items():
-            found = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
-            np.testing.assert_allclose(found / scale, exact / scale, rtol=0.0, atol=1e-8, err_msg=method)
+            amplitudes = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
+            np.testing.assert_allclose(amplitudes / scale, exact / scale, rtol=0.0, atol=1e-8, err_msg=method)
 
 
 @pytest.mark.slow
@@ -143,9 +143,9 @@ def test_a_moving_base_is_a_moving_support(comm, shared_path):
         exact = comm.bcast(exact)
         p = np.zeros((3 * N_PAIRS, 7))
         for method, keys in METHODS.items():
-            found = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), level, omega, p))
-            np.testing.assert_allclose(found[:, 1] / exact, 1.0, rtol=1e-8, err_msg=method)
-            assert not np.abs(found[:, [0, 2, 3]]).max()
+            amplitudes = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), level, omega, p))
+            np.testing.assert_allclose(amplitudes[:, 1] / exact, 1.0, rtol=1e-8, err_msg=method)
+            assert not np.abs(amplitudes[:, [0, 2, 3]]).max()
 
 
 YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.05
@@ -182,16 +182,16 @@ def test_a_rod_under_pressure_and_on_a_moving_base(comm, shared_path):
         + output("strain", root + 'quantity = "strain"\ncomponent = "xx"\n'),
     ]
     for frequency in (700.0, 3000.0):
-        omega, found = 2.0 * np.pi * frequency, []
+        omega, values = 2.0 * np.pi * frequency, []
         k = omega * np.sqrt(DENSITY / YOUNG)
         for text in tables:
             with microslip.build(rod(comm, shared_path, text), comm) as structure:
                 model = reduced_model(structure)
-                found.append(to_complex(output_motion(model, 1.0, omega, np.zeros((0, model.N_H))))[:, 1].real)
-        assert found[0][0] == pytest.approx(-5.0 / np.cos(k * LENGTH), rel=3e-3)  # the fit is linear over an element
+                values.append(to_complex(output_motion(model, 1.0, omega, np.zeros((0, model.N_H))))[:, 1].real)
+        assert values[0][0] == pytest.approx(-5.0 / np.cos(k * LENGTH), rel=3e-3)  # the fit is linear over an element
         base = -2.0 / omega**2
-        assert found[1][0] == pytest.approx(base / np.cos(k * LENGTH), rel=1e-4)
-        assert found[1][1] == pytest.approx(base * k * np.tan(k * LENGTH), rel=2e-3)
+        assert values[1][0] == pytest.approx(base / np.cos(k * LENGTH), rel=1e-4)
+        assert values[1][1] == pytest.approx(base * k * np.tan(k * LENGTH), rel=2e-3)
 
 
 @pytest.mark.slow
@@ -234,8 +234,8 @@ def test_files_say_the_units(comm, shared_path, monkeypatch):
         with open(shared_path / "out" / "frf.csv", newline="") as file:
             rows = list(csv.DictReader(file))
         assert {row["output"]: row["unit"] for row in rows} == dict(zip(response.outputs, units))
-        found = microslip.read_results(shared_path / "out" / "results.h5")
-        assert found.units == units and found.level_unit == "m/s2" and found.levels[0].unit == "m/s2"
+        results = microslip.read_results(shared_path / "out" / "results.h5")
+        assert results.units == units and results.level_unit == "m/s2" and results.levels[0].unit == "m/s2"
         with h5py.File(shared_path / "out" / "results.h5") as file:
             assert file["levels/0000/response"].attrs["unit"] == "that of outputs/unit"
         assert (shared_path / "response.png").stat().st_size > 10_000
@@ -314,5 +314,5 @@ def test_a_joint_carries_the_mass_that_its_base_accelerates(comm, shared_path):
         scene = scene_with(comm, shared_path, loads=loads + more, outputs=force, divisions=(2, 1, 1), modes=12)
         with microslip.build(scene, comm) as structure:
             model = reduced_model(structure)
-            found = output_motion(model, 3.0, 1000.0, np.zeros((3 * N_PAIRS, model.N_H)))
-        assert found[0, 0] == pytest.approx(6.0 * (7800.0 * 0.05 * 0.01 * 0.02 + mass), rel=1e-9)
+            motion = output_motion(model, 3.0, 1000.0, np.zeros((3 * N_PAIRS, model.N_H)))
+        assert motion[0, 0] == pytest.approx(6.0 * (7800.0 * 0.05 * 0.01 * 0.02 + mass), rel=1e-9)

@@ -40,13 +40,13 @@ def scene(shared_path):
 
 def test_three_solutions_of_which_one_is_unstable(scene):
     structure = microslip.build(scene(), COMM)
-    found = microslip.search(structure, 1.25 / (2.0 * np.pi), starts=2)
-    assert sorted(one.stable for one in found.solutions) == [False, True, True]
-    sizes = [float(one.amplitude[0]) for one in found.solutions]
-    assert sizes == sorted(sizes) and all(one.residual < 1e-8 for one in found.solutions)
-    assert found.curve.multipliers is not None and len(found.curve.multipliers) == len(found.curve.frequency)
-    stable = np.array([is_stable(multipliers) for multipliers in found.curve.multipliers])
-    way = np.diff(found.curve.frequency)[1:-1]  # between the folds the curve goes down
+    solutions = microslip.search(structure, 1.25 / (2.0 * np.pi), starts=2)
+    assert sorted(one.stable for one in solutions.solutions) == [False, True, True]
+    sizes = [float(one.amplitude[0]) for one in solutions.solutions]
+    assert sizes == sorted(sizes) and all(one.residual < 1e-8 for one in solutions.solutions)
+    assert solutions.curve.multipliers is not None and len(solutions.curve.multipliers) == len(solutions.curve.frequency)
+    stable = np.array([is_stable(multipliers) for multipliers in solutions.curve.multipliers])
+    way = np.diff(solutions.curve.frequency)[1:-1]  # between the folds the curve goes down
     np.testing.assert_array_equal(stable[1:-2][way < 0.0][1:-1], False)
     assert stable[0] and stable[-1] and np.count_nonzero(~stable) > 2
     structure.close()
@@ -88,9 +88,9 @@ def test_a_whole_disc_has_the_wave_of_one_sector(shared_path):
             microslip.search(of_one, 1715.0)
         curve = microslip.respond(of_one).level(20.0)
         i = int(np.argmin(np.abs(curve.frequency - 1715.0)))
-        found = microslip.search(of_all, 1715.0, starts=1)
-        (solution,) = found.solutions
-        assert found.outputs == ("tip 0", "tip 1", "tip 2") and len(found.units) == 3
+        solutions = microslip.search(of_all, 1715.0, starts=1)
+        (solution,) = solutions.solutions
+        assert solutions.outputs == ("tip 0", "tip 1", "tip 2") and len(solutions.units) == 3
         size = np.hypot(*curve.response[i, 0, 1:3])
         assert solution.amplitude == pytest.approx([size] * 3, rel=1e-6)
         assert np.diff(np.unwrap(solution.phase)) == pytest.approx([2.0 * np.pi / 3.0] * 2, abs=1e-6)
@@ -108,11 +108,11 @@ def test_the_curve_through_a_solution_is_followed_both_ways(scene):
     """From the unstable solution between two folds each way passes a fold and comes back to the frequency at another solution."""
     structure, omega = microslip.build(scene(), COMM), 1.25
     of = prepare(structure, has_bars=False).response
-    found = solutions_at(of, curve_through(of, 0.2, omega), omega, starts=1, seed=1, has_stability=True)
-    (unstable,) = [one for one in found if not is_stable(one.point.multipliers)]
+    computed = solutions_at(of, curve_through(of, 0.2, omega), omega, starts=1, seed=1, has_stability=True)
+    (unstable,) = [one for one in computed if not is_stable(one.point.multipliers)]
     branch = continued(of, 0.2, unstable, has_stability=False)
     there = [point.response[0, 1:3] for point in branch.points if abs(point.omega - omega) < 1e-9]
-    for one in found:
+    for one in computed:
         assert min(np.linalg.norm(one.point.response[0, 1:3] - motion) for motion in there) < 1e-6
     assert {point.segment for point in branch.points} == {0, 1}
     structure.close()
@@ -136,8 +136,8 @@ def test_isolated_branches_of_half_the_frequency_before_a_frictional_stop(shared
     omega, level = 1.15, 1.2
     system = scenes.gap_mass() | {"loads": [{"vector": [0.4, 0.2, 1.0], "harmonic": 2, "phase": 0.0}]}
     path = write_matrix_scene(shared_path, system, (level,), (1.0, 1.5), harmonics=6, samples=128, points=12)
-    out, found = shared_path / "out", []
-    monkeypatch.setattr(story, "search", lambda *given, **keys: found.append(microslip.search(*given, **keys)) or found[0])
+    out, values = shared_path / "out", []
+    monkeypatch.setattr(story, "search", lambda *given, **keys: values.append(microslip.search(*given, **keys)) or values[0])
     status, said, err = program("search", path, "--at", repr(omega / 2.0 / np.pi), "--starts", "50", "--continue", "--out", out)
     assert (status, err) == (0, "")
     with open(out / "search.csv") as file:
@@ -154,7 +154,7 @@ def test_isolated_branches_of_half_the_frequency_before_a_frictional_stop(shared
     curves = np.genfromtxt(out / "curves.csv", delimiter=",", names=True)
     frequency = curves["frequency_Hz"] * 2.0 * np.pi
     assert 1.0 < frequency.min() < 1.05 and 1.25 < frequency.max() < 1.3  # within the range: nothing leads to them
-    response = found[0].solutions[-1].response
+    response = values[0].solutions[-1].response
     n = np.arange(1, 7)
     start = response[:, 0] + response[:, 1::2].sum(axis=1), omega * response[:, 2::2] @ n, np.zeros((1, 2))
     marched = steady_state(system, omega, level, n_steps=256, harmonics=6, tolerance=1e-4, coarse=1, start=start)

@@ -106,8 +106,8 @@ def test_peaks_move_as_peaks_of_other_levels_do(structure):
     results = of.sensitivity.results
     frequency, of_pairs, by_damping = relative_at_peak(results.joint, results.levels[0])
     assert 2.0 * np.pi * frequency == pytest.approx(peak.omega)
-    for found, key in ((of_pairs["mu"].sum(), FRICTION), (by_damping, RATIO)):
-        assert found == pytest.approx(rates[key].amplitude * of.sensitivity.varied[key].value / abs(peak.amplitude), rel=1e-9)
+    for each, key in ((of_pairs["mu"].sum(), FRICTION), (by_damping, RATIO)):
+        assert each == pytest.approx(rates[key].amplitude * of.sensitivity.varied[key].value / abs(peak.amplitude), rel=1e-9)
 
 
 def test_the_report_has_the_relative_changes_of_the_largest_point_without_peaks(response):

@@ -146,7 +146,7 @@ def test_a_far_sample_is_approached_through_others_in_place_of_its_curve(mass, m
 
 def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatch):
     """Where all pairs slip, free of springs, Newton's method may end anywhere in the mean."""
-    found, peak = [], _Search.peak
+    values, peak = [], _Search.peak
 
     def with_drift(search):
         here, corrector = peak(search), search.solver.workspace.corrector(search.equation, search.solver.resolution)
@@ -162,13 +162,13 @@ def test_a_solution_whose_mean_slip_has_drifted_is_no_peak(bar, comm, monkeypatc
             patched.setattr(corrector, "correct", drifts)
             with pytest.raises(_Lost, match="lies elsewhere"):
                 search.at(here.iterate, 0.0, here.iterate)
-        found.append(here)
+        values.append(here)
         return here
 
     monkeypatch.setattr(_Search, "peak", with_drift)
     with microslip.build(microslip.read(bar), comm) as structure:
         microslip.sweep(structure, {FRICTION: [0.06]})
-    assert found
+    assert values
 
 
 @pytest.mark.parametrize("mu", [1.0, 1e3])
@@ -318,8 +318,8 @@ def test_the_width_is_that_of_the_closed_form_where_the_half_power_points_stick(
 @pytest.mark.parametrize("way_out", ["_through_shares", "_along_branch"])
 def test_half_power_points_are_those_of_the_closed_form_by_each_way(mass, monkeypatch, way_out):
     def half_power(search, peak, way, start):
-        found = getattr(search, way_out)(peak, way)
-        return None if found is None else found.iterate
+        computed = getattr(search, way_out)(peak, way)
+        return None if computed is None else computed.iterate
 
     monkeypatch.setattr(_Search, "half_power", half_power)
     test_the_width_of_a_sliding_peak_is_that_of_the_closed_form_near_and_far_from_the_scene(mass)

@@ -76,16 +76,16 @@ def around(frequency, **solver):
 @pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_methods_agree(comm, folder, first_frequency):
-    found = []
+    values = []
     for method in ("receptance", "rubin", "full"):
         scene = scene_of(comm, folder, *around(first_frequency, method=f'"{method}"', tolerance=1e-10))
         with microslip.build(scene, comm) as structure:
             (level,) = microslip.respond(structure, error_bars=False).results.levels
         assert level.state.max() > 0  # some pairs slip
-        found.append(level.response[np.flatnonzero(level.requested)[0]])
-    size = np.abs(found[0]).max(axis=1, keepdims=True)
-    for other in found[1:]:
-        assert other / size == pytest.approx(found[0] / size, abs=1e-3)
+        values.append(level.response[np.flatnonzero(level.requested)[0]])
+    size = np.abs(values[0]).max(axis=1, keepdims=True)
+    for other in values[1:]:
+        assert other / size == pytest.approx(values[0] / size, abs=1e-3)
 
 
 def test_fields_are_glued_and_rigid(comm, folder, first_frequency):

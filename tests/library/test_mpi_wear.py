@@ -192,7 +192,7 @@ def test_normal_forces_are_those_of_unilateral_springs(shared_path, depth):
     system, depth = chain(), np.array(depth)
     path = on_root(COMM, lambda: write_matrix_scene(shared_path, system, [1.0], (0.1, 0.5), modes=3))
     with microslip.build(microslip.read(path), COMM) as structure:
-        found = worn_at_rest(Flexibility(structure.linearised), structure.pairs, depth).N0
+        computed = worn_at_rest(Flexibility(structure.linearised), structure.pairs, depth).N0
     solutions = []
     for closed in product([True, False], repeat=n_pairs):  # K u = N - max(N0, 0), N = N0 - k_n (h + u) where closed
         k = np.where(closed, system["k_n"], 0.0)
@@ -202,7 +202,7 @@ def test_normal_forces_are_those_of_unilateral_springs(shared_path, depth):
         if np.array_equal(N > 0.0, closed):
             solutions.append(N)
     (exact,) = solutions
-    assert found == pytest.approx(exact, rel=1e-9, abs=1e-12)
+    assert computed == pytest.approx(exact, rel=1e-9, abs=1e-12)
 
 
 folder = pytest.fixture(scope="module")(folder_with_bar)

@@ -103,11 +103,11 @@ def test_curves_are_the_motion_that_they_name(response):
 
 def test_a_dataset_of_xarray(response):
     xarray = pytest.importorskip("xarray")
-    found = response.to_xarray()
-    assert isinstance(found, xarray.Dataset) and found["du"].dims == response.axes("du") and found["du"].units == "m"
-    assert found.response.sel(level=30.0, outputs="corner").shape == (found.sizes["point"], 5)
-    assert found.frequency.dims == ("level", "point") and "frequency" in found.coords
-    assert found.error.sel(parts="harmonics").shape == (2, found.sizes["point"], 1)
+    computed = response.to_xarray()
+    assert isinstance(computed, xarray.Dataset) and computed["du"].dims == response.axes("du") and computed["du"].units == "m"
+    assert computed.response.sel(level=30.0, outputs="corner").shape == (computed.sizes["point"], 5)
+    assert computed.frequency.dims == ("level", "point") and "frequency" in computed.coords
+    assert computed.error.sel(parts="harmonics").shape == (2, computed.sizes["point"], 1)
 
 
 def test_without_xarray_it_says_so(response, monkeypatch):
