@@ -43,8 +43,8 @@ def test_stuck_springs_restore_the_uncut_lattice(joined):
     linearised, _ = joined
     expected = owned(linearised.K_L, lattices.lattice_stiffness(SHAPE)).toarray()
     indptr, columns, values = linearised.K_L.getValuesCSR() if comm.size == 1 else local_rows(linearised.K_L)
-    found = sp.csr_matrix((values, columns, indptr), expected.shape).toarray()
-    np.testing.assert_allclose(found, expected, atol=1e-9 * abs(lattices.STIFFNESS).max())
+    computed = sp.csr_matrix((values, columns, indptr), expected.shape).toarray()
+    np.testing.assert_allclose(computed, expected, atol=1e-9 * abs(lattices.STIFFNESS).max())
 
 
 def local_rows(A):
@@ -62,8 +62,8 @@ def test_solutions_and_their_residual(joined, m):
     X_owned = linearised.factor.solve(owned(linearised.K_L, B))
     X_sparse_owned = linearised.factor.solve(sp.csc_matrix(B))
     X = np.linalg.solve(K_L.toarray(), B)
-    for found in (X_owned, X_sparse_owned):
-        np.testing.assert_allclose(found, owned(linearised.K_L, X), rtol=0, atol=1e-12 * np.abs(X).max(initial=1e-30))
+    for each in (X_owned, X_sparse_owned):
+        np.testing.assert_allclose(each, owned(linearised.K_L, X), rtol=0, atol=1e-12 * np.abs(X).max(initial=1e-30))
     assert linearised.factor.info["solves"] == 2 * m
 
 

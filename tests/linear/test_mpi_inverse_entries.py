@@ -30,11 +30,11 @@ def factor(request):
 @pytest.mark.parametrize("rows, columns", [(SOME, SOME), (SOME, OTHERS), (OTHERS, SOME), (SOME[:3], SOME[5:]), (SOME, SOME[:1])])
 def test_entries(factor, rows, columns):
     exact = np.linalg.inv(K.toarray())[np.ix_(rows, columns)]
-    found = factor.inverse_entries(rows, columns)
+    entries = factor.inverse_entries(rows, columns)
     if comm.rank == 0:
-        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-14 * abs(exact).max())
+        np.testing.assert_allclose(entries, exact, rtol=0, atol=1e-14 * abs(exact).max())
     else:
-        assert found.shape == (0, 0)
+        assert entries.shape == (0, 0)
 
 
 def test_of_equal_entries_one_is_asked_for():

@@ -34,33 +34,33 @@ class Kept:
 
 @pytest.fixture(params=[None, 0, 1], ids=["all", "rank 0 empty", "rank 1 empty"])
 def A(request):
-    found = spd(K, split_rows(K.shape[0], comm.size, request.param))
-    yield found
-    found.destroy()
+    matrix = spd(K, split_rows(K.shape[0], comm.size, request.param))
+    yield matrix
+    matrix.destroy()
 
 
 def spd(K, ranges):
-    found = distributed(comm, K, ranges)
-    found.setOption(PETSc.Mat.Option.SPD, True)
-    return found
+    parts = distributed(comm, K, ranges)
+    parts.setOption(PETSc.Mat.Option.SPD, True)
+    return parts
 
 
 @pytest.fixture
 def factorised(monkeypatch):
     """The matrices that were factored."""
-    found = []
+    values = []
     factorise = factors.factorise
-    monkeypatch.setattr(factors, "factorise", lambda A, *rest, **keys: (found.append(A), factorise(A, *rest, **keys))[1])
-    return found
+    monkeypatch.setattr(factors, "factorise", lambda A, *rest, **keys: (values.append(A), factorise(A, *rest, **keys))[1])
+    return values
 
 
 def save(A, folder):
     """Save A's factor; return its answers and its report."""
     factor = Factor(A, last=np.arange(0, 60, 3))
-    found, info = answers(factor), dict(factor.info)
+    answer, info = answers(factor), dict(factor.info)
     factor.solver.save(str(folder))
     factor.destroy()
-    return found, info
+    return answer, info
 
 
 def answers(factor):
@@ -72,17 +72,17 @@ def answers(factor):
     return factor.solve(B[first:last]), factor.solve(sparse), factor.inverse_entries(rows, rows)
 
 
-def assert_close(found, expected):
-    for one, other in zip(found, expected, strict=True):
+def assert_close(computed, expected):
+    for one, other in zip(computed, expected, strict=True):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * comm.allreduce(np.abs(other).max(initial=0.0), MPI.MAX))
 
 
 def test_a_restored_factor_answers_and_reports_as_the_one_that_was_saved(A, shared_path, factorised):
-    found, info = save(A, shared_path)
+    answer, info = save(A, shared_path)
     again = Factor(A, cache=Kept(shared_path))
     assert len(factorised) == 1 and again.solver.order is None
     assert (again.info["solves"], again.info["refined"], again.info["residual"]) == (0, 0, 0.0)
-    assert_close(answers(again), found)
+    assert_close(answers(again), answer)
     assert again.info["residual"] < 1e-12
     of_run = {"seconds": 0.0, "solve_seconds": 0.0, "residual": 0.0}
     assert again.info | of_run == info | of_run
@@ -90,11 +90,11 @@ def test_a_restored_factor_answers_and_reports_as_the_one_that_was_saved(A, shar
 
 
 def test_restored_twice_at_a_time(A, shared_path):
-    found, _ = save(A, shared_path)
+    answer, _ = save(A, shared_path)
     one, two = Factor(A, cache=Kept(shared_path)), Factor(A, cache=Kept(shared_path))
-    assert_close(answers(one), found)
+    assert_close(answers(one), answer)
     one.destroy()
-    assert_close(answers(two), found)
+    assert_close(answers(two), answer)
     two.destroy()
 
 

@@ -44,26 +44,26 @@ def solves(factor):
 
 def foreseen(A):
     analysed = mumps.analysed(A, "static_", "K")
-    found = factor_memory(analysed.mumps)
+    memory = factor_memory(analysed.mumps)
     analysed.destroy()
-    return found
+    return memory
 
 
 def test_the_analysis_foresees_what_is_used_and_is_not_repeated(A, monkeypatch):
-    found = foreseen(A)
+    forecast = foreseen(A)
     factor = Factor(A)
-    assert comm.allreduce(found.in_core) == pytest.approx(1e6 * factor.info["memory_MB"], rel=0.3)
-    assert found.entries == pytest.approx(factor.info["entries"], rel=0.01)
-    assert 0.0 < found.out_of_core < found.in_core and comm.allreduce(found.on_disk) >= 8.0 * factor.info["entries"]
+    assert comm.allreduce(forecast.in_core) == pytest.approx(1e6 * factor.info["memory_MB"], rel=0.3)
+    assert forecast.entries == pytest.approx(factor.info["entries"], rel=0.01)
+    assert 0.0 < forecast.out_of_core < forecast.in_core and comm.allreduce(forecast.on_disk) >= 8.0 * factor.info["entries"]
     assert factor.info["messages"] == () and not factor.info["out_of_core"]
     factor.destroy()
 
 
 def test_what_does_not_fit_is_kept_on_disk_and_solves_as_well(A, monkeypatch, tmp_path):
-    found, folder = foreseen(A), comm.bcast(str(tmp_path))
+    forecast, folder = foreseen(A), comm.bcast(str(tmp_path))
     monkeypatch.setenv(out_of_core.VARIABLE, folder)
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: True)
-    has(monkeypatch, 0.5 * (found.in_core + found.out_of_core))
+    has(monkeypatch, 0.5 * (forecast.in_core + forecast.out_of_core))
     factor = Factor(A)
     assert factor.info["out_of_core"] and "does not fit into memory (one rank needs" in factor.info["messages"][0]
     assert list(Path(folder).rglob("mumps_*"))
@@ -86,8 +86,8 @@ def test_entries_of_the_inverse_from_a_factor_on_disk(A, options):
 
 @pytest.mark.parametrize("why", ["memory", "disk"])
 def test_no_room_in_memory_nor_on_disk_is_refused_before_it_is_taken(A, monkeypatch, why):
-    found = foreseen(A)
-    has(monkeypatch, 1.0 if why == "memory" else 0.5 * (found.in_core + found.out_of_core))
+    forecast = foreseen(A)
+    has(monkeypatch, 1.0 if why == "memory" else 0.5 * (forecast.in_core + forecast.out_of_core))
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: why == "memory")
     says = (
         "on disk it would still be so"
@@ -100,10 +100,10 @@ def test_no_room_in_memory_nor_on_disk_is_refused_before_it_is_taken(A, monkeypa
 
 def test_what_comes_later_sends_a_factor_to_disk(A, monkeypatch, tmp_path):
     """A factor that fits by itself, but not with what is taken beside it: its place is chosen with both in mind."""
-    found = foreseen(A)
+    forecast = foreseen(A)
     monkeypatch.setenv(out_of_core.VARIABLE, comm.bcast(str(tmp_path)))
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: True)
-    has(monkeypatch, 1.5 * found.in_core)
+    has(monkeypatch, 1.5 * forecast.in_core)
     factor = Factor(A, later=lambda memory: memory.in_core)
     assert factor.info["out_of_core"] and solves(factor)
     assert "does not fit into memory with what comes later (" in factor.info["messages"][0]
@@ -111,8 +111,8 @@ def test_what_comes_later_sends_a_factor_to_disk(A, monkeypatch, tmp_path):
 
 
 def test_a_factor_stays_in_memory_where_no_disk_has_room_for_what_comes_later(A, monkeypatch):
-    found = foreseen(A)
-    has(monkeypatch, 1.5 * found.in_core)
+    forecast = foreseen(A)
+    has(monkeypatch, 1.5 * forecast.in_core)
     monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: False)
     factor = Factor(A, later=lambda memory: memory.in_core)
     assert not factor.info["out_of_core"] and factor.info["messages"] == () and solves(factor)
