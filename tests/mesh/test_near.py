@@ -13,9 +13,9 @@ def test_all_that_is_near_is_found_and_little_else():
     at, on = pairs_within(trees_by_size(centre, radius), queries, reach)
     distance = np.linalg.norm(queries[:, None] - centre, axis=2)
     near = set(zip(*np.nonzero(distance <= reach[:, None] + radius)))
-    found = set(zip(at, on))
-    assert len(found) == len(at) and near <= found
-    assert all(distance[i, j] <= reach[i] + 2.0 * radius[j] for i, j in found)
+    computed = set(zip(at, on))
+    assert len(computed) == len(at) and near <= computed
+    assert all(distance[i, j] <= reach[i] + 2.0 * radius[j] for i, j in computed)
 
 
 def test_nothing_is_near_nothing():

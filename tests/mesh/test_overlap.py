@@ -270,9 +270,9 @@ def test_a_gap_of_the_mesh_is_not_advised_where_it_is_stated():
     mesh = boxes()
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.5
     for gap, advised in ((0.0, True), ("geometry", False)):
-        with pytest.raises(MeshError, match="or state a larger tolerance") as found:
+        with pytest.raises(MeshError, match="or state a larger tolerance") as caught:
             pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=gap, tolerance=0.1)])
-        assert ('gap = "geometry"' in str(found.value)) is advised
+        assert ('gap = "geometry"' in str(caught.value)) is advised
 
 
 def test_a_plane_takes_its_gap_from_the_mesh():
@@ -339,11 +339,11 @@ def test_results_do_not_depend_on_numbering():
     )
     other = contact_points(moved, joint(surfaces=SURFACES, pairing="points"))
 
-    def told(found):
-        table = np.column_stack([found.position, found.z, contact_frames(found.z).reshape(-1, 9), found.area])
+    def described(contacts):
+        table = np.column_stack([contacts.position, contacts.z, contact_frames(contacts.z).reshape(-1, 9), contacts.area])
         return table[np.lexsort(np.round(table, 9).T)]
 
-    np.testing.assert_allclose(told(points), told(other), atol=1e-11)
+    np.testing.assert_allclose(described(points), described(other), atol=1e-11)
 
 
 @pytest.mark.parametrize("kinds", [("hex8", "hex8"), ("tet10", "hex20")])

@@ -24,14 +24,14 @@ def plate(kind, n=(4, 3, 1)):
 def test_linear_fields_are_interpolated_exactly(kind):
     points, faces = plate(kind)
     queries = np.random.default_rng(0).uniform([0.0, 0.0, 0.7], [1.0, 1.0, 1.3], (500, 3))
-    found = project_on_surface(points, faces, queries)
-    assert found.foot == pytest.approx(queries * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0], abs=1e-12)
-    assert found.gap == pytest.approx(queries[:, 2] - 1.0, abs=1e-12) and found.beyond.max() < 1e-12
-    assert found.distance == pytest.approx(np.abs(queries[:, 2] - 1.0), abs=1e-12)
-    assert np.abs(found.weights.sum(axis=1) - 1.0).max() < 1e-15
-    assert np.einsum("fa,fai->fi", found.weights, points[found.nodes]) == pytest.approx(found.foot, abs=1e-14)
-    assert found.normals == pytest.approx(np.tile([0.0, 0.0, 1.0], (500, 1)), abs=1e-12)
-    for one, of_kind, row in zip(found.nodes, found.kind, found.face, strict=True):
+    projection = project_on_surface(points, faces, queries)
+    assert projection.foot == pytest.approx(queries * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0], abs=1e-12)
+    assert projection.gap == pytest.approx(queries[:, 2] - 1.0, abs=1e-12) and projection.beyond.max() < 1e-12
+    assert projection.distance == pytest.approx(np.abs(queries[:, 2] - 1.0), abs=1e-12)
+    assert np.abs(projection.weights.sum(axis=1) - 1.0).max() < 1e-15
+    assert np.einsum("fa,fai->fi", projection.weights, points[projection.nodes]) == pytest.approx(projection.foot, abs=1e-14)
+    assert projection.normals == pytest.approx(np.tile([0.0, 0.0, 1.0], (500, 1)), abs=1e-12)
+    for one, of_kind, row in zip(projection.nodes, projection.kind, projection.face, strict=True):
         assert set(one) == set(faces[of_kind][row])
 
 
@@ -41,18 +41,18 @@ def test_nodes_get_the_weight_one_and_exact_zeros(kind):
     nodes = np.unique(np.concatenate([own.ravel() for own in faces.values()]))
     rng = np.random.default_rng(1)
     for shift in (0.0, 1e-12):
-        found = project_on_surface(points, faces, points[nodes] + shift * rng.uniform(-1.0, 1.0, (len(nodes), 3)))
-        assert set(np.unique(found.weights)) == {0.0, 1.0}
-        assert (found.nodes[np.arange(len(nodes)), found.weights.argmax(axis=1)] == nodes).all()
+        projection = project_on_surface(points, faces, points[nodes] + shift * rng.uniform(-1.0, 1.0, (len(nodes), 3)))
+        assert set(np.unique(projection.weights)) == {0.0, 1.0}
+        assert (projection.nodes[np.arange(len(nodes)), projection.weights.argmax(axis=1)] == nodes).all()
 
 
 def test_a_point_beyond_the_edge_stops_there():
     points, faces = plate("hex20")
-    found = project_on_surface(points, faces, np.array([[1.02, 0.4, 1.05], [-0.3, -0.4, 1.0], [0.5, 0.5, 0.9]]))
-    assert found.foot == pytest.approx(np.array([[1.0, 0.4, 1.0], [0.0, 0.0, 1.0], [0.5, 0.5, 1.0]]), abs=1e-12)
-    assert found.beyond == pytest.approx([0.02, 0.5, 0.0], abs=1e-12)
-    assert found.gap == pytest.approx([0.05, 0.0, -0.1], abs=1e-12)
-    assert found.distance == pytest.approx([np.hypot(0.02, 0.05), 0.5, 0.1], abs=1e-12)
+    projection = project_on_surface(points, faces, np.array([[1.02, 0.4, 1.05], [-0.3, -0.4, 1.0], [0.5, 0.5, 0.9]]))
+    assert projection.foot == pytest.approx(np.array([[1.0, 0.4, 1.0], [0.0, 0.0, 1.0], [0.5, 0.5, 1.0]]), abs=1e-12)
+    assert projection.beyond == pytest.approx([0.02, 0.5, 0.0], abs=1e-12)
+    assert projection.gap == pytest.approx([0.05, 0.0, -0.1], abs=1e-12)
+    assert projection.distance == pytest.approx([np.hypot(0.02, 0.05), 0.5, 0.1], abs=1e-12)
 
 
 def rough(n, seed):
@@ -69,11 +69,11 @@ def test_the_nearest_of_facets_of_very_different_size_is_found():
     """Against the distance to every facet."""
     points, faces = rough(400, 3)
     queries = np.random.default_rng(4).uniform(-0.2, 1.2, (60, 3)) * [1.0, 1.0, 0.6]
-    found = project_on_surface(points, {"tri3": faces}, queries)
+    projection = project_on_surface(points, {"tri3": faces}, queries)
     for i, query in enumerate(queries):
         _, every = nearest_on_faces("tri3", points[faces], np.tile(query, (len(faces), 1)))
-        assert found.distance[i] == pytest.approx(every.min(), abs=1e-13)
-        assert every[found.face[i]] == pytest.approx(every.min(), abs=1e-13)
+        assert projection.distance[i] == pytest.approx(every.min(), abs=1e-13)
+        assert every[projection.face[i]] == pytest.approx(every.min(), abs=1e-13)
 
 
 def test_bulging_faces_are_found_from_far():
@@ -83,29 +83,29 @@ def test_bulging_faces_are_found_from_far():
     bent[4:, 2] = 0.8
     flat = nodes[[0, 1, 2, 3]] * 0.2 + [0.0, 0.0, 3.6]
     points = np.concatenate([bent, flat])
-    found = project_on_surface(
+    projection = project_on_surface(
         points, {"quad8": np.arange(8)[None], "quad4": np.arange(8, 12)[None]}, np.array([[0.0, 0.0, 2.5]])
     )
-    assert found.kind[0] == "quad8" and found.distance[0] == pytest.approx(2.5 - 1.6)
-    assert found.nodes.shape == (1, 8)
+    assert projection.kind[0] == "quad8" and projection.distance[0] == pytest.approx(2.5 - 1.6)
+    assert projection.nodes.shape == (1, 8)
 
 
 def test_mixed_kinds_share_one_answer():
     points, quads = plate("hex8", (2, 2, 1))
     more, triangles = plate("wedge15", (3, 3, 1))
     faces = {"quad4": quads["quad4"], **{kind: own + len(points) for kind, own in triangles.items()}}
-    found = project_on_surface(
+    projection = project_on_surface(
         np.concatenate([points, more + [1.0, 0.0, 0.0]]), faces, np.array([[0.3, 0.3, 1.1], [1.4, 0.3, 1.1]])
     )
-    assert found.kind[0] == "quad4" and found.kind[1] in ("tri6", "quad8")
-    assert (found.weights[0, 4:] == 0.0).all() and (found.nodes[0, 4:] == found.nodes[0, 0]).all()
-    assert found.distance == pytest.approx(0.1, abs=1e-12)
+    assert projection.kind[0] == "quad4" and projection.kind[1] in ("tri6", "quad8")
+    assert (projection.weights[0, 4:] == 0.0).all() and (projection.nodes[0, 4:] == projection.nodes[0, 0]).all()
+    assert projection.distance == pytest.approx(0.1, abs=1e-12)
 
 
 def test_no_points_give_empty_arrays():
     points, faces = plate("hex8")
-    found = project_on_surface(points, faces, np.zeros((0, 3)))
-    assert found.weights.shape == (0, 4) and found.foot.shape == (0, 3) and found.distance.shape == (0,)
+    projection = project_on_surface(points, faces, np.zeros((0, 3)))
+    assert projection.weights.shape == (0, 4) and projection.foot.shape == (0, 3) and projection.distance.shape == (0,)
 
 
 @pytest.mark.slow
@@ -113,6 +113,6 @@ def test_many_points_take_seconds():
     points, faces = plate("hex20", (60, 60, 1))
     queries = np.random.default_rng(5).uniform([0.0, 0.0, 0.98], [1.0, 1.0, 1.02], (100_000, 3))
     start = perf_counter()
-    found = project_on_surface(points, faces, queries)
+    projection = project_on_surface(points, faces, queries)
     assert perf_counter() - start < 30.0
-    assert found.distance == pytest.approx(np.abs(queries[:, 2] - 1.0), abs=1e-12)
+    assert projection.distance == pytest.approx(np.abs(queries[:, 2] - 1.0), abs=1e-12)

@@ -24,7 +24,7 @@ def two_boxes(kind="hex8", other=None, at=(0.7, 0.0, 0.5), n=(5, 5, 1), size=UPP
     return mesh_of(lower, ("upper", other or kind, *box(other or kind, n, size, at)))
 
 
-def found(mesh, *surfaces, bodies=("lower", "upper")):
+def with_surfaces(mesh, *surfaces, bodies=("lower", "upper")):
     given = settings({name: name for name in bodies}, surfaces=surfaces)
     return with_touching_surfaces(mesh, given)
 
@@ -45,7 +45,7 @@ def test_the_skin_is_the_surface_of_the_bodies(kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind, other", [(kind, kind) for kind in KINDS] + [("hex20", "tet4"), ("tet10", "hex8")])
 def test_faces_that_touch_and_no_others(kind, other):
-    mesh = found(two_boxes(kind, other), UP, LOW)
+    mesh = with_surfaces(two_boxes(kind, other), UP, LOW)
     for name, low, high in (("up", 0.7, 1.06), ("low", 0.7, 1.0)):  # the last cell of the upper box covers 1.0 in part
         points = mesh.points[mesh.node_groups[name]]
         assert points.min(axis=0) == pytest.approx([low, 0.0, 0.5]) and points.max(axis=0) == pytest.approx([high, 1.0, 0.5])
@@ -62,7 +62,9 @@ def test_faces_through_a_body_follow_a_plane_and_cut_it(kind, at, normal):
     mesh = mesh_of(*bars)
     for block in mesh.elements:
         object.__setattr__(block, "group", "bars")  # one body of two shanks: the plane's point tells which
-    mesh = found(mesh, Surface(name="cut", bodies=("bars", "bars"), through=(1.1, 0.1, at), normal=normal), bodies=("bars",))
+    mesh = with_surfaces(
+        mesh, Surface(name="cut", bodies=("bars", "bars"), through=(1.1, 0.1, at), normal=normal), bodies=("bars",)
+    )
     cut = cut_through(mesh, Bolt(group="cut", force=1.0))
     unit = np.array(normal) / np.linalg.norm(normal)
     assert mesh.points[cut.nodes][:, 0].min() >= 1.0 and cut.normal == pytest.approx(unit)
@@ -92,15 +94,15 @@ def test_faces_through_a_body_follow_a_plane_and_cut_it(kind, at, normal):
 )
 def test_planes_that_cut_nothing_are_refused(keys, message):
     with pytest.raises((MeshError, ValueError), match=message):
-        found(two_boxes(), Surface(**{"name": "cut", "bodies": ("lower", "lower"), **keys}))
+        with_surfaces(two_boxes(), Surface(**{"name": "cut", "bodies": ("lower", "lower"), **keys}))
 
 
 def test_a_small_face_on_a_large_one_and_one_beside_it():
     mesh = two_boxes(at=(0.33, 0.41, 0.5), n=(2, 2, 1), size=(0.02, 0.02, 0.1))
-    low = found(mesh, LOW).node_groups["low"]
+    low = with_surfaces(mesh, LOW).node_groups["low"]
     assert len(low) == 4 and (np.ptp(mesh.points[low], axis=0) == pytest.approx([0.1, 0.2, 0.0]))
     with pytest.raises(MeshError, match=r"no face of 'upper' lies on 'lower' .* the nearest nodes are 0.5 m apart, at node"):
-        found(two_boxes(at=(1.5, 0.0, 0.5)), UP)
+        with_surfaces(two_boxes(at=(1.5, 0.0, 0.5)), UP)
 
 
 def test_how_far_apart_they_may_lie():
@@ -108,11 +110,11 @@ def test_how_far_apart_they_may_lie():
     touching = find_touching(skin_of_mesh(mesh))
     assert touching.gap == pytest.approx(0.003, rel=1e-9)
     with pytest.raises(MeshError, match="within 0.002 m"):
-        found(mesh, UP.with_keys(tolerance=0.002))
+        with_surfaces(mesh, UP.with_keys(tolerance=0.002))
     far = two_boxes(at=(0.7, 0.0, 0.53))
     with pytest.raises(MeshError, match="within 0.1 of the size of the faces"):
-        found(far, UP)
-    assert len(found(far, UP.with_keys(tolerance=0.04)).node_groups["up"])
+        with_surfaces(far, UP)
+    assert len(with_surfaces(far, UP.with_keys(tolerance=0.04)).node_groups["up"])
 
 
 def test_a_peg_in_a_hole_whose_meshes_differ():
@@ -121,7 +123,7 @@ def test_a_peg_in_a_hole_whose_meshes_differ():
         r, angle, z = points.T
         return np.column_stack([r * np.cos(angle), r * np.sin(angle), z]), nodes
 
-    mesh = found(
+    mesh = with_surfaces(
         mesh_of(("peg", "hex8", *ring(24, 0.5, 1.0)), ("hole", "hex8", *ring(31, 1.0, 2.0))),
         Surface(name="out", bodies=("peg", "hole")),
         bodies=("peg", "hole"),
@@ -134,12 +136,12 @@ def test_parts_of_one_body_and_the_side_that_is_meant():
     whole = two_boxes()
     one = replace(whole, elements=tuple(replace(block, group="both") for block in whole.elements), node_groups={})
     up = Surface(name="up", bodies=("both", "both"), normal=(0.1, 0.0, -1.0))
-    mesh = found(one, up, up.with_keys(name="low", normal=(0.0, 0.0, 2.0)), bodies=("both",))
-    expected = found(whole, UP, LOW)
+    mesh = with_surfaces(one, up, up.with_keys(name="low", normal=(0.0, 0.0, 2.0)), bodies=("both",))
+    expected = with_surfaces(whole, UP, LOW)
     for name in ("up", "low"):
         assert np.array_equal(mesh.node_groups[name], expected.node_groups[name])
     with pytest.raises(MeshError, match=r"no face of 'both' with normals within 45 degrees of \(1, 0, 0\) lies on 'both'"):
-        found(one, up.with_keys(normal=(1.0, 0.0, 0.0)), bodies=("both",))
+        with_surfaces(one, up.with_keys(normal=(1.0, 0.0, 0.0)), bodies=("both",))
 
 
 def test_merged_bodies_and_names_that_are_taken():
@@ -147,6 +149,6 @@ def test_merged_bodies_and_names_that_are_taken():
     blocks = mesh_of(("a", "hex8", points, nodes[:1]))
     merged = replace(blocks, elements=(blocks.elements[0], replace(blocks.elements[0], group="b", nodes=nodes[1:])))
     with pytest.raises(MeshError, match="they share 4 nodes, and are merged there"):
-        found(merged, Surface(name="up", bodies=("a", "b")), bodies=("a", "b"))
+        with_surfaces(merged, Surface(name="up", bodies=("a", "b")), bodies=("a", "b"))
     with pytest.raises(MeshError, match="a group of the mesh has this name already"):
-        found(two_boxes(), UP.with_keys(name="lower"))
+        with_surfaces(two_boxes(), UP.with_keys(name="lower"))
