@@ -17,9 +17,9 @@ SHAPE = (12, 7, 6)
 @pytest.fixture
 def linearised(comm):
     system, pairs = lattices.lattice(comm, SHAPE)
-    found = linearise(system, pairs)
-    yield found
-    found.destroy()
+    computed = linearise(system, pairs)
+    yield computed
+    computed.destroy()
 
 
 @pytest.mark.study

@@ -163,8 +163,8 @@ def test_gap_that_proves_the_wanted_modes():
     assert find_gap(np.array([1.0, 2.0, 3.0]), 1) == (1, 1.5)
     assert find_gap(np.array([1.0, 2.0, 2.0, 3.0]), 2) == (3, 2.5)
     for cluster, n_below in (([1.0, 2.0, 2.0], 1), ([1.0, 2.0], 1), ([2.0, 2.0], 0)):
-        found, sigma = find_gap(np.array(cluster), 2)
-        assert found == n_below and 1.99999 < sigma < 2.0
+        computed, sigma = find_gap(np.array(cluster), 2)
+        assert computed == n_below and 1.99999 < sigma < 2.0
 
 
 @pytest.mark.slow
@@ -214,10 +214,10 @@ def test_a_missed_mode_is_noticed(monkeypatch, always):
 
 def test_modes_that_rounding_of_solves_left_rough_are_corrected(monkeypatch):
     system, pairs = lattices.lattice(comm, LARGE)
-    linearised, found = linearise(system, pairs), eigen._solve
+    linearised, solve = linearise(system, pairs), eigen._solve
 
     def rough(*asked):
-        theta, phi, info = found(*asked)
+        theta, phi, info = solve(*asked)
         noise = multiply(linearised.K_L, np.random.default_rng(comm.rank).standard_normal(phi.shape))
         return theta, phi + 2e-5 * np.abs(phi).max() * noise / np.abs(noise).max(), info
 

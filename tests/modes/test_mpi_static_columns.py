@@ -39,11 +39,11 @@ def test_flexibility_of_the_pairs(joined, batch, monkeypatch):
     monkeypatch.setattr(constraint, "_BATCH", batch or constraint._BATCH)
     monkeypatch.setattr(constraint, "_FEWEST", min(batch or constraint._FEWEST, constraint._FEWEST))
     exact = system.R @ inverse(system, pairs) @ system.R.T
-    found = static_columns(linearised, system.R, system.R.T.tocsc())
-    np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
+    columns = static_columns(linearised, system.R, system.R.T.tocsc())
+    np.testing.assert_allclose(columns, exact, atol=1e-13 * abs(exact).max())
     ranges = np.array([0] + [len(exact)] * comm.size)  # all rows on rank 0
-    found = static_columns(linearised, system.R, system.R.T.tocsc(), row_ranges=ranges)
-    np.testing.assert_allclose(found, exact[ranges[comm.rank] : ranges[comm.rank + 1]], atol=1e-13 * abs(exact).max())
+    columns = static_columns(linearised, system.R, system.R.T.tocsc(), row_ranges=ranges)
+    np.testing.assert_allclose(columns, exact[ranges[comm.rank] : ranges[comm.rank + 1]], atol=1e-13 * abs(exact).max())
 
 
 @pytest.mark.parametrize("m_left, m_right", [(0, 3), (3, 0), (0, 0), (2, 7), (7, 2)])
@@ -55,22 +55,22 @@ def test_shapes_and_the_smaller_side(joined, m_left, m_right):
     right = sp.random(n_dof, m_right, 0.1, format="csc", random_state=2)
     exact = left @ inverse(linearised.system, pairs) @ right
     before = linearised.factor.info["solves"]
-    found = static_columns(linearised, left, right)
-    assert found.shape == (m_left, m_right)
-    np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max(initial=0.0))
+    columns = static_columns(linearised, left, right)
+    assert columns.shape == (m_left, m_right)
+    np.testing.assert_allclose(columns, exact, atol=1e-13 * abs(exact).max(initial=0.0))
     assert linearised.factor.info["solves"] - before == min(m_left, m_right)
     ranges = np.arange(comm.size + 1) * m_left // comm.size
     mine = static_columns(linearised, left, right, row_ranges=ranges)
-    np.testing.assert_allclose(mine, found[ranges[comm.rank] : ranges[comm.rank + 1]], rtol=1e-12)
+    np.testing.assert_allclose(mine, columns[ranges[comm.rank] : ranges[comm.rank + 1]], rtol=1e-12)
 
 
 def test_columns_of_zeros_cost_nothing(joined):
     linearised, _ = joined
     right = sp.csc_matrix(([2.0], ([4], [3])), shape=(linearised.system.n_dof, 6))
     before = linearised.factor.info["solves"]
-    found = static_columns(linearised, linearised.system.R, right)
+    columns = static_columns(linearised, linearised.system.R, right)
     assert linearised.factor.info["solves"] == before + 1
-    assert np.count_nonzero(found.any(axis=0)) == 1 and found[:, 3].any()
+    assert np.count_nonzero(columns.any(axis=0)) == 1 and columns[:, 3].any()
 
 
 @pytest.fixture
@@ -92,15 +92,15 @@ def test_entries_of_the_inverse_are_what_solves_give(joined, always, monkeypatch
         monkeypatch.setattr(constraint, "_BATCH_BYTES", bytes_of_batch)
     exact = R @ inverse(system, pairs) @ R.T
     before = linearised.factor.info["solves"]
-    found = static_columns(linearised, R, R.T.tocsc())
+    columns = static_columns(linearised, R, R.T.tocsc())
     assert always == ([6] * 6 if bytes_of_batch else [len(J)])  # 2,000 bytes are 6 columns of 36 rows
     assert linearised.factor.info["solves"] == before + 1  # the check
-    np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
+    np.testing.assert_allclose(columns, exact, atol=1e-13 * abs(exact).max())
     ranges = np.array([0] + [len(exact)] * comm.size)
     some = R.T.tocsc()[:, [3, 4, 5, 12, 13, 14]]
-    found = static_columns(linearised, R, some, row_ranges=ranges)
+    columns = static_columns(linearised, R, some, row_ranges=ranges)
     mine = exact[ranges[comm.rank] : ranges[comm.rank + 1]]
-    np.testing.assert_allclose(found, mine[:, [3, 4, 5, 12, 13, 14]], atol=1e-13 * abs(exact).max())
+    np.testing.assert_allclose(columns, mine[:, [3, 4, 5, 12, 13, 14]], atol=1e-13 * abs(exact).max())
 
 
 def test_wrong_and_refused_entries_are_solved_for(joined, always, monkeypatch):
@@ -117,9 +117,9 @@ def test_wrong_and_refused_entries_are_solved_for(joined, always, monkeypatch):
     for answer, n_checks in ((wrong, 1), (lambda *args: None, 0)):
         monkeypatch.setattr(Factor, "inverse_entries", answer)
         before = linearised.factor.info["solves"]
-        found = static_columns(linearised, R, R.T.tocsc())
+        columns = static_columns(linearised, R, R.T.tocsc())
         assert linearised.factor.info["solves"] == before + n_checks + len(exact)
-        np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
+        np.testing.assert_allclose(columns, exact, atol=1e-13 * abs(exact).max())
 
 
 def test_sums_of_rows_known_beforehand_take_the_place_of_the_check(joined, always, monkeypatch):
@@ -132,8 +132,8 @@ def test_sums_of_rows_known_beforehand_take_the_place_of_the_check(joined, alway
 
     def checks(known):
         before = linearised.factor.info["solves"]
-        found = static_columns(linearised, R, R.T.tocsc()[:, some], known=known)
-        np.testing.assert_allclose(found, exact[:, some], atol=1e-13 * abs(exact).max())
+        columns = static_columns(linearised, R, R.T.tocsc()[:, some], known=known)
+        np.testing.assert_allclose(columns, exact[:, some], atol=1e-13 * abs(exact).max())
         return linearised.factor.info["solves"] - before
 
     assert checks(sums.of(some)) == 0
@@ -157,9 +157,9 @@ def test_columns_of_pairs_are_checked_by_one_solve_beforehand(joined, always):
         G.put(part, G.solve(part))
     assert linearised.factor.info["solves"] == before and len(always) == 3
     exact = system.R @ inverse(system, pairs) @ system.R.T
-    found = G.transposed(np.arange(pairs.n_pairs)).T
+    columns = G.transposed(np.arange(pairs.n_pairs)).T
     own = split_evenly(pairs.n_pairs, comm.size)[comm.rank :][:2] * 3
-    np.testing.assert_allclose(found, exact[slice(*own)], atol=1e-13 * abs(exact).max())
+    np.testing.assert_allclose(columns, exact[slice(*own)], atol=1e-13 * abs(exact).max())
 
 
 def test_many_forces_in_a_column_are_solved_for(joined, always):
