@@ -53,8 +53,8 @@ def run_level(log, level=4.0, failure=None, shown=AMPLITUDE):
     branch = Branch(level, [point(99.0, 1e-6), point(100.0, 3e-6, notes=("mean slip held",)), point(101.0, 2e-6)], failure)
     notify = Observers(COMM, [1.0, level, 9.0], [LevelLog(log, Sweep(2 * np.pi * 99.0, 2 * np.pi * 101.0), 3, shown)]).notify
     notify("level_started", 1)
-    for found in branch.points:
-        notify("point", 1, found)
+    for each in branch.points:
+        notify("point", 1, each)
     notify("level_finished", 1, branch)
 
 
@@ -91,24 +91,24 @@ def test_a_stage_that_ends_without_a_word_in_between_is_one_line(path):
             pass
         with log.stage("loud"):
             log.note("one note")
-    found = lines(path)
-    assert sum(line.startswith("quiet") for line in found) == 2  # the line and the table's
-    start = found.index("loud")
-    assert found[start + 1] == "one note" and found[start + 2].startswith("loud  ") and found[start + 2].endswith("MiB")
+    text = lines(path)
+    assert sum(line.startswith("quiet") for line in text) == 2  # the line and the table's
+    start = text.index("loud")
+    assert text[start + 1] == "one note" and text[start + 2].startswith("loud  ") and text[start + 2].endswith("MiB")
 
 
 def test_each_point_is_a_line_and_each_level_a_sum(path):
     with RunLog(COMM, path, False, screen=False) as log:
         run_level(log, failure="hb: no convergence beyond 101 Hz")
-    found = lines(path)
-    start = found.index("level 2 of 3: 4 N, 99 to 101 Hz")
-    assert found[start + 3].split() == ["1", "100", "3.00000e-06", "2", "1", "42", "3", "7", "0.2500"]
-    assert len({len(found[start + k]) for k in (1, 2, 3, 4)}) == 1 and len(found[start + 1]) < 80
-    assert found[start + 5] == (
+    text = lines(path)
+    start = text.index("level 2 of 3: 4 N, 99 to 101 Hz")
+    assert text[start + 3].split() == ["1", "100", "3.00000e-06", "2", "1", "42", "3", "7", "0.2500"]
+    assert len({len(text[start + k]) for k in (1, 2, 3, 4)}) == 1 and len(text[start + 1]) < 80
+    assert text[start + 5] == (
         "level 2 of 3: 4 N: 3 points in 0.75 s; peak 3.0000e-06 m (7.5000e-07 m/N) at 100 Hz, 2 of 4 pairs slip, 1 open"
     )
-    assert found[start + 6].strip() == "mean slip held: 1 of 3 points, 100 to 100 Hz"
-    assert found[start + 7].strip() == "stopped early: hb: no convergence beyond 101 Hz"
+    assert text[start + 6].strip() == "mean slip held: 1 of 3 points, 100 to 100 Hz"
+    assert text[start + 7].strip() == "stopped early: hb: no convergence beyond 101 Hz"
 
 
 def test_of_statics_the_mean_is_told_with_its_sign(path):
@@ -118,7 +118,7 @@ def test_of_statics_the_mean_is_told_with_its_sign(path):
         notify("level_started", 0)
         notify("point", 0, still.points[0])
         notify("level_finished", 0, still)
-    head, line, total = [found for found in lines(path) if "mean_m" in found or "e-06" in found]
+    head, line, total = [each for each in lines(path) if "mean_m" in each or "e-06" in each]
     assert head.split()[2] == "mean_m" and line.split()[2] == "-2.00000e-06"
     assert "one point in" in total and "displacement -2.0000e-06 m (-5.0000e-07 m/N) at every frequency" in total
 
@@ -131,8 +131,8 @@ def test_points_of_mixed_levels_say_whose_they_are_and_are_counted_by_level(path
         for number in (1, 0, 1):
             observers.notify("point", number, point(99.0 + number, 1e-6))
         observers.notify("level_finished", 1, Branch(8.0))
-    found = [line.split() for line in lines(path) if "1.00000e-06" in line]
-    assert [(line[0], line[1], line[2]) for line in found] == [("8", "0", "100"), ("4", "0", "99"), ("8", "1", "100")]
+    listed = [line.split() for line in lines(path) if "1.00000e-06" in line]
+    assert [(line[0], line[1], line[2]) for line in listed] == [("8", "0", "100"), ("4", "0", "99"), ("8", "1", "100")]
     assert any(line.startswith("level 2 of 2: 8 N: 2 points in 0.5 s; peak") for line in lines(path))
     assert [len(branch.points) for branch in observers.branches] == ([1, 2] if COMM.rank == 0 else [0, 0])
 
@@ -162,10 +162,10 @@ def test_an_error_closes_the_log_without_waiting_for_other_ranks(path):
                 pass
             with log.stage("assembly"):
                 raise CaseError("element 7 is inverted")
-    found = lines(path)
-    assert any(line.startswith("assembly ended after") and line.endswith("CaseError") for line in found)
-    assert found[-1] == "ended by CaseError: element 7 is inverted"
-    assert any(line.startswith("mesh ") for line in found[-4:])
+    text = lines(path)
+    assert any(line.startswith("assembly ended after") and line.endswith("CaseError") for line in text)
+    assert text[-1] == "ended by CaseError: element 7 is inverted"
+    assert any(line.startswith("mesh ") for line in text[-4:])
     COMM.Barrier()  # nobody waits in a reduction of the log
 
 
