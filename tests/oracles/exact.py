@@ -191,11 +191,11 @@ def jenkins_steady_state(omega, F, *, m, c, k, k_t, muN):
     a1, b1, _ = jenkins_harmonic(X, k_t, muN)
     phi = np.angle(complex(k * X + a1 - m * omega**2 * X, c * omega * X + b1))
     stick = np.arccos(max(-1.0, 1.0 - 2.0 * d / X)) / omega
-    found, _, status, message = fsolve(mismatch, [X, phi, stick], xtol=1e-13, full_output=True)
-    if status != 1 and np.abs(mismatch(found)).max() > 1e-9:
+    solution, _, status, message = fsolve(mismatch, [X, phi, stick], xtol=1e-13, full_output=True)
+    if status != 1 and np.abs(mismatch(solution)).max() > 1e-9:
         raise RuntimeError(f"jenkins_steady_state: omega = {omega}: {message}")
-    X, phi, stick = found
-    result = HalfCycle(omega, X, phi, stick, pieces(*found), 4.0 * muN * (X - d))
+    X, phi, stick = solution
+    result = HalfCycle(omega, X, phi, stick, pieces(*solution), 4.0 * muN * (X - d))
     if not (0.0 < stick < np.pi / omega and result.is_valid):
         raise RuntimeError(f"jenkins_steady_state: omega = {omega}: more than one slip each way (X = {X:.4g})")
     return result

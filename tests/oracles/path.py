@@ -56,15 +56,15 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
         return Cycle(kept, area, slip, np.abs(kept[0] - T).max(axis=1))
 
     every = np.arange(len(k_t))
-    found, before = period(T, every), np.zeros(len(k_t))
+    cycle, before = period(T, every), np.zeros(len(k_t))
     for _ in range(PLAIN if n_samples > 1 else 0):
-        if np.all(found.change <= REPEATS * size):
+        if np.all(cycle.change <= REPEATS * size):
             break
-        found, before = period(found.T[0], every), found.change
-    creeps = np.flatnonzero(found.change > REPEATS * size)
-    slow = (found.change > 0.5 * before) & (found.change > 1e-15 * size) & (before > 0.0)  # little a period, and much in all
-    found.change[slow] /= np.maximum(1.0 - found.change[slow] / before[slow], 1e-6)
-    T, slowest = found.T[0, creeps], np.zeros(len(creeps))
+        cycle, before = period(cycle.T[0], every), cycle.change
+    creeps = np.flatnonzero(cycle.change > REPEATS * size)
+    slow = (cycle.change > 0.5 * before) & (cycle.change > 1e-15 * size) & (before > 0.0)  # little a period, and much in all
+    cycle.change[slow] /= np.maximum(1.0 - cycle.change[slow] / before[slow], 1e-6)
+    T, slowest = cycle.T[0, creeps], np.zeros(len(creeps))
     for _ in range(MORE if len(creeps) else 0):  # a jump may lead beyond the end of the way, to where nothing moves the slider
         one = period(T, creeps)
         T = one.T[0]
@@ -82,10 +82,10 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
     if len(creeps):
         last = period(T, creeps)
         for name in ("T", "area"):
-            getattr(found, name)[:, creeps] = getattr(last, name)
+            getattr(cycle, name)[:, creeps] = getattr(last, name)
         left = np.maximum(two.change, 1e-15 * size[creeps]) / (1.0 - slowest)  # rounding, in all periods to come
-        found.slip[creeps], found.change[creeps] = last.slip, np.maximum(last.change, left)
-    return found if n_samples > 1 else Cycle(found.T, found.area, at_once, found.change)
+        cycle.slip[creeps], cycle.change[creeps] = last.slip, np.maximum(last.change, left)
+    return cycle if n_samples > 1 else Cycle(cycle.T, cycle.area, at_once, cycle.change)
 
 
 def normal_area(N):

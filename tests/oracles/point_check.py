@@ -48,13 +48,13 @@ class Verdict:
 
     def faults(self, slack: float = 1.0) -> list[str]:
         """Return what is wrong with the point; nothing if it is right."""
-        found = [] if self.finite else ["not a finite number"]
-        found += [
+        computed = [] if self.finite else ["not a finite number"]
+        computed += [
             f"{name} {getattr(self, name):.1e} (bound {slack * bound:.0e})"
             for name, bound in BOUNDS.items()
             if not getattr(self, name) <= slack * bound
         ]
-        return found + ([] if self.states else ["states differ from those of the march"])
+        return computed + ([] if self.states else ["states differ from those of the march"])
 
 
 # a point is accepted at a relative residual of 1e-8 in U; the rest follows with the stiffness of joint and structure

@@ -40,9 +40,9 @@ TOLERANCE = 1e-10  # of the state
 @lru_cache(maxsize=1)
 def _compiled():
     """Return the library of shooting.c."""
-    found = compiled("shooting")
-    found.sliders.restype = ctypes.c_double
-    return found
+    library = compiled("shooting")
+    library.sliders.restype = ctypes.c_double
+    return library
 
 
 @dataclass(frozen=True)
@@ -180,19 +180,19 @@ class Point:
 
         On the way to a steady state a slider may be pushed and then rest, elsewhere than another way would have left it.
         """
-        found, first = self.steady(x, N), None
+        steady, first = self.steady(x, N), None
         for _ in range(MOST_RULES):
-            _, moved, _, motion = self.period(found.x, N)
-            x, p_t = found.x.copy(), found.x[2 * self.n :]
+            _, moved, _, motion = self.period(steady.x, N)
+            x, p_t = steady.x.copy(), steady.x[2 * self.n :]
             rest = (~moved[0] & (p_t != 0.0)).reshape(-1, 2).any(axis=1)  # where none has ever moved the rule is kept
             at = 2 * self.n + np.flatnonzero(~moved[0] & np.repeat(rest, 2))
             x[at] = self.sliders(motion[0], rest)[~moved[0].reshape(-1, 2)[rest].ravel()]
-            away = float(np.abs((x - found.x) / self.scale).max())
+            away = float(np.abs((x - steady.x) / self.scale).max())
             first = away if first is None else first
             if away <= 1e3 * TOLERANCE:
                 break
-            found = self.steady(x, N)
-        return found, first
+            steady = self.steady(x, N)
+        return steady, first
 
     def towards(self, x, dx, size, N: int):
         """Return a state along a step that is nearer to one that repeats, and its miss; None where there is none."""

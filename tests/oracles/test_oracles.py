@@ -115,8 +115,8 @@ def test_straight_step_is_the_limit_of_many_small_returns():
             limit = 0.5 * max(0.0, closing + (closing_new - closing) * (k + 1) / n)
             small = small + e / n
             small = small * min(1.0, limit / np.hypot(*small))
-        found = time_integration.straight_step(T, e, closing, closing_new, 0.5)
-        np.testing.assert_allclose(found, small, atol=5e-4)
+        computed = time_integration.straight_step(T, e, closing, closing_new, 0.5)
+        np.testing.assert_allclose(computed, small, atol=5e-4)
 
 
 @pytest.mark.parametrize("separate", [False, True])
@@ -385,10 +385,10 @@ def test_pinned_timoshenko_beam_meets_its_closed_form():
     wave = (n * np.pi / length) ** 2
     a, b, c = rhoI * rhoA / (S * EI), rhoA / EI + wave * (rhoI / EI + rhoA / S), wave**2
     squares = (b - np.sqrt(b * b - 4.0 * a * c)) / (2.0 * a)
-    found = structures.beam_frequencies(
+    computed = structures.beam_frequencies(
         3, length=length, EI=EI, rhoA=rhoA, ends=("pinned", "pinned"), shear_stiffness=S, rhoI=rhoI
     )
-    assert found == pytest.approx(np.sqrt(squares), rel=1e-9)
+    assert computed == pytest.approx(np.sqrt(squares), rel=1e-9)
 
 
 def test_timoshenko_beam_is_near_the_free_solid_beam_of_ansys():

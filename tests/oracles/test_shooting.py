@@ -21,10 +21,10 @@ def test_the_jenkins_mass_is_exact_to_second_order(omega):
     a = exact.jenkins_steady_state(omega, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(1)
     errors, x = [], np.zeros(4)
     for N in (256, 1024):
-        found = point.steady(x, N)
-        x = found.x
-        assert found.distance < 1e-9
-        errors.append(abs(found.amplitude - (a[1] - 1j * a[2])) / np.hypot(*a[1:3]))
+        steady = point.steady(x, N)
+        x = steady.x
+        assert steady.distance < 1e-9
+        errors.append(abs(steady.amplitude - (a[1] - 1j * a[2])) / np.hypot(*a[1:3]))
     assert errors[1] < 5e-5 and errors[0] / errors[1] > 8.0
 
 
@@ -38,17 +38,17 @@ def test_circles_varying_normal_force_and_lift_off_as_another_march_from_rest(na
     u_lin = point.respond(scenes.force_coefficients(system, level, 2))
     y, dy = u - u_lin[:, 0] - u_lin[:, 1::2].sum(axis=1), v - omega * u_lin[:, 2::2] @ [1, 2]
     p_t = T - system["k_t"][:, None] * (system["R"] @ u).reshape(-1, 3)[:, :2]
-    found, other = point.steady(np.concatenate([y, dy, p_t.ravel()]), 512), system["output"] @ march.u_hat
-    assert abs(found.amplitude - (other[1] - 1j * other[2])) < 3e-3 * np.hypot(*other[1:3])
-    assert found.mean == pytest.approx(other[0], abs=3e-3 * np.hypot(*other[1:3]))
-    assert 2 in states and np.array_equal(found.moved, np.array(states) > 0)
+    steady, other = point.steady(np.concatenate([y, dy, p_t.ravel()]), 512), system["output"] @ march.u_hat
+    assert abs(steady.amplitude - (other[1] - 1j * other[2])) < 3e-3 * np.hypot(*other[1:3])
+    assert steady.mean == pytest.approx(other[0], abs=3e-3 * np.hypot(*other[1:3]))
+    assert 2 in states and np.array_equal(steady.moved, np.array(states) > 0)
 
 
 def test_what_sticks_is_linear_to_rounding():
     system = system_of("chain")
     point = shooting.Point(system, 1e-3, 560.0)
-    found = point.steady(np.zeros(18 + 4), 64)
-    assert found.amplitude == pytest.approx(point.out_lin[1] - 1j * point.out_lin[2], rel=1e-12) and not found.moved.any()
+    steady = point.steady(np.zeros(18 + 4), 64)
+    assert steady.amplitude == pytest.approx(point.out_lin[1] - 1j * point.out_lin[2], rel=1e-12) and not steady.moved.any()
 
 
 @pytest.mark.parametrize("separate", [False, True])
@@ -88,8 +88,8 @@ def test_a_creeping_slider_needs_no_time():
     system = system_of("spatial")
     level, omega, _ = max(system["levels"].values())
     point = shooting.Point(system, level, omega)
-    found = point.steady(np.zeros(8), 256)
+    steady = point.steady(np.zeros(8), 256)
     x = np.zeros(8)
     for _ in range(400):
         x = point.period(x, 256)[0][0]
-    assert np.abs((x - found.x) / point.scale).max() < 1e-7
+    assert np.abs((x - steady.x) / point.scale).max() < 1e-7
