@@ -33,8 +33,8 @@ AT = [1.2, 1.45]  # rad/s
 def test_groups_are_consecutive_ranks_of_equal_size(comm):
     for n in range(1, comm.size + 1):
         parts = split(comm, n)
-        found = comm.allgather((parts.number, parts.comm.rank, parts.comm.size, parts.is_root, parts.where))
-        numbers, own_ranks, sizes, roots, names = zip(*found)
+        computed = comm.allgather((parts.number, parts.comm.rank, parts.comm.size, parts.is_root, parts.where))
+        numbers, own_ranks, sizes, roots, names = zip(*computed)
         assert list(numbers) == sorted(numbers) and set(numbers) == set(range(n)) and parts.n == n
         assert max(sizes) - min(sizes) <= 1 and sum(roots) == n
         assert all(root == (own == 0) for root, own in zip(roots, own_ranks))
