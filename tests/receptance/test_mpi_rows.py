@@ -27,18 +27,18 @@ def test_some_rows_in_any_order_and_from_several_arrays_are_not_copied():
     G, n_solved = rng.standard_normal((15, 15)), []
     columns = StaticColumns(5, 5, lambda of: n_solved.append(len(of)) or G[:, rows_of(of)])
     columns.require(np.array([4, 1]))
-    found = columns.chosen(pairs)
-    assert n_solved == [2, 2] and columns.chosen(pairs.copy()) is found
+    computed = columns.chosen(pairs)
+    assert n_solved == [2, 2] and columns.chosen(pairs.copy()) is computed
     x, rows = rng.standard_normal((15, 3)), rows_of(pairs)
-    assert found.combined(x[:9]) == pytest.approx(x[:9].T @ G[:, rows].T, abs=1e-13)
-    assert found.times(x) == pytest.approx(G[:, rows].T @ x, abs=1e-13)
-    assert found.largest == np.abs(G[:, rows]).max()
+    assert computed.combined(x[:9]) == pytest.approx(x[:9].T @ G[:, rows].T, abs=1e-13)
+    assert computed.times(x) == pytest.approx(G[:, rows].T @ x, abs=1e-13)
+    assert computed.largest == np.abs(G[:, rows]).max()
     assert np.array_equal(columns.transposed(pairs), G[:, rows].T)
     single = np.empty((2, 2), dtype=np.float32)
-    found.part(np.array([8, 0])).write_columns(np.array([1, 7]), 2.0, single)
+    computed.part(np.array([8, 0])).write_columns(np.array([1, 7]), 2.0, single)
     assert np.array_equal(single, (G[np.ix_([1, 7], rows[[8, 0]])].T / 2.0).astype(np.float32))
     columns._held[0][:] = 0.0  # what pair 4 has: the products see it
-    assert not found.times(x)[6:].any() and found.times(x)[:6].all()
+    assert not computed.times(x)[6:].any() and computed.times(x)[:6].all()
 
 
 def test_many_columns_are_solved_for_in_parts(monkeypatch):
