@@ -76,11 +76,11 @@ def test_fields_are_those_of_a_dense_solution_harmonic_by_harmonic():
     model = ReducedModel.of(reduce_structure(stuck, DAMPING), Excitation(((1, 0.0),), H))
     p = 30.0 * np.random.default_rng(3).standard_normal((6, H.n_coefficients))
     (u,) = displacements(stuck, model, [ActingForces(level, omega, p)])
-    f_n, p_n, found = level * LOAD[:, None] * to_complex(model.f), to_complex(p), to_complex(u)
+    f_n, p_n, amplitudes = level * LOAD[:, None] * to_complex(model.f), to_complex(p), to_complex(u)
     for n in range(4):
         wave = Wave.of(n % 2, N)
         exact = np.linalg.solve(wave.dynamic_stiffness(n * omega), f_n[:, n] - wave.R.conj().T @ p_n[:, n])
-        np.testing.assert_allclose(found[:, n], exact, rtol=0.0, atol=1e-12 * np.abs(found).max(), err_msg=str(n))
+        np.testing.assert_allclose(amplitudes[:, n], exact, rtol=0.0, atol=1e-12 * np.abs(amplitudes).max(), err_msg=str(n))
 
 
 def settings_of(level):

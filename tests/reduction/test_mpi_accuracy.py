@@ -99,8 +99,8 @@ def test_residual_norms_are_sums_over_the_truncated_modes(shared_path):
     exact = [share[m:].sum(axis=0) for m in range(1, 41)]
     settings = reduction_settings(scene)
     norms = Norms(stuck, stuck_receptance(stuck, settings.damping), settings)
-    found = norms.of_forces(x[first:last]) ** 2
-    np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12 * share.sum())
+    computed = norms.of_forces(x[first:last]) ** 2
+    np.testing.assert_allclose(computed, exact, rtol=1e-9, atol=1e-12 * share.sum())
     p = np.random.default_rng(2).standard_normal((12, 2)) @ np.array([[1.0, 0.5j], [0.0, 1.0 - 1.0j]])
     solved = norms.of_pairs(p)  # by solves
     stuck.statics.G_static.require(np.arange(4))
@@ -121,14 +121,14 @@ def test_the_true_error_stays_within_what_was_asked(shared_path, n, damping, ask
 
     reference = curves(modes=n)
     peak = np.abs(reference).max(axis=(1, 3))[:, None, :, None]  # below the linear peak
-    found = []
+    values = []
     for accuracy in asked_for:
         structure, line = structure_of(written(shared_path, chain(n, damping), accuracy=accuracy))
         structure.linearised.destroy()
-        found.append(len(structure.modes.omega_n))
-        assert line.startswith(f"modes: {found[-1]}, picked for accuracy {accuracy:g}: those left out, from ")
-        assert (np.abs(curves(modes=found[-1]) - reference) / peak).max() <= accuracy
-    assert sorted(set(found)) == found and found[-1] < n
+        values.append(len(structure.modes.omega_n))
+        assert line.startswith(f"modes: {values[-1]}, picked for accuracy {accuracy:g}: those left out, from ")
+        assert (np.abs(curves(modes=values[-1]) - reference) / peak).max() <= accuracy
+    assert sorted(set(values)) == values and values[-1] < n
 
 
 def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path):

@@ -40,14 +40,14 @@ METHODS = {
 
 def ratios(kind: str) -> np.ndarray:
     """The ratios of the kinds above, mode by mode, as the guide states them."""
-    found = {"ratios": np.full(N_DOF, 0.05), "ratios and others": np.full(N_DOF, 0.3), "modes": np.full(N_DOF, 0.01)}.get(kind)
-    if found is None:
+    computed = {"ratios": np.full(N_DOF, 0.05), "ratios and others": np.full(N_DOF, 0.3), "modes": np.full(N_DOF, 0.01)}.get(kind)
+    if computed is None:
         return np.full(N_DOF, 0.01 if kind == "structural and ratio" else 0.0)
     if kind == "modes":
-        found[[2, 0]] = 0.2, 0.0
+        computed[[2, 0]] = 0.2, 0.0
     else:
-        found[:3] = 0.02, 0.001, 0.05
-    return found
+        computed[:3] = 0.02, 0.001, 0.05
+    return computed
 
 
 def dynamic_stiffness(structure, kind: str, omega: float, n: int) -> np.ndarray:
@@ -76,8 +76,8 @@ def test_every_method_meets_a_direct_solution(comm, shared_path, kind):
         exact = np.column_stack([np.linalg.solve(dynamic_stiffness(structure, kind, omega, n), forces[:, n]) for n in range(3)])
         exact = system.outputs @ exact
         for method, keys in METHODS.items():
-            found = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
-            np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max(), err_msg=method)
+            amplitudes = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
+            np.testing.assert_allclose(amplitudes, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max(), err_msg=method)
 
 
 def test_one_mass_on_a_lossy_spring(comm, shared_path):
@@ -131,8 +131,8 @@ def test_methods_agree_where_pairs_slip_and_the_energy_balances(comm, shared_pat
             assert (level.state[chosen] == 1).any()
             np.testing.assert_allclose(level.input, level.damping + level.friction, rtol=1e-6)
     largest = np.abs(curves["full"]).max()
-    for method, found in curves.items():
-        np.testing.assert_allclose(found, curves["full"], atol=1e-8 * largest, err_msg=method)
+    for method, each in curves.items():
+        np.testing.assert_allclose(each, curves["full"], atol=1e-8 * largest, err_msg=method)
 
 
 @pytest.mark.parametrize("n_modes", [4, 10])
@@ -143,11 +143,11 @@ def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
         bound = truncation_bound(structure, reduction_settings(scene)).total[n_modes - 1]
         omegas, p = structure.modes.omega_n[0] * np.linspace(0.9, 1.1, 11), np.zeros((3 * N_PAIRS, 7))
         few = replace(structure.with_modes(first_of(structure.modes, n_modes)), results={})
-        exact, found = (
+        exact, computed = (
             np.array([to_complex(output_motion(model, 1.0, omega, p))[0, 1] for omega in omegas])
             for model in (reduced_model(structure), reduced_model(few))
         )
-    assert 0.0 < np.abs(found - exact).max() <= bound * np.abs(exact).max()
+    assert 0.0 < np.abs(computed - exact).max() <= bound * np.abs(exact).max()
 
 
 @pytest.mark.slow
@@ -158,15 +158,15 @@ def test_error_bars_know_of_it(comm, shared_path, n_modes):
         scene_with(comm, shared_path, damping="structural = 0.05", **(COARSE | {"modes": m}), name=f"{m}")
         for m in (n_modes, N_DOF)
     )
-    found = []
+    values = []
     for scene in (few, every):
         with microslip.build(scene, comm) as structure:
-            if not found:
+            if not values:
                 at = [float(share * structure.modes.frequency[0]) for share in (0.95, 1.0, 1.05)]
-            found.append(microslip.respond(structure, levels=[1e-3], at=at, points=3))
-    a, b = (one["corner"] for one in found)
-    chosen = np.flatnonzero(found[0].results.levels[0].requested)
-    exact = np.flatnonzero(found[1].results.levels[0].requested)
+            values.append(microslip.respond(structure, levels=[1e-3], at=at, points=3))
+    a, b = (one["corner"] for one in values)
+    chosen = np.flatnonzero(values[0].results.levels[0].requested)
+    exact = np.flatnonzero(values[1].results.levels[0].requested)
     missed = np.abs(a.harmonic(1)[0, chosen] - b.harmonic(1)[0, exact])
     assert (missed > 0.0).all() and (missed <= a.error[0, chosen]).all()
     assert (a.error[0, chosen] <= 0.1 * a.amplitude.max()).all()

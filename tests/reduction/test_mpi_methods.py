@@ -60,9 +60,9 @@ def curve(scene, structure, reduction, omegas, level=30.0):
     pairs = structure.pairs
     law = replace(pairs.law, sampled=scene.solver.between_samples == "return-map")
     problem = forced(model_of(scene, reduction), law, SAMPLES, level)
-    found = at_frequencies(problem, reduction.selection, omegas, tolerance=1e-10)
-    assert found.failure is None
-    return found.points
+    solution = at_frequencies(problem, reduction.selection, omegas, tolerance=1e-10)
+    assert solution.failure is None
+    return solution.points
 
 
 @pytest.fixture(scope="module")
