@@ -86,13 +86,13 @@ ON_RANKS = ("friction", "accuracy", "modes")  # those of them that are tried on 
 def made(tmp_path_factory):
     """A folder with scenes and caches, one for each size of the bar, made by a run that slips further than those of the tests."""
     folder = COMM.bcast(tmp_path_factory.mktemp("made"))
-    found = {}
+    values = {}
     for divisions in (SMALL, LARGE):
-        place = folder / str(len(found))
+        place = folder / str(len(values))
         on_root(COMM, lambda place=place: place.mkdir(exist_ok=True))
         scene = scene_at(place, "response.levels=[38.0]", "solver.accuracy=0.01", divisions=divisions)
-        found[divisions] = place, followed(scene, place / "first", place / "cache")
-    return found
+        values[divisions] = place, followed(scene, place / "first", place / "cache")
+    return values
 
 
 @pytest.mark.slow

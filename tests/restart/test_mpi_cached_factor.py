@@ -29,15 +29,15 @@ TAKEN, NOT_USED = "factor: that of an earlier run, ", "is not used: "
 @pytest.fixture
 def factored(monkeypatch):
     """What was factored and kept, by name."""
-    found = []
+    values = []
     factorise = factors.factorise
 
     def noting(A, prefix, what, **keys):
-        found.append(what)
+        values.append(what)
         return factorise(A, prefix, what, **keys)
 
     monkeypatch.setattr(factors, "factorise", noting)
-    return found
+    return values
 
 
 def run_at(folder: Path, name: str, *settings: str, shared: str = "cache") -> str:
@@ -57,8 +57,8 @@ def run_at(folder: Path, name: str, *settings: str, shared: str = "cache") -> st
 
 def kept_in(folder: Path) -> Path:
     """Return the folder of the factor."""
-    (found,) = on_root(COMM, lambda: list(folder.glob(f"cache/setup-*/factor-{COMM.size}")))
-    return found
+    (computed,) = on_root(COMM, lambda: list(folder.glob(f"cache/setup-*/factor-{COMM.size}")))
+    return computed
 
 
 def assert_same_results(one: Path, other: Path) -> None:
@@ -76,11 +76,11 @@ def assert_same_results(one: Path, other: Path) -> None:
 
 
 def arrays_of(file):
-    found = {}
+    values = {}
     file.visititems(
-        lambda key, of: found.update({key: of[()]}) if isinstance(of, h5py.Dataset) and of.dtype.kind in "if" else None
+        lambda key, of: values.update({key: of[()]}) if isinstance(of, h5py.Dataset) and of.dtype.kind in "if" else None
     )
-    return found
+    return values
 
 
 def test_a_second_run_with_fields_factors_nothing_and_has_the_fields_of_a_run_of_its_own(made, factored):
@@ -246,10 +246,10 @@ def test_of_two_that_keep_it_at_a_time_one_is_kept_and_nothing_is_left_over(shar
     """Another run has put its own there while this one wrote; a third was killed long ago."""
 
     def other_was_faster(path, size):
-        found = summed(path, size)
+        checksum = summed(path, size)
         if path.parent.suffix == ".part":
             (path.parent.with_name(f"factor-{COMM.size}") / "x").mkdir(parents=True, exist_ok=True)
-        return found
+        return checksum
 
     def leave():
         (entry,) = shared_path.glob("cache/setup-*")

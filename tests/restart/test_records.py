@@ -32,9 +32,9 @@ def test_a_file_cut_anywhere_gives_the_records_before_the_cut(tmp_path):
     path, ends = tmp_path / "journal", np.cumsum([0, *map(len, whole)])
     for cut in range(ends[-1] + 1):
         path.write_bytes(b"".join(whole)[:cut])
-        found = read_records(path)
-        assert [unpack(body)[1]["i"] for body in found] == list(range(np.searchsorted(ends, cut, side="right") - 1))
-        assert length_of(found) == ends[len(found)]
+        records = read_records(path)
+        assert [unpack(body)[1]["i"] for body in records] == list(range(np.searchsorted(ends, cut, side="right") - 1))
+        assert length_of(records) == ends[len(records)]
 
 
 def test_a_wrong_byte_anywhere_is_noticed(tmp_path):
@@ -65,8 +65,8 @@ def test_a_journal_goes_on_behind_what_is_whole(tmp_path):
     journal.close()
     with open(path, "ab") as file:
         file.write(b"the process was killed while it wrote this")
-    found = read_records(path)
-    journal = Journal(path, keep=length_of(found[:1]))
+    records = read_records(path)
+    journal = Journal(path, keep=length_of(records[:1]))
     journal.append({}, {"instead": True})
     journal.close()
     journal.close()
@@ -115,8 +115,8 @@ def test_parts_of_a_record_are_its_own(tmp_path):
     for i in range(3):
         latest.write({"i": np.array(i)}, {"now": parts[i + 1], "before": parts[i]})
     latest.close()
-    (found, _), (other, _) = Latest(path).read()
-    assert [found["i"], *found["now/U"], *found["before/U"]] == [2, 3, 3, 3, 2, 2, 2] and other["before/U"][0] == 1.0
+    (computed, _), (other, _) = Latest(path).read()
+    assert [computed["i"], *computed["now/U"], *computed["before/U"]] == [2, 3, 3, 3, 2, 2, 2] and other["before/U"][0] == 1.0
     newest, older = tmp_path / "state.0", tmp_path / "state.1"
     head = len(newest.read_bytes()) - 2 * len(parts[0])
     older.write_bytes(newest.read_bytes()[:head] + older.read_bytes()[head:])
