@@ -188,8 +188,10 @@ def test_universal_file_by_its_columns(path, tmp_path):
 def test_pyuff_reads_the_universal_file(path, tmp_path):
     pyuff = pytest.importorskip("pyuff")
     (file,) = convert(path, tmp_path, ["unv"])
-    found = pyuff.UFF(str(file))
-    sets = found.read_sets([i for i, kind in enumerate(found.get_set_types()) if kind != 2412])  # it reads no more than 8 nodes
+    file_of_sets = pyuff.UFF(str(file))
+    sets = file_of_sets.read_sets(
+        [i for i, kind in enumerate(file_of_sets.get_set_types()) if kind != 2412]
+    )  # it reads no more than 8 nodes
     function = [one for one in sets if one["type"] == 58][2]
     level = read_results(path).levels[1]
     nodes = next(one for one in sets if one["type"] == 2411)
@@ -202,13 +204,13 @@ def test_pyuff_reads_the_universal_file(path, tmp_path):
 
 def test_matlab_file_has_everything(path, tmp_path):
     (file,) = convert(path, tmp_path, ["mat"])
-    found, results = loadmat(file, simplify_cells=True), read_results(path)
-    level = found["levels"][1]
-    assert level["level_N"] == 8.0 and found["title"] == results.title and list(found["outputs"]) == list(results.outputs)
+    content, results = loadmat(file, simplify_cells=True), read_results(path)
+    level = content["levels"][1]
+    assert level["level_N"] == 8.0 and content["title"] == results.title and list(content["outputs"]) == list(results.outputs)
     for name in ("frequency_Hz", "response", "du", "p", "state"):
         assert np.array_equal(level[name], results.levels[1].arrays[name.removesuffix("_Hz")])
-    assert level["peak"]["point"] == 31 and np.array_equal(found["joint"]["k_t"], results.joint.k_t)
-    assert found["mesh"]["elements"][0]["nodes"].min() == 1 and found["modes"]["shape"].shape == (2, len(MESH.points), 3)
+    assert level["peak"]["point"] == 31 and np.array_equal(content["joint"]["k_t"], results.joint.k_t)
+    assert content["mesh"]["elements"][0]["nodes"].min() == 1 and content["modes"]["shape"].shape == (2, len(MESH.points), 3)
 
 
 # -- bad input ------------------------------------------------------------------------------------------------------------

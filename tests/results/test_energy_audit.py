@@ -24,12 +24,12 @@ def test_rounding_without_any_loss_is_not_taken_for_an_input():
 
 
 def test_closure_of_a_branch_finds_the_point_that_does_not_close():
-    found = branch(5.0, two_flanks(), n_points=9)
-    assert energy_closure(found).max() < 2e-9
-    found.points[4] = dataclasses.replace(found.points[4], input=1.01 * found.points[4].input)
-    assert np.argmax(energy_closure(found)) == 4
-    assert energy_closure(found)[4] == pytest.approx(0.01 / 1.01, rel=1e-5)
-    assert "1 of 9 points close worse than 1e-06" in audit_text([found])
+    curve = branch(5.0, two_flanks(), n_points=9)
+    assert energy_closure(curve).max() < 2e-9
+    curve.points[4] = dataclasses.replace(curve.points[4], input=1.01 * curve.points[4].input)
+    assert np.argmax(energy_closure(curve)) == 4
+    assert energy_closure(curve)[4] == pytest.approx(0.01 / 1.01, rel=1e-5)
+    assert "1 of 9 points close worse than 1e-06" in audit_text([curve])
 
 
 def test_text_names_levels_without_a_point():

@@ -13,15 +13,15 @@ from microslip.results.read import read_results
 
 def test_fields_are_read_as_they_were_kept(tmp_path):
     path, wanted = kept(tmp_path), fields()
-    found = read_fields(path)
-    assert np.array_equal(found.mesh.points, MESH.points) and np.array_equal(found.mesh.numbers, MESH.numbers)
-    for own, other in zip(found.mesh.elements, MESH.elements, strict=True):
+    computed = read_fields(path)
+    assert np.array_equal(computed.mesh.points, MESH.points) and np.array_equal(computed.mesh.numbers, MESH.numbers)
+    for own, other in zip(computed.mesh.elements, MESH.elements, strict=True):
         assert (own.kind, own.group) == (other.kind, other.group) and np.array_equal(own.nodes, other.nodes)
-    np.testing.assert_allclose(found.shapes, wanted.shapes, rtol=1e-6)
-    np.testing.assert_allclose(found.rest, wanted.rest, rtol=1e-6)
-    assert found.peaks.keys() == wanted.peaks.keys() and found.peaks[1].point == 30
-    np.testing.assert_allclose(found.peaks[1].u, wanted.peaks[1].u, rtol=1e-6)
-    assert found.output_node == wanted.output_node and np.array_equal(found.output_direction, wanted.output_direction)
+    np.testing.assert_allclose(computed.shapes, wanted.shapes, rtol=1e-6)
+    np.testing.assert_allclose(computed.rest, wanted.rest, rtol=1e-6)
+    assert computed.peaks.keys() == wanted.peaks.keys() and computed.peaks[1].point == 30
+    np.testing.assert_allclose(computed.peaks[1].u, wanted.peaks[1].u, rtol=1e-6)
+    assert computed.output_node == wanted.output_node and np.array_equal(computed.output_direction, wanted.output_direction)
     run = read_run(path)
     assert run.stages[0].name == "modes & more" and run.stages[0].seconds == 1.5 and run.notes[1] == "a note </pre><script>"
     assert [len(level.frequency) for level in read_results(path).levels] == [60, 60]

@@ -37,10 +37,10 @@ def peak(level, output=0, mode=0):
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     """The second resonance appears at the second level; the root has one peak a level."""
-    found = [branch(level, two_flanks(5, 1), n_outputs=2) for level in LEVELS]
-    for one in found:
+    listed = [branch(level, two_flanks(5, 1), n_outputs=2) for level in LEVELS]
+    for one in listed:
         one.peaks = [peak(one.level), peak(one.level, 1)] + ([peak(one.level, mode=1)] if one.level > 2.0 else [])
-    return write(tmp_path_factory.mktemp("peaks"), found, two_flanks(5, 1), outputs=OUTPUTS)
+    return write(tmp_path_factory.mktemp("peaks"), listed, two_flanks(5, 1), outputs=OUTPUTS)
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +111,9 @@ def test_peaks_over_the_level(results):
 
 
 def test_one_level_or_none_with_peaks_has_no_picture_over_the_level(tmp_path):
-    found = [branch(level, two_flanks(5, 1)) for level in LEVELS]
-    found[1].peaks, found[2].peaks = [peak(3.0)], []
-    assert drawn(draw_peaks, read_results(write(tmp_path, found, two_flanks(5, 1)))) == {}
+    listed = [branch(level, two_flanks(5, 1)) for level in LEVELS]
+    listed[1].peaks, listed[2].peaks = [peak(3.0)], []
+    assert drawn(draw_peaks, read_results(write(tmp_path, listed, two_flanks(5, 1)))) == {}
 
 
 def test_the_report_has_them_as_figures_and_table(results):
@@ -139,8 +139,8 @@ def test_the_top_of_one_resonance_is_met_between_its_points(natural, damping, be
     size = 1.0 / np.abs(natural**2 - omega**2 + 2j * damping * natural * omega)
     at, top = natural * np.sqrt(1.0 - 2.0 * damping**2), 1.0 / (2.0 * damping * natural**2 * np.sqrt(1.0 - damping**2))
     for turned in (slice(None), slice(None, None, -1)):
-        found = top_of_curve(omega[turned], size[turned])
-        np.testing.assert_allclose(found, (at, top), rtol=1e-9)
+        computed = top_of_curve(omega[turned], size[turned])
+        np.testing.assert_allclose(computed, (at, top), rtol=1e-9)
 
 
 def test_the_top_of_a_curve_is_its_highest_point_at_an_end_and_where_it_turns_back():

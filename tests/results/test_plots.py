@@ -117,20 +117,20 @@ def test_pictures_do_without_the_large_arrays(tmp_path, pairs, pages):
 
 @pytest.mark.parametrize("bound", [1e-6, 3e-3])
 def test_energy_draws_the_bound_of_the_balance_that_the_run_goes_by(tmp_path, pairs, pages, bound):
-    found = branch(8.0, pairs)
-    found.closes_to = bound
-    draw_only(curve_plots.draw_energy, write(tmp_path, [found], pairs))
+    curve = branch(8.0, pairs)
+    curve.closes_to = bound
+    draw_only(curve_plots.draw_energy, write(tmp_path, [curve], pairs))
     (line,) = [line for line in pages["energy.png"].figure.axes[-1].lines if line.get_linestyle() == "--"]
     assert line.get_ydata() == [bound, bound]
 
 
 def test_response_shows_each_level_its_peak_and_the_linear_curve(tmp_path, pairs, pages):
-    found = [branch(level, pairs) for level in (1.0, 8.0)]
-    draw_only(curve_plots.draw_response, write(tmp_path, found, pairs))
+    listed = [branch(level, pairs) for level in (1.0, 8.0)]
+    draw_only(curve_plots.draw_response, write(tmp_path, listed, pairs))
     left, right = pages["response.png"].figure.axes
     assert left.get_ylabel() == "amplitude [mm]" and right.get_ylabel() == "amplitude [mm/N]"
     assert left.get_yscale() == "linear"
-    size = np.array([np.hypot(*point.response[0, 1:3]) for point in found[1].points])
+    size = np.array([np.hypot(*point.response[0, 1:3]) for point in listed[1].points])
     lines = [line for line in left.lines if len(line.get_xdata()) == len(size)]
     assert lines[1].get_ydata() == pytest.approx(1e3 * size)
     peaks = [line for line in left.lines if line.get_marker() == "o"]
@@ -152,26 +152,26 @@ def test_curves_over_decades_are_logarithmic(tmp_path, pairs, pages):
 
 
 def test_an_output_that_does_not_move_is_drawn(tmp_path, pairs, pages):
-    found = branch(8.0, pairs, n_outputs=2)
-    found.points[:] = [dataclasses.replace(point, response=point.response * [[1.0], [0.0]]) for point in found.points]
-    draw_only(curve_plots.draw_response, write(tmp_path, [found], pairs, outputs=("tip", "node")))
+    curve = branch(8.0, pairs, n_outputs=2)
+    curve.points[:] = [dataclasses.replace(point, response=point.response * [[1.0], [0.0]]) for point in curve.points]
+    draw_only(curve_plots.draw_response, write(tmp_path, [curve], pairs, outputs=("tip", "node")))
     assert len(pages["response.png"].figure.axes) == 4
 
 
-def with_errors(found, parts):
+def with_errors(computed, parts):
     """Return a branch with error bars: ``parts`` (6,) over the amplitude at every point."""
-    largest = max(np.hypot(*point.response[0, 1:3]) for point in found.points)
-    found.points[:] = [dataclasses.replace(point, error=largest * np.array([parts])) for point in found.points]
-    return found
+    largest = max(np.hypot(*point.response[0, 1:3]) for point in computed.points)
+    computed.points[:] = [dataclasses.replace(point, error=largest * np.array([parts])) for point in computed.points]
+    return computed
 
 
 def at_rest(level, pairs, displacement):
     """Return one point of statics: every output displaced, nothing oscillates."""
-    found = branch(level, pairs, n_points=1)
-    response = np.zeros_like(found.points[0].response)
+    curve = branch(level, pairs, n_points=1)
+    response = np.zeros_like(curve.points[0].response)
     response[:, 0] = displacement
-    found.points[:] = [dataclasses.replace(found.points[0], response=response)]
-    return found
+    curve.points[:] = [dataclasses.replace(curve.points[0], response=response)]
+    return curve
 
 
 @pytest.mark.filterwarnings("error")
@@ -215,8 +215,8 @@ def test_error_of_zero_everywhere_is_said(tmp_path, pairs):
 
 @pytest.mark.slow
 def test_many_outputs_and_levels_go_on_several_pages(tmp_path, pairs, pages):
-    found = [branch(level, pairs, n_outputs=7, n_points=9) for level in np.arange(1.0, 16.0)]
-    path = write(tmp_path, found, pairs, outputs=[f"u{i}" for i in range(7)])
+    listed = [branch(level, pairs, n_outputs=7, n_points=9) for level in np.arange(1.0, 16.0)]
+    path = write(tmp_path, listed, pairs, outputs=[f"u{i}" for i in range(7)])
     assert len(draw_only(curve_plots.draw_response, path)) == 2
     draw_only(curve_plots.draw_states, path)
     assert len(pages["states.png"].figure.axes) == style.MOST_PANELS
@@ -231,9 +231,9 @@ def test_states_add_up_to_all_pairs(tmp_path, pairs, pages):
 
 
 def test_slip_map_colours_each_pair_by_its_state_at_the_peak(tmp_path, pairs, pages):
-    found = branch(8.0, pairs)
-    draw_only(joint_plots.draw_slip_map, write(tmp_path, [found], pairs))
-    top = max(found.points, key=lambda point: np.hypot(*point.response[0, 1:3]))
+    curve = branch(8.0, pairs)
+    draw_only(joint_plots.draw_slip_map, write(tmp_path, [curve], pairs))
+    top = max(curve.points, key=lambda point: np.hypot(*point.response[0, 1:3]))
     colours = np.array([matplotlib.colors.to_rgba(colour) for colour in style.STATE_COLOURS])
     axes = pages["slip_map.png"].figure.axes
     assert len(axes) == 2
@@ -245,9 +245,9 @@ def test_slip_map_colours_each_pair_by_its_state_at_the_peak(tmp_path, pairs, pa
 
 
 def test_energy_map_takes_rounding_of_a_stuck_pair_for_no_loss(tmp_path, pairs, pages):
-    found = branch(0.5, pairs)
-    found.points[:] = [dataclasses.replace(point, energy=point.energy + 1e-20) for point in found.points]
-    draw_only(joint_plots.draw_energy_map, write(tmp_path, [found], pairs))
+    curve = branch(0.5, pairs)
+    curve.points[:] = [dataclasses.replace(point, energy=point.energy + 1e-20) for point in curve.points]
+    draw_only(joint_plots.draw_energy_map, write(tmp_path, [curve], pairs))
     assert any("none" in text for text in texts(pages["energy_map.png"]))
 
 

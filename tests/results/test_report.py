@@ -144,11 +144,11 @@ def test_checks_say_what_failed_what_does_not_balance_and_what_is_not_known_well
     bad.points[7] = replace(bad.points[7], input=2.0 * bad.points[7].input)
     for one, size in ((good, 1e-9), (bad, 1e-3)):
         one.points[:] = [replace(point, error=np.full((1, len(PARTS)), size)) for point in one.points]
-    found = tables.checks(read_results(write(tmp_path, [good, bad, short], pairs)))
-    assert found[0] == (tables.BAD, "5 N, stopped at 102 Hz: hb: no convergence &lt;here&gt;")
-    balance = [how for how, text in found if "energy balance" in text]
+    checks = tables.checks(read_results(write(tmp_path, [good, bad, short], pairs)))
+    assert checks[0] == (tables.BAD, "5 N, stopped at 102 Hz: hb: no convergence &lt;here&gt;")
+    balance = [how for how, text in checks if "energy balance" in text]
     assert balance == [tables.GOOD, tables.LOOK, tables.GOOD]
-    assert [how for how, text in found if "error bar" in text] == [tables.GOOD, tables.LOOK]
+    assert [how for how, text in checks if "error bar" in text] == [tables.GOOD, tables.LOOK]
     assert total(np.full(5, 1e-3)) > tables._LARGE * np.hypot(*bad.points[30].response[0, 1:3])
 
 

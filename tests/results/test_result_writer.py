@@ -37,13 +37,13 @@ def rows_of(folder):
 
 
 def test_every_point_is_a_row_an_output_with_its_numbers(tmp_path, pairs):
-    found = branch(5.0, pairs, n_outputs=2, n_points=5)
-    write(tmp_path, [found], pairs, outputs=("tip", "mid, at \u00bd"))
+    curve = branch(5.0, pairs, n_outputs=2, n_points=5)
+    write(tmp_path, [curve], pairs, outputs=("tip", "mid, at \u00bd"))
     assert (tmp_path / "frf.csv").read_text(encoding="utf-8").splitlines()[0] == HEADER
     rows = rows_of(tmp_path)
     assert [(row["point"], row["output"]) for row in rows[:3]] == [("0", "tip"), ("0", "mid, at \u00bd"), ("1", "tip")]
     assert len(rows) == 10
-    point, row = found.points[2], rows[5]
+    point, row = curve.points[2], rows[5]
     assert float(row["frequency_Hz"]) == pytest.approx(point.omega / 2 / np.pi, rel=1e-12)
     mean, c, s = point.response[1, :3]
     a, angle = float(row["amplitude_m"]), float(row["phase_rad"])
@@ -54,23 +54,23 @@ def test_every_point_is_a_row_an_output_with_its_numbers(tmp_path, pairs):
 
 
 def test_a_point_is_on_the_disk_before_the_next_is_solved(tmp_path, pairs):
-    found = branch(5.0, pairs, n_points=3)
+    curve = branch(5.0, pairs, n_points=3)
     writer = writer_of(tmp_path, pairs)
     writer.level_started(0, 5.0)
-    for i, point in enumerate(found.points):
+    for i, point in enumerate(curve.points):
         writer.point(0, i, point)
         assert len(rows_of(tmp_path)) == i + 1
     writer.close()
 
 
 def test_result_file_gives_back_everything(tmp_path, pairs):
-    found = [branch(level, pairs, n_points=6) for level in (1.0, 8.0)]
-    results = read_results(write(tmp_path, found, pairs))
+    listed = [branch(level, pairs, n_points=6) for level in (1.0, 8.0)]
+    results = read_results(write(tmp_path, listed, pairs))
     assert results.title == TITLE and results.scene_text == head(pairs).scene_text and results.method == "adaptive"
     assert results.options == ("-hb_snes_max_it", "30") and results.versions["numpy"] == np.__version__
     assert results.mode_frequency == pytest.approx([100.0, 312.5])
     assert [level.level for level in results.levels] == [1.0, 8.0]
-    for level, expected in zip(results.levels, found):
+    for level, expected in zip(results.levels, listed):
         assert level.status == "complete" and level.failure == ""
         assert level.frequency == pytest.approx([point.omega / 2 / np.pi for point in expected.points], rel=1e-15)
         for name, of_point in (
@@ -109,23 +109,23 @@ def test_layout_is_the_one_that_scripts_know(tmp_path, pairs):
 
 
 def test_a_level_that_stopped_keeps_its_points_and_the_reason(tmp_path, pairs):
-    found = branch(8.0, pairs, n_points=4)
-    found.failure = "hb: no convergence beyond 100.1 Hz"
+    curve = branch(8.0, pairs, n_points=4)
+    curve.failure = "hb: no convergence beyond 100.1 Hz"
     empty = branch(9.0, pairs, n_points=4)
     empty.points.clear()
     empty.failure = "hb: no convergence at the first frequency"
-    levels = read_results(write(tmp_path, [found, empty], pairs)).levels
-    assert [(level.status, level.failure) for level in levels] == [("failed", found.failure), ("failed", empty.failure)]
+    levels = read_results(write(tmp_path, [curve, empty], pairs)).levels
+    assert [(level.status, level.failure) for level in levels] == [("failed", curve.failure), ("failed", empty.failure)]
     assert [len(level.frequency) for level in levels] == [4, 0]
     assert levels[1].du.shape == (0, pairs.n_pairs, 3, 7)
 
 
 def test_levels_that_have_not_come_to_their_end_are_known(tmp_path, pairs):
     requested = dataclasses.replace(head(pairs), requested=(1.0, 8.0, 9.0))
-    found, stopped = branch(1.0, pairs, n_points=4), branch(8.0, pairs, n_points=4)
+    curve, stopped = branch(1.0, pairs, n_points=4), branch(8.0, pairs, n_points=4)
     stopped.failure = "hb: no convergence beyond 100.1 Hz"
     writer, missing = ResultWriter(MPI.COMM_SELF, str(tmp_path), requested, 7), []
-    for number, one in enumerate((found, stopped, branch(9.0, pairs, n_points=4))):
+    for number, one in enumerate((curve, stopped, branch(9.0, pairs, n_points=4))):
         writer.level_started(number, one.level)
         for i, point in enumerate(one.points):
             writer.point(number, i, point)
@@ -134,21 +134,21 @@ def test_levels_that_have_not_come_to_their_end_are_known(tmp_path, pairs):
         writer.level_finished(number, one)
     writer.close()
     assert missing == [(1.0, 8.0, 9.0), (8.0, 9.0), (9.0,)] and read_results(writer.path).missing == ()
-    assert read_results(write(tmp_path / "earlier", [found], pairs)).missing == ()
+    assert read_results(write(tmp_path / "earlier", [curve], pairs)).missing == ()
 
 
 def test_a_level_at_work_can_be_saved_and_is_replaced_when_it_ends(tmp_path, pairs):
-    found = branch(8.0, pairs, n_points=4)
+    curve = branch(8.0, pairs, n_points=4)
     writer = writer_of(tmp_path, pairs)
     writer.save()
     writer.level_started(0, 8.0)
-    for i, point in enumerate(found.points):
+    for i, point in enumerate(curve.points):
         writer.point(0, i, point)
         if i == 1:
             writer.save()
             (level,) = read_results(writer.path).levels
             assert level.status == "running" and len(level.frequency) == 2
-    writer.level_finished(0, found)
+    writer.level_finished(0, curve)
     writer.close()
     (level,) = read_results(writer.path).levels
     assert level.status == "complete" and len(level.frequency) == 4
@@ -166,8 +166,8 @@ def test_texts_with_zero_bytes_and_other_letters_are_kept(tmp_path):
 
 
 def test_whoever_dies_while_writing_leaves_the_last_file(tmp_path, pairs, monkeypatch):
-    found = branch(8.0, pairs, n_points=3)
-    path = write(tmp_path, [found], pairs)
+    curve = branch(8.0, pairs, n_points=3)
+    path = write(tmp_path, [curve], pairs)
     before = open(path, "rb").read()
     writer = writer_of(tmp_path / "other", pairs)
     os.replace(path, writer.path)

@@ -16,10 +16,10 @@ def volume(points, triangles):
 @pytest.mark.parametrize("kind", KINDS)
 def test_skin_of_a_box_is_closed_and_encloses_it(kind):
     mesh = mesh_of(("a", kind, *box(kind, n=(2, 2, 2), size=(1.0, 2.0, 3.0))))
-    found = skin(mesh, 10_000)
-    assert volume(mesh.points[found.nodes], found.triangles) == pytest.approx(6.0)
-    assert found.n_outer == len(found.nodes) == 26
-    sides = np.concatenate([found.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
+    triangles = skin(mesh, 10_000)
+    assert volume(mesh.points[triangles.nodes], triangles.triangles) == pytest.approx(6.0)
+    assert triangles.n_outer == len(triangles.nodes) == 26
+    sides = np.concatenate([triangles.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
     assert len(np.unique(sides, axis=0)) == len(sides)  # each side once in each direction: closed
     assert np.array_equal(np.unique(sides, axis=0), np.unique(sides[:, ::-1], axis=0))
 
@@ -29,8 +29,8 @@ def test_coarser_skin_keeps_bodies_and_shape():
         ("a", "hex8", *box("hex8", (20, 20, 2), (1.0, 1.0, 0.1))),
         ("b", "hex8", *box("hex8", (20, 20, 2), (1.0, 1.0, 0.1), (0, 0, 1.0))),
     )
-    found = skin(mesh, 300)
-    assert 150 < len(found.nodes) <= 300 and found.n_outer > 1000
-    assert set(found.body) == {0, 1} and found.names == ("a", "b") and len(found.edges) == 0
-    assert np.ptp(mesh.points[found.nodes], axis=0) == pytest.approx([1.0, 1.0, 1.1], abs=0.12)
-    assert found.triangles.max() < len(found.nodes) and (np.diff(np.sort(found.triangles, axis=1), axis=1) > 0).all()
+    triangles = skin(mesh, 300)
+    assert 150 < len(triangles.nodes) <= 300 and triangles.n_outer > 1000
+    assert set(triangles.body) == {0, 1} and triangles.names == ("a", "b") and len(triangles.edges) == 0
+    assert np.ptp(mesh.points[triangles.nodes], axis=0) == pytest.approx([1.0, 1.0, 1.1], abs=0.12)
+    assert triangles.triangles.max() < len(triangles.nodes) and (np.diff(np.sort(triangles.triangles, axis=1), axis=1) > 0).all()

@@ -87,22 +87,22 @@ def test_a_cylinder_is_rolled_off(n_around, reach):
 
 
 def test_flanks_are_patches_of_their_own_with_their_place_in_the_label():
-    found = patches(joint_of(two_flanks(6, 2)))
-    assert [len(patch.pairs) for patch in found] == [len(two_flanks(6, 2).mu) // 2] * 2
-    x = [1e3 * two_flanks(6, 2).position[patch.pairs, 0].mean() for patch in found]
-    assert [patch.label for patch in found] == [f"dovetail at x = \u2212{-x[0]:.3g} mm", f"dovetail at x = {x[1]:.3g} mm"]
-    assert {patch.x_label for patch in found} == {"y"}
+    surfaces = patches(joint_of(two_flanks(6, 2)))
+    assert [len(patch.pairs) for patch in surfaces] == [len(two_flanks(6, 2).mu) // 2] * 2
+    x = [1e3 * two_flanks(6, 2).position[patch.pairs, 0].mean() for patch in surfaces]
+    assert [patch.label for patch in surfaces] == [f"dovetail at x = \u2212{-x[0]:.3g} mm", f"dovetail at x = {x[1]:.3g} mm"]
+    assert {patch.x_label for patch in surfaces} == {"y"}
     # the flank is a strip 66 mm by 9 mm on a cone: the plane shortens it by less than 1 %
-    faces = np.abs([area(ring) for ring in found[0].outlines]).sum()
+    faces = np.abs([area(ring) for ring in surfaces[0].outlines]).sum()
     assert faces == pytest.approx(0.066 * 0.009, rel=0.02)
 
 
 def test_joints_are_apart_even_where_no_face_tells():
-    found = patches(joint_of(two_flanks(4, 1, names=("left", "right"))))
-    assert [patch.label for patch in found] == ["left", "right"]
+    surfaces = patches(joint_of(two_flanks(4, 1, names=("left", "right"))))
+    assert [patch.label for patch in surfaces] == ["left", "right"]
     points = np.random.default_rng(0).normal(size=(6, 3)) * [1, 1, 0]
-    found = patches(joint(points, np.tile([0.0, 0.0, 1.0], (6, 1)), (), ("a",) * 2 + ("b",) * 4))
-    assert [(patch.label, list(patch.pairs)) for patch in found] == [("a", [0, 1]), ("b", [2, 3, 4, 5])]
+    surfaces = patches(joint(points, np.tile([0.0, 0.0, 1.0], (6, 1)), (), ("a",) * 2 + ("b",) * 4))
+    assert [(patch.label, list(patch.pairs)) for patch in surfaces] == [("a", [0, 1]), ("b", [2, 3, 4, 5])]
 
 
 def test_pairs_without_a_place_are_put_in_the_order_of_their_numbers():
