@@ -26,8 +26,8 @@ def test_every_key_arrives(path):
     scene = read_scene(path)
     assert (scene.model.mesh, scene.model.stiffness, scene.model.mass, scene.model.damping) == (None, "K.mtx", "M.mtx", None)
     assert (scene.joints[0].pairs, scene.joints[0].surfaces, scene.joints[0].friction_limit) == ("pairs.csv", None, "circle")
-    found = [(load.dof, load.scale, load.harmonic, load.phase) for load in scene.loads]
-    assert found == [
+    listed = [(load.dof, load.scale, load.harmonic, load.phase) for load in scene.loads]
+    assert listed == [
         (0, 1.0, 1, 0.0),
         (2, 0.3, 1, 0.0),
         (1, 0.7, 1, np.pi / 3),
@@ -71,6 +71,6 @@ def test_a_damping_matrix_stands_for_damping(path):
 )
 def test_a_mistake_gives_one_message(path, old, new, expected):
     change(path, old, new)
-    with pytest.raises(CaseError) as found:
+    with pytest.raises(CaseError) as caught:
         read_scene(path)
-    assert expected in str(found.value) and "\n" not in str(found.value)
+    assert expected in str(caught.value) and "\n" not in str(caught.value)

@@ -11,9 +11,9 @@ from microslip.scene.read import read_scene
 def said(folder, *settings):
     """Return the message for the scene with keys set, without the file's name."""
     path = write_scene(folder)
-    with pytest.raises(CaseError) as found:
+    with pytest.raises(CaseError) as caught:
         read_scene(path, settings)
-    return str(found.value).removeprefix(f"{path} ")
+    return str(caught.value).removeprefix(f"{path} ")
 
 
 def test_values_arrive_where_they_are_set_and_nothing_else_changes(tmp_path):

@@ -14,10 +14,10 @@ from microslip.tables.table import Table
 def message(folder, old, new):
     """Return the message for the scene with ``old`` replaced by ``new``, without the file's name."""
     path = write_scene(folder, old, new)
-    with pytest.raises(CaseError) as found:
+    with pytest.raises(CaseError) as caught:
         read_scene(path)
-    assert found.value.exit_status == 2
-    text = str(found.value)
+    assert caught.value.exit_status == 2
+    text = str(caught.value)
     assert text.startswith(f"{path}: ")
     return text.removeprefix(f"{path}: ")
 
@@ -172,9 +172,9 @@ def test_windows_files_are_read(tmp_path):
     ],
 )
 def test_a_mistake_gives_one_message(tmp_path, old, new, expected):
-    found = message(tmp_path, old, new)
-    assert expected in found
-    assert "\n" not in found
+    text = message(tmp_path, old, new)
+    assert expected in text
+    assert "\n" not in text
 
 
 def test_error_bars_may_be_left_out_where_accuracy_has_modes_alone_to_choose(tmp_path):
@@ -183,13 +183,13 @@ def test_error_bars_may_be_left_out_where_accuracy_has_modes_alone_to_choose(tmp
 
 
 def test_statics_ask_for_constant_loads_and_a_method_that_bears_them(tmp_path):
-    found = message(tmp_path, "harmonics = 3", "harmonics = 0").splitlines()
-    assert found[0] == "2 mistakes"
+    computed = message(tmp_path, "harmonics = 3", "harmonics = 0").splitlines()
+    assert computed[0] == "2 mistakes"
     assert (
         "[[loads]] 1 harmonic = 1: [solver] harmonics = 0 is a static balance, in which nothing vibrates; state at least 1"
-        in found[1]
+        in computed[1]
     )
-    assert '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates' in found[2]
+    assert '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates' in computed[2]
     constant = GOOD.replace("harmonic = 1", "harmonic = 0").replace("harmonics = 3", "harmonics = 0")
     assert GOOD.count("modes = 20") == 1
     for method, text in {
