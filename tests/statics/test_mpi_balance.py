@@ -142,10 +142,10 @@ def test_results_and_log_have_it(comm, folder, program):
     assert "  body 'ground': joints (150, 50, -1000) N, supports (-150, -50, 1000) N; imbalance " in said
 
     def check():
-        found = read_results(str(folder / "out" / "results.h5")).at_rest
-        assert found["joints"].names == ("joint",)
-        assert found["joints"].columns["on_first"][0, :3] == pytest.approx(-LOAD, rel=1e-9)
-        assert sum(found["bodies"].columns[name][1] for name in ("loads", "joints", "supports")) == pytest.approx(0.0, abs=1e-9)
+        results = read_results(str(folder / "out" / "results.h5")).at_rest
+        assert results["joints"].names == ("joint",)
+        assert results["joints"].columns["on_first"][0, :3] == pytest.approx(-LOAD, rel=1e-9)
+        assert sum(results["bodies"].columns[name][1] for name in ("loads", "joints", "supports")) == pytest.approx(0.0, abs=1e-9)
 
     on_root(comm, check)
 

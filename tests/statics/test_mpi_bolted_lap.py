@@ -60,10 +60,10 @@ def test_another_friction_finds_the_rest_of_bolts_as_a_scene_built_anew(comm, sh
     with microslip.build(scene, comm) as structure, microslip.build(other, comm) as fresh:
         assert structure.reference is not None
         pairs = pairs_with(structure.reference.pairs, {"friction": {"lap": 0.1}})
-        found, said = at_another_rest(structure, other, pairs)
+        other_rest, said = at_another_rest(structure, other, pairs)
         for name in ("N0", "T0"):
-            a, b, was = (getattr(one.pairs, name) for one in (found, fresh, structure))
+            a, b, was = (getattr(one.pairs, name) for one in (other_rest, fresh, structure))
             assert a == pytest.approx(b, abs=1e-8 * np.abs(b).max()) and np.abs(a - was).max() > 1e-3 * np.abs(was).max()
-        assert found.bolts is not None and found.bolts.shortening == pytest.approx(fresh.bolts.shortening, rel=1e-8)
-        assert found.modes.omega_n == pytest.approx(fresh.modes.omega_n, rel=1e-8)
+        assert other_rest.bolts is not None and other_rest.bolts.shortening == pytest.approx(fresh.bolts.shortening, rel=1e-8)
+        assert other_rest.modes.omega_n == pytest.approx(fresh.modes.omega_n, rel=1e-8)
         assert sum(line.startswith("  bolt ") for line in said) == 3

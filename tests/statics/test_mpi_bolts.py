@@ -72,11 +72,11 @@ def test_a_bar_between_walls_is_pulled_as_a_spring(comm, kind, bulge, given):
     """F = (E A / L) delta, whichever of them is given; the bar beside the cut stretches evenly."""
     mesh = on_root(comm, bar, kind, bulge, share=False)
     _, system, _, _, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(**given),)))
-    found = rest.bolts
-    assert found.area == pytest.approx(AREA, rel=1e-9)
-    assert found.force == pytest.approx(STIFFNESS * 1e-5, rel=1e-8)
-    assert found.tightened == pytest.approx(STIFFNESS * 1e-5, rel=1e-8)
-    assert found.shortening == pytest.approx(1e-5, rel=1e-8)
+    bolts = rest.bolts
+    assert bolts.area == pytest.approx(AREA, rel=1e-9)
+    assert bolts.force == pytest.approx(STIFFNESS * 1e-5, rel=1e-8)
+    assert bolts.tightened == pytest.approx(STIFFNESS * 1e-5, rel=1e-8)
+    assert bolts.shortening == pytest.approx(1e-5, rel=1e-8)
     u = np.concatenate(comm.allgather(rest.u_owned))
 
     def error():

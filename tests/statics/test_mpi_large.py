@@ -83,11 +83,11 @@ def test_a_beam_bends_far_as_theory_says(comm, folder, kind):
 
 def test_under_small_loads_a_joint_is_at_the_rest_of_small_displacements(comm, folder):
     load = force(0.15, 0.05, -1.0)
-    found = []
+    values = []
     for first in ("", "large_displacements = true\n"):
         with microslip.build(bar_scene_of(comm, folder, first + load), comm) as structure:
-            found.append((structure.pairs.N0, structure.modes.omega_n))
-    for small, large in zip(*found, strict=True):
+            values.append((structure.pairs.N0, structure.modes.omega_n))
+    for small, large in zip(*values, strict=True):
         assert large == pytest.approx(small, rel=1e-5)
 
 

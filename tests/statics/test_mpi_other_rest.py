@@ -35,16 +35,16 @@ def found_at(response):
     return level.response[i, 0, 1:], level.p[i]
 
 
-def assert_same(found, wanted):
+def assert_same(computed, wanted):
     """Compare responses and the structures that they are of: rest, frequencies, motion, forces, fields.  Collective."""
     for name in ("mu", "N0", "T0", "k_t", "k_n", "w0"):
-        a, b = getattr(found.prepared.pairs, name), getattr(wanted.prepared.pairs, name)
+        a, b = getattr(computed.prepared.pairs, name), getattr(wanted.prepared.pairs, name)
         assert np.abs(a - b).max(initial=0.0) <= SAME * np.abs(b).max(initial=0.0), name
-    assert np.array_equal(found.prepared.pairs.open_at_rest, wanted.prepared.pairs.open_at_rest)
-    assert found.prepared.structure.omega_n == pytest.approx(wanted.prepared.structure.omega_n, rel=SAME)
-    for a, b in zip(found_at(found), found_at(wanted)):
+    assert np.array_equal(computed.prepared.pairs.open_at_rest, wanted.prepared.pairs.open_at_rest)
+    assert computed.prepared.structure.omega_n == pytest.approx(wanted.prepared.structure.omega_n, rel=SAME)
+    for a, b in zip(found_at(computed), found_at(wanted)):
         assert a == pytest.approx(b, abs=SAME * np.abs(b).max())
-    a, b = (one.fields(5.0, 4665.0)[1] for one in (found, wanted))
+    a, b = (one.fields(5.0, 4665.0)[1] for one in (computed, wanted))
     assert a == pytest.approx(b, abs=SAME * np.abs(b).max())
 
 
@@ -79,11 +79,11 @@ def test_another_rest_is_that_of_a_scene_built_anew(comm, folder, structure, nam
         mu, text = of_pairs(structure)
         on_root(comm, lambda: (folder / "mu.csv").write_text(text))
         keys = {"friction": {"joint": mu}}
-    found = microslip.respond(structure, error_bars=False, **keys)
+    response = microslip.respond(structure, error_bars=False, **keys)
     with microslip.build(scene_of(comm, folder, STATICS, *COMMON, RANGE, change, name="anew"), comm) as fresh:
-        assert_same(found, microslip.respond(fresh, error_bars=False))
-    assert any(line.startswith("rest found in") for line in found.notes)
-    assert np.abs(found.prepared.pairs.T0 - structure.pairs.T0).max() > 1e-3 * np.abs(structure.pairs.T0).max()
+        assert_same(response, microslip.respond(fresh, error_bars=False))
+    assert any(line.startswith("rest found in") for line in response.notes)
+    assert np.abs(response.prepared.pairs.T0 - structure.pairs.T0).max() > 1e-3 * np.abs(structure.pairs.T0).max()
 
 
 @pytest.fixture
@@ -163,11 +163,11 @@ def test_where_the_stuck_structure_stays_what_it_is_its_factor_and_modes_serve_o
     own = ("friction = 0.3", "friction = 0.8")
     with microslip.build(scene_of(comm, folder, statics, *COMMON, RANGE, own, name="serves"), comm) as structure:
         made = made()
-        found = microslip.respond(structure, error_bars=False, friction=friction)
-        assert len(made) == 1 and found.prepared.structure.projected is structure.projected
-        assert found.prepared.structure.linearised.factor is structure.linearised.factor
-        assert np.array_equal(found.prepared.pairs.mu, np.full(structure.pairs.n_pairs, friction))
-        assert np.array_equal(found.prepared.pairs.open_at_rest, structure.pairs.open_at_rest)
+        response = microslip.respond(structure, error_bars=False, friction=friction)
+        assert len(made) == 1 and response.prepared.structure.projected is structure.projected
+        assert response.prepared.structure.linearised.factor is structure.linearised.factor
+        assert np.array_equal(response.prepared.pairs.mu, np.full(structure.pairs.n_pairs, friction))
+        assert np.array_equal(response.prepared.pairs.open_at_rest, structure.pairs.open_at_rest)
 
 
 def test_what_no_rest_takes_is_said_and_the_structure_stays(comm, folder, structure):

@@ -115,12 +115,12 @@ def test_a_response_of_meshes_that_do_not_match(comm, folder):
         for side, axis in zip(("left", "right", "front", "rear"), "xxyy")
     ]
     base = ('fix = ["z"]', 'fix = ["x", "y", "z"]')
-    found = []
+    values = []
     for ranks in (comm, comm.Split(comm.rank)):
         own = folder if ranks is comm else folder / f"alone_{comm.rank}"
         own.mkdir(exist_ok=True)
         with built(ranks, own, "hex8", "tet4", *changes, *push, *free, base) as structure:
             (level,) = microslip.respond(structure, error_bars=False).results.levels
-            found.append(np.abs(level.response[:, 0, 1:3]).max())
+            values.append(np.abs(level.response[:, 0, 1:3]).max())
         assert (level.state == 1).any() and not (level.state == 2).any()
-    assert found[1] == pytest.approx(found[0], rel=1e-6)
+    assert values[1] == pytest.approx(values[0], rel=1e-6)

@@ -39,11 +39,11 @@ def test_an_eccentric_load_opens_the_far_side(comm, folder):
 
 
 def test_without_friction_the_steps_do_not_matter(comm, folder):
-    found = []
+    values = []
     for steps in (1, 7):
         with microslip.build(scene_of(comm, folder, f"steps = {steps}\n" + eccentric(800.0), *GUIDED), comm) as one:
-            found.append(one.pairs.N0)
-    assert found[0] == pytest.approx(found[1], abs=1e-9 * np.abs(found[0]).max())
+            values.append(one.pairs.N0)
+    assert values[0] == pytest.approx(values[1], abs=1e-9 * np.abs(values[0]).max())
 
 
 NONE = "no friction would hold it there: turn the loads or the axis round"
@@ -70,9 +70,9 @@ def test_where_nothing_holds_the_bar_there_is_no_equilibrium(comm, folder, name)
     load, says = FLIGHTS[name]
     with pytest.raises(
         ConvergenceError, match=rf"scene.toml: \[statics\]: no equilibrium beyond .* pairs of 'joint' are open: {says}"
-    ) as found:
+    ) as caught:
         microslip.build(scene_of(comm, folder, load), comm)
-    assert found.value.exit_status == 3 and "'ground'" not in str(found.value)
+    assert caught.value.exit_status == 3 and "'ground'" not in str(caught.value)
 
 
 def test_a_warm_bar_presses_as_before(comm, folder):
@@ -119,11 +119,11 @@ def test_vibration_about_rest_is_that_under_the_load_as_a_mean(comm, folder, fir
 def test_spin_and_stress_change_the_stiffness(comm, folder):
     """A bar far out on a spinning plate is pulled, and its joint pressed or opened: frequencies with and without are told apart."""
     turning = "rotation_speed = 300.0\n" + force(0.0, 0.0, -5000.0)
-    found = []
+    values = []
     for stiffens in ("true", "false"):
         with microslip.build(scene_of(comm, folder, f"stress_stiffening = {stiffens}\n" + turning), comm) as structure:
-            found.append(structure.modes.frequency[0])
-    assert found[0] != found[1] and found[0] == pytest.approx(found[1], rel=1e-2)
+            values.append(structure.modes.frequency[0])
+    assert values[0] != values[1] and values[0] == pytest.approx(values[1], rel=1e-2)
 
 
 MISTAKES = {
@@ -210,9 +210,9 @@ def test_time_integration_knows_pairs_that_are_open_at_rest(comm, folder, progra
         with open(folder / "open" / "verify.csv", newline="") as file:
             return next(csv.DictReader(file))
 
-    found = on_root(comm, row)
-    assert float(found["higher_harmonics"]) > 0.03  # pairs close and open
-    assert float(found["difference_with_phase"]) < 1e-3 and abs(float(found["energy_closure"])) < 2e-3
+    computed = on_root(comm, row)
+    assert float(computed["higher_harmonics"]) > 0.03  # pairs close and open
+    assert float(computed["difference_with_phase"]) < 1e-3 and abs(float(computed["energy_closure"])) < 2e-3
 
 
 def test_an_axis_about_which_nothing_turns_is_noted(comm, folder):
@@ -239,9 +239,9 @@ def test_loads_that_balance_press_on_nothing(comm, folder, name, stiffening):
     scene = scene_of(comm, folder, stiffening + BALANCED[name], name=f"balanced {name}")
     with pytest.raises(
         CaseError, match=r"balanced .*\.toml: \[statics\]: nothing presses on body 'bar' at rest: .* of 'joint' is "
-    ) as found:
+    ) as caught:
         microslip.build(scene, comm)
-    assert found.value.exit_status == 2
+    assert caught.value.exit_status == 2
 
 
 def test_a_light_load_on_a_warm_body_presses_it_on(comm, folder):

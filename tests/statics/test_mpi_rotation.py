@@ -97,5 +97,5 @@ def test_a_spinning_beam_stiffens_as_theory_says(comm, folder, eta, flap):
     """A. D. Wright and others, Journal of Applied Mechanics 49 (1982) 197: flap of a beam clamped on the axis; in the plane,
     omega^2 is less by Omega^2."""
     with microslip.build(scene_of(comm, folder, turning(eta * OMEGA_1 or 1e-6)), comm) as structure:
-        found = np.sort(structure.modes.omega_n)[:2] / OMEGA_1
-    assert found == pytest.approx([np.sqrt(flap**2 - eta**2), flap], rel=5e-3)
+        computed = np.sort(structure.modes.omega_n)[:2] / OMEGA_1
+    assert computed == pytest.approx([np.sqrt(flap**2 - eta**2), flap], rel=5e-3)

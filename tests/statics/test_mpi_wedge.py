@@ -88,9 +88,9 @@ def test_friction_takes_its_share_of_the_pull(comm, folder):
 
 def test_a_damper_that_is_pulled_inwards_flies_off(comm, folder):
     """With the axis beyond the tips the pull is inwards, and nothing is under the damper."""
-    with pytest.raises(ConvergenceError, match=r"no equilibrium beyond .*body 'damper' moves along \(0, 0, -1\)") as found:
+    with pytest.raises(ConvergenceError, match=r"no equilibrium beyond .*body 'damper' moves along \(0, 0, -1\)") as caught:
         flanks(comm, scene_of(comm, folder, "away", height=0.6, pressure=1.0))
-    assert found.value.exit_status == 3
+    assert caught.value.exit_status == 3
 
 
 def test_a_damper_without_pull_is_not_held(comm, folder):
