@@ -34,16 +34,16 @@ def test_differences_are_relative_to_the_peak_of_each_output():
 
 
 def test_a_record_has_peak_unknowns_and_effort():
-    found = numbers(row("rubin", (1.0, 4.4, 2.0)), EXACT)
-    assert (found["peak_m"], found["peak_Hz"]) == pytest.approx((4.4, 11.0))
-    assert (found["unknowns_min"], found["unknowns_max"], found["evaluations"], found["points"]) == (6, 8, 3, 3)
-    assert found["ms_a_point"] == pytest.approx(10.0)
-    assert found["difference_percent"] == pytest.approx(10.0)
+    computed = numbers(row("rubin", (1.0, 4.4, 2.0)), EXACT)
+    assert (computed["peak_m"], computed["peak_Hz"]) == pytest.approx((4.4, 11.0))
+    assert (computed["unknowns_min"], computed["unknowns_max"], computed["evaluations"], computed["points"]) == (6, 8, 3, 3)
+    assert computed["ms_a_point"] == pytest.approx(10.0)
+    assert computed["difference_percent"] == pytest.approx(10.0)
 
 
 def test_a_method_that_ends_early_is_compared_where_it_has_points():
-    found = numbers(row("rubin", (1.0, 4.4), failure="no convergence"), EXACT)
-    assert (found["points"], found["failure"]) == (2, "no convergence")
+    computed = numbers(row("rubin", (1.0, 4.4), failure="no convergence"), EXACT)
+    assert (computed["points"], computed["failure"]) == (2, "no convergence")
     nothing = numbers(Row(1.0, "rubin", 0.5, [], "no convergence"), EXACT)
     assert nothing["points"] == 0 and np.isnan(nothing["difference_percent"])
     assert "no convergence" in table([numbers(EXACT, EXACT), nothing], EXACT)
@@ -56,16 +56,16 @@ def test_of_statics_the_displacement_is_told():
         ]
         return Row(1.0, method, 0.5, points, None, MEAN)
 
-    found = numbers(still("rubin", -2.2e-6), still("full", -2e-6))
-    assert (found["peak_m"], found["difference_percent"]) == pytest.approx((-2.2e-6, 10.0))
-    assert "-2.2e-06" in table([found], still("full", -2e-6))
+    row = numbers(still("rubin", -2.2e-6), still("full", -2e-6))
+    assert (row["peak_m"], row["difference_percent"]) == pytest.approx((-2.2e-6, 10.0))
+    assert "-2.2e-06" in table([row], still("full", -2e-6))
 
 
 def test_the_unit_of_the_output_is_told():
     shown = replace(EXACT, shown=shown_with(3, "m/s2", "1"))
-    found = numbers(shown, shown)
-    assert list(found)[-1] == "unit" and found["unit"] == "m/s2" and numbers(replace(shown, points=[]), shown)["unit"] == "m/s2"
-    assert "peak" in table([found], shown) and "m/s2" in table([found], shown)
+    row = numbers(shown, shown)
+    assert list(row)[-1] == "unit" and row["unit"] == "m/s2" and numbers(replace(shown, points=[]), shown)["unit"] == "m/s2"
+    assert "peak" in table([row], shown) and "m/s2" in table([row], shown)
 
 
 def test_the_files_hold_every_row(tmp_path):
@@ -78,12 +78,12 @@ def test_the_files_hold_every_row(tmp_path):
     text = write_comparison(rows, SCENE, str(tmp_path / "new"))
     assert text.count("reference") >= 2 and text.count("rubin") == 2
     with open(tmp_path / "new" / "compare.csv", newline="") as file:
-        found = list(csv.DictReader(file))
-    assert [(float(entry["level_N"]), entry["method"]) for entry in found] == [
+        entries = list(csv.DictReader(file))
+    assert [(float(entry["level_N"]), entry["method"]) for entry in entries] == [
         (1, "full"),
         (1, "rubin"),
         (2, "full"),
         (2, "rubin"),
     ]
-    assert float(found[1]["difference_percent"]) == pytest.approx(10.0)
+    assert float(entries[1]["difference_percent"]) == pytest.approx(10.0)
     assert (tmp_path / "new" / "compare.png").stat().st_size > 10_000

@@ -28,8 +28,8 @@ def pairs():
 @pytest.fixture(scope="module")
 def results(pairs, tmp_path_factory) -> ResultFile:
     """Two levels and two outputs."""
-    found = [branch(level, pairs, n_outputs=2) for level in (1.0, 8.0)]
-    return read_results(write(tmp_path_factory.mktemp("diff"), found, pairs, outputs=("tip", "root")))
+    listed = [branch(level, pairs, n_outputs=2) for level in (1.0, 8.0)]
+    return read_results(write(tmp_path_factory.mktemp("diff"), listed, pairs, outputs=("tip", "root")))
 
 
 def other(results: ResultFile, number: int = 1, **arrays) -> ResultFile:
@@ -72,9 +72,9 @@ def test_one_folded_curve_by_other_points_is_the_same_one():
     first = of_curve(*bent(np.linspace(0.15, np.pi - 0.15, 90)))
     second = of_curve(*bent(0.15 + (np.pi - 0.3) * np.linspace(0.0, 1.0, 131) ** 1.2))
     for a, b in ((first, second), (second, first)):
-        found = compared(a, b)
-        (level,) = found.levels
-        assert found.is_same and level.n_points != level.n_points[::-1] and level.is_whole
+        comparison = compared(a, b)
+        (level,) = comparison.levels
+        assert comparison.is_same and level.n_points != level.n_points[::-1] and level.is_whole
         assert 1e-8 < level.difference < 1e-3 and level.beyond < 1e-12
         assert level.outputs[0].peak == pytest.approx((1.0, 1.0), rel=1e-4)
         assert not compared(a, b, tolerance=1e-8).is_same
@@ -82,8 +82,8 @@ def test_one_folded_curve_by_other_points_is_the_same_one():
 
 def test_points_of_the_other_curve_are_met_to_rounding():
     s = np.linspace(0.15, np.pi - 0.15, 201)
-    found = compared(of_curve(*bent(s)), of_curve(*bent(np.delete(s, np.arange(3, 200, 7)))))
-    assert found.is_same and 1e-8 < found.levels[0].difference < 1e-3
+    comparison = compared(of_curve(*bent(s)), of_curve(*bent(np.delete(s, np.arange(3, 200, 7)))))
+    assert comparison.is_same and 1e-8 < comparison.levels[0].difference < 1e-3
     backwards = compared(of_curve(*bent(s)), of_curve(*(column[::-1] for column in bent(s))), tolerance=1e-12)
     assert backwards.is_same and not backwards.levels[0].same_points
 
@@ -92,17 +92,17 @@ def test_points_of_the_other_curve_are_met_to_rounding():
 def test_a_higher_curve_is_as_much_higher(factor):
     frequency, z = bent(np.linspace(0.05, np.pi - 0.05, 200))
     again, w = bent(np.linspace(0.06, np.pi - 0.06, 170))
-    found = compared(of_curve(frequency, z), of_curve(again, factor * w))
-    (level,) = found.levels
-    assert not found.is_same and level.outputs[0].peak[1] == pytest.approx(factor, rel=1e-4)
+    comparison = compared(of_curve(frequency, z), of_curve(again, factor * w))
+    (level,) = comparison.levels
+    assert not comparison.is_same and level.outputs[0].peak[1] == pytest.approx(factor, rel=1e-4)
     assert (factor - 1.0) * 0.9 < level.beyond < (factor - 1.0) * 1.4  # harmonic 3 adds a little
 
 
 def test_a_shift_by_a_hundredth_of_the_width_is_seen_on_the_flanks():
     frequency, z = bent(np.linspace(0.05, np.pi - 0.05, 400), bend=0.0)
     shifted, w = bent(np.linspace(0.05, np.pi - 0.05, 333), bend=0.0)
-    found = compared(of_curve(frequency, z), of_curve(shifted + 0.01 * ZETA * F_N, w))
-    (level,) = found.levels
+    comparison = compared(of_curve(frequency, z), of_curve(shifted + 0.01 * ZETA * F_N, w))
+    (level,) = comparison.levels
     (low, high) = level.outputs[0].peak_at
     assert high - low == pytest.approx(0.01 * ZETA * F_N, rel=0.05)
     assert 0.006 < level.difference < 0.0105  # the slope of z over the frequency in half widths is 1 at most
@@ -146,17 +146,19 @@ def test_segments_are_not_joined():
 
 
 def test_the_same_results_are_the_same(results):
-    found = compared(results, results)
-    assert found.is_same and verdict(found) == "the same: the curves are equal (tolerance 0.0001 %)"
-    assert found.keys == [] and found.facts == [] and found.only == ((), ())
-    assert found.levels[1].n_other_state == 0 and found.levels[1].same_points
+    comparison = compared(results, results)
+    assert comparison.is_same and verdict(comparison) == "the same: the curves are equal (tolerance 0.0001 %)"
+    assert comparison.keys == [] and comparison.facts == [] and comparison.only == ((), ())
+    assert comparison.levels[1].n_other_state == 0 and comparison.levels[1].same_points
 
 
 def test_order_of_levels_and_outputs_does_not_count(results):
     levels = [replace(level, arrays={**level.arrays, "response": level.response[:, ::-1]}) for level in reversed(results.levels)]
-    found = compared(results, replace(results, levels=tuple(levels), outputs=("root", "tip")))
+    comparison = compared(results, replace(results, levels=tuple(levels), outputs=("root", "tip")))
     assert (
-        found.is_same and [one.name for one in found.levels[0].outputs] == ["tip", "root"] and found.levels[0].difference == 0.0
+        comparison.is_same
+        and [one.name for one in comparison.levels[0].outputs] == ["tip", "root"]
+        and comparison.levels[0].difference == 0.0
     )
 
 
@@ -164,11 +166,11 @@ def test_a_difference_at_the_same_points_is_over_the_peak_of_its_output(results)
     response = results.levels[1].response.copy()
     peak = np.hypot(*response[:, 1, 1:3].T).max()
     response[10, 1, 5] += 2e-5 * peak
-    found = compared(results, other(results, response=response))
-    tip, root = found.levels[1].outputs
+    comparison = compared(results, other(results, response=response))
+    tip, root = comparison.levels[1].outputs
     assert (tip.difference, root.difference) == (0.0, pytest.approx(2e-5)) and root.at == results.levels[1].frequency[10]
-    assert not found.is_same and compared(results, other(results, response=response), tolerance=3e-5).is_same
-    assert "different: the curves differ by up to 0.002 % of the peak, at 8 N" in verdict(found)
+    assert not comparison.is_same and compared(results, other(results, response=response), tolerance=3e-5).is_same
+    assert "different: the curves differ by up to 0.002 % of the peak, at 8 N" in verdict(comparison)
 
 
 def test_more_harmonics_that_are_zero_are_no_difference(results):
@@ -179,9 +181,9 @@ def test_more_harmonics_that_are_zero_are_no_difference(results):
 
 def test_where_a_level_or_an_output_is_alone_what_both_have_is_compared(results):
     shorter = replace(results, levels=results.levels[:1])
-    found = compared(results, shorter)
-    assert not found.is_same and found.only == (("level 8 N",), ())
-    assert verdict(found).startswith("different: level 8 N in A only; in the common range the curves are equal")
+    comparison = compared(results, shorter)
+    assert not comparison.is_same and comparison.only == (("level 8 N",), ())
+    assert verdict(comparison).startswith("different: level 8 N in A only; in the common range the curves are equal")
     renamed = compared(results, replace(results, outputs=("tip", "foot")))
     assert renamed.only == (('output "root" in m',), ('output "foot" in m',)) and len(renamed.levels[0].outputs) == 1
     assert verdict(compared(results, replace(results, levels=()))) == "different: no common level"
@@ -194,25 +196,25 @@ def test_of_a_run_that_ended_early_the_part_is_compared(results, status, failure
     level = replace(part.levels[1], status=status, failure=failure)
     part = replace(part, levels=(part.levels[0], level))
     for a, b, side in ((results, part, "B"), (part, results, "A")):
-        found = compared(a, b)
-        assert not found.is_same and found.incomplete == (side,) and found.levels[1].difference < 1e-12
-        assert verdict(found).startswith(f"different: {side} is not complete; in the common range the curves")
+        comparison = compared(a, b)
+        assert not comparison.is_same and comparison.incomplete == (side,) and comparison.levels[1].difference < 1e-12
+        assert verdict(comparison).startswith(f"different: {side} is not complete; in the common range the curves")
         how = "ended early: no convergence" if failure else "was not finished when the file was written"
-        assert f"8 N: {side} {how} (35 points)" in text_of(found) and "compared in the overlap" in text_of(found)
+        assert f"8 N: {side} {how} (35 points)" in text_of(comparison) and "compared in the overlap" in text_of(comparison)
 
 
 def test_a_wider_range_is_said(results):
     n = len(results.levels[1].frequency)
     part = other(results, **{name: None if one is None else one[5 : n - 5] for name, one in results.levels[1].arrays.items()})
-    found = compared(results, part)
-    assert "the frequency ranges differ; in the common range the curves are equal" in verdict(found)
+    comparison = compared(results, part)
+    assert "the frequency ranges differ; in the common range the curves are equal" in verdict(comparison)
 
 
 def test_levels_without_points(results):
     empty = other(results, **{name: None if one is None else one[:0] for name, one in results.levels[1].arrays.items()})
-    found = compared(results, empty)
-    assert not found.is_same and found.levels[1].outputs == () and found.levels[1].n_points[1] == 0
-    assert text_of(found) and json.loads(json_of(found))["levels"][1]["outputs"] == []
+    comparison = compared(results, empty)
+    assert not comparison.is_same and comparison.levels[1].outputs == () and comparison.levels[1].n_points[1] == 0
+    assert text_of(comparison) and json.loads(json_of(comparison))["levels"][1]["outputs"] == []
     assert compared(empty, empty).is_same
 
 
@@ -225,8 +227,8 @@ def test_differences_inside_the_error_bars(results):
     for share, inside in ((1.9, True), (2.1, False)):
         response = level.response * (1.0 + share * bar[0])
         changed = other(known, response=response)
-        found = compared(known, changed)
-        assert found.levels[1].inside_bars is inside and not found.is_same
+        comparison = compared(known, changed)
+        assert comparison.levels[1].inside_bars is inside and not comparison.is_same
         both = compared(known, changed, bars=True)
         assert both.is_level_same(both.levels[1]) is inside
     assert compared(results, other(results, response=1.001 * level.response)).levels[1].outputs[0].inside_bars is None
@@ -238,9 +240,9 @@ def test_states_losses_and_peaks_are_those_of_the_peak(results, pairs):
     state, friction = level.state.copy(), level.friction.copy()
     state[top, :3] = (state[top, :3] + 1) % 3
     friction[top] *= 1.5
-    found = compared(results, other(results, state=state, friction=friction)).levels[1]
-    assert found.n_other_state == 3 and found.friction[1] == pytest.approx(1.5 * found.friction[0])
-    assert found.outputs[0].peak_at == (level.frequency[top], level.frequency[top])
+    comparison = compared(results, other(results, state=state, friction=friction)).levels[1]
+    assert comparison.n_other_state == 3 and comparison.friction[1] == pytest.approx(1.5 * comparison.friction[0])
+    assert comparison.outputs[0].peak_at == (level.frequency[top], level.frequency[top])
 
 
 def test_statics_are_compared_by_their_means(results):
@@ -296,12 +298,12 @@ def test_versions_options_ranks_and_files_that_differ_are_listed(results):
 
 def test_the_structure_is_compared(results):
     joint = replace(results.joint, mu=0.9 * results.joint.mu)
-    found = compared(
+    comparison = compared(
         replace(results, n_dof=5), replace(results, n_dof=6, joint=joint, mode_frequency=np.array([100.0, 312.6, 400.0]))
     )
-    assert found.structure.pairs["mu"] == pytest.approx(0.1) and found.structure.same_pairs
-    assert found.structure.modes == pytest.approx(0.1 / 312.5) and found.structure.mode == 2
-    said = text_of(found)
+    assert comparison.structure.pairs["mu"] == pytest.approx(0.1) and comparison.structure.same_pairs
+    assert comparison.structure.modes == pytest.approx(0.1 / 312.5) and comparison.structure.mode == 2
+    said = text_of(comparison)
     assert "5 -> 6 DOF" in said and "mu of the pairs by up to 10 %" in said and "2 -> 3 modes" in said
     moved = replace(results.joint, node1=results.joint.node1 + 1)
     assert "the pairs have other positions" in text_of(compared(results, replace(results, joint=moved)))
@@ -324,5 +326,5 @@ def test_picture_json_and_status(pairs, tmp_path):
 
 
 def test_controls_in_titles_do_not_reach_the_terminal(results):
-    found = compared(replace(results, scene_text='title = "\\u001b[31m"'), results)
-    assert "\x1b" not in text_of(found)
+    comparison = compared(replace(results, scene_text='title = "\\u001b[31m"'), results)
+    assert "\x1b" not in text_of(comparison)

@@ -47,16 +47,16 @@ def test_entries_and_factor_are_those_of_the_matrices(comm, shared_path):
     path = on_root(comm, write_bar, shared_path, "ratio = 0.01", (16, 6, 6))
     dmesh, mesh, pairs, settings = parts(comm, path)
     coupling = coupling_of_nodes(dmesh, pairs)
-    found = foreseen(coupling.graph, coupling.n_dof_each, coupling.entries_owned)
+    forecast = foreseen(coupling.graph, coupling.n_dof_each, coupling.entries_owned)
     coupling.graph.destroy()
     system = assemble(dmesh, mesh, pairs, settings)
     linearised = linearise(system, pairs)
     n_fixed = 3 * dmesh.node_ranges[-1] - system.n_dof
     assert coupling.n_dof == system.n_dof + n_fixed and n_fixed > 0
     assert comm.allreduce(entries(system.K)) < comm.allreduce(coupling.entries_owned) < 1.3 * comm.allreduce(entries(system.K))
-    assert found.entries == pytest.approx(linearised.factor.info["entries"], rel=0.3)
+    assert forecast.entries == pytest.approx(linearised.factor.info["entries"], rel=0.3)
     buffers = comm.size * (2e6 if comm.size == 1 else 8e6)  # of messages, whatever the size
-    assert comm.allreduce(found.in_core) == pytest.approx(1e6 * linearised.factor.info["memory_MB"], rel=0.3, abs=buffers)
+    assert comm.allreduce(forecast.in_core) == pytest.approx(1e6 * linearised.factor.info["memory_MB"], rel=0.3, abs=buffers)
     linearised.destroy()
 
 

@@ -218,30 +218,30 @@ def corner():
 
 def test_surfaces_that_meet_at_an_edge_are_joints_of_their_own():
     points, (bar, plate), beside = corner()
-    found = candidates_of(points, {"bar": bar, "angle": np.concatenate([plate, beside])}, {})
-    assert [(one.made[0].bodies, one.made[0].normal) for one in found] == [
+    candidates = candidates_of(points, {"bar": bar, "angle": np.concatenate([plate, beside])}, {})
+    assert [(one.made[0].bodies, one.made[0].normal) for one in candidates] == [
         (("bar", "angle"), (0.0, 0.0, -1.0)),
         (("bar", "angle"), (1.0, 0.0, 0.0)),
     ]
-    assert [one.area for one in found] == pytest.approx([5e-4, 2e-4]) and all(one.is_likely for one in found)
-    assert len({one.name for one in found}) == 2
+    assert [one.area for one in candidates] == pytest.approx([5e-4, 2e-4]) and all(one.is_likely for one in candidates)
+    assert len({one.name for one in candidates}) == 2
 
 
 def test_named_surfaces_come_first_and_unions_of_them_not_at_all():
     points, (bar, plate), beside = corner()
     sets = plain().sets
     groups = {**sets, "EVERYTHING": np.arange(len(points)), "TWICE": sets["PLATE_TOP"]}
-    found = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, groups)
-    assert found[0].surfaces == ("BAR_BOTTOM", "PLATE_TOP") and not found[0].made
-    assert [one.made[0].bodies for one in found[1:]] == [("bar", "beside")]
+    candidates = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, groups)
+    assert candidates[0].surfaces == ("BAR_BOTTOM", "PLATE_TOP") and not candidates[0].made
+    assert [one.made[0].bodies for one in candidates[1:]] == [("bar", "beside")]
 
 
 def test_surfaces_with_room_between_them_come_last_and_are_not_taken():
     points, (bar, plate), beside = corner()
     points = points + 1e-3 * (np.arange(len(points)) < len(np.unique(bar)))[:, None] * [0.0, 0.0, 1.0]
-    found = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, {})
-    assert [(one.is_distant, one.matches) for one in found] == [(False, False), (True, False)]
-    assert found[1].gap == pytest.approx(1e-3, rel=1e-9) and "0.001 m apart" in found[1].text
+    candidates = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, {})
+    assert [(one.is_distant, one.matches) for one in candidates] == [(False, False), (True, False)]
+    assert candidates[1].gap == pytest.approx(1e-3, rel=1e-9) and "0.001 m apart" in candidates[1].text
 
 
 def test_only_what_touches_is_offered_where_named_surfaces_are_larger(tmp_path):
@@ -267,8 +267,10 @@ def test_named_surfaces_with_an_edge_are_offered_by_their_normals():
     touching = np.isclose(points[:, 2], 0.005) | np.isclose(points[:, 0], 0.05)
     of_bar = np.isin(np.arange(len(points)), bar)
     groups = {"INNER": np.flatnonzero(touching & ~of_bar), "OUTER": np.flatnonzero(touching & of_bar)}
-    found = candidates_of(points, {"bar": bar, "angle": angle}, groups)
-    assert [one.made[0].normal for one in found] == [(0.0, 0.0, -1.0), (1.0, 0.0, 0.0)] and all(one.is_likely for one in found)
+    candidates = candidates_of(points, {"bar": bar, "angle": angle}, groups)
+    assert [one.made[0].normal for one in candidates] == [(0.0, 0.0, -1.0), (1.0, 0.0, 0.0)] and all(
+        one.is_likely for one in candidates
+    )
 
 
 def test_surfaces_apart_stand_as_comments_that_make_a_joint(tmp_path):

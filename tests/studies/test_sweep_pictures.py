@@ -51,6 +51,6 @@ def test_a_logarithmic_axis_of_few_decades_has_numbers_at_several_ticks(ends):
     axes = Figure().add_subplot()
     axes.set_xlim(*ends)
     log_scale(axes, "x")
-    found = [number for number in _numbers(axes.xaxis) if number]
-    assert 2 <= len(found) <= 5 and len(set(found)) == len(found)
-    assert ends[0] < 0.01 or all(ends[0] <= float(number) <= ends[1] for number in found)
+    listed = [number for number in _numbers(axes.xaxis) if number]
+    assert 2 <= len(listed) <= 5 and len(set(listed)) == len(listed)
+    assert ends[0] < 0.01 or all(ends[0] <= float(number) <= ends[1] for number in listed)

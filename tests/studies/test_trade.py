@@ -83,26 +83,26 @@ def test_the_front_is_what_no_other_beats(points):
 
 def test_the_cheapest_within_an_accuracy_is_chosen_set_up_included():
     heavy = run("modes", "20", 0.9, 8e-3, setup=5.0, modes=20)
-    found = study(*HARMONICS, heavy)
-    assert found.choice(1e-2).parameter == BASE
-    assert found.choice(1e-3).setting.harmonics == 13
-    assert found.choice(1e-4) is None
-    assert "harmonics = 13" in "\n".join(choice_lines(found, 1e-3))
-    assert "for 0.01 %: not reached; the best is 0.05 % by 8 modes, H = 13" in choice_lines(found, 1e-4)[0]
+    result = study(*HARMONICS, heavy)
+    assert result.choice(1e-2).parameter == BASE
+    assert result.choice(1e-3).setting.harmonics == 13
+    assert result.choice(1e-4) is None
+    assert "harmonics = 13" in "\n".join(choice_lines(result, 1e-3))
+    assert "for 0.01 %: not reached; the best is 0.05 % by 8 modes, H = 13" in choice_lines(result, 1e-4)[0]
 
 
 def test_nothing_is_chosen_by_a_reference_that_is_not_known_well_enough():
-    found = study(*HARMONICS, floor=2e-3)
-    assert found.choice(1e-3) is None
-    assert "not decided, the reference itself is known to 0.2 % only" in choice_lines(found, 1e-3)[0]
-    assert [row for row in rows(found) if row[1] == "13"][0].count("< 0.2") >= 1
+    result = study(*HARMONICS, floor=2e-3)
+    assert result.choice(1e-3) is None
+    assert "not decided, the reference itself is known to 0.2 % only" in choice_lines(result, 1e-3)[0]
+    assert [row for row in rows(result) if row[1] == "13"][0].count("< 0.2") >= 1
 
 
 def test_a_run_that_failed_is_told_and_never_chosen_nor_on_the_front():
-    found = study(run("tolerance", "0.1", 0.01, 0.0, failure="3 N ends after 2 points: no convergence", tolerance=0.1))
-    assert [entry.parameter for entry in found.front()] == [BASE]
-    assert failure_lines(found) == ["3 N ends after 2 points: no convergence: tolerance 0.1"]
-    assert found.choice(1e-2).parameter == BASE
+    result = study(run("tolerance", "0.1", 0.01, 0.0, failure="3 N ends after 2 points: no convergence", tolerance=0.1))
+    assert [entry.parameter for entry in result.front()] == [BASE]
+    assert failure_lines(result) == ["3 N ends after 2 points: no convergence: tolerance 0.1"]
+    assert result.choice(1e-2).parameter == BASE
 
 
 def test_sentences_have_the_numbers_of_the_runs():
@@ -125,19 +125,19 @@ def test_corrected_amplitudes_stand_beside_what_is_as_good_without():
 
 
 def test_bars_are_judged_where_the_error_is_above_that_of_the_reference():
-    found = study(run("samples", "32", 0.4, 1e-2, 5e-3, samples=32), run("samples", "64", 0.5, 2e-6, 1e-7, samples=64))
-    assert found.validation().n_above == 2  # base and 32 samples; 64 are better than the reference is known
-    assert found.validation().coverage == 0.5
-    assert found.score(found.runs[1]).ratio == pytest.approx(0.5)
-    assert "of 2 points with an error above that, 50.0 % lie under their bar" in validation_lines(found)[0]
+    result = study(run("samples", "32", 0.4, 1e-2, 5e-3, samples=32), run("samples", "64", 0.5, 2e-6, 1e-7, samples=64))
+    assert result.validation().n_above == 2  # base and 32 samples; 64 are better than the reference is known
+    assert result.validation().coverage == 0.5
+    assert result.score(result.runs[1]).ratio == pytest.approx(0.5)
+    assert "of 2 points with an error above that, 50.0 % lie under their bar" in validation_lines(result)[0]
 
 
 def test_a_score_is_over_the_peak_of_the_reference():
-    found = score([curve(error=1e-2)], {3.0: curve()})
-    assert found.error == pytest.approx(1e-2) and found.rms == pytest.approx(1e-2 / 3.0)
+    computed = score([curve(error=1e-2)], {3.0: curve()})
+    assert computed.error == pytest.approx(1e-2) and computed.rms == pytest.approx(1e-2 / 3.0)
     peaks = [top_of_curve(OMEGA, np.abs(u))[1] for u in (curve(error=1e-2).u, EXACT)]
-    assert found.peak == pytest.approx(peaks[0] / peaks[1] - 1.0) and 5e-3 < found.peak < 2e-2
-    assert found.n_above == 1 and found.coverage == 0.0  # its bar is 0
+    assert computed.peak == pytest.approx(peaks[0] / peaks[1] - 1.0) and 5e-3 < computed.peak < 2e-2
+    assert computed.n_above == 1 and computed.coverage == 0.0  # its bar is 0
     assert not score([], {3.0: curve()}).is_known
 
 
@@ -162,21 +162,21 @@ def test_the_reference_is_known_as_its_sequences_let_expect():
 
 def test_combinations_are_the_cheapest_that_the_single_knobs_let_expect():
     cheap = run("samples", "64", 0.6, 8.1e-3, samples=64)
-    found = study(*HARMONICS, cheap, run("samples", "1024", 2.0, 8e-3, samples=1024))
-    best = promising(found, ["harmonics", "samples"], 3)
-    assert best and all(setting not in {entry.setting for entry in found.runs} for setting in best)
-    assert replace(found.base, harmonics=13, samples=64) in best
+    result = study(*HARMONICS, cheap, run("samples", "1024", 2.0, 8e-3, samples=1024))
+    best = promising(result, ["harmonics", "samples"], 3)
+    assert best and all(setting not in {entry.setting for entry in result.runs} for setting in best)
+    assert replace(result.base, harmonics=13, samples=64) in best
 
 
 @pytest.mark.slow
 def test_files_and_table(tmp_path):
-    found = study(*HARMONICS, run("accuracy", "0.01", 0.7, 4e-3, 9e-3, accuracy=1e-2))
-    text = write_trade(found, Scene(), str(tmp_path))
+    result = study(*HARMONICS, run("accuracy", "0.01", 0.7, 4e-3, 9e-3, accuracy=1e-2))
+    text = write_trade(result, Scene(), str(tmp_path))
     fixed = min(
-        (entry for entry in found.complete if entry.parameter != "accuracy" and found.score(entry).error <= 1e-2),
+        (entry for entry in result.complete if entry.parameter != "accuracy" and result.score(entry).error <= 1e-2),
         key=lambda entry: entry.cost,
     )
-    assert found.best_fixed(1e-2) is fixed and found.best_fixed(1e-9) is None
+    assert result.best_fixed(1e-2) is fixed and result.best_fixed(1e-9) is None
     compared = f"{0.7 / fixed.cost:.2g}x that of the best fixed setting ({fixed.parameter} {fixed.value}".rstrip()
     assert (
         f"accuracy = 0.01: met, error 0.4 %, in 0.7 s, bars included: {compared}), {0.7 / 1.3 / fixed.cost:.2g}x with its bars"
@@ -185,6 +185,6 @@ def test_files_and_table(tmp_path):
     assert "for 0.1 %: error 0.05 % measured" in text
     with open(tmp_path / "trade.csv", newline="") as file:
         table = list(csv.DictReader(file))
-    assert [entry["parameter"] for entry in table] == [entry.parameter for entry in found.ordered()]
+    assert [entry["parameter"] for entry in table] == [entry.parameter for entry in result.ordered()]
     assert float(table[1]["error_percent"]) == pytest.approx(2.6) and float(table[1]["covered_percent"]) == 100.0
     assert (tmp_path / "trade.png").stat().st_size > 10_000
