@@ -39,12 +39,12 @@ def test_a_call_that_crashes_or_fills_or_does_not_end_is_named(function, argumen
 
 
 def test_what_a_call_returns_comes_back():
-    found, expected = call(sandboxed.answer, **MANY, returns=(sandboxed.Answer,)), sandboxed.answer()
-    assert found.array.dtype == expected.array.dtype and found.matrix.format == "csc"
-    np.testing.assert_array_equal(found.array, expected.array)
-    np.testing.assert_array_equal(found.matrix.toarray(), expected.matrix.toarray())
-    assert found.table[1, "a"] == [None, True, 2**70] and found.table[3].shape == (0, 3)
-    assert found.rest[0] == 0.1 and np.isnan(found.rest[1]) and found.rest[2:] == ("\udcff", 0.5, 1j)
+    answer, expected = call(sandboxed.answer, **MANY, returns=(sandboxed.Answer,)), sandboxed.answer()
+    assert answer.array.dtype == expected.array.dtype and answer.matrix.format == "csc"
+    np.testing.assert_array_equal(answer.array, expected.array)
+    np.testing.assert_array_equal(answer.matrix.toarray(), expected.matrix.toarray())
+    assert answer.table[1, "a"] == [None, True, 2**70] and answer.table[3].shape == (0, 3)
+    assert answer.rest[0] == 0.1 and np.isnan(answer.rest[1]) and answer.rest[2:] == ("\udcff", 0.5, 1j)
 
 
 def test_what_it_raises_comes_back_with_its_type_or_its_trace():
@@ -67,8 +67,8 @@ def test_no_descriptor_and_no_launcher_is_inherited(tmp_path, monkeypatch):
     with open(tmp_path / "lock", "w") as file:
         os.set_inheritable(file.fileno(), True)
         fcntl.flock(file, fcntl.LOCK_EX)
-        found = call(sandboxed.descriptors, **MANY)
-    assert not [one for one in found if str(tmp_path) in one] and len(found) <= 5
+        answer = call(sandboxed.descriptors, **MANY)
+    assert not [one for one in answer if str(tmp_path) in one] and len(answer) <= 5
     assert call(sandboxed.variables, **MANY) == []
 
 

@@ -61,12 +61,12 @@ def test_a_file_that_is_being_written_is_finished_first(tmp_path):
 
 def test_both_files_have_the_point_at_which_a_signal_stops(tmp_path, monkeypatch):
     pairs = two_flanks(4, 1)
-    found, writer, add = branch(8.0, pairs, n_points=3), writer_of(tmp_path, pairs), ResponseTable.add
+    curve, writer, add = branch(8.0, pairs, n_points=3), writer_of(tmp_path, pairs), ResponseTable.add
     writer.level_started(0, 8.0)
-    writer.point(0, 0, found.points[0])
+    writer.point(0, 0, curve.points[0])
     monkeypatch.setattr(ResponseTable, "add", lambda *args: (send(signal.SIGTERM), add(*args)))
     with pytest.raises(Interrupted):
-        writer.point(0, 1, found.points[1])
+        writer.point(0, 1, curve.points[1])
     writer.save()
     writer.close()
     (level,) = read_results(writer.path).levels
