@@ -71,10 +71,10 @@ def test_the_period_solver_gives_the_periodic_motion_at_a_sharp_resonance(full):
     start = scheme.unpack(scheme.solve_period(scheme.pack(after), n_steps))
     end, history = period(start)
     assert scheme.pack(end) == pytest.approx(scheme.pack(start), rel=1e-9, abs=1e-9 * np.abs(scheme.pack(start)).max())
-    found = 2.0 / n_steps * np.einsum("kbm,k->bm", history, np.exp(-2j * np.pi * np.arange(1, n_steps + 1) / n_steps))
+    computed = 2.0 / n_steps * np.einsum("kbm,k->bm", history, np.exp(-2j * np.pi * np.arange(1, n_steps + 1) / n_steps))
     damping = C if full else np.diag(C)
     for b, w in enumerate(omega):
         exact = np.linalg.solve(np.diag(omega_n**2 - w**2) + 1j * w * damping, [1.0, 0.5])
-        assert found[b] == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
+        assert computed[b] == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
     plain = GeneralisedAlpha(omega_n, Damping(C), 2.0 * np.pi / n_steps / omega)
     assert np.abs(plain.solve_period(scheme.pack(after), n_steps)).max() < 0.7 * np.abs(scheme.pack(start)).max()

@@ -30,22 +30,22 @@ def marched(system, omega, level, n_steps, accelerated=True, tolerance=1e-8, n_m
     model, parameters = reduced(system, COMM, 3, n_modes)
     transient = transient_model(model, parameters)
     omega, level = np.atleast_1d(omega).astype(float), np.full(np.size(omega), float(level))
-    found = steady_state(March(transient, omega, level, n_steps), from_rest(transient, len(omega)), tolerance, most, accelerated)
-    assert found.distance.max() <= tolerance
-    return transient, omega, level, found
+    steady = steady_state(March(transient, omega, level, n_steps), from_rest(transient, len(omega)), tolerance, most, accelerated)
+    assert steady.distance.max() <= tolerance
+    return transient, omega, level, steady
 
 
-def output(transient, level, found, H=15):
+def output(transient, level, computed, H=15):
     omega = np.ones_like(level)  # of no importance: supports hold the structures
-    return coefficients(samples(transient, omega, level, found.cycle)[1], H)[:, 0]
+    return coefficients(samples(transient, omega, level, computed.cycle)[1], H)[:, 0]
 
 
 def test_the_jenkins_mass_comes_to_its_exact_steady_state_at_second_order():
     omegas, errors = np.array([1.16, 1.25, 1.4]), []
     known = np.array([exact.jenkins_steady_state(w, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(15) for w in omegas])
     for n_steps in (32, 128):
-        transient, _, level, found = marched(system_of("jenkins"), omegas, 0.8, n_steps, tolerance=1e-6)
-        errors.append(np.abs(output(transient, level, found) - known).max() / np.abs(known).max())
+        transient, _, level, steady = marched(system_of("jenkins"), omegas, 0.8, n_steps, tolerance=1e-6)
+        errors.append(np.abs(output(transient, level, steady) - known).max() / np.abs(known).max())
     assert errors[1] < 2e-3
     assert np.log2(errors[0] / errors[1]) / 2.0 == pytest.approx(2.0, abs=0.5)
 
@@ -54,21 +54,21 @@ def test_the_jenkins_mass_comes_to_its_exact_steady_state_at_second_order():
 def test_it_meets_the_march_of_the_unreduced_system(name, level, omega):
     """Another scheme, all coordinates, contact condensed another way; the same steps, so that the law is sampled alike."""
     system = system_of(name)
-    transient, _, levels, found = marched(system, omega, level, 64, tolerance=1e-6)
+    transient, _, levels, steady = marched(system, omega, level, 64, tolerance=1e-6)
     other = time_integration.steady_state(
         system, omega, level, n_steps=64, scheme="exponential", tolerance=1e-5, coarse=1, law="return"
     )
     theirs = system["output"] @ other.u_hat
-    assert np.abs(output(transient, levels, found)[0] - theirs).max() < 2e-3 * np.abs(theirs[1:]).max()
-    assert np.array_equal(found.cycle.state[0], other.state)
+    assert np.abs(output(transient, levels, steady)[0] - theirs).max() < 2e-3 * np.abs(theirs[1:]).max()
+    assert np.array_equal(steady.cycle.state[0], other.state)
 
 
 @pytest.mark.parametrize("name, level, omega", [("jenkins", 0.8, 1.2), ("spatial", 0.4, 1.3)])
 def test_what_goes_in_is_lost_by_damping_and_friction(name, level, omega):
     closures = []
     for n_steps in (64, 128):
-        transient, omegas, levels, found = marched(system_of(name), omega, level, n_steps)
-        work, damping, friction = energies(transient, omegas, levels, found.cycle)
+        transient, omegas, levels, steady = marched(system_of(name), omega, level, n_steps)
+        work, damping, friction = energies(transient, omegas, levels, steady.cycle)
         assert friction[0] > 0.01 * work[0] > 0.0
         closures.append(abs(work - damping - friction)[0] / work[0])
     assert closures[1] < 5e-3 and closures[1] < 0.6 * closures[0]
@@ -84,44 +84,44 @@ def test_acceleration_comes_where_time_alone_comes_to():
 
 
 def test_the_period_found_repeats_itself():
-    transient, omega, level, found = marched(system_of("spatial"), [1.3, 1.6], 0.6, 32)
+    transient, omega, level, steady = marched(system_of("spatial"), [1.3, 1.6], 0.6, 32)
     march = March(transient, omega, level, 32)
-    z, p, cycle = march.period(found.start.z, found.start.p)
-    before, after = march.scheme.pack(found.start.z), march.scheme.pack(z)
+    z, p, cycle = march.period(steady.start.z, steady.start.p)
+    before, after = march.scheme.pack(steady.start.z), march.scheme.pack(z)
     assert np.abs(after - before).max() < 1e-6 * np.abs(before).max()
-    assert np.abs(p - found.start.p).max() < 1e-6 * np.abs(cycle.p).max()
-    assert cycle.p == pytest.approx(found.cycle.p, abs=1e-6 * np.abs(cycle.p).max())
+    assert np.abs(p - steady.start.p).max() < 1e-6 * np.abs(cycle.p).max()
+    assert cycle.p == pytest.approx(steady.cycle.p, abs=1e-6 * np.abs(cycle.p).max())
 
 
 @pytest.mark.parametrize("n_modes", [2, None])
 def test_harmonic_balance_comes_to_it_with_more_harmonics(n_modes):
     """The same reduced model, with truncated modes or not, and the law at as many instants: the harmonics left out are what differs."""
-    system, omega, level, found = {**system_of("chain"), "sampled": True}, 560.0, 20.0, []
+    system, omega, level, values = {**system_of("chain"), "sampled": True}, 560.0, 20.0, []
     for H in (1, 3, 9):
         points = branch(
             system, COMM, level, low=550.0, high=570.0, H=H, n_samples=128, at=(omega,), points=4, n_modes=n_modes
         ).points
         (point,) = (one for one in points if one.requested)
-        found.append(point.response[0, 1:3])
+        values.append(point.response[0, 1:3])
     model, parameters = reduced(system, COMM, H, n_modes)
     transient = transient_model(model, parameters)
     omegas, levels = np.array([omega]), np.array([level])
     (eta,) = modal_motion(model, level, omega, point.p.reshape(-1, 2 * H + 1))
     start = from_harmonics(transient, omegas, to_real(eta, 2 * H + 1)[None], point.U[None], 128)
     mine = output(transient, levels, steady_state(March(transient, omegas, levels, 128), start, 1e-6, 60))[0, 1:3]
-    differences = [np.hypot(*(mine - one)) / np.hypot(*mine) for one in found]
+    differences = [np.hypot(*(mine - one)) / np.hypot(*mine) for one in values]
     assert differences[2] < 2e-3 and differences[2] < 0.5 * differences[1] < 0.5 * differences[0]
 
 
 def test_the_linear_response_is_exact():
     system = system_of("chain")
-    transient, omega, level, found = marched(system, [410.0, 560.0, 777.0], 0.01, 128)
+    transient, omega, level, steady = marched(system, [410.0, 560.0, 777.0], 0.01, 128)
     model, _ = reduced(system, COMM, 3)
     none = np.zeros((3 * model.n_pairs, model.N_H))
     for i, w in enumerate(omega):
         known = output_motion(model, 0.01, w, none)[0]
-        assert output(transient, level, found, 3)[i] == pytest.approx(known, abs=5e-4 * np.abs(known).max())
-    assert found.periods.max() == 2 and not found.cycle.p.any()
+        assert output(transient, level, steady, 3)[i] == pytest.approx(known, abs=5e-4 * np.abs(known).max())
+    assert steady.periods.max() == 2 and not steady.cycle.p.any()
 
 
 def on_stops(open_at_rest):
@@ -148,13 +148,13 @@ def on_stops(open_at_rest):
 @pytest.mark.study
 def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
     """The same structure twice: what the springs of an open pair add to K_L the law takes away again; damping is that of a matrix."""
-    found = []
+    values = []
     for open_at_rest in (False, True):
         system = on_stops(open_at_rest)
         transient, _, level, one = marched(system, [1.1, 1.3], 0.8, 32, tolerance=1e-6)
-        found.append(output(transient, level, one))
+        values.append(output(transient, level, one))
         assert (one.cycle.state[:, 1:] == 2).all() and np.abs(one.cycle.p).max(axis=(0, 1)).reshape(3, 3)[1:, 2].min() > 0.01
-    assert found[0] == pytest.approx(found[1], abs=1e-5 * np.abs(found[0]).max())
+    assert values[0] == pytest.approx(values[1], abs=1e-5 * np.abs(values[0]).max())
 
 
 def test_a_motion_without_inertia_is_named_where_a_step_fails():
