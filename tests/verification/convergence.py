@@ -171,13 +171,13 @@ def study(title, solve, sizes, exact):
     """Print relative errors of every series against an exact value; return the rate between the last two meshes of each."""
     print(f"\n{title}: {exact:.6f} Hz\n\n| element | " + " | ".join(f"n = {n}" for n in sizes) + " | rate |")
     print("| --- " * (len(sizes) + 2) + "|")
-    found = []
+    values = []
     for series in SERIES:
         errors = np.array([solve(series, n) for n in sizes]) / exact - 1.0
         cells = " | ".join(f"{error:+.2e}" for error in errors)
-        found.append(rates(abs(errors), np.array(sizes))[-1])
-        print(f"| {series} | {cells} | {found[-1]:.2f} |", flush=True)
-    return found
+        values.append(rates(abs(errors), np.array(sizes))[-1])
+        print(f"| {series} | {cells} | {values[-1]:.2f} |", flush=True)
+    return values
 
 
 def main():

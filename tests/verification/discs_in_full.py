@@ -121,9 +121,9 @@ class Judged:
     @property
     def faults(self) -> list[str]:
         """What is wrong; nothing where all is right."""
-        found = [self.failure] if self.failure else []
-        found += [f"{name} {self.errors[name]:.1e}" for name, bound in BOUNDS.items() if not self.errors[name] <= bound]
-        return found + ([] if self.case.states <= self.states else [f"no pair is in one of the states {self.case.states}"])
+        computed = [self.failure] if self.failure else []
+        computed += [f"{name} {self.errors[name]:.1e}" for name, bound in BOUNDS.items() if not self.errors[name] <= bound]
+        return computed + ([] if self.case.states <= self.states else [f"no pair is in one of the states {self.case.states}"])
 
 
 class Ring:
@@ -217,12 +217,12 @@ def judged(case: Case, folder: Path, h_of_ring: int | None = None) -> Judged:
     return Judged(case, errors, states, len(branch.points), ring.M.shape[0], failure)
 
 
-def write_page(folder: Path, found: list[Judged]) -> None:
+def write_page(folder: Path, computed: list[Judged]) -> None:
     """Write the tables of discs_in_full.md."""
     names = {STICK: "stick", SLIP: "slip", OPEN: "open"}
 
     def rows(cases: list[Case]) -> list[str]:
-        of = [each for each in found if each.case.name in {case.name for case in cases}]
+        of = [each for each in computed if each.case.name in {case.name for case in cases}]
         words = [
             [
                 each.case.name,
@@ -244,18 +244,18 @@ def main() -> None:
     parser.add_argument("--docs", help="folder of the page")
     parser.add_argument("--name", default="", help="only cases whose name holds this text")
     asked = parser.parse_args()
-    found = []
+    values = []
     for case in [case for case in comparison() + extremes() if asked.name in case.name]:
         with tempfile.TemporaryDirectory() as folder:
-            found.append(judged(case, Path(folder)))
-        errors = "  ".join(f"{name} {error:.0e}" for name, error in found[-1].errors.items())
+            values.append(judged(case, Path(folder)))
+        errors = "  ".join(f"{name} {error:.0e}" for name, error in values[-1].errors.items())
         print(
-            f"{case.name:45s} {found[-1].n_points:3d} points  {sorted(found[-1].states)}  {errors}  {found[-1].faults}",
+            f"{case.name:45s} {values[-1].n_points:3d} points  {sorted(values[-1].states)}  {errors}  {values[-1].faults}",
             flush=True,
         )
     if asked.docs:
-        write_page(Path(asked.docs), found)
-    sys.exit(any(each.faults for each in found))
+        write_page(Path(asked.docs), values)
+    sys.exit(any(each.faults for each in values))
 
 
 if __name__ == "__main__":

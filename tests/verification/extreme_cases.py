@@ -55,23 +55,23 @@ class Case:
 def all_cases() -> list[Case]:
     """Return every case, in the order of the report."""
     families = (stiffness, friction_and_preload, levels, damping, frequency, harmonics, loads, joints, units, methods, random)
-    found = [case for family in families for case in family()]
-    names = [case.name for case in found]
+    listed = [case for family in families for case in family()]
+    names = [case.name for case in listed]
     assert len(set(names)) == len(names), "a name twice"
-    return found
+    return listed
 
 
 def quick_cases() -> list[Case]:
     """Return a few cases of every family, small and quick ones, with few points, and those that a small change is felt by."""
-    found: list[Case] = []
+    values: list[Case] = []
     by_family: dict[str, list[Case]] = {}
     for case in all_cases():
         by_family.setdefault(case.family, []).append(case)
     for cases in by_family.values():
         spread = [case for case in cases[:: max(len(cases) // 4, 1)][:4] if not any(word in case.name for word in LONG)]
-        found += [replace(case, points=min(case.points, 8)) for case in spread if case.name not in DELICATE]
-        found += [case for case in cases if case.name in DELICATE]
-    return found
+        values += [replace(case, points=min(case.points, 8)) for case in spread if case.name not in DELICATE]
+        values += [case for case in cases if case.name in DELICATE]
+    return values
 
 
 def stiffness():

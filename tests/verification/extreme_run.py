@@ -217,7 +217,7 @@ def _twin_error(case: Case, system: dict, branches, what, folder: Path) -> float
     for branch, other in zip(branches, others):
         if other.failure:
             raise chain_failure(other.failure)
-        mine, its = ([point for point in found.points if point.requested] for found in (branch, other))
+        mine, its = ([point for point in each.points if point.requested] for each in (branch, other))
         if len(mine) != len(its):
             return np.inf
         for a, b in zip(mine, its):

@@ -223,7 +223,7 @@ def with_loads(system, *loads):
 def scaled(system, *, length=1.0, mass=1.0, time=1.0):
     """Return the same structure in other units, or of another stiffness and density: numbers are multiplied by the units' factors."""
     force, stiffness = mass * length / time**2, mass / time**2
-    found = {
+    computed = {
         **system,
         "M": system["M"] * mass,
         "K": system["K"] * stiffness,
@@ -232,10 +232,10 @@ def scaled(system, *, length=1.0, mass=1.0, time=1.0):
         "N0": system["N0"] * force,
     }
     if "C" in system:
-        found["C"] = system["C"] * mass / time
+        computed["C"] = system["C"] * mass / time
     if "rayleigh" in system:
-        found["rayleigh"] = (system["rayleigh"][0] / time, system["rayleigh"][1] * time)
-    return found
+        computed["rayleigh"] = (system["rayleigh"][0] / time, system["rayleigh"][1] * time)
+    return computed
 
 
 def _beam(length, EI, EA, rhoA):

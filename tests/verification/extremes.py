@@ -58,7 +58,7 @@ def run_all(numbers, cases, n_processes: int, limit: float, on_outcome=lambda ou
     """Return the outcomes of the cases with these numbers, in their order."""
     from verification.extreme_run import DEFECT, Outcome
 
-    left, found = list(numbers)[::-1], {}
+    left, values = list(numbers)[::-1], {}
     workers = [Worker() for _ in range(min(n_processes, len(left)))]
     for worker in workers:
         worker.give(left.pop())
@@ -80,7 +80,7 @@ def run_all(numbers, cases, n_processes: int, limit: float, on_outcome=lambda ou
                 outcome = Outcome(case.name, case.family, DEFECT, f"no end after {limit:g} s", seconds=spent)
             if outcome is None:
                 continue
-            found[worker.number] = outcome
+            values[worker.number] = outcome
             on_outcome(outcome)
             if outcome.status == DEFECT and ("died" in outcome.words or "no end" in outcome.words):
                 worker.end()
@@ -92,7 +92,7 @@ def run_all(numbers, cases, n_processes: int, limit: float, on_outcome=lambda ou
         worker.pipe.send(None)
         worker.process.join(10.0)
         worker.end()
-    return [found[number] for number in sorted(found)]
+    return [values[number] for number in sorted(values)]
 
 
 def main() -> None:

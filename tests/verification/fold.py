@@ -137,7 +137,7 @@ def draw(folder: Path) -> list[str]:
         axis.spines[["top", "right"]].set_visible(False)
         lines.append(
             f"{fold.title} ({name}): {len(turning_points(up))} turning points forward, {len(turning_points(down))} backward; of "
-            f"{len(fold.at)} common frequencies {sum(len(found) == 3 for found in at_asked(fold, up))} have three solutions, and both "
+            f"{len(fold.at)} common frequencies {sum(len(each) == 3 for each in at_asked(fold, up))} have three solutions, and both "
             f"directions give the same ones to {difference(fold, up, down):.1e}."
         )
     figure.savefig(folder / "fold.png", dpi=150)

@@ -144,16 +144,16 @@ def main():
     for kind, sizes in MESHES.items():
         before = None
         for n in sizes:
-            found = errors(kind, (n, 1, 1), MPI.COMM_SELF, harmonics=31, samples=1024)
-            print(f"| {n} {kind} | {found} |", flush=True)
+            computed = errors(kind, (n, 1, 1), MPI.COMM_SELF, harmonics=31, samples=1024)
+            print(f"| {n} {kind} | {computed} |", flush=True)
             if before is not None:
-                rates = [rate(getattr(before, of), getattr(found, of)) for of in ("stiffness", "motion", "loss")]
+                rates = [rate(getattr(before, of), getattr(computed, of)) for of in ("stiffness", "motion", "loss")]
                 print("    rates: stiffness {:.2f}, motion {:.2f}, loss {:.2f}".format(*rates))
-            before = found
+            before = computed
     print("\n| harmonics | motion | loop | loss | of 64 hex20, worst level")
     for H in (1, 3, 7, 15, 31):
-        found = errors("hex20", (64, 1, 1), MPI.COMM_SELF, harmonics=H, samples=1024)
-        print(f"| {H} | {found.motion.max():.1e} | {found.loop.max():.1e} | {abs(found.loss).max():.1e} |", flush=True)
+        computed = errors("hex20", (64, 1, 1), MPI.COMM_SELF, harmonics=H, samples=1024)
+        print(f"| {H} | {computed.motion.max():.1e} | {computed.loop.max():.1e} | {abs(computed.loss).max():.1e} |", flush=True)
 
 
 if __name__ == "__main__":

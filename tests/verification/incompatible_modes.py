@@ -67,7 +67,7 @@ def lowest(K, M, points, n=6):
 def least_energy(K, points, nodes):
     """Return the least energy of six constant strains over the exact one, less 1; rows behind the nodes' follow without force."""
     lam, mu = (steel := Isotropic(*STEEL[:2])).lam, steel.mu
-    n, volume, found = points.size, elements.volumes("hex8", points[nodes]).sum(), []
+    n, volume, values = points.size, elements.volumes("hex8", points[nodes]).sum(), []
     for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
         H = np.zeros((3, 3))
         H[i, j] += 0.5
@@ -75,8 +75,8 @@ def least_energy(K, points, nodes):
         u = (points @ H).ravel()
         if K.shape[0] > n:
             u = np.concatenate([u, -sla.spsolve(K[n:, n:].tocsc(), K[n:, :n] @ u)])
-        found.append(u @ (K @ u) / volume / (lam * np.trace(H) ** 2 + 2.0 * mu * np.sum(H**2)) - 1.0)
-    return min(found)
+        values.append(u @ (K @ u) / volume / (lam * np.trace(H) ** 2 + 2.0 * mu * np.sum(H**2)) - 1.0)
+    return min(values)
 
 
 def rebuilt(ccx):
@@ -85,8 +85,8 @@ def rebuilt(ccx):
         points, nodes = mesh("hex8", 1)
         tip = int(np.argmax(points[:, 2]))
         theirs = calculix(ccx, "C3D8I", made=(points, nodes, tip))
-        found = lowest(*as_calculix(points, nodes), points)
-        print(f"{mesh.__name__:9s} C3D8I of CalculiX against it rebuilt: {abs(found / theirs - 1.0).max():.1e}")
+        computed = lowest(*as_calculix(points, nodes), points)
+        print(f"{mesh.__name__:9s} C3D8I of CalculiX against it rebuilt: {abs(computed / theirs - 1.0).max():.1e}")
 
 
 def main():

@@ -38,9 +38,9 @@ def frequencies(body, supports: dict[str, str], end, poisson: float, modes: int,
         write_msh(str(Path(folder) / "body.msh"), {"body": body})
         path = Path(folder) / "body.toml"
         path.write_text(text)
-        found = build(read_scene(path), comm)
-    found.linearised.destroy()
-    return found.modes.omega_n / (2.0 * np.pi)
+        structure = build(read_scene(path), comm)
+    structure.linearised.destroy()
+    return structure.modes.omega_n / (2.0 * np.pi)
 
 
 def cantilever(n: int, comm) -> np.ndarray:
@@ -75,28 +75,28 @@ def plate_theory() -> np.ndarray:
     return structures.free_plate(16, thickness=THICKNESS / SIDE) * np.sqrt(D_over_mass) / SIDE**2 / (2.0 * np.pi)
 
 
-def nearest(found: np.ndarray, theory) -> np.ndarray:
+def nearest(computed: np.ndarray, theory) -> np.ndarray:
     """Return the relative distance of each frequency of theory from the nearest one found."""
-    return np.array([min(found / value - 1.0, key=abs) for value in np.atleast_1d(theory)])
+    return np.array([min(computed / value - 1.0, key=abs) for value in np.atleast_1d(theory)])
 
 
 def main():
     for n in (1, 2, 3):
-        found = cantilever(n, MPI.COMM_SELF)
+        computed = cantilever(n, MPI.COMM_SELF)
         print(
             f"cantilever, {10 * n} x {n} x {n} hex20: "
             + "; ".join(
-                f"{name} " + ", ".join(f"{value:.4f} Hz {error:+.1e}" for value, error in zip(values, nearest(found, values)))
+                f"{name} " + ", ".join(f"{value:.4f} Hz {error:+.1e}" for value, error in zip(values, nearest(computed, values)))
                 for name, values in cantilever_theory().items()
             ),
             flush=True,
         )
     for n in (4, 8, 12):
-        found = plate(n, MPI.COMM_SELF)
-        errors = [min(value / plate_theory() - 1.0, key=abs) for value in found]
+        computed = plate(n, MPI.COMM_SELF)
+        errors = [min(value / plate_theory() - 1.0, key=abs) for value in computed]
         print(
             f"free plate, {n} x {n} x 1 hex20 a quarter: "
-            + ", ".join(f"{value:.4f} Hz {error:+.1e}" for value, error in zip(found, errors)),
+            + ", ".join(f"{value:.4f} Hz {error:+.1e}" for value, error in zip(computed, errors)),
             flush=True,
         )
 

@@ -48,7 +48,7 @@ class Judged:
     level: float
     omega: float
     slips: bool
-    found: float
+    computed: float
     integrated: float
     at_corner: bool  # of the map: ``integrated`` is no derivative
     is_stable: bool  # by time integration
@@ -57,7 +57,7 @@ class Judged:
     @property
     def agrees(self) -> bool:
         """Whether both say stable, or both unstable."""
-        return (self.found <= 1.0 + BEYOND) == self.is_stable
+        return (self.computed <= 1.0 + BEYOND) == self.is_stable
 
 
 def judge(seed: int, number: int, points: int, solver: dict, steps: int, lift_off: bool) -> tuple[list[Judged], int]:
@@ -80,10 +80,10 @@ def judge(seed: int, number: int, points: int, solver: dict, steps: int, lift_of
             if steady.distance > STEADY or abs(abs(steady.amplitude) - sizes[i]) > SAME * max(sizes):
                 others += 1
                 continue
-            found = float(np.hypot(*point.multipliers[0]))
-            assert (found <= 1.0 + BEYOND) == is_stable(point.multipliers)
+            computed = float(np.hypot(*point.multipliers[0]))
+            assert (computed <= 1.0 + BEYOND) == is_stable(point.multipliers)
             judged.append(
-                Judged(number, branch.level, point.omega, bool(np.any(point.state)), found, *integrated(of, steady, steps))
+                Judged(number, branch.level, point.omega, bool(np.any(point.state)), computed, *integrated(of, steady, steps))
             )
     return judged, others
 
@@ -114,23 +114,23 @@ def main():
     results = [
         judge(asked.seed, asked.first + i, asked.points, solver, asked.steps, asked.lift_off) for i in range(asked.systems)
     ]
-    judged = [one for found, _ in results for one in found]
+    judged = [one for each, _ in results for one in each]
     others = sum(count for _, count in results)
     print(
         f"{len(judged)} points of {asked.systems} systems, {others} more beside another steady state; {time.perf_counter() - start:.0f} s"
     )
     for name, some in (("all", judged), ("of which pairs move", [one for one in judged if one.slips])):
         if some:
-            off = np.array([abs(one.found - one.integrated) for one in some if not one.at_corner])
+            off = np.array([abs(one.computed - one.integrated) for one in some if not one.at_corner])
             unstable, corners = (sum(values) for values in zip(*((not one.is_stable, one.at_corner) for one in some)))
             print(
                 f"{name}: {len(some)} points, {unstable} unstable, {corners} at a corner; judged alike {100.0 * np.mean([one.agrees for one in some]):.1f} %; "
                 f"largest multiplier off by {np.median(off):.1e} (median), {np.quantile(off, 0.95):.1e} (95 %), {off.max():.1e} (most)"
             )
     for one in judged:
-        if not one.agrees or (not one.at_corner and abs(one.found - one.integrated) > 0.05):
+        if not one.agrees or (not one.at_corner and abs(one.computed - one.integrated) > 0.05):
             print(
-                f"system {one.number}, level {one.level:.4g}, omega {one.omega:.6g}: {one.found:.5f}, integrated {one.integrated:.5f}, "
+                f"system {one.number}, level {one.level:.4g}, omega {one.omega:.6g}: {one.computed:.5f}, integrated {one.integrated:.5f}, "
                 f"{'stable' if one.is_stable else 'unstable'}{', at a corner' if one.at_corner else ''}, fold {one.fold:.1e}"
             )
 

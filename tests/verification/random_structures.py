@@ -113,6 +113,6 @@ def kinds(system) -> list[str]:
     """Return what is in a system, by the words of the table."""
     dofs, harmonics = system["pair_dofs"], {load["harmonic"] for load in system["loads"]}
     moves = [(dofs[:, i] >= 0) | (dofs[:, 3 + i] >= 0) for i in range(3)]
-    found = ["separate" if system["separate"].any() else "circle" if (moves[0] & moves[1]).any() else "line"]
-    found += ["varying normal force"] * bool(moves[2].any()) + ["gap"] * bool((system["N0"] < 0.0).any())
-    return found + ["constant load"] * (0 in harmonics) + ["two harmonics"] * (2 in harmonics)
+    computed = ["separate" if system["separate"].any() else "circle" if (moves[0] & moves[1]).any() else "line"]
+    computed += ["varying normal force"] * bool(moves[2].any()) + ["gap"] * bool((system["N0"] < 0.0).any())
+    return computed + ["constant load"] * (0 in harmonics) + ["two harmonics"] * (2 in harmonics)

@@ -91,18 +91,18 @@ class Found:
 
 def solve(seed: int, number: int, points: int, solver: dict, lift_off: bool = False) -> Found:
     """Return some points of the curves of a system by the program, and where time integration is to begin."""
-    system, found = draw(seed, number, lift_off), Found()
+    system, outcome = draw(seed, number, lift_off), Found()
     try:
         branches = followed(system, sorted(system["levels"].values()), solver)
     except MicroslipError as failure:
         return Found(failures=[f"{number}: {failure}"])
     for branch in branches:
         if branch.failure:
-            found.failures.append(f"{number} at {branch.level:.3g}: {branch.failure.splitlines()[0]}")
+            outcome.failures.append(f"{number} at {branch.level:.3g}: {branch.failure.splitlines()[0]}")
         sizes = [float(np.hypot(*point.response[0, 1:3])) for point in branch.points]
         for i in chosen(sizes, points):
-            keep(found, number, system, branch.level, branch.points[i], max(sizes))
-    return found
+            keep(outcome, number, system, branch.level, branch.points[i], max(sizes))
+    return outcome
 
 
 def followed(system, levels, solver: dict) -> list[Branch]:
@@ -124,9 +124,9 @@ def chosen(sizes, points: int) -> list[int]:
     return sorted({top, *near.tolist(), *np.linspace(0, len(sizes) - 1, points - len(near)).astype(int).tolist()})
 
 
-def keep(found: Found, number: int, system, level: float, point, peak: float) -> None:
+def keep(computed: Found, number: int, system, level: float, point, peak: float) -> None:
     """Add a point of a curve of a system, whose largest amplitude is ``peak``, to those to be judged."""
-    found.judged.append(
+    computed.judged.append(
         Judged(
             number,
             level,
@@ -140,16 +140,16 @@ def keep(found: Found, number: int, system, level: float, point, peak: float) ->
             state=tuple(int(state) for state in point.state),
         )
     )
-    found.cases.append((system, level, point.omega))
-    found.forces.append(np.asarray(point.p))
-    found.amplitudes.append((point.response[0, 1] - 1j * point.response[0, 2]) / peak)
-    found.means.append(point.response[0, 0] / peak)
-    found.peaks.append(peak)
+    computed.cases.append((system, level, point.omega))
+    computed.forces.append(np.asarray(point.p))
+    computed.amplitudes.append((point.response[0, 1] - 1j * point.response[0, 2]) / peak)
+    computed.means.append(point.response[0, 0] / peak)
+    computed.peaks.append(peak)
 
 
-def judge(found: list[Found], steps: int = STEPS) -> list[Judged]:
+def judge(computed: list[Found], steps: int = STEPS) -> list[Judged]:
     """Integrate all points in time, and complete what is known of them."""
-    for of in found:
+    for of in computed:
         for one, case, p, amplitude, mean, peak in zip(of.judged, of.cases, of.forces, of.amplitudes, of.means, of.peaks):
             point = shooting.Point(*case)
             steady, one.history = point.by_rule(point.state_of(p), steps)
@@ -158,15 +158,15 @@ def judge(found: list[Found], steps: int = STEPS) -> list[Judged]:
             one.mean, one.distance, one.creeps = abs(steady.mean / peak - mean), steady.distance, steady.creeps
             one.kinds += ["creeps"] * (one.creeps >= CREEPS) + ["beside a fold"] * (steady.fold < FOLD)
             one.kinds += ["sliders pushed on the way"] * (one.history > PUSHED)
-    return [one for of in found for one in of.judged]
+    return [one for of in computed for one in of.judged]
 
 
-def judge_from_more(found: Found, i: int, steps: int = STEPS, harmonics: int = MORE) -> None:
+def judge_from_more(computed: Found, i: int, steps: int = STEPS, harmonics: int = MORE) -> None:
     """Judge a point again by the nearest steady state that time integration reaches from solutions with more harmonics.
 
     Beside a fold, integration that begins at the motion of a few harmonics may leave a solution nearby for one far away.
     """
-    one, case, amplitude, peak = found.judged[i], found.cases[i], found.amplitudes[i], found.peaks[i]
+    one, case, amplitude, peak = computed.judged[i], computed.cases[i], computed.amplitudes[i], computed.peaks[i]
     system, level, omega = case
     for branch in followed(system, [level], {"harmonics": harmonics, "at": [omega]}):
         for solution in (point for point in branch.points if abs(point.omega / omega - 1.0) < ROUNDING):
@@ -225,8 +225,8 @@ def table(judged: list[Judged]) -> str:
 
 def outside(judged: list[Judged]) -> list[Judged]:
     """Return the steady points beyond their bar, the worst first."""
-    found = [one for one in judged if one.is_steady and not one.holds]
-    return sorted(found, key=lambda one: one.bar - one.error)
+    listed = [one for one in judged if one.is_steady and not one.holds]
+    return sorted(listed, key=lambda one: one.bar - one.error)
 
 
 def main():
@@ -239,13 +239,13 @@ def main():
         options.add_argument(f"--{key}", type=kind)
     asked, start = options.parse_args(), time.perf_counter()
     solver = {key: value for key in ("harmonics", "samples", "accuracy") if (value := getattr(asked, key)) is not None}
-    found = [solve(asked.seed, asked.first + i, asked.points, dict(solver)) for i in range(asked.systems)]
+    listed = [solve(asked.seed, asked.first + i, asked.points, dict(solver)) for i in range(asked.systems)]
     solved = time.perf_counter()
-    judged = judge(found)
-    for failure in (failure for one in found for failure in one.failures):
+    judged = judge(listed)
+    for failure in (failure for one in listed for failure in one.failures):
         print(f"failed: {failure}")
     unsteady = [one for one in judged if not one.is_steady]
-    print(f"\n{len(judged)} points of {len(found)} systems, {len(unsteady)} without a steady state")
+    print(f"\n{len(judged)} points of {len(listed)} systems, {len(unsteady)} without a steady state")
     print(f"program {solved - start:.0f} s, time integration {time.perf_counter() - solved:.0f} s; its own error up to ", end="")
     print(f"{max(one.own for one in judged if one.is_steady):.1e} of the peak\n\n{table(judged)}\n")
     for one in outside(judged):

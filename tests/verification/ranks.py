@@ -90,9 +90,9 @@ def difference(path: Path, comm) -> Difference:
         for p, q in zip(chain.requested(a), chain.requested(b), strict=True):
             response = max(response, np.abs(p.response - q.response).max() / peak)
         states |= {int(state) for point in chain.requested(a) for state in point.state}
-    found = (np.abs(together.model.omega_n / alone.model.omega_n - 1.0).max(), response, together.worst_closure)
+    computed = (np.abs(together.model.omega_n / alone.model.omega_n - 1.0).max(), response, together.worst_closure)
     return Difference(
-        *(float(comm.allreduce(value, op=MPI.MAX)) for value in found),
+        *(float(comm.allreduce(value, op=MPI.MAX)) for value in computed),
         states=sorted(states),
         shares=comm.allgather((together.n_rows, together.model.owned.stop - together.model.owned.start)),
     )
@@ -102,11 +102,11 @@ def main():
     comm = MPI.COMM_WORLD
     for name, case in CASES.items():
         with tempfile.TemporaryDirectory() as folder:
-            found = difference(write_case(Path(folder), case), comm)
+            computed = difference(write_case(Path(folder), case), comm)
         if comm.rank == 0:
             print(
-                f"| {comm.size} | {name} | {found.frequencies:.1e} | {found.response:.1e} | {found.closure:.1e} | "
-                f"{found.states} | {'; '.join(map(str, found.shares))} |",
+                f"| {comm.size} | {name} | {computed.frequencies:.1e} | {computed.response:.1e} | {computed.closure:.1e} | "
+                f"{computed.states} | {'; '.join(map(str, computed.shares))} |",
                 flush=True,
             )
 

@@ -92,13 +92,13 @@ def sampled(branch) -> tuple[np.ndarray, np.ndarray]:
 
 def peaks(omega: np.ndarray, amplitude: np.ndarray) -> list[tuple[float, float, float]]:
     """Return height and half-power range of the peaks of a curve, which falls that far on one side of them at least."""
-    inner, found = amplitude[1:-1], []
+    inner, values = amplitude[1:-1], []
     for i in 1 + np.flatnonzero((inner > amplitude[:-2]) & (inner >= amplitude[2:]) & (inner > FAINT * amplitude.max())):
         below = np.flatnonzero(amplitude < HALF_POWER * amplitude[i])
         if len(below):
             low, high = below[below < i].max(initial=0), below[below > i].min(initial=len(omega) - 1)
-            found.append((float(amplitude[i]), omega[low : high + 1].min(), omega[low : high + 1].max()))
-    return found
+            values.append((float(amplitude[i]), omega[low : high + 1].min(), omega[low : high + 1].max()))
+    return values
 
 
 def missing(branch, reference) -> np.ndarray:

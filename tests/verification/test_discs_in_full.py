@@ -9,11 +9,11 @@ FEW = ("two sectors, order 1 = N/2", "shrouds open at rest that never close")
 
 @pytest.mark.parametrize("name", FEW)
 def test_the_points_of_a_disc_solve_the_ring(tmp_path, name):
-    found = judged(CASES[name], tmp_path)
-    assert not found.faults and found.n_points > 1
+    judgements = judged(CASES[name], tmp_path)
+    assert not judgements.faults and judgements.n_points > 1
 
 
 def test_a_point_that_is_no_solution_is_seen(tmp_path):
     """Of a ring under another engine order."""
-    found = judged(CASES[FEW[0]], tmp_path, h_of_ring=0)
-    assert found.errors["motion"] > 1e3 * BOUNDS["motion"] and found.faults
+    judgements = judged(CASES[FEW[0]], tmp_path, h_of_ring=0)
+    assert judgements.errors["motion"] > 1e3 * BOUNDS["motion"] and judgements.faults

@@ -38,12 +38,12 @@ def test_errors_fall_with_the_mesh(hex20):
 
 
 def test_energy_closes(hex20):
-    assert max(found.closure for found in hex20) < 1e-6
+    assert max(each.closure for each in hex20) < 1e-6
 
 
 @pytest.mark.study
 @pytest.mark.parametrize("kind, cells", [("hex8", 32), ("tet10", 16)])
 def test_other_elements(kind, cells):
-    found = friction_bar.errors(kind, (cells, 1, 1), ALONE, levels=(250.0,))
-    assert max(abs(found.stiffness), found.motion.max(), abs(found.loss).max()) < 3e-3
-    assert abs(found.first_slip) < 2e-3 and found.closure < 1e-6
+    computed = friction_bar.errors(kind, (cells, 1, 1), ALONE, levels=(250.0,))
+    assert max(abs(computed.stiffness), computed.motion.max(), abs(computed.loss).max()) < 3e-3
+    assert abs(computed.first_slip) < 2e-3 and computed.closure < 1e-6

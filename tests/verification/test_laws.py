@@ -87,8 +87,8 @@ def test_pairs_pressed_to_many_times_their_preload_meet_the_march_in_time(tmp_pa
     )
     path.write_text(path.read_text().replace('friction_limit = "circle"', LAWS["power"][0]))
     with microslip.build(microslip.read(path), HERE) as structure:
-        (found,) = microslip.respond(structure).results.levels
-    ((response,), (bar,)) = found.response[found.requested > 0], total(found.error[found.requested > 0])
+        (computed,) = microslip.respond(structure).results.levels
+    ((response,), (bar,)) = computed.response[computed.requested > 0], total(computed.error[computed.requested > 0])
     of_pairs = zip(*(system[key].tolist() for key in ("mu", "N0", "k_t", "k_n")), (600, 1200, 600), (12.0, 60.0, 20.0))
     law = populations.on_pairs(system["R"], [populations.rough(*four, 2.0, n, most) for *four, n, most in of_pairs])
     march = populations.steady_state(system["M"], system["C"], system["K"], load(system, level), omega, law, 600, 16)
@@ -129,13 +129,13 @@ def test_error_bars_know_the_number_of_sliders(tmp_path, name):
     path = write_matrix_scene(
         tmp_path, damped_mass(), [0.8], (0.95, 1.55), at=at, points=10, harmonics=5, samples=64, outputs=[0, 2]
     )
-    text, found = path.read_text(), []
+    text, computed = path.read_text(), []
     for sliders in (8, 96):
         path.write_text(text.replace('friction_limit = "circle"', f"{LAWS[name][0]}\nsliders = {sliders}"))
         with microslip.build(microslip.read(path), HERE) as structure:
             (level,) = microslip.respond(structure).results.levels
-        found.append([values[level.requested > 0] for values in (level.response, level.error)])
-    (coarse, parts), (fine, _) = found
+        computed.append([values[level.requested > 0] for values in (level.response, level.error)])
+    (coarse, parts), (fine, _) = computed
     true = np.abs((coarse - fine)[..., 1] - 1j * (coarse - fine)[..., 2])
     told = parts[..., PARTS.index("sliders")]
     assert np.all(true < total(parts)) and 0.5 < np.median(told / true) < 2.0, told / true

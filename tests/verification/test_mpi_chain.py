@@ -19,8 +19,8 @@ def test_ranks_together_agree_with_one_alone(name, shared_path):
     if COMM.rank == 0:
         ranks.write_case(shared_path, case)
     COMM.barrier()
-    found = ranks.difference(shared_path / "case.toml", COMM)
-    assert found.frequencies < 1e-9
-    assert found.response < 1e-6
-    assert found.closure < 1e-6
-    assert found.states == [0, 1]  # some pairs slip: not only a linear curve was compared
+    computed = ranks.difference(shared_path / "case.toml", COMM)
+    assert computed.frequencies < 1e-9
+    assert computed.response < 1e-6
+    assert computed.closure < 1e-6
+    assert computed.states == [0, 1]  # some pairs slip: not only a linear curve was compared

@@ -140,15 +140,15 @@ def test_the_wave_solves_the_ring_where_sliders_rest_after_slip(shared_path, N, 
     ring = built(write_ring, shared_path, N, end(N * n_dof, samples=64, harmonics=harmonics), h=h, **how)
     U = COMM.bcast(of_ring(sector.pairs, ring.pairs, N, h, branch.arrays["du"][i]) if COMM.rank == 0 else None)
     at = OperatingPoint(2.0 * np.pi * branch.frequency[i], level)
-    found = {}
+    values = {}
     for name, law in (("started", ring.pairs.law), ("at 0", ring.pairs.law.law)):
         equation = HarmonicBalance.of_all(prepare(ring).model, law, 64)
         owned = Harmonics.full(7).carry(U[equation.model.owned], equation.harmonics)
         residual = equation.residual(owned, at, equation.contact_forces(owned, equation.every_pair, tangents=False))
-        found[name] = COMM.allreduce(np.abs(residual).max(initial=0.0), MPI.MAX) / np.abs(U).max()
+        values[name] = COMM.allreduce(np.abs(residual).max(initial=0.0), MPI.MAX) / np.abs(U).max()
     sector.close()
     ring.close()
-    assert found["started"] < 1e-9 and found["at 0"] > 1e-5, found
+    assert values["started"] < 1e-9 and values["at 0"] > 1e-5, values
 
 
 def test_the_response_with_shrouds_is_that_of_the_ring(shared_path):
@@ -162,11 +162,13 @@ def test_the_response_with_shrouds_is_that_of_the_ring(shared_path):
 
 def test_a_wave_is_that_of_its_alias_and_takes_as_much_power_as_the_one_in_the_other_direction(shared_path):
     """h and h + N are one wave; under one force the power of h and -h is the same by reciprocity, stuck."""
-    found = {h: response_at(shared_path, write_sector, N_DOF, 1420.0, 0.01, wave={"engine_order": h}, N=5) for h in (2, -2, 3)}
+    by_key = {h: response_at(shared_path, write_sector, N_DOF, 1420.0, 0.01, wave={"engine_order": h}, N=5) for h in (2, -2, 3)}
     for k in range(3):
-        np.testing.assert_allclose(found[3][k], found[-2][k], rtol=1e-12, atol=1e-12 * np.abs(found[3][k]).max())
-    assert found[2][2] == pytest.approx(found[-2][2], rel=1e-11) and found[2][2] > 0.0
-    assert np.abs(found[2][0] - found[-2][0]).max() > 1e-3 * np.abs(found[2][0]).max()  # of an output beside the force it differs
+        np.testing.assert_allclose(by_key[3][k], by_key[-2][k], rtol=1e-12, atol=1e-12 * np.abs(by_key[3][k]).max())
+    assert by_key[2][2] == pytest.approx(by_key[-2][2], rel=1e-11) and by_key[2][2] > 0.0
+    assert (
+        np.abs(by_key[2][0] - by_key[-2][0]).max() > 1e-3 * np.abs(by_key[2][0]).max()
+    )  # of an output beside the force it differs
 
 
 def refused(shared_path, **how) -> str:
@@ -425,8 +427,8 @@ def test_an_output_in_another_sector_is_that_of_the_whole_disc(shared_path):
     }
     one, every = respond(of[False]), respond(of[True])
     for sector in (0, 1, 3):
-        expected, found = every[f"tip {sector}"].coefficients, one.in_sector("tip", sector).coefficients
-        np.testing.assert_allclose(found[0, 0], expected[0, 0], atol=1e-9 * np.abs(expected[0, 0]).max())
+        expected, computed = every[f"tip {sector}"].coefficients, one.in_sector("tip", sector).coefficients
+        np.testing.assert_allclose(computed[0, 0], expected[0, 0], atol=1e-9 * np.abs(expected[0, 0]).max())
     for response, wrong in ((one, 5), (every, 0)):
         with pytest.raises(MicroslipError, match="in_sector: "):
             response.in_sector(response.outputs[0], wrong)

@@ -22,7 +22,7 @@ def test_both_directions_pass_two_turning_points_on_the_same_branch(name, shared
     turns = [[branch.points[i].omega for i in fold.turning_points(branch)] for branch in (up, down)]
     assert len(turns[0]) == len(turns[1]) == 2
     assert turns[1][::-1] == pytest.approx(turns[0], rel=2e-3)  # the points nearest the folds, a step apart
-    solutions = [len(found) for found in fold.at_asked(case, up)]
+    solutions = [len(each) for each in fold.at_asked(case, up)]
     assert set(solutions) == {1, 3} and solutions.count(3) >= 2
     assert fold.difference(case, up, down) < 1e-8
     assert max(fold.amplitudes(up)) == pytest.approx(max(fold.amplitudes(down)), rel=2e-3)

@@ -31,26 +31,26 @@ def structures(comm, tmp_path_factory):
         yield alone, together
 
 
-def assert_same(comm, found: Difference) -> None:
+def assert_same(comm, computed: Difference) -> None:
     """Check on every rank, whose own result is that of all.
 
     Rounding may decide whether a step is repeated: then the other points lie elsewhere on the same curve.
     """
-    says = text_of(found)
-    assert not any(found.only) and all(level.is_whole for level in found.levels), says
+    says = text_of(computed)
+    assert not any(computed.only) and all(level.is_whole for level in computed.levels), says
     assert (
-        found.structure.same_pairs
-        and found.structure.modes < OF_MODES
-        and found.structure.n_modes[0] == found.structure.n_modes[1]
+        computed.structure.same_pairs
+        and computed.structure.modes < OF_MODES
+        and computed.structure.n_modes[0] == computed.structure.n_modes[1]
     )
-    for level in found.levels:
+    for level in computed.levels:
         has_same_points = level.n_points[0] == level.n_points[1]
         largest = level.difference if has_same_points else level.beyond
         assert all(comm.allgather(bool(largest <= TOLERANCE))) and min(level.n_points) > 4 and level.slip[0] == level.slip[1], (
             says
         )
         assert level.friction[1] == pytest.approx(level.friction[0], rel=1e-5), says
-        assert_same_at(*found.of_level(level))
+        assert_same_at(*computed.of_level(level))
 
 
 def assert_same_at(a, b) -> None:
@@ -63,10 +63,10 @@ def assert_same_at(a, b) -> None:
 @pytest.mark.parametrize("method", [one if one in ON_TWO else pytest.param(one, marks=pytest.mark.ranks(3)) for one in METHODS])
 def test_one_rank_and_several_give_the_same_curves(comm, structures, method):
     alone, together = (microslip.respond(structure, method=method, error_bars=False) for structure in structures)
-    found = compared(alone.results, together.results, TOLERANCE)
-    assert_same(comm, found)
+    comparison = compared(alone.results, together.results, TOLERANCE)
+    assert_same(comm, comparison)
     assert any((level.state == SLIP).any() for level in together.results.levels), "nothing slips"
-    assert found.keys == []
+    assert comparison.keys == []
 
 
 def test_groups_of_ranks_give_the_same_curves(comm, structures):

@@ -45,17 +45,17 @@ def responses(branch, omega) -> np.ndarray:
 
 
 def test_both_segments_together_are_the_branch_through_both_folds(shared_path):
-    (found,) = branches_of(scene_between_the_folds(shared_path), COMM)
-    omega, segment = (np.array([getattr(point, name) for point in found.points]) for name in ("omega", "segment"))
+    (branch,) = branches_of(scene_between_the_folds(shared_path), COMM)
+    omega, segment = (np.array([getattr(point, name) for point in branch.points]) for name in ("omega", "segment"))
     assert (np.diff(segment) >= 0).all() and set(segment) == {0, 1}
     first, second = omega[segment == 0], omega[segment == 1]
     assert first[0] == pytest.approx(BETWEEN[0]) and first.max() > 1.35  # over the upper turning point, out of the range
     assert second[[0, -1]] == pytest.approx(BETWEEN[::-1]) and (np.diff(second) < 0.0).all()
-    assert "back out of the range" in found.broken
+    assert "back out of the range" in branch.broken
     (shared_path / "whole").mkdir(exist_ok=True)
     whole = followed(FOLD, "up", shared_path / "whole", COMM)
     for at in AT:
-        here, there = responses(found, at), responses(whole, at)
+        here, there = responses(branch, at), responses(whole, at)
         assert len(here) == 3 and len(there) == (3 if at in FOLD.at else 0)
         if at not in FOLD.at:  # between the start and the last point of the first segment
             continue
@@ -63,8 +63,8 @@ def test_both_segments_together_are_the_branch_through_both_folds(shared_path):
 
 
 def test_a_branch_that_reaches_its_end_is_one_segment(shared_path):
-    (found,) = branches_of(scene_between_the_folds(shared_path, "down"), COMM)
-    assert found.broken is None and {point.segment for point in found.points} == {0}
+    (branch,) = branches_of(scene_between_the_folds(shared_path, "down"), COMM)
+    assert branch.broken is None and {point.segment for point in branch.points} == {0}
 
 
 @pytest.mark.ranks(2)

@@ -49,7 +49,7 @@ def system_of(case: Case) -> dict:
 
 def balanced(case: Case, omegas, H: int, n_samples: int, points: int = 60) -> list:
     """Return the points of the branch at ``omegas``, in rising order."""
-    found = branch(
+    curve = branch(
         system_of(case),
         MPI.COMM_SELF,
         case.level,
@@ -60,8 +60,8 @@ def balanced(case: Case, omegas, H: int, n_samples: int, points: int = 60) -> li
         at=tuple(omegas),
         points=points,
     )
-    assert found.failure is None, found.failure
-    return sorted((point for point in found.points if point.requested), key=lambda point: point.omega)
+    assert curve.failure is None, curve.failure
+    return sorted((point for point in curve.points if point.requested), key=lambda point: point.omega)
 
 
 def marched(case: Case, omega: float, n_steps: int, start=None, tolerance=1e-7):
@@ -97,7 +97,7 @@ def main():
         peak = max(np.hypot(*(output @ steady[omega].u_hat)[1:3]) for omega in case.omegas)
         print(
             f"\n{name}: level {case.level:g}, largest amplitude {peak:.4f} m, states "
-            f"{sorted({int(state) for found in steady.values() for state in found.state})}; "
+            f"{sorted({int(state) for each in steady.values() for state in each.state})}; "
             f"512 to 1024 steps a period change the march by {change / peak:.1e} of it"
         )
         print("\n| harmonics | samples | largest difference of u(t) | of harmonic 1 |\n| --- | --- | --- | --- |")
