@@ -17,21 +17,21 @@ class ExactJenkins(ElasticCoulomb):
         return cls(law.mu, law.N0, law.k_t, law.k_n, law.separate)
 
     def cycle(self, U, n_samples, tangents=True, harmonics=None):
-        found = super().cycle(U, n_samples, tangents, harmonics)
+        exact = super().cycle(U, n_samples, tangents, harmonics)
         a = U[:, 0, 1] - 1j * U[:, 0, 2]
         X = np.abs(a)
         turn = np.divide(a, X, out=np.ones_like(a), where=X > 0.0)
         T, by_X, _, _ = self._harmonic_1(X)
         T_by_X = np.divide(T, X, out=self.k_t + 0j, where=X > 0.0)
-        found.p[:], p = 0.0, T * turn - self.k_t * a
-        found.p[:, 0, 1], found.p[:, 0, 2] = p.real, -p.imag
+        exact.p[:], p = 0.0, T * turn - self.k_t * a
+        exact.p[:, 0, 1], exact.p[:, 0, 2] = p.real, -p.imag
         if tangents:
-            found.P[:] = 0.0
+            exact.P[:] = 0.0
             for column, along in ((1, 1.0), (2, -1j)):
                 d = along / turn  # of the amplitude, and of its phase times X
                 by = (by_X * d.real + 1j * T_by_X * d.imag) * turn - self.k_t * along
-                found.P[:, 1, column], found.P[:, 2, column] = by.real, -by.imag
-        return found
+                exact.P[:, 1, column], exact.P[:, 2, column] = by.real, -by.imag
+        return exact
 
     def parameter_rate(self, name, U, n_samples, harmonics=None):
         rate, a = np.zeros(U.shape), U[:, 0, 1] - 1j * U[:, 0, 2]

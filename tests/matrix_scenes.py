@@ -87,11 +87,11 @@ def branches_of(path: Path, comm) -> list:
     structure = build(scene, comm, log)
     prepared = prepare(structure, has_bars=False)
     writer = writer_of(prepared, path.parent / "results")
-    found = follow(prepared.response, [writer], log=log)
+    computed = follow(prepared.response, [writer], log=log)
     writer.close()
     structure.close()
-    assert not any(branch.failure for branch in found), [branch.failure for branch in found]
-    return found
+    assert not any(branch.failure for branch in computed), [branch.failure for branch in computed]
+    return computed
 
 
 def requested(branch) -> list:

@@ -40,45 +40,45 @@ def _gmsh(folder: Path) -> list[bytes]:
     mesh = load_meshio().Mesh(
         points, [("tetra", rows)], cell_data=tags, field_data={"bar": np.array([3, 3])}, point_data={"gap": points[:, 0]}
     )
-    found = []
+    values = []
     for form in ("gmsh22", "gmsh"):
         for is_binary in (False, True):
             mesh.write(folder / "seed.msh", file_format=form, binary=is_binary)
-            found.append((folder / "seed.msh").read_bytes())
-    return found
+            values.append((folder / "seed.msh").read_bytes())
+    return values
 
 
 def _by_meshio(ending: str, forms: tuple[dict, ...]) -> Callable[[Path], list[bytes]]:
     def write(folder: Path) -> list[bytes]:
         points, rows = box("hex8", (1, 1, 1))
-        found = []
+        values = []
         for options in forms:
             mesh = load_meshio().Mesh(
                 points, [("hexahedron", rows)], point_data={"gap": points[:, 0]}, cell_data={"part": [np.array([2])]}
             )
             mesh.write(folder / f"seed{ending}", **options)
-            found.append((folder / f"seed{ending}").read_bytes())
-        return found
+            values.append((folder / f"seed{ending}").read_bytes())
+        return values
 
     return write
 
 
 def _exodus(folder: Path) -> list[bytes]:
-    found = []
+    values = []
     for is_hdf5 in (False, True):
         exodus(plain("tet4"), folder / "seed.e", is_hdf5)
-        found.append((folder / "seed.e").read_bytes())
-    return found
+        values.append((folder / "seed.e").read_bytes())
+    return values
 
 
 def _matrix(*endings: str) -> Callable[[Path], list[bytes]]:
     def write(folder: Path) -> list[bytes]:
-        found = []
+        values = []
         for ending in endings:
             path = folder / f"seed.{ending}"
             WRITERS[ending][0](path, sp.csr_matrix(A), DOFS)
-            found.append(path.read_bytes())
-        return found
+            values.append(path.read_bytes())
+        return values
 
     return write
 
@@ -94,7 +94,7 @@ def _mtx(folder: Path) -> list[bytes]:
 
 
 def _npz(folder: Path) -> list[bytes]:
-    found = []
+    values = []
     for save in (
         lambda file: np.savez(file, K=A),
         lambda file: np.savez_compressed(file, K=A, M=A),
@@ -103,17 +103,17 @@ def _npz(folder: Path) -> list[bytes]:
     ):
         file = io.BytesIO()
         save(file)
-        found.append(file.getvalue())
-    return found
+        values.append(file.getvalue())
+    return values
 
 
 def _mat(folder: Path) -> list[bytes]:
-    found = []
+    values = []
     for options in ({"format": "4"}, {"format": "5"}, {"format": "5", "do_compression": True}):
         file = io.BytesIO()
         scipy.io.savemat(file, {"K": sp.csc_matrix(A), "n": np.arange(3)}, **options)
-        found.append(file.getvalue())
-    return [*found, *_matrix("v73.mat")(folder)]
+        values.append(file.getvalue())
+    return [*values, *_matrix("v73.mat")(folder)]
 
 
 def _petsc(folder: Path) -> list[bytes]:

@@ -164,15 +164,15 @@ def _ended(path: Path) -> Any:
 
 
 def _identity(path: Path) -> list[str]:
-    found = read_record(path)
-    return [] if found is None else Identity({}, {}, {}, ()).differences(Identity.from_texts(found[1]))
+    records = read_record(path)
+    return [] if records is None else Identity({}, {}, {}, ()).differences(Identity.from_texts(records[1]))
 
 
 def _set_up(path: Path) -> Any:
-    found = read_record(path)
-    if found is None:
+    records = read_record(path)
+    if records is None:
         return None
-    return structure_of(*found, None, MPI.COMM_SELF, lambda group: OnDemand(_nothing)), basis_of(*found)
+    return structure_of(*records, None, MPI.COMM_SELF, lambda group: OnDemand(_nothing)), basis_of(*records)
 
 
 def _nothing() -> Factored:

@@ -176,9 +176,9 @@ def write(folder, branches, pairs, **options) -> str:
 
 def observe(writer: ResultWriter, branches: list[Branch]) -> None:
     """Tell the writer of whole branches, one after the other.  Collective on its communicator."""
-    notify = Observers(writer.comm, [found.level for found in branches], [writer]).notify
-    for number, found in enumerate(branches):
+    notify = Observers(writer.comm, [each.level for each in branches], [writer]).notify
+    for number, each in enumerate(branches):
         notify("level_started", number)
-        for point in found.points:
+        for point in each.points:
             notify("point", number, point)
-        notify("level_finished", number, found)
+        notify("level_finished", number, each)
