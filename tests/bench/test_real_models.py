@@ -20,9 +20,9 @@ def test_files_are_read_or_refused_with_their_reason(tmp_path):
     for name in ("bad1.inp", "bad2.inp"):
         (tmp_path / name).write_text(f"*NODE\n1,0.,0.,0.\n2,{name[3]},0.,0.\n*ELEMENT,TYPE=T3D2\n1,1,2\n")
     package = {"name": "two", "files": ["*.cdb", "bad*.inp"]}
-    listed = [checked(path) for path in files_of(package, tmp_path)]
-    assert [one.outcome for one in listed] == ["refused", "refused", "read"]
-    ((name, why, example, n),) = reason_rows(package, listed)
+    files = [checked(path) for path in files_of(package, tmp_path)]
+    assert [one.outcome for one in files] == ["refused", "refused", "read"]
+    ((name, why, example, n),) = reason_rows(package, files)
     assert (name, example, n) == ("two", "bad1.inp", "2") and "no volume elements (beams or shells)" in why
 
 

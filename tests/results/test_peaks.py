@@ -37,10 +37,10 @@ def peak(level, output=0, mode=0):
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
     """The second resonance appears at the second level; the root has one peak a level."""
-    listed = [branch(level, two_flanks(5, 1), n_outputs=2) for level in LEVELS]
-    for one in listed:
+    curves = [branch(level, two_flanks(5, 1), n_outputs=2) for level in LEVELS]
+    for one in curves:
         one.peaks = [peak(one.level), peak(one.level, 1)] + ([peak(one.level, mode=1)] if one.level > 2.0 else [])
-    return write(tmp_path_factory.mktemp("peaks"), listed, two_flanks(5, 1), outputs=OUTPUTS)
+    return write(tmp_path_factory.mktemp("peaks"), curves, two_flanks(5, 1), outputs=OUTPUTS)
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +111,9 @@ def test_peaks_over_the_level(results):
 
 
 def test_one_level_or_none_with_peaks_has_no_picture_over_the_level(tmp_path):
-    listed = [branch(level, two_flanks(5, 1)) for level in LEVELS]
-    listed[1].peaks, listed[2].peaks = [peak(3.0)], []
-    assert drawn(draw_peaks, read_results(write(tmp_path, listed, two_flanks(5, 1)))) == {}
+    curves = [branch(level, two_flanks(5, 1)) for level in LEVELS]
+    curves[1].peaks, curves[2].peaks = [peak(3.0)], []
+    assert drawn(draw_peaks, read_results(write(tmp_path, curves, two_flanks(5, 1)))) == {}
 
 
 def test_the_report_has_them_as_figures_and_table(results):

@@ -125,12 +125,12 @@ def test_energy_draws_the_bound_of_the_balance_that_the_run_goes_by(tmp_path, pa
 
 
 def test_response_shows_each_level_its_peak_and_the_linear_curve(tmp_path, pairs, pages):
-    listed = [branch(level, pairs) for level in (1.0, 8.0)]
-    draw_only(curve_plots.draw_response, write(tmp_path, listed, pairs))
+    curves = [branch(level, pairs) for level in (1.0, 8.0)]
+    draw_only(curve_plots.draw_response, write(tmp_path, curves, pairs))
     left, right = pages["response.png"].figure.axes
     assert left.get_ylabel() == "amplitude [mm]" and right.get_ylabel() == "amplitude [mm/N]"
     assert left.get_yscale() == "linear"
-    size = np.array([np.hypot(*point.response[0, 1:3]) for point in listed[1].points])
+    size = np.array([np.hypot(*point.response[0, 1:3]) for point in curves[1].points])
     lines = [line for line in left.lines if len(line.get_xdata()) == len(size)]
     assert lines[1].get_ydata() == pytest.approx(1e3 * size)
     peaks = [line for line in left.lines if line.get_marker() == "o"]
@@ -215,8 +215,8 @@ def test_error_of_zero_everywhere_is_said(tmp_path, pairs):
 
 @pytest.mark.slow
 def test_many_outputs_and_levels_go_on_several_pages(tmp_path, pairs, pages):
-    listed = [branch(level, pairs, n_outputs=7, n_points=9) for level in np.arange(1.0, 16.0)]
-    path = write(tmp_path, listed, pairs, outputs=[f"u{i}" for i in range(7)])
+    curves = [branch(level, pairs, n_outputs=7, n_points=9) for level in np.arange(1.0, 16.0)]
+    path = write(tmp_path, curves, pairs, outputs=[f"u{i}" for i in range(7)])
     assert len(draw_only(curve_plots.draw_response, path)) == 2
     draw_only(curve_plots.draw_states, path)
     assert len(pages["states.png"].figure.axes) == style.MOST_PANELS

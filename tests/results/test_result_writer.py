@@ -64,13 +64,13 @@ def test_a_point_is_on_the_disk_before_the_next_is_solved(tmp_path, pairs):
 
 
 def test_result_file_gives_back_everything(tmp_path, pairs):
-    listed = [branch(level, pairs, n_points=6) for level in (1.0, 8.0)]
-    results = read_results(write(tmp_path, listed, pairs))
+    curves = [branch(level, pairs, n_points=6) for level in (1.0, 8.0)]
+    results = read_results(write(tmp_path, curves, pairs))
     assert results.title == TITLE and results.scene_text == head(pairs).scene_text and results.method == "adaptive"
     assert results.options == ("-hb_snes_max_it", "30") and results.versions["numpy"] == np.__version__
     assert results.mode_frequency == pytest.approx([100.0, 312.5])
     assert [level.level for level in results.levels] == [1.0, 8.0]
-    for level, expected in zip(results.levels, listed):
+    for level, expected in zip(results.levels, curves):
         assert level.status == "complete" and level.failure == ""
         assert level.frequency == pytest.approx([point.omega / 2 / np.pi for point in expected.points], rel=1e-15)
         for name, of_point in (

@@ -28,8 +28,8 @@ def pairs():
 @pytest.fixture(scope="module")
 def results(pairs, tmp_path_factory) -> ResultFile:
     """Two levels and two outputs."""
-    listed = [branch(level, pairs, n_outputs=2) for level in (1.0, 8.0)]
-    return read_results(write(tmp_path_factory.mktemp("diff"), listed, pairs, outputs=("tip", "root")))
+    curves = [branch(level, pairs, n_outputs=2) for level in (1.0, 8.0)]
+    return read_results(write(tmp_path_factory.mktemp("diff"), curves, pairs, outputs=("tip", "root")))
 
 
 def other(results: ResultFile, number: int = 1, **arrays) -> ResultFile:
