@@ -98,10 +98,10 @@ def entry(number, sort, case):
 
 def entries():
     """Return all cases as parameters, in an order that CATALOGUE_SEED shuffles."""
-    listed = [entry(i, sort, case) for sort, cases in BY_SORT.items() for i, case in enumerate(cases)]
+    entries = [entry(i, sort, case) for sort, cases in BY_SORT.items() for i, case in enumerate(cases)]
     if SEED:
-        random.Random(SEED).shuffle(listed)
-    return listed
+        random.Random(SEED).shuffle(entries)
+    return entries
 
 
 @pytest.mark.slow

@@ -73,20 +73,20 @@ def test_one_mass_from_scene_to_choices(program, shared_path, comm):
     seconds = "5" if comm.size == 1 else "1.5"  # several ranks on few processors may not come so far, however many
     status, out, err = program(write_mass, "--seconds", seconds, "--vary", "harmonics,samples", "--levels", "0.8")
     assert (status, err) == (0, "")
-    listed = [entry for entry in rows(shared_path) if not entry["failure"]]
-    kinds = {entry["parameter"] for entry in listed}
+    entries = [entry for entry in rows(shared_path) if not entry["failure"]]
+    kinds = {entry["parameter"] for entry in entries}
     assert {"base"} <= kinds <= {"base", "harmonics", "samples", "combination", "accuracy"}
     by_H = {
-        int(entry["harmonics"]): float(entry["error_percent"]) for entry in listed if entry["parameter"] in ("base", "harmonics")
+        int(entry["harmonics"]): float(entry["error_percent"]) for entry in entries if entry["parameter"] in ("base", "harmonics")
     }
-    base = next(entry for entry in listed if entry["parameter"] == "base")
+    base = next(entry for entry in entries if entry["parameter"] == "base")
     assert float(base["error_percent"]) <= float(base["bar_percent"]) < 5.0
     if comm.size == 1:
         assert by_H[1] > by_H[5] and "harmonics 1 -> 2:" in out
-        covered = [float(entry["covered_percent"]) for entry in listed if entry["covered_percent"]]
+        covered = [float(entry["covered_percent"]) for entry in entries if entry["covered_percent"]]
         assert covered and sum(covered) / len(covered) >= 90.0
         assert "lie under their bar" in out
-    assert any(entry["on_front"] for entry in listed)
+    assert any(entry["on_front"] for entry in entries)
     assert "more would change" in out
     assert "for 1 %:" in out and (shared_path / "out" / "trade.png").exists()
 
@@ -140,11 +140,11 @@ def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
     meshes = ",".join(str(shared_path / f"{name}.msh") for name in ("finest", "finer"))
     status, out, err = program(write, "--seconds", "3", "--levels", "2", "--vary", "mesh", "--meshes", meshes)
     assert (status, err) == (0, "")
-    listed = [entry for entry in rows(shared_path) if entry["parameter"] == "mesh"]
-    assert [entry["value"] for entry in listed] == ["coarse.msh", "finer.msh", "finest.msh"]
-    assert not any(entry["failure"] for entry in listed) and len({entry["points"] for entry in listed}) == 1
-    peaks = [float(entry["frequency_percent"]) for entry in listed]
-    assert peaks[0] > peaks[1] > peaks[2] == 0.0 and float(listed[2]["error_percent"]) == 0.0
+    entries = [entry for entry in rows(shared_path) if entry["parameter"] == "mesh"]
+    assert [entry["value"] for entry in entries] == ["coarse.msh", "finer.msh", "finest.msh"]
+    assert not any(entry["failure"] for entry in entries) and len({entry["points"] for entry in entries}) == 1
+    peaks = [float(entry["frequency_percent"]) for entry in entries]
+    assert peaks[0] > peaks[1] > peaks[2] == 0.0 and float(entries[2]["error_percent"]) == 0.0
     assert "meshes, against the finest, finest.msh" in out and "no pair slips" not in out
 
 

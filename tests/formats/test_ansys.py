@@ -167,12 +167,12 @@ def test_a_cyclic_sector_and_its_components(tmp_path, commands, sectors, axis, p
     path.write_text(path.read_text().replace("BAR_BOTTOM", "CYC_M01L").replace("PLATE_TOP", "CYC_M01H"))
     model = read_model(path)
     assert model.cyclic.faces == ("CYC_M01L", "CYC_M01H") and model.cyclic.sectors == sectors
-    listed = [finding for finding in model.findings if finding.word == "CYCLIC"]
-    assert len(listed) == (axis is not None)
+    findings = [finding for finding in model.findings if finding.word == "CYCLIC"]
+    assert len(findings) == (axis is not None)
     if axis is not None:
         np.testing.assert_allclose(model.cyclic.axis, axis, atol=1e-15)
         np.testing.assert_allclose(model.cyclic.axis_point, point)
-        assert listed[0].part == "cyclic" and 'faces = ["CYC_M01L", "CYC_M01H"]' in listed[0].effect
+        assert findings[0].part == "cyclic" and 'faces = ["CYC_M01L", "CYC_M01H"]' in findings[0].effect
 
 
 def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):

@@ -31,8 +31,8 @@ def test_numbers_may_be_decimals_and_none():
 
 def test_nodes_are_joined_by_what_is_held():
     fixed = np.array([[1, 1, 1], [0, 0, 0], [0, 0, 1], [1, 1, 1], [1, 0, 1]], dtype=bool)
-    listed = [(axes, nodes.tolist()) for axes, nodes in fixed_alike(fixed)]
-    assert listed == [((2,), [2]), ((0, 2), [4]), ((0, 1, 2), [0, 3])]
+    groups = [(axes, nodes.tolist()) for axes, nodes in fixed_alike(fixed)]
+    assert groups == [((2,), [2]), ((0, 2), [4]), ((0, 1, 2), [0, 3])]
 
 
 def test_commands_of_an_archive_have_the_lines_that_they_stand_on(tmp_path):
@@ -40,9 +40,9 @@ def test_commands_of_an_archive_have_the_lines_that_they_stand_on(tmp_path):
     text = cdb(plain(), ("RLBLOCK,1,1,6,7", "(2i8,6g16.9)", "(7g16.9)", "       1       1  1.0", "MP,EX,9,1.0$MP,NUXY,9,0.3"))
     path.write_bytes(text.replace("\n", "\r\n").encode())
     lines = text.split("\n")
-    listed = list(commands(str(path)))
-    for command in listed:
+    in_order = list(commands(str(path)))
+    for command in in_order:
         assert command.word in lines[command.line - 1].upper()
-    assert [command.word for command in listed] == [
+    assert [command.word for command in in_order] == [
         part.split(",")[0].upper() for line in lines if line and line.strip()[0] not in "(-0123456789" for part in line.split("$")
     ]

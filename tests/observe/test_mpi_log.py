@@ -131,8 +131,8 @@ def test_points_of_mixed_levels_say_whose_they_are_and_are_counted_by_level(path
         for number in (1, 0, 1):
             observers.notify("point", number, point(99.0 + number, 1e-6))
         observers.notify("level_finished", 1, Branch(8.0))
-    listed = [line.split() for line in lines(path) if "1.00000e-06" in line]
-    assert [(line[0], line[1], line[2]) for line in listed] == [("8", "0", "100"), ("4", "0", "99"), ("8", "1", "100")]
+    words = [line.split() for line in lines(path) if "1.00000e-06" in line]
+    assert [(line[0], line[1], line[2]) for line in words] == [("8", "0", "100"), ("4", "0", "99"), ("8", "1", "100")]
     assert any(line.startswith("level 2 of 2: 8 N: 2 points in 0.5 s; peak") for line in lines(path))
     assert [len(branch.points) for branch in observers.branches] == ([1, 2] if COMM.rank == 0 else [0, 0])
 

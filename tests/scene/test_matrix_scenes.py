@@ -26,8 +26,8 @@ def test_every_key_arrives(path):
     scene = read_scene(path)
     assert (scene.model.mesh, scene.model.stiffness, scene.model.mass, scene.model.damping) == (None, "K.mtx", "M.mtx", None)
     assert (scene.joints[0].pairs, scene.joints[0].surfaces, scene.joints[0].friction_limit) == ("pairs.csv", None, "circle")
-    listed = [(load.dof, load.scale, load.harmonic, load.phase) for load in scene.loads]
-    assert listed == [
+    loads = [(load.dof, load.scale, load.harmonic, load.phase) for load in scene.loads]
+    assert loads == [
         (0, 1.0, 1, 0.0),
         (2, 0.3, 1, 0.0),
         (1, 0.7, 1, np.pi / 3),

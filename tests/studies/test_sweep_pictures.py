@@ -51,6 +51,6 @@ def test_a_logarithmic_axis_of_few_decades_has_numbers_at_several_ticks(ends):
     axes = Figure().add_subplot()
     axes.set_xlim(*ends)
     log_scale(axes, "x")
-    listed = [number for number in _numbers(axes.xaxis) if number]
-    assert 2 <= len(listed) <= 5 and len(set(listed)) == len(listed)
-    assert ends[0] < 0.01 or all(ends[0] <= float(number) <= ends[1] for number in listed)
+    labels = [number for number in _numbers(axes.xaxis) if number]
+    assert 2 <= len(labels) <= 5 and len(set(labels)) == len(labels)
+    assert ends[0] < 0.01 or all(ends[0] <= float(number) <= ends[1] for number in labels)

@@ -55,10 +55,10 @@ class Case:
 def all_cases() -> list[Case]:
     """Return every case, in the order of the report."""
     families = (stiffness, friction_and_preload, levels, damping, frequency, harmonics, loads, joints, units, methods, random)
-    listed = [case for family in families for case in family()]
-    names = [case.name for case in listed]
+    all_cases = [case for family in families for case in family()]
+    names = [case.name for case in all_cases]
     assert len(set(names)) == len(names), "a name twice"
-    return listed
+    return all_cases
 
 
 def quick_cases() -> list[Case]:

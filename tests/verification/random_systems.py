@@ -225,8 +225,8 @@ def table(judged: list[Judged]) -> str:
 
 def outside(judged: list[Judged]) -> list[Judged]:
     """Return the steady points beyond their bar, the worst first."""
-    listed = [one for one in judged if one.is_steady and not one.holds]
-    return sorted(listed, key=lambda one: one.bar - one.error)
+    too_small = [one for one in judged if one.is_steady and not one.holds]
+    return sorted(too_small, key=lambda one: one.bar - one.error)
 
 
 def main():
@@ -239,13 +239,13 @@ def main():
         options.add_argument(f"--{key}", type=kind)
     asked, start = options.parse_args(), time.perf_counter()
     solver = {key: value for key in ("harmonics", "samples", "accuracy") if (value := getattr(asked, key)) is not None}
-    listed = [solve(asked.seed, asked.first + i, asked.points, dict(solver)) for i in range(asked.systems)]
+    outcomes = [solve(asked.seed, asked.first + i, asked.points, dict(solver)) for i in range(asked.systems)]
     solved = time.perf_counter()
-    judged = judge(listed)
-    for failure in (failure for one in listed for failure in one.failures):
+    judged = judge(outcomes)
+    for failure in (failure for one in outcomes for failure in one.failures):
         print(f"failed: {failure}")
     unsteady = [one for one in judged if not one.is_steady]
-    print(f"\n{len(judged)} points of {len(listed)} systems, {len(unsteady)} without a steady state")
+    print(f"\n{len(judged)} points of {len(outcomes)} systems, {len(unsteady)} without a steady state")
     print(f"program {solved - start:.0f} s, time integration {time.perf_counter() - solved:.0f} s; its own error up to ", end="")
     print(f"{max(one.own for one in judged if one.is_steady):.1e} of the peak\n\n{table(judged)}\n")
     for one in outside(judged):

@@ -15,9 +15,9 @@ SYSTEMS = (3, 7, 9)
 
 def judged():
     """Return points of three structures with 3 harmonics and 128 samples, in which a pair slips or opens."""
-    listed = [random_systems.solve(1, number, 3, {"points": 20}) for number in SYSTEMS]
-    assert not [failure for one in listed for failure in one.failures]
-    return [one for one in random_systems.judge(listed, steps=1024) if any(one.state)]
+    outcomes = [random_systems.solve(1, number, 3, {"points": 20}) for number in SYSTEMS]
+    assert not [failure for one in outcomes for failure in one.failures]
+    return [one for one in random_systems.judge(outcomes, steps=1024) if any(one.state)]
 
 
 @pytest.mark.study
