@@ -230,6 +230,15 @@ def test_states_add_up_to_all_pairs(tmp_path, pairs, pages):
     assert len(curves) == 3 and (sum(curves) == pairs.n_pairs).all() and curves[1].max() > 20
 
 
+def test_states_of_few_pairs_are_counted_in_whole_pairs(tmp_path, pages):
+    few = pairs_of(np.zeros((10, 3)), np.tile(np.eye(3), (10, 1, 1)), np.ones(10), ("a",) * 10, ())
+    draw_only(curve_plots.draw_states, write(tmp_path, [branch(level, few) for level in (1.0, 4.0, 8.0)], few))
+    with matplotlib.rc_context(style.RC):
+        pages["states.png"].figure.draw_without_rendering()
+        ticks = np.array([ax.get_yticks() for ax in pages["states.png"].figure.axes])
+    assert (ticks == np.round(ticks)).all()
+
+
 def test_slip_map_colours_each_pair_by_its_state_at_the_peak(tmp_path, pairs, pages):
     curve = branch(8.0, pairs)
     draw_only(joint_plots.draw_slip_map, write(tmp_path, [curve], pairs))

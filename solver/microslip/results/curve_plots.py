@@ -113,6 +113,7 @@ def draw_states(results: ResultFile) -> Pages:
             _curve(ax, level, number, colour, style)
         ax.axvline(level.frequency[peak(level.response)], color=FAINT, ls=":", lw=1.0, zorder=0.5)
         ax.set_ylim(-0.03 * results.joint.n_pairs, 1.05 * results.joint.n_pairs)
+        ax.locator_params(axis="y", integer=True)
         ax.set_ylabel("pairs")
     return {"states.png": page}
 
