@@ -26,7 +26,7 @@ SYSTEM = scenes.make_system(
 @pytest.mark.parametrize(
     ("mode", "changes", "says"),
     [
-        (1, {}, "WARNING: {mode}its frequency is {open}, not in the range"),
+        (1, {}, "WARNING: {mode}its frequency is {open}; state"),
         (2, {}, "{mode}its frequency is {open}"),
         (1, {"K": STIFFNESS - np.diag([2.0 - 0.25 / 8.0, 0.0])}, "WARNING: {mode}a body has no support"),
         (1, {"N0": np.ones(1)}, None),

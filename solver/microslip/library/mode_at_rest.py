@@ -13,6 +13,7 @@ from ..mesh.data import ContactPairs
 from ..messages.errors import CaseError, ResourceError
 from ..receptance.other_springs import with_springs
 from ..receptance.springs import SpringChange
+from .build import WholeStructure
 from .prepare import Prepared
 
 ROUNDING = 1e-10  # of the largest motion of a pair in any mode
@@ -42,16 +43,17 @@ def note_on_mode(prepared: Prepared) -> list[str]:
     n = np.count_nonzero(has_springs_across_gap(prepared.pairs))
     if mode is None or n == 0:
         return []
-    says, omega = f"[response] mode = {mode} counts with {n} pairs of a gap closed; with them open ", np.nan
+    says, omega = f"[response] mode = {mode} counts with {n} pairs of a gap closed", np.nan
     try:
-        omega = pairs_without_springs(prepared)[0].model.receptance_of(1).modes.omega_n[mode - 1]
-        says += f"its frequency is {omega / (2.0 * np.pi):.6g} Hz"
+        if not isinstance(prepared.structure, WholeStructure):  # which counts the modes of all nodal diameters together
+            omega = pairs_without_springs(prepared)[0].model.receptance_of(1).modes.omega_n[mode - 1]
+            says += f"; with them open its frequency is {omega / (2.0 * np.pi):.6g} Hz"
     except CaseError:
-        says += "a body has no support"
+        says += "; with them open a body has no support"
     except ResourceError:
-        says += "its frequency takes more memory than there is"
+        pass  # too many pairs for the frequency
     is_inside = min(sweep.start, sweep.stop) <= omega <= max(sweep.start, sweep.stop)
-    return [says if is_inside else f"WARNING: {says}, not in the range; state frequencies for pairs that do not close"]
+    return [says if is_inside else f"WARNING: {says}; state frequencies if the pairs stay open"]
 
 
 def pairs_without_springs(prepared: Prepared) -> tuple[Prepared, int]:
