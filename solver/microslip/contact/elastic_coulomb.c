@@ -82,7 +82,9 @@ INLINED lanes root(lanes a)                         /* 0 for negative values */
 
 INLINED int any(mask a)                             /* a has all bits of a lane, or none */
 {
-#if LANES == 4 && defined(__AVX__)
+#if LANES == 8 && defined(__AVX512DQ__)
+    return __builtin_ia32_cvtq2mask512((long long __attribute__((vector_size(64))))a) != 0;
+#elif LANES == 4 && defined(__AVX__)
     return __builtin_ia32_movmskpd256((double __attribute__((vector_size(32))))a) != 0;
 #elif LANES == 2 && defined(__SSE2__)
     return __builtin_ia32_movmskpd((double __attribute__((vector_size(16))))a) != 0;
