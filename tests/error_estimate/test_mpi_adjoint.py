@@ -11,7 +11,10 @@ from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.problems import ForcedResponse
 from microslip.error_estimate.estimate import ErrorEstimator, output_amplitude
+from microslip.harmonic import adjoint_solver
+from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.balance import HarmonicBalance
+from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.operating_point import LawParameter, OperatingPoint
 from microslip.receptance.truncated_modes import EnrichedModel
 
@@ -53,3 +56,30 @@ def test_it_gives_the_derivative_of_the_outputs_by_the_law(name):
     assert np.abs(rate - slope).max() < 1e-4 * np.abs(slope).max()
     with pytest.raises(ValueError, match="changes the structure"):
         adjoint.by_law(LawParameter("k_t", np.arange(2), system["k_t"]))
+
+
+def test_steps_with_one_linearisation_share_the_operands_of_their_products(monkeypatch):
+    """The solutions are those of a factor; another linearisation has operands of its own."""
+    system = scenes.chain()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    model, law = reduced(system, COMM, 3)
+    equation = HarmonicBalance.of_all(model, law, 128)
+
+    def linear(omega):
+        at = OperatingPoint(omega, LEVEL)
+        forces = equation.contact_forces(equation.linear_motion(at), equation.every_pair, tangents=True)
+        return Linearisation.of(equation, at, forces)
+
+    steps = np.random.default_rng(2).standard_normal((3, 1, 3 * model.n_pairs, model.N_H))
+    one, other = linear(OMEGA), linear(1.1 * OMEGA)
+    expected = [at.solve_several(step, AdjointSolver(COMM)) for at, step in zip((one, one, other), steps)]
+    made, columns = [], adjoint_solver.ActiveColumns
+    monkeypatch.setattr(adjoint_solver, "ActiveColumns", lambda *of: made.append(of) or columns(*of))
+    monkeypatch.setattr(adjoint_solver, "DIRECT", 0)
+    solver = AdjointSolver(COMM, 1e-10, np.float64)
+    found = [at.solve_several(step, solver) for at, step in zip((one, one, other), steps)]
+    solver.destroy()
+    assert len(made) == 2
+    for (dU, dp, is_found), (right_dU, right_dp, _) in zip(found, expected):
+        assert is_found and dU == pytest.approx(right_dU, rel=1e-7, abs=1e-9) and dp == pytest.approx(right_dp, rel=1e-6)

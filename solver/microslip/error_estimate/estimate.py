@@ -36,6 +36,7 @@ FINER = 2  # factor of the number of samples in the enriched problem
 SAMPLES = 4  # least number of samples per additional harmonic
 MOST_SWEEPS = 20  # steps of the iteration for the higher harmonics
 SETTLED = 0.1  # relative residual at which this iteration ends
+STEP = 1e-2  # relative residual of its linear systems, whose solutions are steps towards the point that it ends at
 FOLLOWED = 0.1  # step relative to the distance from the point, at which the iteration (11.4) ends
 
 
@@ -101,7 +102,7 @@ class ErrorEstimator:
         comm = enriched.structure.comm
         self.enriched = enriched
         self.last: Adjoint | None = None  # adjoint of the last point; None where all pairs stick
-        self.adjoint_solver, self.forward_solver = adjoint_solver or AdjointSolver(comm), AdjointSolver(comm)
+        self.adjoint_solver, self.forward_solver = adjoint_solver or AdjointSolver(comm), AdjointSolver(comm, STEP)
         self._models: dict[Harmonics, ReducedModel] = {}  # enriched models, by harmonics
         self._with_springs: tuple[object, EnrichedModel] = None, enriched  # springs and structure of the cached models
 

@@ -30,6 +30,7 @@ class AdjointSolver:
         self.preconditioner: PairsPreconditioner | None = None
         self._gmres: Gmres | None = None
         self._factor: WholeInverse | None = None
+        self._of: Linearisation | None = None  # whose operands are those of the products
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
@@ -106,8 +107,9 @@ class AdjointSolver:
         self._gmres = reuse(self._gmres, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, self.rtol))
         if self.preconditioner is not None and not self.preconditioner.fits(at):
             self.preconditioner = None
-        self._columns = ActiveColumns(at.G, self.precision)
-        self._P = self._columns.in_units(at.P)
+        if self._of is not at:  # the steps of an iteration share one linearisation
+            self._of, self._columns = at, ActiveColumns(at.G, self.precision)
+            self._P = self._columns.in_units(at.P)
         return self._gmres
 
     def _multiply(self, x: np.ndarray, out: np.ndarray) -> None:
