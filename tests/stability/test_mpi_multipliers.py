@@ -13,6 +13,9 @@ from microslip.contact.law import ContactCycle
 from microslip.continuation.peaks import iterate_of
 from microslip.fourier.coefficients import analysis_matrix, synthesis_matrix
 from microslip.fourier.harmonics import Harmonics
+from microslip.receptance.damping import Damping
+from microslip.stability.contact_variation import contact_variation
+from microslip.stability.cycle_map import CycleMap
 from microslip.stability.multipliers import multipliers_at
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
@@ -66,6 +69,23 @@ def test_multipliers_are_those_of_the_map_of_an_independent_integration(name, re
     values = COMM.bcast(values)
     values = np.abs(values[np.argsort(-np.abs(values))][:4])
     assert np.abs(found.values[:4]) == pytest.approx(values, abs=5e-3)
+
+
+def test_sliders_that_the_modes_do_not_excite_have_multipliers():
+    """Of 80 pairs with much memory, four that no mode moves hardly slip: just below 1 across their slip, by the matrix of the map."""
+    n, alone, m = 80, 4, 3
+    law = ElasticCoulomb(*np.ones((4, n)), np.zeros(n, dtype=bool))
+    U, R_phi = np.zeros((n, 3, 3)), 0.05 * np.random.default_rng(1).standard_normal((3 * n, m))
+    U[:, 0, 1], U[:, 1, 2] = 3.0, 2.0
+    U[-alone:, 0, 1], U[-alone:, 1, 2], R_phi[-3 * alone :] = 1.0 + 0.01 * np.arange(1, 1 + alone), 0.0, 0.0
+    contact = contact_variation(law, np.arange(n), U, Harmonics.up_to(1), 32, 4)
+    cycle = CycleMap(1.0, np.array([0.7, 1.3, 2.1]), Damping(np.full(m, 0.3)), R_phi, 0.3 * np.eye(3 * n), contact)
+    unit = np.eye(2 * m + cycle.n_memory)
+    x, memory = cycle.apply(unit[: 2 * m].reshape(2, m, -1), unit[2 * m :])
+    exact = np.linalg.eigvals(np.vstack([x.reshape(2 * m, -1), memory]))
+    exact = np.sort(np.abs(exact))[::-1]
+    assert (0.8 < exact[1 : 1 + alone]).all() and exact[2 + alone] < 0.5
+    assert np.abs(cycle.multipliers()) == pytest.approx(exact[:6], abs=1e-6)
 
 
 class Cubic:

@@ -248,32 +248,33 @@ class CycleMap:
     def multipliers(self) -> np.ndarray:
         """Return the N_MULTIPLIERS largest of modes and sliders, complex by falling modulus; those that are 0 may be left out.
 
-        Local.  docs/theory.md, eq. (16.4).  Of much memory what a cycle makes of the modes is a basis, with what the next ones
-        make of that, until the residuals of these multipliers are below 1e-6.
+        Local.  docs/theory.md, eq. (16.4).  Of much memory some random directions and what a cycle makes of them and of the modes
+        are a basis, with what the next ones make of that, until the residuals of these multipliers are below 1e-6.
         """
         m = self.n_modes
         if len(self.contact.pairs) == 0:
             return _by_modulus(ModalStep(self.omega_n, self.damping, self.period).multipliers())[:N_MULTIPLIERS]
-        x, memory = self.apply(np.eye(2 * m).reshape(2, m, -1), np.zeros((self.n_memory, 2 * m)))
-        basis, x_of_basis, memory_of_basis = np.zeros((self.n_memory, 0)), np.zeros((2 * m, 0)), np.zeros((self.n_memory, 0))
         moves = (self.contact.by_first.any(axis=(0, 1, 4)) | self.contact.by_last.any(axis=(0, 1, 4))).ravel()
         n_moving = int(np.count_nonzero(moves))  # a direction in which a slider never slips has the multiplier 1
-        new = memory if n_moving > _MOST else np.eye(self.n_memory)[:, moves]
+        basis = np.eye(self.n_memory)[:, moves]
+        if n_moving > _MOST:  # random ones: the modes need not excite every slider
+            basis = basis @ np.linalg.qr(np.random.default_rng(0).standard_normal((n_moving, N_MULTIPLIERS)))[0]
+        x, memory = self.apply(
+            np.eye(2 * m, 2 * m + basis.shape[1]).reshape(2, m, -1), np.hstack([np.zeros((self.n_memory, 2 * m)), basis])
+        )
+        new = memory
         while True:
-            matrix = np.block([[x.reshape(2 * m, -1), x_of_basis], [basis.T @ memory, basis.T @ memory_of_basis]])
-            values, vectors = np.linalg.eig(matrix)
+            values, vectors = np.linalg.eig(np.vstack([x.reshape(2 * m, -1), basis.T @ memory]))
             chosen = np.argsort(-np.abs(values), kind="stable")[:N_MULTIPLIERS]
             largest = float(np.linalg.norm(new, axis=0).max(initial=0.0))
             for _ in range(2):
                 new = new - basis @ (basis.T @ new)
             u, s, v = np.linalg.svd(new, full_matrices=False)
             u = u[:, : min(np.count_nonzero(s > _CUT * max(1.0, largest)), n_moving - basis.shape[1])]
-            if u.shape[1] == 0 or (n_moving > _MOST and _residuals(s, v, vectors[:, chosen]).max() < _RESIDUAL):
+            if u.shape[1] == 0 or _residuals(s, v, vectors[:, chosen]).max() < _RESIDUAL:
                 return values[chosen]
             x_new, new = self.apply(np.zeros((2, m, u.shape[1])), u)
-            basis = np.hstack([basis, u])
-            x_of_basis = np.hstack([x_of_basis, x_new.reshape(2 * m, -1)])
-            memory_of_basis = np.hstack([memory_of_basis, new])
+            basis, x, memory = np.hstack([basis, u]), np.concatenate([x, x_new], axis=-1), np.hstack([memory, new])
 
 
 def _residuals(s: np.ndarray, v: np.ndarray, vectors: np.ndarray) -> np.ndarray:
