@@ -80,12 +80,13 @@ class ContactStep:
     """The contact of one step: the n pairs whose forces vary in it, with their sliders, and the factor of what is implicit."""
 
     rows: np.ndarray  # (3 n,) of the motion of these pairs
+    fresh: np.ndarray  # of these rows, those that the step before does not have
     sliders: np.ndarray  # (n_sliders,) of these pairs
     place: np.ndarray  # (n_sliders,) their pairs among the n
     sum: scipy.sparse.csr_array | None  # (n, n_sliders); None where each pair has one slider
     components: np.ndarray  # (c,) places of the forces of these pairs in ``CycleMap.components``
     chosen: np.ndarray  # (c,) the same among the 3 n rows
-    R: np.ndarray  # (3 n, n_modes) motion by Omega eta
+    motion: np.ndarray  # (3 n, c + n_modes) motion by forces of these components and by Omega eta
     R_phi: np.ndarray  # (n_modes, c) participation of these components
     courses: np.ndarray  # (n_sliders, 6, 5) p_t at the end, begin and end of the course, by p_t and motion at the begin
     memoryless: np.ndarray  # (3, n, 3, 1) d p / d d0 of the part without memory
@@ -120,7 +121,8 @@ class CycleMap:
         self.sum = scipy.sparse.csr_array((np.ones(n), (contact.slider_pair, np.arange(n))), shape=(m, n))
         vary = (contact.memoryless_by_first.any(axis=(0, 1)) | contact.memoryless_by_last.any(axis=(0, 1))).reshape(m, 3)
         vary[contact.slider_pair, :2] = True
-        self.components = np.flatnonzero(vary)  # of the forces, that ever vary
+        self.varies = vary.ravel()  # (3 m,) which components of the forces ever vary
+        self.components = np.flatnonzero(self.varies)
         self.G_p, self.R_p = np.ascontiguousarray(G[:, self.components]), R_phi[self.components]
         self.G_and_R = np.hstack([self.G_p, self.R])
         self.places_of_modes = np.arange(len(self.components), self.G_and_R.shape[1])
@@ -140,9 +142,13 @@ class CycleMap:
     @cached_property
     def _steps(self) -> list[ContactStep | None]:
         """The contact of each step; None where no force varies."""
-        return [self._contact_step(i) for i in range(self.contact.n_steps)]
+        steps: list[ContactStep | None] = []
+        for i in range(self.contact.n_steps):
+            steps.append(self._contact_step(i, steps[-1].rows if steps and steps[-1] else np.zeros(0, dtype=int)))
+        return steps
 
-    def _contact_step(self, i: int) -> ContactStep | None:
+    def _contact_step(self, i: int, before: np.ndarray) -> ContactStep | None:
+        """Return the contact of a step, after one with the rows ``before``."""
         c = self.contact
         moves = (c.memoryless_by_first[i].any(axis=(0, 2))) | (c.memoryless_by_last[i].any(axis=(0, 2)))
         moves[c.slider_pair[c.by_first[i].any(axis=(0, 2, 3)) | c.by_last[i].any(axis=(0, 2, 3))]] = True
@@ -152,7 +158,7 @@ class CycleMap:
         n, place = len(pairs), np.searchsorted(pairs, c.slider_pair[sliders])
         of_pairs = None if np.array_equal(place, np.arange(n)) else self.sum[pairs][:, sliders]
         rows = (3 * pairs[:, None] + np.arange(3)).ravel()
-        chosen = np.flatnonzero(np.isin(rows, self.components))
+        chosen = np.flatnonzero(self.varies[rows])
         components = np.searchsorted(self.components, rows[chosen])
 
         by_last = np.moveaxis(c.by_last[i][:, sliders], 0, 1)  # (n_sliders, 3, 2, 3)
@@ -162,20 +168,21 @@ class CycleMap:
         of_modes = self.R_phi[rows].reshape(n, 3, -1)
         forces = [np.einsum("njm,njl->mnl", of_modes, blocks[:, course]).reshape(-1, 3 * n) for course in (1, 2)]
         to_modes = self.step.shifted(np.stack(forces))
-        by_p_and_modes = self.G_and_R.take(rows, axis=0).take(np.append(components, self.places_of_modes), axis=1)
-        p_by_both = np.matmul(blocks[:, 0], by_p_and_modes.reshape(n, 3, -1)).reshape(3 * n, -1)[chosen]
-        J = np.vstack([p_by_both, to_modes @ by_p_and_modes])
+        motion = self.G_and_R.take(rows, axis=0).take(np.append(components, self.places_of_modes), axis=1)
+        p_by_both = np.matmul(blocks[:, 0], motion.reshape(n, 3, -1)).reshape(3 * n, -1)[chosen]
+        J = np.asfortranarray(np.vstack([p_by_both, to_modes @ motion]))
         J[np.diag_indices(len(J))] += 1.0
         lu, pivots, _ = dgetrf(J, overwrite_a=True)
         courses = np.concatenate([c.by_memory[i][:, sliders], c.by_first[i][:, sliders]], axis=-1)  # (3, n_sliders, 2, 5)
         return ContactStep(
             rows=rows,
+            fresh=np.setdiff1d(rows, before, assume_unique=True),
             sliders=sliders,
             place=place,
             sum=of_pairs,
             components=components,
             chosen=chosen,
-            R=self.R[rows],
+            motion=motion,
             R_phi=np.ascontiguousarray(self.R_p[components].T),
             courses=np.moveaxis(courses, 0, 1).reshape(-1, 6, 5),
             memoryless=c.memoryless_by_first[i][:, pairs, :, None],
@@ -198,16 +205,16 @@ class CycleMap:
         for contact in self._steps:
             if contact is None:
                 x = self.step.take(x) - self.step.forced(np.stack([q, q]))
-                d = self.R @ x[0] - self.G_p @ p
             else:
-                x, d, change = self._through(contact, x, d, p, p_t, q)
+                d[contact.fresh] = self.R[contact.fresh] @ x[0] - self.G_p[contact.fresh] @ p
+                x, change = self._through(contact, x, d, p, p_t, q)
                 q += change
         return x, p_t.reshape(-1, x.shape[-1]) / self.root[:, None]
 
     def _through(
         self, contact: ContactStep, x: np.ndarray, d: np.ndarray, p: np.ndarray, p_t: np.ndarray, q: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return modes, motion and the change of the modal forces ``q`` after a step; ``p`` and ``p_t`` are changed in place."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return modes and the change of the modal forces ``q`` after a step; ``d``, ``p`` and ``p_t`` are changed in place."""
         k, n_p, R_phi = x.shape[-1], len(contact.components), contact.R_phi
         begin = d.take(contact.rows, axis=0).reshape(-1, 3, k)
         known = np.concatenate([p_t.take(contact.sliders, axis=0), begin.take(contact.place, axis=0)], axis=1)
@@ -219,19 +226,18 @@ class CycleMap:
 
         forces, free = q + np.matmul(R_phi, change[1:]), self.step.take(x)
         eta = free[0] - self.step.shifted(forces)
-        moved = begin + (contact.R @ (eta - x[0])).reshape(-1, 3, k)
+        moved = begin + (contact.motion[:, n_p:] @ (eta - x[0])).reshape(-1, 3, k)
         by_moved = np.matmul(contact.blocks[:, :3], moved).reshape(-1, k).take(contact.chosen, axis=0)
         by_moved += change[0]
         solved, _ = dgetrs(*contact.factor, np.concatenate([by_moved, contact.to_modes @ moved.reshape(-1, k)]))
         p[contact.components] += solved[:n_p]
-        d = self.R @ (eta - solved[n_p:])
-        d -= self.G_p @ p
+        end = moved - (contact.motion @ solved).reshape(-1, 3, k)
+        d[contact.rows] = end.reshape(-1, k)
 
-        end = d.take(contact.rows, axis=0).reshape(-1, 3, k)
         of_end = np.matmul(contact.blocks[:, 3:], end).reshape(-1, 2, 3, k).swapaxes(0, 1).reshape(2, -1, k)
         forces += np.matmul(R_phi, of_end.take(contact.chosen, axis=1))
         p_t[contact.sliders] = of_sliders[:, :2] + np.matmul(contact.by_last, end.take(contact.place, axis=0))
-        return free - self.step.forced(forces), d, R_phi @ solved[:n_p]
+        return free - self.step.forced(forces), R_phi @ solved[:n_p]
 
     def _begin(self, x: np.ndarray, p_t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return motion (3 m, k) and forces of the pairs at the begin of the cycle, from modes and memory."""
