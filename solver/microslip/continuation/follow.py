@@ -11,6 +11,7 @@ from ..messages.errors import ConvergenceError
 from ..points.branch import NOTHING, Branch, Point
 from .acceptance import Accepted, accept
 from .checkpointer import NO_CHECKPOINTS, Checkpointer, Restored
+from .closed_curve import goes_round
 from .iterate import Iterate, PointState, interpolate, parabola
 from .point_record import Unbalanced
 from .point_solver import PointSolver, Solution, Workspace
@@ -349,6 +350,9 @@ def follow_branch(
             for point in since:
                 take(point)
             since.clear()
+            if branch.failure is None and workspace.comm.bcast(goes_round(branch.points) if workspace.comm.rank == 0 else None):
+                where = task.problem.where((branch.points[-1].parameters or (branch.points[-1].omega,))[0])
+                branch.failure = f"goes round a closed curve about {where}, to which a long step has led: raise [response] points"
     except BaseException:  # a signal, or a problem of one rank alone
         checkpointer.flush()
         raise

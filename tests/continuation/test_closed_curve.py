@@ -1,0 +1,33 @@
+"""A branch that goes round a closed curve, and one that only folds."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from microslip.continuation.closed_curve import AGAIN, goes_round
+
+
+def points(omega, size):
+    """Return points of one pair, with a mean that drifts."""
+    U = np.zeros((len(omega), 1, 3, 3))
+    U[:, 0, 0, 0], U[:, 0, 0, 1] = np.arange(len(omega)), size
+    return [SimpleNamespace(omega=w, parameters=(), U=u) for w, u in zip(omega, U)]
+
+
+@pytest.mark.parametrize("step", (0.3, -0.37))
+def test_a_circle_is_detected_in_its_second_round(step):
+    """Which does not meet the points of the first one."""
+    angle = step * np.arange(60)
+    curve = points(1.0 + 0.1 * np.cos(angle), 2.0 + np.sin(angle))
+    ends = [n for n in range(len(curve)) if goes_round(curve[: n + 1])]
+    assert 2.0 * np.pi < abs(angle[ends[0]]) < 2.0 * np.pi + abs(step) * (3 * AGAIN)
+
+
+def test_a_curve_with_folds_goes_round_none():
+    """Also where its upper part is near to its lower one."""
+    t = np.linspace(0.0, 1.0, 80)
+    omega = t + 0.3 * np.sin(2.0 * np.pi * t)
+    assert np.diff(omega).min() < 0.0
+    curve = points(omega, 0.4 * t)
+    assert not any(goes_round(curve[: n + 1]) for n in range(len(curve)))
