@@ -11,12 +11,13 @@ from mpi4py import MPI
 from oracles import exact, scenes
 from scipy.optimize import root
 
+from microslip.continuation import maximum_by_phase
 from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.levels import linear_curve
 from microslip.continuation.maximum import EXACT, Maximum, Sample, _Search
-from microslip.continuation.peaks import PeakOver, follow_peak, peaks_of
+from microslip.continuation.peaks import PeakOver, follow_peak, iterate_of, peaks_of
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.operating_point import LawParameter
@@ -180,6 +181,26 @@ def test_the_peak_over_the_level_is_one_branch():
         peak = of_curves[level]  # of another corner, it may be
         assert amplitude(point) == pytest.approx(abs(peak.amplitude), rel=10.0 / n_samples**2)
         assert point.omega == pytest.approx(peak.omega, rel=1.0 / n_samples)
+
+
+def test_a_peak_near_the_end_of_a_branch_is_between_closer_solutions(monkeypatch):
+    """Where no solution lies 0.06 rad before it: the usual distance is two samples, 0.098 rad."""
+    level, stuck = 123.024, peaks(damper(), 1.0, 1, 128)[1][0]
+    equation = forced(*reduced(damper(), COMM, 1), 128, 1.0).equation
+    lead = follow_peak(equation, "level", Sweep(100.0, level), stuck, 1e-10).points[-1]
+    begins = iterate_of(lead, forced(*reduced(damper(), COMM, 1), 128, level), Harmonics.up_to(1))
+    solved = maximum_by_phase._Search.solved
+
+    def ending(search, theta, *rest, **keys):
+        solution = solved(search, theta, *rest, **keys)
+        return replace(solution, failure="the branch ends") if theta < -0.06 else solution
+
+    monkeypatch.setattr(maximum_by_phase._Search, "solved", ending)
+    found = follow_peak(
+        equation, "level", Sweep(level, 200.0), stuck, 1e-10, level, begins=begins, until=lambda point: True, is_homotopy=True
+    )
+    assert found.failure is None
+    assert amplitude(found.points[0]) == pytest.approx(amplitude(lead), rel=1e-5)
 
 
 def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():

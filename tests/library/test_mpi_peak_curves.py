@@ -9,8 +9,10 @@ from matrix_scenes import write_matrix_scene
 from oracles import exact, scenes
 
 import microslip
-from microslip.continuation import peak_curves
+from microslip.continuation import peak_curves, ways_out
 from microslip.continuation.peak_curves import PeakRequest, beginnings, peak_at
+from microslip.continuation.peaks import FromSolution
+from microslip.continuation.point_record import HELD
 from microslip.continuation.point_solver import PointSolver
 from microslip.harmonic.operating_point import LawParameter
 from microslip.library.prepare import prepare
@@ -286,3 +288,43 @@ def test_a_peak_begins_on_the_curve_where_no_peak_over_the_level_leads_there(com
             assert one.value[place] == other.value[place]
             assert other.frequency[place] == pytest.approx(one.frequency[place], rel=1e-4)
             assert other.amplitude[place] == pytest.approx(one.amplitude[place], rel=1e-4)
+
+
+def test_a_peak_that_is_not_near_is_searched_for_without_homotopies(structure, monkeypatch):
+    response = prepare(structure).response
+    near = peak_at(response, 0, 0.8)
+    assert near.there is not None
+    monkeypatch.setattr(ways_out, "LevelHomotopy", None)
+    monkeypatch.setattr(ways_out, "DampingHomotopy", None)
+    there = peak_at(response, 0, 0.8, replace(near, there=replace(near.there, U=0.0 * near.there.U))).there
+    assert there is not None and there.parameters == pytest.approx(near.there.parameters, rel=1e-9)
+
+
+def test_a_peak_in_gross_slip_begins_with_the_mean_slip_held(comm, shared_path, monkeypatch):
+    """Of a body that hangs on its joint alone, where Newton's method fails without, as along the curve that leads there."""
+    n, level, first = 3, 4.0, PointSolver.first
+    system = scenes.make_system(
+        "two bodies", np.eye(n), np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 1.0]]), [[1, -1, -1, 0, -1, -1]], mu=1.0,
+        N0=1.0, k_t=0.5, k_n=0.0, zeta=0.05, loads=[{"vector": np.eye(n)[2], "harmonic": 1, "phase": 0.0}], output=np.eye(n)[2],
+        omega=(1.25, 2.2), levels={},
+    )  # fmt: skip
+
+    def write():
+        keys = {"outputs": [2], "points": 60, "harmonics": 1, "samples": 128, "error_bars": False}
+        return write_matrix_scene(shared_path, system, [level], system["omega"], **keys)
+
+    def drifting(solver):
+        solution, selected = first(solver)
+        drifts = solver.equation.held is None and isinstance(solver.problem.curve, FromSolution)
+        return replace(solution, failure="drifts") if drifts else solution, selected
+
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+        response = prepare(structure).response
+        free = peak_at(response, 0, level)
+        monkeypatch.setattr(PointSolver, "first", drifting)
+        monkeypatch.setattr(ways_out, "LevelHomotopy", None)
+        held = peak_at(response, 0, level)
+    if comm.rank == 0:
+        (of_free,), (of_held,) = free.curve.branch.points, held.curve.branch.points
+        assert (of_free.notes, of_held.notes) == ((), (HELD,))
+        assert of_held.omega == pytest.approx(of_free.omega, rel=1e-3)

@@ -67,12 +67,12 @@ class Maximum:
     forward: AdjointSolver
     neighbours: tuple[Iterate, ...] = ()  # solutions on both sides of the maximum, where they are known
 
-    def correct(self, corrector: Corrector, system: BorderedSystem, guess: Iterate, is_patient: bool = False) -> Correction:
+    def correct(self, corrector: Corrector, system: BorderedSystem, guess: Iterate) -> Correction:
         """Return the maximum near a guess, under the k - 1 rows of the system.
 
         Collective; never raises for divergence, which comes back as ``failure``.
         """
-        return _Search(self, corrector, system, is_patient).maximum(guess)
+        return _Search(self, corrector, system).maximum(guess)
 
     def rates(self, system: BorderedSystem, there: Iterate) -> Rates | None:
         """Return the output and its rates at a solution, eq. (7.7), dU/dnu = -J^-1 dr/dnu; None if J is singular.  Collective."""
@@ -107,8 +107,8 @@ def rate_along(f: Callable[[np.ndarray], np.ndarray], direction: np.ndarray) -> 
 class _Search:
     """The search for one maximum.  Collective on the communicator of the corrector."""
 
-    def __init__(self, row: Maximum, corrector: Corrector, system: BorderedSystem, is_patient: bool):
-        self.row, self.corrector, self.system, self.is_patient = row, corrector, system, is_patient
+    def __init__(self, row: Maximum, corrector: Corrector, system: BorderedSystem):
+        self.row, self.corrector, self.system = row, corrector, system
         self.newton = self.krylov = 0
         self.neighbours = row.neighbours
         self.solution: Correction | None = None  # the last one that converged
@@ -252,7 +252,7 @@ class _Search:
     def sample(self, guess: Iterate, plane: Plane, t: float = 0.0) -> tuple[Sample | None, Correction]:
         """Return the solution on a plane across the curve, None where there is none; the first one makes the coordinate."""
         system = replace(self.system, constraints=(plane, *self.system.constraints))
-        solution = self.corrector.correct(system, guess, self.is_patient)
+        solution = self.corrector.correct(system, guess)
         self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
         if solution.failure is None:
             rates = self.row.rates(system, solution.iterate)

@@ -31,6 +31,7 @@ MOST_TOPS = 3  # solutions at a top until it settles
 FARTHEST = 8.0  # of that distance by which a search goes on at most
 REACH = 0.25 * np.pi  # rad from the guess, to which it goes at most
 MOST_TRIES = 12
+CLOSER = 2  # times that the distance is halved where Newton's method fails beside a solution, as beyond the end of a branch
 LOOSE = 1e-5  # tolerance of solutions that only place the top: it moves by about their error over the distance
 FAR = 2.0  # times the frequency of the guess, or less than its inverse, at which a solution belongs to no peak here
 ELSEWHERE = "the solution at this phase lies elsewhere"
@@ -44,12 +45,12 @@ class MaximumByPhase:
     output: int
     is_of_output: bool = False  # the phase is that of the output, not that of the pairs' motion
 
-    def correct(self, corrector: Corrector, system: BorderedSystem, guess: Iterate, is_patient: bool = False) -> Correction:
+    def correct(self, corrector: Corrector, system: BorderedSystem, guess: Iterate) -> Correction:
         """Return the maximum near a guess, under the row of the system beside that of the phase.
 
         Collective; never raises for divergence, which comes back as ``failure``.
         """
-        return _Search(self, corrector, system, guess, is_patient).maximum()
+        return _Search(self, corrector, system, guess).maximum()
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +91,8 @@ class _Three:
 class _Search:
     """The search for one maximum.  Collective on the communicator of the corrector."""
 
-    def __init__(self, row: MaximumByPhase, corrector: Corrector, system: BorderedSystem, guess: Iterate, is_patient: bool):
-        self.row, self.corrector, self.system, self.guess, self.is_patient = row, corrector, system, guess, is_patient
+    def __init__(self, row: MaximumByPhase, corrector: Corrector, system: BorderedSystem, guess: Iterate):
+        self.row, self.corrector, self.system, self.guess = row, corrector, system, guess
         self.newton = self.krylov = 0
         self.distance, beside = max(DISTANCE, SAMPLES * 2.0 * np.pi / system.equation.n_samples), corrector.beside
         self.known = beside if beside is not None and beside.distance == self.distance else None
@@ -178,14 +179,23 @@ class _Search:
         if sides is not None:
             low, _, high = sides.solutions
             return self.three(low, here.iterate, high)
-        held = (Plane.fixed_parameter(here.iterate),)
-        before = self.solved(theta - self.distance, self.as_one_mode(here.iterate, -1), held)
+        three = self.about(theta, here.iterate)
+        for _ in range(CLOSER):
+            if isinstance(three, Correction):
+                self.distance, self.known = 0.5 * self.distance, None
+                three = self.about(theta, here.iterate)
+        return three
+
+    def about(self, theta: float, here: Iterate) -> _Three | Correction:
+        """Return a solution with those before and after it; the solve that fails."""
+        held = (Plane.fixed_parameter(here),)
+        before = self.solved(theta - self.distance, self.as_one_mode(here, -1), held)
         if before.failure is not None:
             return before
-        after = self.solved(theta + self.distance, self.opposite(before.iterate, here.iterate, 1), held)
+        after = self.solved(theta + self.distance, self.opposite(before.iterate, here, 1), held)
         if after.failure is not None:
-            after = self.solved(theta + self.distance, self.turned(here.iterate, self.distance), held)
-        return after if after.failure is not None else self.three(before.iterate, here.iterate, after.iterate)
+            after = self.solved(theta + self.distance, self.turned(here, self.distance), held)
+        return after if after.failure is not None else self.three(before.iterate, here, after.iterate)
 
     def shifted(self, theta: float, three: _Three, way: int) -> _Three | Correction:
         """Return the solutions about the next phase ``theta``, one ``way`` on; the solve that fails."""
@@ -243,7 +253,7 @@ class _Search:
     def solved(self, theta: float, guess: Iterate, constraints: tuple[Constraint, ...], is_top: bool = False) -> Correction:
         """Return the solution ``theta`` [rad] beyond the phase of the guess of the search, under other rows."""
         system, tolerance = replace(self.system, constraints=(self.at(theta), *constraints)), self.corrector.tolerance
-        solution = self.corrector.correct(system, guess, self.is_patient, tolerance if is_top else max(tolerance, LOOSE))
+        solution = self.corrector.correct(system, guess, tolerance=tolerance if is_top else max(tolerance, LOOSE))
         self.newton, self.krylov = self.newton + solution.newton, self.krylov + solution.krylov
         if solution.failure is None and not 1.0 / FAR < solution.iterate.parameters[1] / self.guess.parameters[1] < FAR:
             solution = replace(solution, failure=ELSEWHERE)

@@ -165,7 +165,7 @@ def peak_at_begin(
     if sticks >= begin.level:
         return None, None
     way = Sweep(max(sticks, LEAST * begin.level), begin.level)
-    lead = follow_peak(equation, "level", way, stuck, of.settings.tolerance, damping=begin.damping)
+    lead = follow_peak(equation, "level", way, stuck, of.settings.tolerance, damping=begin.damping, is_homotopy=True)
     begins = top() if lead.failure else _arrived(lead, ForcedResponse(equation, begin.level), request)
     why = f"on the way up to {begin.level:g} N: {lead.failure}; nor has the curve there a peak that belongs to this one"
     return begins, why if begins is None else None
@@ -246,6 +246,7 @@ def peak_at(of: ResponseProblem, output: int, level: float, near: PeakAt | None 
         else min(peaks, key=lambda peak: abs(peak.omega - near.linear.omega))
     )
     begins = None if near is None else near.there
+    is_near = begins is not None
     if begins is None:
         k = peaks.index(stuck)
         begins, why = peak_at_begin(of, request, stuck, lambda: top_of_peak(tops_at_begin(of, request), peaks, k))
@@ -264,8 +265,9 @@ def peak_at(of: ResponseProblem, output: int, level: float, near: PeakAt | None 
         estimator=estimator,
         accuracy=accuracy and replace(accuracy, chooses_steps=False),
         until=lambda point: True,
+        is_homotopy=is_near,
     )
-    if branch.failure is not None and near is not None and near.there is not None:
+    if branch.failure is not None and near is not None and is_near:
         return peak_at(of, output, level, replace(near, there=None))
     there = None
     if branch.points:

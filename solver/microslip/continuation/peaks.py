@@ -36,6 +36,7 @@ from .steps import ArcLength, LinearCurve
 from .task import BranchTask
 
 STEPS_OF_PEAKS = ArcLength(ds=0.2, ds_min=1e-4, ds_max=0.4, turn=0.5, easy=60)  # each point takes 10 to 20 iterations
+STEPS_OF_LEADS = replace(STEPS_OF_PEAKS, ds_min=1e-2)  # no shorter ones where a curve leads on otherwise
 MOST_POINTS = 1000
 BESIDE, FARTHER = 1e-3, 0.05  # of its half-power width, at which derivatives are taken on both sides of a peak: of size; of place
 TURNED = 0.25 * np.pi  # rad, of the motion of pairs over the half-power width of a peak of the mode that moves them
@@ -98,8 +99,8 @@ class PeakOver(ProblemBase):
     def without_solution(self, parameter: float, why: str) -> str:
         """Return the message for lack of a first peak, and ``why`` Newton's method did not converge.  Local."""
         return (
-            f"hb: no first peak at {self.where(parameter)}: neither from the peak near by ({why}) nor from rest, over the level "
-            "or over further damping; begin at another value, or raise [solver] samples"
+            f"hb: no first peak at {self.where(parameter)}: neither from the peak near by ({why}) nor in another way; "
+            "begin at another value, or raise [solver] samples"
         )
 
     def where(self, parameter: float) -> str:
@@ -168,6 +169,7 @@ def follow_peak(
     until: Callable[[Point], bool] = lambda point: False,
     damping: float = 1.0,
     checkpointer: Checkpointer = NO_CHECKPOINTS,
+    is_homotopy: bool = False,
 ) -> Branch:
     """Return the peak of an output over a number of the operating point, as one branch.  Collective.
 
@@ -185,6 +187,7 @@ def follow_peak(
     on_point : gets each point
     until : ends the branch at a point
     checkpointer : of this branch
+    is_homotopy : on the way to a first point, which has other ways
 
     Returns
     -------
@@ -193,7 +196,8 @@ def follow_peak(
     begin = with_value(varies, sweep.start, OperatingPoint(0.0, level, damping=damping))
     row = MaximumByPhase(stuck.output, not turns(equation, stuck, begin))
     problem = PeakOver(equation, varies, level, stuck.omega, stuck.width, row, begins, damping)
-    task = BranchTask(problem, AllPairs(), sweep, STEPS_OF_PEAKS, tolerance, estimator, accuracy)
+    steps = STEPS_OF_LEADS if is_homotopy else STEPS_OF_PEAKS
+    task = BranchTask(problem, AllPairs(), sweep, steps, tolerance, estimator, accuracy, is_homotopy=is_homotopy)
     return follow_branch(task, MOST_POINTS, on_point, checkpointer=checkpointer, until=until)
 
 

@@ -79,7 +79,8 @@ def step(
     """
     earlier, before, now = earlier and solver.carried(earlier), solver.carried(before), solver.carried(now)
     stuck, passing = Stuck("ahead", solver, steps, may_hold, earlier=earlier, before=before, now=now), None
-    is_short, requested = ds < SHORT * steps.ds, requested_ahead(solver, earlier, before, now, ds)
+    is_maximum, requested = solver.problem.maximum is not None, requested_ahead(solver, earlier, before, now, ds)
+    is_short = ds < SHORT * steps.ds and not is_maximum
     if requested is not None:
         solution, selected = solver.solve_near(requested, now)
         if solution.failure is None and not left(solver, before, now, solution.iterate, max(ds, steps.ds), may_turn=True):
@@ -87,8 +88,7 @@ def step(
     while True:
         guess, plane = predict(solver, earlier, before, now, ds)
         solution, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
-        there, is_maximum = solution.iterate, solver.problem.maximum is not None  # which may move along a flat top
-        reach = max(ds, steps.ds) if is_maximum else ds
+        there, reach = solution.iterate, max(ds, steps.ds) if is_maximum else ds  # a maximum may move along a flat top
         leads_on = solution.failure is None and (
             not left(solver, before, now, there, reach, may_turn=is_maximum or passing is not None)
             or stay_stuck(solver, now, there)

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from ..contact.law import STICK
 from ..points.sweep import Sweep
 from .constraint_rows import Plane
 from .corrector import BorderedSystem
@@ -93,18 +94,31 @@ class WayOut:
     attempt: Callable[[Stuck], Iterator[WayOn]]  # collective; where it leads, if anywhere
     note: str = ""  # for the point that it leads to
     of_homotopies: bool = True  # whether homotopies take it to their first points, too
+    of_maxima: bool = True  # whether maxima take it, whose row has no tangent and a search of its own
 
 
 def ways_on(stuck: Stuck) -> Iterator[WayOn]:
     """Yield where the ways out lead, in their order, with their notes.  Collective."""
-    is_homotopy = stuck.task is not None and stuck.task.is_homotopy
+    is_homotopy, is_maximum = stuck.task is not None and stuck.task.is_homotopy, stuck.solver.problem.maximum is not None
     for way in WAYS_OUT:
-        if way.where == stuck.where and (way.of_homotopies or not is_homotopy):
+        leads = (way.of_homotopies or not is_homotopy) and (way.of_maxima or not is_maximum)
+        if way.where == stuck.where and leads:
             for on in way.attempt(stuck):
                 yield replace(on, notes=(*on.notes, way.note)) if way.note else on
 
 
 # -- to a first point ----------------------------------------------------------------------------------------------
+
+
+def with_mean_slip_of_known(stuck: Stuck) -> Iterator[WayOn]:
+    """Solve a maximum from a known motion in which most pairs slip, with its mean slip held.  Collective."""
+    solver = stuck.solver
+    known, every = solver.on_curve(solver.sweep.start), solver.equation.every_pair
+    state = solver.equation_at(known).contact_forces(known.U, every, tangents=False).state
+    sliding = float(np.mean(solver.equation.gather(state) != STICK))
+    held = regularised(solver, sliding, MOSTLY) if solver.problem.maximum is not None and stuck.may_hold else None
+    if held is not None and (solution := held.first())[0].failure is None:
+        yield WayOn(held, solution)
 
 
 def over_the_level(stuck: Stuck) -> Iterator[WayOn]:
@@ -192,8 +206,6 @@ def _end_of(way: BranchTask, advance: Advance) -> BranchState | None:
 def across_the_corner(stuck: Stuck) -> Iterator[WayOn]:
     """Solve ahead by usual steps: where a corner is very near, the shorter ones end at it.  Collective."""
     solver, (before, now) = stuck.solver, stuck.last_two
-    if solver.problem.maximum is not None:
-        return
     for ds in stuck.steps.ds * np.array(USUAL):
         guess, plane = predict(solver, stuck.earlier, before, now, ds)
         solution = solver.solve(guess, plane, now.size, now.selected, now.force)
@@ -224,8 +236,6 @@ def beyond_sharp_corner(stuck: Stuck) -> Iterator[WayOn]:
     branch, one way or the other.  What lies back on the way that led here is not wanted.
     """
     solver, (before, now) = stuck.solver, stuck.last_two
-    if solver.problem.maximum is not None:  # a row without a tangent
-        return
     d_U, d_nu, length = difference(solver, before, now, now.size)
     normal = d_U / (now.size * length), d_nu / length
     come_from = tangent(solver, now, now.iterate, *normal)
@@ -344,15 +354,16 @@ def where_unbounded(solver: PointSolver, before: PointState, now: PointState) ->
 
 FIRST = "first point {}, where there may be other solutions"
 WAYS_OUT = (
+    WayOut("first", with_mean_slip_of_known),
     WayOut("first", over_the_level, FIRST.format("reached over the level"), of_homotopies=False),
     WayOut("first", from_rest, FIRST.format("found from rest")),
     WayOut("first", with_mean_slip_regularised, of_homotopies=False),
-    WayOut("first", patiently, FIRST.format("found by small Newton steps")),
+    WayOut("first", patiently, FIRST.format("found by small Newton steps"), of_maxima=False),
     WayOut("first", over_damping, FIRST.format("reached over further damping"), of_homotopies=False),
-    WayOut("ahead", across_the_corner),
-    WayOut("ahead", just_ahead),
-    WayOut("ahead", beyond_sharp_corner),
-    WayOut("ahead", patiently_ahead),
+    WayOut("ahead", across_the_corner, of_maxima=False),
+    WayOut("ahead", just_ahead, of_maxima=False),
+    WayOut("ahead", beyond_sharp_corner, of_maxima=False),
+    WayOut("ahead", patiently_ahead, of_maxima=False),
     WayOut("ahead", mean_slip_ahead),
     WayOut("sliding", mean_slip_ahead),
     WayOut("unbalanced", beyond_resonance, BEYOND),
