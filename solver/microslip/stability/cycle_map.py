@@ -93,7 +93,7 @@ class ContactStep:
     by_last: np.ndarray  # (n_sliders, 2, 3) d p_t / d d1 at the end
     blocks: np.ndarray  # (n, 9, 3) d p / d d1 of the pairs: at the end, begin and end of the course
     to_modes: np.ndarray  # (n_modes, 3 n) what motion d1 takes from Omega eta
-    factor: tuple[np.ndarray, np.ndarray]  # LU and pivots of 1 + (d p, modes by motion) (motion by p, modes), by LAPACK
+    factor: tuple[np.ndarray, np.ndarray]  # LU and pivots of (1 + (d p, modes by motion) (motion by p, modes))^T, by LAPACK
 
 
 class CycleMap:
@@ -165,14 +165,14 @@ class CycleMap:
         blocks = np.zeros((n, 3, 3, 3))
         blocks[:, :, :2] = _summed(of_pairs, by_last)
         blocks[..., (0, 1, 2), (0, 1, 2)] += np.moveaxis(c.memoryless_by_last[i][:, pairs], 0, 1)
-        of_modes = self.R_phi[rows].reshape(n, 3, -1)
-        forces = [np.einsum("njm,njl->mnl", of_modes, blocks[:, course]).reshape(-1, 3 * n) for course in (1, 2)]
-        to_modes = self.step.shifted(np.stack(forces))
+        of_modes = self.R_phi[rows].reshape(n, 1, 3, -1).swapaxes(-1, -2)
+        forces = np.matmul(of_modes, blocks[:, 1:])  # (n, 2, n_modes, 3)
+        to_modes = self.step.shifted(forces.transpose(1, 2, 0, 3).reshape(2, -1, 3 * n))
         motion = self.G_and_R.take(rows, axis=0).take(np.append(components, self.places_of_modes), axis=1)
-        p_by_both = np.matmul(blocks[:, 0], motion.reshape(n, 3, -1)).reshape(3 * n, -1)[chosen]
-        J = np.asfortranarray(np.vstack([p_by_both, to_modes @ motion]))
+        p_by_both = np.matmul(blocks[:, 0], motion.reshape(n, 3, -1)).reshape(3 * n, -1)
+        J = np.vstack([p_by_both.take(chosen, axis=0), to_modes @ motion])
         J[np.diag_indices(len(J))] += 1.0
-        lu, pivots, _ = dgetrf(J, overwrite_a=True)
+        lu, pivots, _ = dgetrf(J.T, overwrite_a=True)  # in LAPACK's order
         courses = np.concatenate([c.by_memory[i][:, sliders], c.by_first[i][:, sliders]], axis=-1)  # (3, n_sliders, 2, 5)
         return ContactStep(
             rows=rows,
@@ -229,7 +229,7 @@ class CycleMap:
         moved = begin + (contact.motion[:, n_p:] @ (eta - x[0])).reshape(-1, 3, k)
         by_moved = np.matmul(contact.blocks[:, :3], moved).reshape(-1, k).take(contact.chosen, axis=0)
         by_moved += change[0]
-        solved, _ = dgetrs(*contact.factor, np.concatenate([by_moved, contact.to_modes @ moved.reshape(-1, k)]))
+        solved, _ = dgetrs(*contact.factor, np.concatenate([by_moved, contact.to_modes @ moved.reshape(-1, k)]), trans=1)
         p[contact.components] += solved[:n_p]
         end = moved - (contact.motion @ solved).reshape(-1, 3, k)
         d[contact.rows] = end.reshape(-1, k)
