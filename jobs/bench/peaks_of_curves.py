@@ -1,0 +1,51 @@
+"""What ``peaks = true`` costs beside the curves alone: solves by Newton's method and processor time.
+
+    python jobs/bench/peaks_of_curves.py jobs/fan_small.toml jobs/lap_joint.toml --times 3
+
+With the levels and settings of each scene, on one rank, the structure built once; curves and curves with peaks in turn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from unittest.mock import patch
+
+import numpy as np
+
+from microslip.parallel.petsc import initialise
+
+initialise()  # before anything imports PETSc
+
+from mpi4py import MPI
+
+import microslip
+from microslip.continuation.corrector import Corrector
+
+
+def main() -> None:
+    """Measure and print."""
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("scenes", nargs="+")
+    options.add_argument("--times", type=int, default=3, help="of which the median counts")
+    given = options.parse_args()
+    for path in given.scenes:
+        solves, seconds = np.zeros((2, given.times), dtype=int), np.zeros((2, given.times))
+        with microslip.build(microslip.read(path), MPI.COMM_SELF) as structure:
+            microslip.respond(structure, peaks=True)  # static columns of both
+            for i in range(given.times):
+                for with_peaks in (False, True):
+                    with patch.object(Corrector, "correct", autospec=True, side_effect=Corrector.correct) as correct:
+                        clock = time.process_time()
+                        curves = microslip.respond(structure, peaks=with_peaks)
+                        seconds[int(with_peaks), i] = time.process_time() - clock
+                    solves[int(with_peaks), i] = correct.call_count
+        n_peaks, (without, beside) = sum(map(len, curves.peaks.values())), np.median(seconds, axis=1)
+        print(
+            f"{path}: {n_peaks} peaks; {solves[0, 0]} and {solves[1, 0]} solves, {(solves[1, 0] - solves[0, 0]) / n_peaks:.0f} a peak; "
+            f"{without:.2f} and {beside:.2f} s: {beside / without:.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
