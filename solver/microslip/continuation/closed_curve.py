@@ -8,24 +8,26 @@ import numpy as np
 
 from ..points.branch import Point
 
-AGAIN = 5  # points in a row on earlier steps
+ROUNDS, AGAIN = 3, 5  # points in a row on the steps of so many earlier rounds: one alone may be left at the next corner
 NEAR = 0.3  # of an earlier step: distance from it
 
 
 def goes_round(points: Sequence[Point]) -> bool:
     """Return whether the last points of a branch lie on earlier steps, passed in the same direction.  Local, on rank 0."""
     last = range(len(points) - AGAIN, len(points))
-    return last.start > AGAIN and all(_is_on_earlier_step(points, k) for k in reversed(last))
+    return last.start > ROUNDS * AGAIN and all(_rounds(points, k) >= ROUNDS for k in reversed(last))
 
 
-def _is_on_earlier_step(points: Sequence[Point], k: int) -> bool:
-    place = np.array([(point.parameters or (point.omega,))[0] for point in points[: k + 1]])
+def _rounds(points: Sequence[Point], k: int) -> int:
+    """Return in how many earlier rounds the branch passed its ``k``-th point.  Local."""
+    place, rounds, last = np.array([(point.parameters or (point.omega,))[0] for point in points[: k + 1]]), 0, -AGAIN
     steps, way = np.diff(place[:-1]), place[-1] - place[-2]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (place[-1] - place[:-2]) / steps
     for i in np.flatnonzero((share >= 0.0) & (share <= 1.0) & (steps * way > 0.0)):
         first, second, here = (points[n].U[..., 1:] for n in (i, i + 1, k))
         chord = second - first
-        if np.linalg.norm(here - first - share[i] * chord) <= NEAR * np.linalg.norm(chord):
-            return True
-    return False
+        is_near = np.linalg.norm(here - first - share[i] * chord) <= NEAR * np.linalg.norm(chord)
+        if is_near and i >= last + AGAIN:
+            rounds, last = rounds + 1, i
+    return rounds
