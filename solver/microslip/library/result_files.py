@@ -155,7 +155,7 @@ def _on_whole_disc(prepared: Prepared, shapes: Shapes) -> tuple[Mesh, np.ndarray
     cyclic, group = prepared.scene.cyclic, prepared.structure.excited.group
     mesh, modes, peaks = _on_mesh(prepared, shapes)
     assert cyclic is not None and isinstance(group, int), "a disc"
-    modes = np.moveaxis(whole_shapes(np.moveaxis(modes, 0, -1), cyclic, group), -1, 0)
+    modes = whole_shapes(np.moveaxis(modes, 0, -1), cyclic, group)
     if not cyclic.whole:
         peaks = {number: Motion(motion.point, whole_motion(motion.u, cyclic)) for number, motion in peaks.items()}
     return whole_mesh(mesh, cyclic), modes, peaks

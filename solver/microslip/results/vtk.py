@@ -18,15 +18,15 @@ VERSION = (2, 1)
 CELL_TYPE = {"tet4": 10, "hex8": 12, "wedge6": 13, "pyramid5": 14, "tet10": 24, "hex20": 25, "wedge15": 26, "pyramid13": 27}
 
 
-def write_modes(path: str, mesh: Mesh, omega_n: np.ndarray, fields: np.ndarray, same_mesh: str | None = None) -> None:
+def write_modes(path: str, mesh: Mesh | str, omega_n: np.ndarray, fields: np.ndarray) -> None:
     """Write mode shapes as point vectors ``mode_01_102.3Hz``, ....  Local, on rank 0.
 
     Parameters
     ----------
     path : ends in .vtkhdf
+    mesh : or a file of this function with the same mesh, which is copied from it as it is packed
     omega_n : (n_modes,) rad/s
     fields : (n_modes, n_nodes, 3) displacements in the order of ``mesh.points``
-    same_mesh : a file of this function with the same mesh, which is copied from it as it is packed
 
     Raises
     ------
@@ -35,7 +35,7 @@ def write_modes(path: str, mesh: Mesh, omega_n: np.ndarray, fields: np.ndarray, 
     digits = max(2, len(str(len(omega_n))))
     hertz = [f"{f:.1f}Hz" if f >= 1.0 else f"{f:.3g}Hz" for f in omega_n / (2.0 * np.pi)]
     named = {f"mode_{i + 1:0{digits}d}_{name}": field for i, (name, field) in enumerate(zip(hertz, fields, strict=True))}
-    write_fields(path, mesh, named, same_mesh)
+    write_fields(path, mesh, named)
 
 
 def peak_fields(level: float, frequency: float, u: np.ndarray) -> dict[str, np.ndarray]:
@@ -53,7 +53,7 @@ def peak_fields(level: float, frequency: float, u: np.ndarray) -> dict[str, np.n
     return {f"{name}_{part}": u[:, :, k] for k, part in enumerate(("mean", "cos1", "sin1"))}
 
 
-def write_fields(path: str, mesh: Mesh, fields: Mapping[str, np.ndarray], same_mesh: str | None = None) -> None:
+def write_fields(path: str, mesh: Mesh | str, fields: Mapping[str, np.ndarray]) -> None:
     """Write named point fields, (n_nodes, 3) or (n_nodes,) each, in the order of ``mesh.points``.  Local, on rank 0.
 
     They are single precision: some seven digits, for pictures.  With them come ``node`` and ``element``, the numbers of the
@@ -65,13 +65,14 @@ def write_fields(path: str, mesh: Mesh, fields: Mapping[str, np.ndarray], same_m
     """
     with atomic_write(path) as temporary, written_hdf5(temporary) as file:
         root = vtk_root(file, "UnstructuredGrid")
-        if same_mesh is None:
+        if isinstance(mesh, Mesh):
             write_grid(root, mesh)
             write_numbers(root, mesh)
         else:
-            _copy_mesh(same_mesh, root)
+            _copy_mesh(mesh, root)
         for name, values in fields.items():
-            root.create_dataset(f"PointData/{name}", data=values.astype("f4"))  # packed: a fifth less, six times as long
+            values = values.astype("f4", copy=False)
+            root.create_dataset(f"PointData/{name}", data=values)  # packed: a fifth less, six times as long
 
 
 def _copy_mesh(path: str, root: h5py.Group) -> None:

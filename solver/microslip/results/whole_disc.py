@@ -40,17 +40,14 @@ def whole_mesh(mesh: Mesh, cyclic: Cyclic) -> Mesh:
 
 
 def whole_shapes(shapes: np.ndarray, cyclic: Cyclic, diameter: int) -> np.ndarray:
-    """Return complex shapes (n_nodes, 3, m) of sector 0 on all sectors at the instant 0, real (n_sectors n_nodes, 3, m).
+    """Return complex shapes (n_nodes, 3, m) of sector 0 on all sectors at the instant 0, real (m, n_sectors n_nodes, 3).
 
     Local.  Sector s has the phase ``diameter`` s alpha.  Single precision, which files of fields have.
     """
-    n, N = len(shapes), cyclic.sectors
-    parts = np.concatenate([np.moveaxis(part, -1, 0) for part in (shapes.real, shapes.imag)], axis=2).reshape(-1, 6)
-    of_all: np.ndarray = np.empty((shapes.shape[2], N, n, 3), dtype="f4")
-    for s, turn in enumerate(turns(cyclic)):
-        angle = diameter * cyclic.angle * s
-        of_all[:, s] = (parts @ np.vstack([np.cos(angle) * turn.T, -np.sin(angle) * turn.T])).reshape(-1, n, 3)
-    return np.moveaxis(of_all.reshape(-1, N * n, 3), 0, -1)
+    angles, turned = diameter * cyclic.angle * np.arange(cyclic.sectors)[:, None, None], turns(cyclic).transpose(0, 2, 1)
+    of_parts = np.concatenate([np.cos(angles) * turned, -np.sin(angles) * turned], axis=1).astype("f4")  # (n_sectors, 6, 3)
+    parts = np.concatenate([shapes.real, shapes.imag], axis=1).transpose(2, 0, 1).astype("f4", order="C")  # (m, n_nodes, 6)
+    return (parts[:, None] @ of_parts).reshape(len(parts), -1, 3)
 
 
 def whole_motion(u: np.ndarray, cyclic: Cyclic) -> np.ndarray:

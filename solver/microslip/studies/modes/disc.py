@@ -274,14 +274,13 @@ def write_shapes(
 ) -> str:
     """Write the shapes of a nodal diameter on all sectors for ParaView; return the file.  Rank 0.
 
-    ``same_mesh`` is that of another nodal diameter, whose mesh is copied.
+    ``same_mesh`` is the file of another nodal diameter, whose mesh is copied.
     """
     cyclic = parts.scene.cyclic
     assert cyclic is not None and parts.mesh is not None, "a disc, on rank 0"
     make_folder(str(folder))
-    of_disc = np.moveaxis(whole_shapes(shapes, cyclic, d), -1, 0)
     path = str(folder / f"modes_diameter_{d:02d}.vtkhdf")
-    write_modes(path, whole_mesh(parts.mesh, cyclic), omega_n, of_disc, same_mesh)
+    write_modes(path, same_mesh or whole_mesh(parts.mesh, cyclic), omega_n, whole_shapes(shapes, cyclic, d))
     return path
 
 
