@@ -22,6 +22,7 @@ from ._energies import energies
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
+_DEPENDENT = 0.5  # squared M-norm of a combination of vectors below which there is none: 1, or 2 of v and i v together
 _NOISE = 1e-11  # of omega_n^2: expected rounding error that is accepted
 
 
@@ -54,6 +55,27 @@ def iterated_once(
     X_owned, _ = orthonormalised(linearised, X_owned)
     eigenvalues, rotation = comm.bcast(np.linalg.eigh(gram(comm, X_owned, multiply(linearised.K_L, X_owned))))
     return eigenvalues, X_owned @ rotation
+
+
+def smoothed(
+    linearised: Linearised, theta: np.ndarray, phi_owned: np.ndarray, next_owned: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (eigenvalues, phi) of Ritz vectors multiplied by K_L^-1 M, as :func:`iterated_once` does, without a solve.
+
+    Collective: a product with K_L, one with M, and sums.  docs/theory.md, section 14: K_L^-1 M phi = theta (phi + delta v), with
+    ``next_owned`` (n_owned, 1) the next vector v of the Krylov space, or 0, where delta minimises
+    |K_L (phi + delta v) - M phi / theta|.  Of vectors that depend on each other, as phi and i phi, one is returned.
+    """
+    comm, m = linearised.system.comm, len(theta)
+    Z_owned = np.hstack([phi_owned, next_owned])
+    K_Z, M_Z = multiply(linearised.K_L, Z_owned), multiply(linearised.M, Z_owned)
+    K_v, residual = K_Z[:, m:], K_Z[:, :m] - M_Z[:, :m] / theta
+    delta = -gram(comm, K_v, residual) / np.maximum(gram(comm, K_v, K_v).real, np.finfo(float).tiny)
+    T = np.vstack([np.eye(m), delta])
+    sizes, X = comm.bcast(np.linalg.eigh(T.conj().T @ gram(comm, Z_owned, M_Z) @ T))
+    T = T @ (X[:, sizes > _DEPENDENT] / np.sqrt(sizes[sizes > _DEPENDENT]))
+    eigenvalues, Q = comm.bcast(np.linalg.eigh(T.conj().T @ gram(comm, Z_owned, K_Z) @ T))
+    return eigenvalues, Z_owned @ (T @ Q)
 
 
 def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:

@@ -18,14 +18,14 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
-from ..assembly.real_form import real_columns
+from ..assembly.real_form import complex_columns, real_columns
 from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
 from ..parallel.petsc import free
 from ..system.watchdog import moved, patient
 from .hermitian import complex_modes
-from .rayleigh import iterated_once
+from .rayleigh import iterated_once, smoothed
 
 if TYPE_CHECKING:
     from ..linear.factor import Factor
@@ -136,6 +136,7 @@ class ModeSearch:
         eps.setTolerances(_TOLERANCE, _MOST_ITERATIONS)
         if kind == "krylovschur":
             eps.setKrylovSchurRestart(_KEEP)
+            eps.setKrylovSchurLocking(not without_partners)  # without, the residuals of all modes are multiples of one vector
         eps.setInitialSpace([start] if is_deflated else [*before, start])
         if is_deflated:
             eps.setDeflationSpace(before)
@@ -149,6 +150,7 @@ class ModeSearch:
         try:
             messages = _solve_with_room(eps, n_sought, n_most, partners)
             theta, phi_owned, info = _converged(eps, linearised)
+            next_owned = None if partners is None else partners.next_vector()
         finally:
             if partners is not None:
                 partners.destroy()
@@ -159,6 +161,12 @@ class ModeSearch:
         ):  # whether no motion is left is decided with both vectors of each plane
             self._is_exhausted = True
             return self._more(n_wanted)
+        if next_owned is not None:
+            eigenvalues, phi_owned = smoothed(linearised, theta, complex_columns(phi_owned), complex_columns(next_owned))
+            eigenvalues = np.append(1.0 / self._theta[:n_known], eigenvalues)
+            order = np.argsort(eigenvalues)
+            phi_owned = np.hstack([self._phi_owned[:, :n_known], phi_owned])[:, order]
+            return 1.0 / eigenvalues[order], phi_owned, info | {"messages": messages}
         if self._is_complex:
             _, phi_owned = complex_modes(linearised.K_L, linearised.M, theta, phi_owned)
         if is_deflated:
@@ -227,6 +235,14 @@ class _Partners:
             same = np.flatnonzero(np.abs(self._basis.dotVec(copy)) > 0.5)
         copy.destroy()
         self._forget((same[0] if len(same) else n_converged) + 1)
+
+    def next_vector(self) -> np.ndarray:
+        """Return what would be the next vector of the basis, (n_owned, 1): the last column.  Local."""
+        last = self._basis.getSizes()[1] - 1
+        column = self._basis.getColumn(last)
+        next_owned = column.getArray().copy()[:, None]
+        self._basis.restoreColumn(last, column)
+        return next_owned
 
     @contextmanager
     def _all_columns(self) -> Iterator[None]:
