@@ -7,7 +7,7 @@ eigenvector is accurate enough, since the error of a Rayleigh quotient is of sec
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +16,7 @@ from petsc4py import PETSc
 
 from ..assembly.real_form import complex_columns, real_columns
 from ..linear.dense import gram, multiply, wave_matrix
+from ..linear.lockstep import at_once
 from ..parallel.ownership import summed
 from ._energies import energies
 
@@ -95,10 +96,10 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
     wave = wave_matrix(linearised.K_L)
     if wave is None:
         X_owned = real_columns(X_owned) if is_complex else X_owned
-        eigenvalues[noisy] = _energies_of_all(linearised.K_L, X_owned)
+        eigenvalues[noisy] = _energies_of_all([(linearised.K_L, X_owned)])[0]
         return eigenvalues
     Z_owned = X_owned if is_complex or not wave.is_complex else complex_columns(X_owned)
-    of_parts = _energies_of_all(wave.A, wave.unfolded(Z_owned))
+    of_parts = at_once(_energies_of_all, (wave.A, wave.unfolded(Z_owned)))
     eigenvalues[noisy] = of_parts.reshape(-1, len(noisy)).sum(axis=0)
     added = wave.of_added(Z_owned)
     if added is not None:
@@ -107,11 +108,15 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
     return eigenvalues
 
 
-def _energies_of_all(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
-    """Return x^T A x for every column of X, of which these are the owned rows, (m,), in extended precision.  Collective."""
+def _energies_of_all(requests: Sequence[tuple[PETSc.Mat, np.ndarray]]) -> list[np.ndarray]:
+    """Return x^T A x for every column of each X, of which these are the owned rows, (m,) each, in extended precision.
+
+    Collective.  All requests have the same A.
+    """
+    A, X_owned = requests[0][0], np.hstack([X_owned for _, X_owned in requests])
     comm, (starts, columns, values) = A.comm.tompi4py(), A.getValuesCSR()
     of_rows = _energies(starts, columns, values, X_owned, np.concatenate(comm.allgather(X_owned)))
-    return np.sum(comm.allgather(of_rows), axis=0)
+    return np.split(np.sum(comm.allgather(of_rows), axis=0), np.cumsum([X_owned.shape[1] for _, X_owned in requests[:-1]]))
 
 
 def _energies(starts: np.ndarray, columns: np.ndarray, values: np.ndarray, X_rows: np.ndarray, X: np.ndarray) -> np.ndarray:
