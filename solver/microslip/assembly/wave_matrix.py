@@ -7,6 +7,7 @@ of the size of the sector is made for a nodal diameter.
 import atexit
 import weakref
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -39,25 +40,33 @@ class Unfolding:
         rank = np.searchsorted(self.w_ranges, columns, side="right") - 1
         return columns + (self.v_ranges - self.w_ranges)[rank]
 
-    def follow(self, comm: MPI.Comm, W_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of the high face of P_1 W, real.  Collective."""
-        return times(self._of_high(comm), W_owned)
+    @cached_property
+    def followed(self) -> np.ndarray:
+        """The rows of w that the high face follows, rising."""
+        return np.unique(self.P[1].indices)
+
+    def follow(self, comm: MPI.Comm, V_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of the high face of P_1 W, real, from the sector's rows of P_0 W.  Collective."""
+        return times(self._of_high(comm), V_owned)
 
     def lead(self, comm: MPI.Comm, H_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of P_1^T applied to rows of the high face, real.  Collective."""
+        """Return this rank's :attr:`followed` rows of P_1^T applied to rows of the high face, real.  Collective."""
         self._of_high(comm)
         return times(self._matrices["lead"], H_owned)
 
     def _of_high(self, comm: MPI.Comm) -> PETSc.Mat:
-        """Return the high rows of P_1; made once, with the transpose.  Collective where it is new."""
+        """Return the high rows of P_1, for rows of the sector; made once, with the transpose.  Collective where it is new."""
         if not self._matrices:
             w, v = self.w_ranges, self.v_ranges
             r = comm.rank
             high = np.concatenate([np.arange(v[k] + w[k + 1] - w[k], v[k + 1]) for k in range(comm.size)]).astype(int)
             n_before = (v - w).astype(int)
-            rows = self.P[1][high]
-            self._matrices["follow"] = _distributed(rows[n_before[r] : n_before[r + 1]], int(w[r + 1] - w[r]), comm)
-            self._matrices["lead"] = _distributed(rows.T.tocsr()[w[r] : w[r + 1]], int(n_before[r + 1] - n_before[r]), comm)
+            rows = self.P[1][high].tocoo()
+            of_sector = sp.csr_matrix((rows.data, (rows.row, self.rows_of_w(rows.col))), (len(high), int(v[-1])))
+            followed = self.followed[slice(*np.searchsorted(self.followed, w[r : r + 2]))]
+            high_owned = slice(n_before[r], n_before[r + 1])
+            self._matrices["follow"] = _distributed(of_sector[high_owned], int(v[r + 1] - v[r]), comm)
+            self._matrices["lead"] = _distributed(rows.tocsc().T[followed], int(n_before[r + 1] - n_before[r]), comm)
         return self._matrices["follow"]
 
     def destroy(self) -> None:
@@ -92,6 +101,8 @@ class WaveMatrix:
         self.comm = A.comm.tompi4py()
         first, last = unfolding.w_ranges[self.comm.rank : self.comm.rank + 2]
         self._n_owned = int(last - first)
+        followed = unfolding.followed
+        self._followed = followed[slice(*np.searchsorted(followed, (first, last)))] - first
         self._added = None if added is None or not added.nnz else added
         if self._added is not None:
             self._seen = np.unique(self._added.indices)
@@ -115,22 +126,26 @@ class WaveMatrix:
 
         With a real phase X and the result are real, (n_v_owned, m).
         """
+        m, n, n_v = X_owned.shape[1], self._n_owned, int(np.diff(self.unfolding.v_ranges)[self.comm.rank])
+        V_owned: np.ndarray = np.empty((n_v, m * (1 + self.is_complex)), order="F")
+        V_owned[:n, :m], V_owned[n:] = X_owned.real, 0.0
         if not self.is_complex:
-            return np.vstack([X_owned, self.phase * self.unfolding.follow(self.comm, X_owned)])
-        m, n_high = X_owned.shape[1], int(np.diff(self.unfolding.v_ranges)[self.comm.rank]) - self._n_owned
-        V_owned: np.ndarray = np.empty((self._n_owned + n_high, 2 * m), order="F")
-        V_owned[: self._n_owned, :m], V_owned[: self._n_owned, m:] = X_owned.real, X_owned.imag
-        of_high = self.phase * _complex(self.unfolding.follow(self.comm, V_owned[: self._n_owned]))
-        V_owned[self._n_owned :, :m], V_owned[self._n_owned :, m:] = of_high.real, of_high.imag
+            V_owned[n:] = self.phase * self.unfolding.follow(self.comm, V_owned)
+            return V_owned
+        V_owned[:n, m:] = X_owned.imag
+        of_high = self.phase * _complex(self.unfolding.follow(self.comm, V_owned))
+        V_owned[n:, :m], V_owned[n:, m:] = of_high.real, of_high.imag
         return V_owned
 
     def folded(self, Y_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of P(d)^H Y, (n_w_owned, m) as X, for Y as :meth:`unfolded` returns it.  Collective."""
+        n = self._n_owned
         if not self.is_complex:
-            return Y_owned[: self._n_owned] + self.unfolding.lead(self.comm, self.phase * Y_owned[self._n_owned :])
-        of_high = np.conj(self.phase) * _complex(Y_owned[self._n_owned :])
-        product = _complex(Y_owned[: self._n_owned])
-        product += _complex(self.unfolding.lead(self.comm, np.hstack([of_high.real, of_high.imag])))
+            product = Y_owned[:n].copy(order="F")
+            product[self._followed] += self.unfolding.lead(self.comm, self.phase * Y_owned[n:])
+            return product
+        product, of_high = _complex(Y_owned[:n]), np.conj(self.phase) * _complex(Y_owned[n:])
+        product[self._followed] += _complex(self.unfolding.lead(self.comm, np.hstack([of_high.real, of_high.imag])))
         return product
 
     def multiply(self, X_owned: np.ndarray) -> np.ndarray:
@@ -167,7 +182,7 @@ class WaveMatrix:
         of_sector = self.A.getDiagonal()
         values = of_sector.getArray()
         here = values[: self._n_owned, None].copy()
-        here += times(self._of_squares(), values[self._n_owned :, None])
+        here[self._followed] += times(self._of_squares(), values[self._n_owned :, None])
         of_sector.destroy()
         if self._added is not None:
             first = self.unfolding.w_ranges[self.comm.rank]
