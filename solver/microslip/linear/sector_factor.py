@@ -92,10 +92,11 @@ class _Folded:
 
     def at(self, phase: complex, between: np.ndarray | None) -> np.ndarray:
         """Return it at a nodal diameter with the springs to the next sector, eq. (14.8), (n_wf, n_wf), column-major.  Local."""
-        S = np.asfortranarray(phase * self.other)
-        S += np.conj(phase) * self.other.T
-        S += self.same
-        return S if between is None else S + between
+        S = self.same + np.real(phase) * (self.other + self.other.T)
+        if np.iscomplexobj(phase):
+            S = S.astype(complex, order="F")
+            S.imag = np.imag(phase) * (self.other - self.other.T)
+        return np.asfortranarray(S if between is None else S + between)
 
 
 class SectorFactor:
