@@ -282,8 +282,10 @@ def times(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     block = np.asfortranarray(X_owned, dtype=float)
     X = PETSc.Mat().createDense(((n_owned, None), (None, m)), array=block, comm=A.comm)
     X.assemble()
-    AX = A.matMult(X)
-    product = np.array(AX.getDenseArray(), order="F")
+    product: np.ndarray = np.empty((A.getLocalSize()[0], m), order="F")
+    AX = PETSc.Mat().createDense(((len(product), None), (None, m)), array=product, comm=A.comm)
+    AX.assemble()
+    A.matMult(X, AX)
     AX.destroy()
     X.destroy()
     return product

@@ -69,13 +69,17 @@ def smoothed(
     """
     comm, m = linearised.system.comm, len(theta)
     Z_owned = np.hstack([phi_owned, next_owned])
-    K_Z, M_Z = multiply(linearised.K_L, Z_owned), multiply(linearised.M, Z_owned)
-    K_v, residual = K_Z[:, m:], K_Z[:, :m] - M_Z[:, :m] / theta
-    delta = -gram(comm, K_v, residual) / np.maximum(gram(comm, K_v, K_v).real, np.finfo(float).tiny)
+    forces = multiply(linearised.K_L, Z_owned)
+    K_v = forces[:, m:].copy()
+    elastic, of_K = gram(comm, K_v, forces), gram(comm, Z_owned, forces)
+    del forces  # memory: other searches are under way
+    forces = multiply(linearised.M, Z_owned)
+    inertia, of_M = gram(comm, K_v, forces), gram(comm, Z_owned, forces)
+    delta = (inertia[:, :m] / theta - elastic[:, :m]) / np.maximum(elastic[:, m:].real, np.finfo(float).tiny)
     T = np.vstack([np.eye(m), delta])
-    sizes, X = comm.bcast(np.linalg.eigh(T.conj().T @ gram(comm, Z_owned, M_Z) @ T))
+    sizes, X = comm.bcast(np.linalg.eigh(T.conj().T @ of_M @ T))
     T = T @ (X[:, sizes > _DEPENDENT] / np.sqrt(sizes[sizes > _DEPENDENT]))
-    eigenvalues, Q = comm.bcast(np.linalg.eigh(T.conj().T @ gram(comm, Z_owned, K_Z) @ T))
+    eigenvalues, Q = comm.bcast(np.linalg.eigh(T.conj().T @ of_K @ T))
     return eigenvalues, Z_owned @ (T @ Q)
 
 
