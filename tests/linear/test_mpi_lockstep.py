@@ -113,7 +113,7 @@ def test_a_solve_that_fails_ends_all_searches(disc, monkeypatch):
     one_pass, n = MumpsFactor.reduced, iter(range(1000))
 
     def failing(self, B):
-        if next(n) == 12:
+        if next(n) == 8:
             raise ResourceError("no memory")
         return one_pass(self, B)
 
