@@ -51,6 +51,7 @@ def to_point(arrays: Arrays, texts: dict[str, Any]) -> Point:
     doubles = arrays["numbers"].astype(float, casting="safe")  # refuses complex numbers
     numbers = {name: kind(value) for (name, kind), value in zip(_NUMBERS.items(), doubles, strict=True)}
     values: dict[str, Any] = {name: value for name, value in arrays.items() if name != "numbers"}
+    values["parameters"] = tuple(map(float, arrays["parameters"]))
     return Point(**numbers, **values, notes=tuple(texts.get("notes", ())))
 
 
