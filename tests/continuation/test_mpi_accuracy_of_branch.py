@@ -199,8 +199,7 @@ def test_the_solver_s_part_stays_within_its_share(tolerance):
     peak = np.abs(amplitudes(found.points)).max()
     parts = np.array([point.error[0, PARTS.index("solver")] for point in found.points])
     assert parts.max() <= SHARES["solver"] * 1e-3 * peak
-    if tolerance != 1e-2:  # 1e-1 is felt at the first point, and tightened at once; 1e-5 never
-        assert (parts.max() > 1e-8 * peak) == (tolerance < 1e-1)
+    assert (parts.max() > 1e-8 * peak) == (tolerance < 1e-1)  # which is felt at the first point, and tightened at once
 
 
 @pytest.mark.ranks(1, 2, 3)

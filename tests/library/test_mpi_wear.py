@@ -246,12 +246,11 @@ def test_the_library_and_the_program_wear_alike(program, shared_path):
     assert len(history.cycles) == len(rows) == len(jumps) + 1 > 2 and not history.failure
     for record, row in zip(history.records(), rows):
         assert [record[key] for key in ("depth_max_m", "energy_J", "amplitude")] == pytest.approx(
-            [float(row[key]) for key in ("depth_max_m", "energy_J", "amplitude")],
-            rel=1e-7,  # ten times the tolerance of a point
+            [float(row[key]) for key in ("depth_max_m", "energy_J", "amplitude")], rel=1e-8
         )
     results = on_root(COMM, read_results, str(out / "results.h5"))
-    np.testing.assert_allclose(results.wear.depth, history.depth, rtol=1e-7)
-    np.testing.assert_allclose(results.wear.normal_force, history.normal_force, rtol=1e-7)
+    np.testing.assert_allclose(results.wear.depth, history.depth, rtol=1e-8)
+    np.testing.assert_allclose(results.wear.normal_force, history.normal_force, rtol=1e-8)
     lost = 100.0 * (1.0 - history.normal_force[-1].sum() / history.normal_force[0].sum())
     last_row = wear_table(results).split("<tr>")[-1]
     assert f"<td>{lost:.2f} %</td>" in last_row and f"{history.frequency[-1]:.7g} Hz" in last_row

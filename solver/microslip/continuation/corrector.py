@@ -30,7 +30,6 @@ MOST_ITERATIONS = 20
 PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
 SHARP = 5.0  # tolerances: allowed error of the motion of a point, by its last Newton step
 LOOSEST = 1e-2  # largest relative residual of a Newton system
-REMAINDER = 0.1  # tolerances: residual that the solution of the last Newton system may leave
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
@@ -347,14 +346,12 @@ class Corrector:
     def _sufficient(self) -> float:
         """Return the relative residual of the next Newton system below which another digit saves no step.  Local.
 
-        docs/theory.md, section 5: the curvature of the equation, or the tolerance, leaves as much.
+        docs/theory.md, section 5: the curvature of the equation leaves as much.  0 where it leaves less than the tolerance.
         """
         norm, tolerance = self._history[-1], self._snes.getTolerances()[1]
-        if norm <= tolerance:  # a further step for the accuracy of the motion
-            return 0.0
         fell = norm / self._history[-2] if len(self._history) > 1 else 1.0
         by_curvature = min(0.5 * fell**2, LOOSEST)
-        return by_curvature if by_curvature * norm > tolerance else REMAINDER * tolerance / norm
+        return by_curvature if by_curvature * norm > tolerance else 0.0
 
     def _multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Apply the Jacobian in scaled unknowns.  Collective: one gather.
