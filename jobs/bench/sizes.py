@@ -71,7 +71,7 @@ class Cost:
     processor: float
 
     def cells(self) -> list[str]:
-        """Return the cells of the table beside the title of the job, the last one without its memory [MiB, all ranks]."""
+        """Return the cells of the row after the title of the job; the last one is the memory of all ranks [MiB]."""
         [(dof, pairs)] = SIZE.findall(self.log)
         levels, stages = LEVEL.findall(self.log), STAGE.findall(self.log)
         seconds = {name: float(spent) for name, spent, _ in stages}
