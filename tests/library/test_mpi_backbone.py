@@ -132,13 +132,24 @@ def test_changes_with_twice_the_samples_are_the_error(structure):
     """Three quarters of the error by samples, which falls with their square; harmonics above 1 change nothing of one."""
     mode = microslip.backbone(structure(one_mass(), samples=64), quasi_static=False)
     assert len(mode.checks) == 6
-    for check in mode.checks[1:]:
+    for check in mode.checks:
         point = mode.points[check.point]
+        assert point.damping_by_friction > 0.0
         a1, b1, _ = exact.jenkins_harmonic(point.amplitude, 1.0, 1.0)
         omega = np.sqrt(1.0 + a1 / point.amplitude)
         error = mode.damping[check.point] - (0.02 + b1 / point.amplitude / omega) / (2.0 * omega)
         assert abs(check.damping) < 0.05 * mode.damping[check.point]
         assert abs(check.damping) > 0.3 * abs(error)
+
+
+def test_points_without_a_solution_with_twice_the_harmonics_are_stated(structure):
+    mode = microslip.backbone(structure(one_mass()), quasi_static=False)
+    size = abs(mode.shape[:, 0]) * mode.amplitude
+    last = replace(mode.checks[-1], frequency=np.nan, damping=np.nan)
+    some, none = (replace(mode, checks=checks) for checks in ((*mode.checks[:-1], last), (last,)))
+    assert [line for line in in_words(some) if "at 5 points: frequency within" in line]
+    (line,) = [line for line in in_words(none) if "twice the harmonics" in line]
+    assert f"no solution at 1 of 1 points, {size[last.point]:.4g} m" in line and "state more harmonics" in line
 
 
 def test_phase_resonance_and_synthesis_are_forced_responses(structure):

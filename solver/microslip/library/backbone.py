@@ -211,11 +211,16 @@ class Backbone:
 
 @dataclass(frozen=True)
 class Check:
-    """A point solved again with twice the harmonics and samples; its changes estimate their error."""
+    """A point solved again with twice the harmonics and samples; its changes estimate their error, NaN without a solution."""
 
     point: int  # number of it, from 0
     frequency: float  # Hz, change
     damping: float  # -, change of the damping ratio
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether Newton's method converged with twice the harmonics and samples."""
+        return bool(np.isfinite(self.frequency))
 
 
 @dataclass(frozen=True)
@@ -389,7 +394,7 @@ def modal_force(problem: NonlinearMode, at: OperatingPoint, loaded: ReducedModel
 
 def checked(problem: NonlinearMode, branch: Branch, points: list[ModePoint], tolerance: float) -> tuple[Check, ...]:
     """Return some points with slip, solved again with twice the harmonics and samples.  Collective."""
-    slipping = [i for i, point in enumerate(points) if point.friction > 0.0]
+    slipping = [i for i, point in enumerate(points) if point.damping_by_friction > 0.0]
     chosen = [slipping[k] for k in np.unique(np.linspace(0, len(slipping) - 1, CHECKED).round().astype(int))] if slipping else []
     equation = problem.equation
     finer = Harmonics.up_to(2 * equation.harmonics.highest)

@@ -178,18 +178,32 @@ def in_words(result: Backbone) -> list[str]:
         f"largest damping {100.0 * result.damping[top]:.4g} % at {size[top]:.4g} {unit}, {result.frequency[top]:.7g} Hz; "
         f"{len(result.points)} points in {result.seconds:.3g} s",
         *statics_in_words(result, result.quasi_static),
+        *checks_in_words(result, size),
     ]
-    if result.checks:
-        lines.append(
-            f"with twice the harmonics and samples, at {len(result.checks)} points: frequency within "
-            f"{np.nanmax([abs(check.frequency) for check in result.checks]):.2g} Hz, damping within "
-            f"{np.nanmax([abs(check.damping) / result.damping[check.point] for check in result.checks]) * 100.0:.2g} % of itself"
-        )
     for meeting in result.meetings:
         at = float(np.interp(meeting.place, np.arange(len(size)), size))
         lines.append(
             f"superharmonic resonance: {meeting.harmonic} x {meeting.frequency:.6g} Hz meets mode {meeting.mode} of the stuck "
             f"structure at about {at:.3g} {unit} of {name}"
+        )
+    return lines
+
+
+def checks_in_words(result: Backbone, size: np.ndarray) -> list[str]:
+    """Return lines on the points solved again, and on those that have no such solution; ``size``: (n_points,) of the output."""
+    solved = [check for check in result.checks if check.is_solved]
+    missing = [f"{size[check.point]:.4g}" for check in result.checks if not check.is_solved]
+    lines = []
+    if solved:
+        lines.append(
+            f"with twice the harmonics and samples, at {len(solved)} point{'s' * (len(solved) > 1)}: frequency within "
+            f"{max(abs(check.frequency) for check in solved):.2g} Hz, damping within "
+            f"{100.0 * max(abs(check.damping) / result.damping[check.point] for check in solved):.2g} % of itself"
+        )
+    if missing:
+        lines.append(
+            f"with twice the harmonics and samples, no solution at {len(missing)} of {len(result.checks)} points, "
+            f"{', '.join(missing)} {result.units[0]} of {result.outputs[0]}: the error there is unknown; state more harmonics"
         )
     return lines
 
