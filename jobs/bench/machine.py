@@ -17,7 +17,7 @@ def facts() -> dict[str, str]:
     import microslip
 
     found = {
-        "processor": f"{processor()}, {len(os.sched_getaffinity(0))} cores, {memory():.0f} GiB",
+        "processor": f"{processor()}, {len(os.sched_getaffinity(0))} of {os.cpu_count()} cores, {memory():.0f} GiB",
         "BLAS threads": os.environ.get("OPENBLAS_NUM_THREADS", "as the library chooses"),
     }
     versions = [f"microslip {microslip.__version__}", f"Python {platform.python_version()}"]
