@@ -3,7 +3,8 @@
 import pytest
 
 from microslip.messages.errors import CaseError
-from microslip.restart.results_folder import move_results, output_folder
+from microslip.restart.results_folder import is_results_file, move_results, output_folder
+from microslip.results.plots import PICTURES, STATIC_PICTURES
 
 
 def test_half_a_file_is_removed_and_the_rest_stays(tmp_path):
@@ -38,6 +39,22 @@ def test_files_of_others_stay_where_they_are(tmp_path):
     move_results(tmp_path, output_folder(tmp_path), keeps_earlier=True)
     assert sorted(path.name for path in (tmp_path / "earlier-1").iterdir()) == sorted(ours)
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(("earlier-1", "results.h5", *others))
+
+
+@pytest.mark.parametrize("draw", {*PICTURES, *STATIC_PICTURES})
+def test_every_picture_is_a_file_of_a_run(draw):
+    name = draw.__name__.removeprefix("draw_").removeprefix("static_")
+    assert all(is_results_file(f"{name}{page}.png") for page in ("", "2", "_02"))
+
+
+def test_tables_and_pictures_that_the_new_run_does_not_have_are_removed(tmp_path):
+    output = tmp_path / "unfinished"
+    output.mkdir()
+    earlier = ("results.h5", "sectors.csv", "sensitivities.csv", "multipliers.png", "response_01.png", "response_02.png")
+    for name in (*earlier, "report.html", "mine.png", "unfinished/results.h5", "unfinished/response.png"):
+        (tmp_path / name).write_text(name)
+    move_results(tmp_path, output)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.png", "report.html", "response.png", "results.h5"]
 
 
 def test_what_a_user_has_in_unfinished_stays_and_stops_no_run(tmp_path):

@@ -165,7 +165,8 @@ def test_blades_that_differ_are_those_of_the_ring_where_pairs_slip(shared_path):
 def test_a_run_writes_fields_of_sectors_that_differ(shared_path, program):
     """At rest of neither sector nor phase: fields are those of the outputs, and fit where sectors meet."""
     N, frequency = 5, 1420.0
-    text = end(8, 0.01, frequency, samples=32) + sector_factors(load=[1.0, 0.2, 1.5, -0.3, 0.8])
+    text = end(8, 0.01, frequency, samples=32).replace("points = 8", "points = 8\nstability = true\nsensitivities = true")
+    text += sector_factors(load=[1.0, 0.2, 1.5, -0.3, 0.8])
     path = on_root(COMM, lambda: write_sector(shared_path, N, text, wave={"engine_order": 2, "whole": True}))
     status, _, said = program("run", str(path), "--out", str(shared_path / "out"))
     assert status == 0, said

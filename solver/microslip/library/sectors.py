@@ -69,7 +69,8 @@ def levels_by_sector(prepared: Prepared, branches: Sequence[Branch]) -> list[Lev
     structure = prepared.structure
     assert isinstance(structure, WholeStructure), "a whole disc"
     of_alike = prepare(structure.alike, has_bars=False).response
-    alike = follow(replace(of_alike, settings=replace(of_alike.settings, peaks=1 in of_alike.model.harmonics)))
+    settings = replace(of_alike.settings, peaks=1 in of_alike.model.harmonics, stability=False, sensitivities=False)
+    alike = follow(replace(of_alike, settings=settings))
     N, n_outputs = structure.waves.n_sectors, len(prepared.scene.outputs)
     return on_root(prepared.model.comm, _by_sector, branches, alike, N, n_outputs, share=False)
 

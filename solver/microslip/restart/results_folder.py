@@ -12,13 +12,13 @@ from ..system.signals import unbroken
 UNFINISHED, EARLIER = "unfinished", "earlier"
 RESULTS, TABLE = "results.h5", "frf.csv"
 WRITTEN = (RESULTS, TABLE, "run.log")  # files of every run
-OPTIONAL = ("modes.vtkhdf", "peak_response.vtkhdf", "peaks_over.csv", "sensitivities.csv")  # if requested
-# files of run, plot, report and convert; other files in a folder belong to the user
-_RESULTS_FILES = re.compile(
-    r"results\.(h5|unv|mat)|frf\.csv|peaks_over\.csv|sensitivities\.csv|run\.log|report\.html"
-    r"|(response\d*|peaks\d*|peaks_over\d*|states|slip_map|rom_size|energy|energy_map|sensitivity_map|error|rest)\.png"
-    r"|(modes|peak_response|mode_shapes|rest|joint|(joint_)?motion_\d+)\.vtkhdf"
+_PICTURES = "response|peaks|peaks_over|multipliers|states|slip_map|rom_size|energy|energy_map|sensitivity_map|error|sectors|rest"
+# files of run and plot, and of report and convert; other files in a folder belong to the user
+_OF_RUN = re.compile(
+    r"results\.h5|(frf|peaks_over|sectors|sensitivities)\.csv|run\.log|(modes|peak_response)\.vtkhdf"
+    rf"|({_PICTURES})(_?\d+)?\.png"
 )
+_OF_OTHERS = re.compile(r"results\.(unv|mat)|report\.html|(mode_shapes|rest|joint|(joint_)?motion_\d+)\.vtkhdf")
 _PART = re.compile(r"(setup|level|over|mode)-[0-9a-f]{24}")
 
 
@@ -29,7 +29,7 @@ def is_checkpoint(path: Path) -> bool:
 
 def is_results_file(name: str) -> bool:
     """Return whether this program writes files of this name into a folder of results.  Local."""
-    return _RESULTS_FILES.fullmatch(name) is not None
+    return _OF_RUN.fullmatch(name) is not None or _OF_OTHERS.fullmatch(name) is not None
 
 
 def output_folder(folder: Path) -> Path:
@@ -57,6 +57,8 @@ def output_folder(folder: Path) -> Path:
 def move_results(folder: Path, output: Path, keeps_earlier: bool = False) -> None:
     """Move the files of ``output`` to ``folder``; with ``keeps_earlier`` earlier files move to ``earlier-N/`` first.
 
+    Tables, fields and pictures of an earlier run that this one does not have are removed.
+
     Raises
     ------
     CaseError, ResourceError : they cannot be moved
@@ -66,9 +68,9 @@ def move_results(folder: Path, output: Path, keeps_earlier: bool = False) -> Non
     with unbroken(), file_errors(str(folder)):
         if keeps_earlier:
             _move(folder, _next_of(folder / EARLIER))
-        for name in OPTIONAL:
-            if not (output / name).exists():
-                (folder / name).unlink(missing_ok=True)
+        for path in _files_of(folder):
+            if _OF_RUN.fullmatch(path.name) and path.name not in WRITTEN and not (output / path.name).exists():
+                path.unlink()
         _move(output, folder)
         with suppress(OSError):  # it contains files of the user
             output.rmdir()
