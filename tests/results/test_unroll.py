@@ -97,6 +97,19 @@ def test_flanks_are_patches_of_their_own_with_their_place_in_the_label():
     assert faces == pytest.approx(0.066 * 0.009, rel=0.02)
 
 
+def test_patches_in_a_ring_have_labels_of_their_own_without_rounding():
+    angle = np.arange(8) * np.pi / 4.0
+    radial = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(8)])
+    corners = np.array([[0.0, 0.0], [0.01, 0.0], [0.01, 0.01], [0.0, 0.01]])
+    across = np.cross([0.0, 0.0, 1.0], radial)
+    points = 0.2 * radial[:, None] + corners[:, :1] * across[:, None] + corners[:, 1:] * [0.0, 0.0, 1.0]
+    points -= points.mean(axis=1, keepdims=True) - 0.2 * radial[:, None]
+    faces = (np.arange(32).reshape(8, 4),)
+    labels = [patch.label for patch in patches(joint(points.reshape(-1, 3), np.repeat(radial, 4, axis=0), faces))]
+    assert labels[:3] == ["joint at x = 200, y = 0 mm", "joint at x = 141, y = 141 mm", "joint at x = 0, y = 200 mm"]
+    assert len(set(labels)) == 8 and not any("e" in label for label in labels)
+
+
 def test_joints_are_apart_even_where_no_face_tells():
     surfaces = patches(joint_of(two_flanks(4, 1, names=("left", "right"))))
     assert [patch.label for patch in surfaces] == ["left", "right"]

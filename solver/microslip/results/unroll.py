@@ -61,14 +61,18 @@ def patches(joint: Joint) -> list[Patch]:
 
 
 def _label(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray]) -> str:
-    """Return where a patch lies among the patches of its joint: the coordinate in which they differ most."""
-    if len(siblings) == 1:
+    """Return where a patch lies among the patches of its joint: the coordinates [mm] in which they differ most."""
+    centres = 1e3 * np.array([joint.position[other].mean(axis=0) for other in siblings])
+    spread = np.ptp(centres, axis=0)
+    if not np.isfinite(centres).all() or spread.max() == 0.0:
         return ""
-    centres = np.array([joint.position[other].mean(axis=0) for other in siblings])
-    if not np.isfinite(centres).all():
-        return ""
-    k = int(np.argmax(np.ptp(centres, axis=0)))
-    return f" at {'xyz'[k]} = {1e3 * joint.position[pairs, k].mean():.3g} mm".replace("-", "\u2212")
+    rounded = np.round(centres, 2 - int(np.floor(np.log10(0.5 * spread.max())))) + 0.0  # no -0
+    for n in (1, 2, 3):
+        axes = np.sort(np.argsort(-spread, kind="stable")[:n])
+        if len(np.unique(rounded[:, axes], axis=0)) == len(siblings):
+            break
+    place = rounded[[other[0] for other in siblings].index(pairs[0])]
+    return (" at " + ", ".join(f"{'xyz'[k]} = {place[k]:.10g}" for k in axes) + " mm").replace("-", "\u2212")
 
 
 def _parts(joint: Joint) -> np.ndarray:
