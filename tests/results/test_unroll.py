@@ -90,7 +90,7 @@ def test_flanks_are_patches_of_their_own_with_their_place_in_the_label():
     surfaces = patches(joint_of(two_flanks(6, 2)))
     assert [len(patch.pairs) for patch in surfaces] == [len(two_flanks(6, 2).mu) // 2] * 2
     x = [1e3 * two_flanks(6, 2).position[patch.pairs, 0].mean() for patch in surfaces]
-    assert [patch.label for patch in surfaces] == [f"dovetail at x = \u2212{-x[0]:.3g} mm", f"dovetail at x = {x[1]:.3g} mm"]
+    assert [patch.label for patch in surfaces] == [f"dovetail at x = \u2212{-x[0]:.1f} mm", f"dovetail at x = {x[1]:.1f} mm"]
     assert {patch.x_label for patch in surfaces} == {"y"}
     # the flank is a strip 66 mm by 9 mm on a cone: the plane shortens it by less than 1 %
     faces = np.abs([area(ring) for ring in surfaces[0].outlines]).sum()
