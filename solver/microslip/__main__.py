@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 # before anything imports NumPy or Matplotlib
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # ranks, not threads, share the processors
 os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")  # one rank alone needs no daemon of Open MPI, which takes 0.1 s
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it reads what every installed package offers
 os.environ["MPLBACKEND"] = "Agg"  # pictures are files, also where there is a screen
 
 

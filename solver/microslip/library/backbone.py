@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -26,8 +26,11 @@ from ..receptance.reduced_model import ReducedModel
 from .build import Structure
 from .mode_at_rest import FARTHEST, Begin, first_slip, moved_by, pairs_without_springs
 from .prepare import Prepared
-from .respond import OfJoints, prepared_with
+from .respond import prepared_with
 from .settings import refuse_statics, units_of
+
+if TYPE_CHECKING:
+    from .respond import OfJoints
 
 NONE = 1e-12  # damping ratio by friction below which nothing slips: rounding, of either sign
 PAST = 0.5  # of the largest damping ratio by friction, to which it has fallen where a mode is followed no further

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..contact.laws import LAWS
 from ..mesh.data import ContactPairs
@@ -31,6 +30,11 @@ from .prepare import Prepared, prepare
 from .response import Response
 from .settings import reduction_settings
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike  # slow import
+
+    OfJoints = ArrayLike | Mapping[str, ArrayLike]
+
 TABLES: dict[str, type[Table]] = {
     "response": solution.Response,
     "solver": solution.Solver,
@@ -44,8 +48,6 @@ INSTEAD_OF = {
     "ratios": ("rayleigh", "ratio", "modes"),
     "rayleigh": ("ratio", "ratios", "modes"),
 }
-
-OfJoints = ArrayLike | Mapping[str, ArrayLike]
 
 
 class Keys(TypedDict, total=False):

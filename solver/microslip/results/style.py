@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import matplotlib
-import matplotlib.style
 import numpy as np
+import PIL.Image
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -26,7 +26,7 @@ MOST_NAMED = 12  # levels named in a legend
 ROWS = 5  # outputs in one picture
 
 # no key is left to a matplotlibrc, which may lie in the folder of a scene and name a program to run
-RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key not in matplotlib.style.core.STYLE_BLACKLIST} | {
+RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != "backend"} | {
     "font.family": "DejaVu Sans",
     "font.size": 8.0,
     "axes.titlesize": 8.0,
@@ -190,8 +190,11 @@ class Page:
         """Write the page as PNG, whole or not at all, and return its path."""
         with warnings.catch_warnings(), atomic_write(path) as unfinished:
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a title in letters that the font lacks: boxes
-            # savefig would draw twice to lay out; a third of zlib's work makes files a tenth larger
-            FigureCanvasAgg(self.figure).print_png(unfinished, pil_kwargs={"compress_level": 3})
+            canvas = FigureCanvasAgg(self.figure)
+            canvas.draw()  # savefig would draw twice to lay out
+            picture = PIL.Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")  # nothing is transparent
+            # a third of zlib's work makes files a tenth larger
+            picture.save(unfinished, "PNG", compress_level=3, dpi=(DPI, DPI))
         return path
 
 
