@@ -86,7 +86,7 @@ class Maximum:
         right = np.stack([-unit * equation.gather(linear.rate(rate)).reshape(-1, N_H) for rate, unit in zip(rates, units)])
         V, P_V, is_found = linear.solve_several(right, self.forward)
         B = sensitivity(model, at.omega)[rows][:, equation.model.owned_rows]
-        by_motion = equation.comm.bcast(-equation.sum(P_V @ B.reshape(2, -1).T))
+        by_motion = equation.agreed_sum(-P_V @ B.reshape(2, -1).T)
 
         def amplitude(nu: np.ndarray) -> np.ndarray:
             """Return the output at other parameters under the same forces."""

@@ -263,7 +263,12 @@ class PointSolver:
 
     def norm(self, U: np.ndarray) -> float:
         """Return |U| over all ranks.  Collective."""
-        return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
+        return float(np.sqrt(self._product(U, U)))
+
+    def _product(self, a: np.ndarray, b: np.ndarray) -> float:
+        """Return a . b over all ranks.  Collective."""
+        product = float(np.vdot(a, b))
+        return product if self.comm.size == 1 else self.comm.allreduce(product)
 
     def length(self, d_xi: np.ndarray, d_nu: np.ndarray) -> float:
         """Return the length of a step in motion and scaled parameters (k,), docs/theory.md, eq. (7.1).
@@ -287,6 +292,6 @@ class PointSolver:
         size, (before, now, after) = max(size, 1e-300), (there.on(self.harmonics) for there in (before, now, after))
         a_xi, b_xi = (now.U - before.U) / size, (after.U - now.U) / size
         a_nu, b_nu = self.d_nu(before, now), self.d_nu(now, after)
-        dot = self.comm.allreduce(float(np.vdot(self.vibration(a_xi), self.vibration(b_xi)))) + float(a_nu @ b_nu)
+        dot = self._product(self.vibration(a_xi), self.vibration(b_xi)) + float(a_nu @ b_nu)
         cosine = dot / max(self.length(a_xi, a_nu) * self.length(b_xi, b_nu), 1e-300)
         return float(np.arccos(min(max(cosine, -1.0), 1.0)))

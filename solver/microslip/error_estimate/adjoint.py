@@ -33,4 +33,4 @@ class Adjoint:
             raise ValueError(f"{parameter.name} changes the structure as well as the contact law")
         equation, forces = self.linear.equation, self.linear.forces
         d_p = equation.full_force(replace(forces, p=equation.law_rate(forces, parameter)))
-        return equation.comm.bcast(equation.sum(-self.chi @ d_p[equation.model.owned_rows].ravel()))
+        return equation.agreed_sum(-self.chi @ d_p[equation.model.owned_rows].ravel())

@@ -215,7 +215,7 @@ class ErrorEstimator:
         modes = np.zeros((len(tau), 0, N_H))
         if not truncation.is_exact:
             modes = truncation.samples_of(tau.reshape(len(tau), -1, N_H))
-        totals = equation.comm.bcast(equation.sum(np.concatenate([*sums, *steps, modes.ravel()])))
+        totals = equation.agreed_sum(np.concatenate([*sums, *steps, modes.ravel()]))
         first, of_steps, of_modes = np.split(totals, np.cumsum([6 * len(tau), len(steps) * len(tau)]))
         return JointChanges(
             first.reshape(6, -1),
@@ -256,9 +256,7 @@ class ErrorEstimator:
             B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
             d_U, _, is_found = linear.solve_several(B, self.forward_solver)
             value = above(wider, linear.at, exact.harmonics, forces) + exact.harmonics.carry(low + d_U.reshape(U.shape), more)
-            way, miss = (
-                np.sqrt(size) for size in wider.comm.bcast(wider.sum(np.array([norm2(value - start), norm2(value - x)])))
-            )
+            way, miss = np.sqrt(wider.agreed_sum(np.array([norm2(value - start), norm2(value - x)])))
             if not (is_found and np.isfinite(miss)):
                 break
             steps.append(of_outputs(d_p, residual))

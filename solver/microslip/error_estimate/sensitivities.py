@@ -72,7 +72,7 @@ def sensitivities_of(
             of_pairs[:, :, i] += sum(modes.by_springs(model, unit) for modes in of_modes)
     common = np.array([_by_level(model, at), sum(modes.by_damping(model) for modes in of_modes), _by_omega(model, at, p)])
     rates = [-linear_motion(model, 1.0, at.omega), np.zeros((3 * equation.n_owned, model.N_H)), linear.rate({"omega": 1.0})]
-    common += equation.comm.bcast(equation.sum(np.array([tau @ rate.ravel() for rate in rates])))
+    common += equation.agreed_sum(np.array([tau @ rate.ravel() for rate in rates]))
     gathered = equation.gather(of_pairs)
     return Sensitivities(np.ascontiguousarray(gathered.transpose(1, 2, 0)), equation.comm.bcast(common).T, is_found)
 
@@ -111,7 +111,7 @@ class ModalAdjoint:
         modes, model = group.receptance.modes, equation.model_at(at)
         of_group = tau.reshape(len(tau), -1, tau.shape[-1])[:, :, group.columns]
         R_owned = modes.R_phi[model.owned_rows]
-        forces = equation.comm.bcast(equation.sum(np.array([to_complex(adjoint_times(R_owned, x)) for x in of_group])))
+        forces = equation.agreed_sum(np.array([to_complex(adjoint_times(R_owned, x)) for x in of_group]))
         if factors is not None:
             o = (factors[:, None] * modes.o).conj()
             forces[:, :, group.harmonics.chosen.index(1)] += np.concatenate([-o, 1j * o])

@@ -29,12 +29,12 @@ def matrix_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
 
     docs/theory.md, eq. (4.6).
     """
-    return A @ x if not np.iscomplexobj(A) else to_real(A @ to_complex(x), x.shape[-1])
+    return A @ x if A.dtype.kind != "c" else to_real(A @ to_complex(x), x.shape[-1])
 
 
 def loaded_times(A: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return the real coefficients of A x_n as ``matrix_times``, for few harmonics with loads: vanishing x_n cost nothing."""
-    if np.iscomplexobj(A):
+    if A.dtype.kind == "c":
         return matrix_times(A, x)
     product, loaded = np.zeros((len(A), x.shape[1])), x.any(axis=0)
     product[:, loaded] = A @ x[:, loaded]

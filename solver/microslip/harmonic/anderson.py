@@ -22,9 +22,7 @@ class Anderson:
         self.misses.append(value - x)
         miss = self.misses[-1].ravel()
         rows = np.stack([*(other.ravel() - miss for other in self.misses[:-1]), miss, value.ravel()])
-        products, n = self.equation.sum(rows @ rows.T), len(rows) - 2
-        if self.equation.comm.size > 1:
-            products = self.equation.comm.bcast(products)
+        products, n = self.equation.agreed_sum(rows @ rows.T), len(rows) - 2
         weights = least(products[:n, :n], -products[:n, n])
         mean = value + sum(weight * (other - value) for weight, other in zip(weights, self.values))
         size = products[n + 1, n + 1]

@@ -306,6 +306,10 @@ class HarmonicBalance:
         """Return the sum over the ranks.  Collective on ``comm``."""
         return partial if self.comm.size == 1 else summed(self.comm, partial)
 
+    def agreed_sum(self, partial: np.ndarray) -> np.ndarray:
+        """Return the sum over the ranks, with the same rounding on all of them.  Collective on ``comm``."""
+        return partial if self.comm.size == 1 else self.comm.bcast(summed(self.comm, partial))
+
 
 def _springs_of(law: Law, name: str, values: np.ndarray) -> np.ndarray:
     """Return the springs K_J that k_t or k_n of each pair makes, (n, 3) [N/m], where these have the ``values`` (n,).  Local."""

@@ -51,7 +51,7 @@ def shown_with(harmonics: int, unit: str = "m", level_unit: str = "N") -> Shown:
 
 def counts(state: np.ndarray) -> np.ndarray:
     """Return how many pairs stick, slip and are open, (..., 3) of ``state`` (..., n_pairs).  Local."""
-    return np.stack([np.count_nonzero(state == kind, axis=-1) for kind in (STICK, SLIP, OPEN)], axis=-1)
+    return np.stack([(state == kind).sum(axis=-1) for kind in (STICK, SLIP, OPEN)], axis=-1)
 
 
 def peak(response: np.ndarray, output: int = 0) -> int | None:
