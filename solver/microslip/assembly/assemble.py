@@ -205,9 +205,12 @@ def _add_elements(block: LocalBlock, body: elements.SolidSection, pattern: NodeP
 
 
 def petsc_matrix(comm: MPI.Comm, n_owned: int, csr: tuple[np.ndarray, ...]):
-    """Return a symmetric AIJ matrix from this rank's rows, (indptr, columns, values).  Collective on ``comm``."""
+    """Return a symmetric AIJ matrix from this rank's rows, (indptr, columns, values), on one rank without a copy of them.
+
+    Collective on ``comm``.
+    """
     size = ((n_owned, None), (n_owned, None))
-    matrix = PETSc.Mat().createAIJ(size, csr=csr, comm=comm)
+    matrix = PETSc.Mat().createAIJWithArrays(size, csr, comm=comm)
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
     return matrix

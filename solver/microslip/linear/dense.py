@@ -85,18 +85,24 @@ def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
 
     Collective on K's communicator.
     """
-    K_L = K.duplicate(copy=True)
-    add_to(K_L, springs)
+    K_L = _on_rows_of(K, springs)
+    K_L.axpy(1.0, K, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    K_L.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     K_L.setOption(PETSc.Mat.Option.SPD, True)
     return K_L
 
 
 def add_to(K: PETSc.Mat, springs: sp.csr_matrix) -> None:
     """Add a small symmetric matrix known on every rank to K.  Collective on K's communicator."""
-    owned = springs[slice(*K.getOwnershipRange())]
-    owned.sort_indices()
-    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
-    S = PETSc.Mat().createAIJ(K.getSizes(), csr=csr, comm=K.comm)
+    S = _on_rows_of(K, springs)
     K.axpy(1.0, S, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     S.destroy()
     K.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+
+
+def _on_rows_of(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
+    """Return a small matrix known on every rank as an AIJ matrix, its rows split as K's.  Collective on K's communicator."""
+    owned = springs[slice(*K.getOwnershipRange())]
+    owned.sort_indices()
+    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
+    return PETSc.Mat().createAIJ(K.getSizes(), csr=csr, comm=K.comm)

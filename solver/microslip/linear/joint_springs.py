@@ -23,7 +23,6 @@ from .sector_factor import DiameterFactor, SectorFactor, springs_of
 STIFFEST = 1e9  # a spring of a joint over the norm of the stiffness matrix
 
 # bytes an entry of K
-MADE = 25.0  # K_L while the springs are added: twice
 STORED = 12.0  # K_L
 ANALYSED = (14.0, 28.0)  # the half of it that is passed to MUMPS, and its graph, on one rank and on several
 
@@ -133,7 +132,7 @@ def memory_before_factor(K: PETSc.Mat) -> float:
 
 def analysis_of(entries_owned: float, n_ranks: int) -> float:
     """Return the same from this rank's entries of K.  Local."""
-    return entries_owned * max(MADE, STORED + ANALYSED[n_ranks > 1])
+    return entries_owned * (STORED + ANALYSED[n_ranks > 1])
 
 
 def joint_stiffness(pairs: ContactPairs) -> np.ndarray:
