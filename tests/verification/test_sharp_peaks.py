@@ -25,3 +25,12 @@ def test_no_peak_is_lost_where_a_search_ends_elsewhere(number):
     assert few.failure is fine.failure is None
     n_peaks, *_, not_located, lower = sharp_peaks.missing(few, fine)
     assert n_peaks >= 4 and (not_located, lower) == (0, 0)
+
+
+@pytest.mark.slow
+def test_no_peak_is_lost_where_planes_across_the_curve_lead_to_its_other_side():
+    """The curve turns back twice about the top, and three parts of it have the same frequencies."""
+    (few,), (fine,) = sharp_peaks.curves(7, 91, [10], 300, is_small=True)
+    assert few.failure is fine.failure is None
+    n_peaks, *_, not_located, _ = sharp_peaks.missing(few, fine)
+    assert n_peaks >= 10 and not_located == 0

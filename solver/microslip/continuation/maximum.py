@@ -32,6 +32,7 @@ FURTHER = 12  # more of them, where a search from the highest solution does not 
 WIDE = 0.99  # of a maximum: where the solution that it was first known by is lower, others beside it may be higher
 SHARES = 0.5, 0.2  # of such a part from its higher end, where it is divided: the next where Newton's method fails
 ONWARD = 1.0, 0.3, 0.1  # of the part on the other side, to go on by from there
+BACK = 0.9  # cosine of the angle between two ways from a solution, above which they are on the same part of the curve
 OVERSHOOT = 1.5  # times the way to the maximum of a resonance, for the first step to lie beyond it
 
 
@@ -198,12 +199,13 @@ class _Search:
     def beside(self, other: Iterate, here: Iterate, end: Iterate) -> tuple[Iterate, float] | None:
         """Return a solution between this one and an end of the curve, with its amplitude; None where none is found.
 
-        Where the curve turns so much that planes across the chord do not lead to it: on from a solution on the other side.
+        Where the curve turns so much that planes across the chord do not lead to it, or lead back to its part on the other side:
+        on from a solution there.
         """
         reach, back = self.distance(here, end), self.distance(other, here)
         for share in SHARES:
             there = self.on_line(here, end, share)
-            if there is not None and self.distance(there, here) <= reach:
+            if there is not None and self.distance(there, here) <= reach and not self.leads_back(there, here, other):
                 return there, self.size(there)
         for share in ONWARD:
             if share * back < reach:
@@ -211,6 +213,11 @@ class _Search:
                 if there is not None and self.distance(there, here) <= 2.0 * share * back:
                     return there, self.size(there)
         return None
+
+    def leads_back(self, there: Iterate, here: Iterate, other: Iterate) -> bool:
+        """Return whether the ways from here to a solution and to the other one are nearly the same.  Collective."""
+        a, b, c = self.distance(there, here), self.distance(other, here), self.distance(there, other)
+        return a * a + b * b - c * c > 2.0 * a * b * BACK
 
     def on_line(self, a: Iterate, b: Iterate, share: float) -> Iterate | None:
         """Return the solution on the plane across a chord, at a share of the way along it; None where none is found."""
