@@ -363,3 +363,22 @@ def test_the_command_computes_forced_responses_where_the_scene_names_the_mode_fo
     assert (status, err) == (0, "")
     if COMM.rank == 0:
         assert "level 0.4: peak" in out
+
+
+def test_a_mode_takes_no_linear_curve_and_solves_for_static_columns_in_one_batch(structure, monkeypatch):
+    """Three masses, each with a joint, which slip one after the other."""
+
+    def no_curve(*_):
+        raise AssertionError("a nonlinear mode begins at its own frequency")
+
+    alike = {"mu": 1.0, "N0": np.array([0.5, 1.0, 1.5]), "k_t": 0.2, "k_n": 0.0, "C": 0.01 * np.eye(3)}
+    links = 2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1)
+    places, load = [[i, -1, -1, -1, -1, -1] for i in range(3)], {"vector": np.eye(3)[0], "harmonic": 1, "phase": 0.0}
+    system = scenes.make_system(
+        "chain", np.eye(3), links, places, **alike, loads=[load], output=np.eye(3)[0], omega=(0.1, 3.0), levels={}
+    )
+    monkeypatch.setattr("microslip.continuation.levels.linear_curve", no_curve)
+    chain = structure(system, (0.1, 3.0), (0.1,), samples=64)
+    mode = microslip.backbone(chain, farthest=8.0, error_bars=False)
+    assert mode.failure is None and mode.slipping[0] < mode.slipping[-1] == 3
+    assert chain.statics.G_static.batches == 1

@@ -94,16 +94,20 @@ def response_problem(
     selection: Selection,
     omega_n: np.ndarray,
     enriched: EnrichedModel | None = None,
+    has_curve: bool = True,
 ) -> ResponseProblem:
     """Return the problem that all levels share: the range about the modes ``omega_n`` [rad/s], the linear curve.  Collective.
 
-    Static columns are solved for in the order in which the pairs are likely to slip.
+    Static columns are solved for in the order in which the pairs are likely to slip.  Without ``has_curve`` there is no linear
+    curve, and no level can be followed.
 
     Raises
     ------
     CaseError : a range that the modes do not reach, or an undamped resonance on it; on every rank
     """
     sweep = frequency_sweep(settings, omega_n)
+    if not has_curve:
+        return ResponseProblem(settings, model, law, selection, sweep, LinearCurve(*np.zeros((4, 0))), enriched)
     curve = linear_curve(model, sweep, law)
     if model.n_pairs > 0 and not all(columns.known.all() for columns in model.static_columns):
         model.expect_to_slip(likely_to_slip(model, law, curve))
@@ -140,13 +144,13 @@ def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> L
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
     omega = model.comm.bcast(linear_frequencies(*ends, *model.loaded_modes))
     none = np.zeros((3 * model.n_pairs, model.N_H))
-    response = np.array([output_motion(model, 1.0, w, none) for w in omega])
-    motions = [linear_motion(model, 1.0, w) for w in omega] if model.n_pairs else list(response)
-    s = arc_lengths(model.comm, motions, omega, sweep.scale)
+    at_each = [(output_motion(model, 1.0, w, none), linear_motion(model, 1.0, w)) for w in omega]
+    outputs, motions = map(list, zip(*at_each))
+    s = arc_lengths(model.comm, motions if model.n_pairs else outputs, omega, sweep.scale)
     stuck = np.zeros(len(omega))
     if law is not None and model.n_pairs > 0 and not model.harmonics.is_constant:
         stuck = sticks_up_to(model, law, motions)
-    return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s, stuck)
+    return LinearCurve(omega, model.harmonics.carry(np.array(outputs), model.recorded), s, stuck)
 
 
 def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point: Callable[[Point], None]) -> Branch:

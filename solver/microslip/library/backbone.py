@@ -272,12 +272,14 @@ def backbone(
     CaseError : no such mode, nothing that vibrates, no joint or no friction, a constant load; on every rank
     ConvergenceError, ResourceError : on every rank; a branch that ends early says why in ``failure``
     """
-    prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys, has_bars=False)
+    prepared, notes = prepared_with(structure, {"friction": friction, "preload": preload}, keys, has_bars=False, has_curve=False)
     refuse_what_has_none(prepared, mode)
     prepared, n_released = pairs_without_springs(prepared)
     start = time.perf_counter()
     equation = HarmonicBalance.of_all(prepared.model, prepared.response.law, prepared.response.settings.samples)
     problem = NonlinearMode.of(equation, mode - 1)
+    order = np.argsort(-prepared.response.law.utilisation(moved_by(prepared, mode - 1)), kind="stable")
+    prepared.model.expect_to_slip(equation.comm.bcast(order))  # the same columns on all ranks, also where a tie falls otherwise
     begin = first_slip(prepared, problem)
     if not np.isfinite(begin.amplitude):
         if moved_by(prepared, mode - 1).any():

@@ -52,7 +52,11 @@ class Prepared:
 
 
 def prepare(
-    structure: Structure, scene: Scene | None = None, has_bars: bool | None = None, load_factors: np.ndarray | None = None
+    structure: Structure,
+    scene: Scene | None = None,
+    has_bars: bool | None = None,
+    load_factors: np.ndarray | None = None,
+    has_curve: bool = True,
 ) -> Prepared:
     """Return a structure prepared for the responses of ``scene``, by default its own; with error bars if that has them.
 
@@ -61,6 +65,7 @@ def prepare(
     Parameters
     ----------
     load_factors : (n_loads,) of each shape of a load, for loads that are others than those the structure was built with
+    has_curve : whether the linear curve is computed, which levels need and a nonlinear mode does not
 
     Raises
     ------
@@ -77,7 +82,7 @@ def prepare(
         model = replace(model, f=load_factors[:, None] * model.f)
     of_response = response_settings(scene)
     law = structure.pairs.law.followed(of_response.follows_path)
-    response = response_problem(of_response, model, law, reduction.selection, structure.excited.omega_n, enriched)
+    response = response_problem(of_response, model, law, reduction.selection, structure.excited.omega_n, enriched, has_curve)
     return Prepared(scene, structure, reduction, response, seconds)
 
 

@@ -130,7 +130,11 @@ def respond(
 
 
 def prepared_with(
-    structure: Structure, of_joints: Mapping[str, OfJoints | None], keys: Mapping[str, Any], has_bars: bool | None = None
+    structure: Structure,
+    of_joints: Mapping[str, OfJoints | None],
+    keys: Mapping[str, Any],
+    has_bars: bool | None = None,
+    has_curve: bool = True,
 ) -> tuple[Prepared, tuple[str, ...]]:
     """Return a structure prepared with other keys, friction and preload, and notes.  Collective; :func:`respond`."""
     structure.refuse_closed()
@@ -145,7 +149,7 @@ def prepared_with(
         notes = [why]
     else:
         of_scene, notes = at_rest_with(structure, scene, of_joints)
-    return prepare(of_scene, scene, has_bars), tuple(filter(None, notes))
+    return prepare(of_scene, scene, has_bars, has_curve=has_curve), tuple(filter(None, notes))
 
 
 def at_rest_with(structure: Structure, scene: Scene, of_joints: Mapping[str, OfJoints | None]) -> tuple[Structure, list[str]]:
