@@ -11,7 +11,7 @@ from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.fourier.harmonics import Harmonics
 from microslip.parallel.ownership import split_evenly
 from microslip.receptance.columns import ActiveColumns, ReceptanceColumns
-from microslip.receptance.damping import Damping, DynamicFlexibility
+from microslip.receptance.damping import Damping, DynamicFlexibility, Flexibility
 from microslip.receptance.modes import DampedModes
 from microslip.receptance.motions import linear_motion, linear_motion_rate, load_motion, modal_motion, output_motion
 from microslip.receptance.per_group import PerGroup
@@ -266,6 +266,19 @@ def test_rates_leave_a_remainder_of_second_order(name, d_omega, d_sigma):
             continue
         remainders = [np.linalg.norm(there - here - h * rate) for there, h in zip(steps, STEPS)]
         assert np.log2(np.divide(remainders[:-1], remainders[1:])) == pytest.approx(2.0, abs=0.05)
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize(("n_modes", "N_H"), [(1, 3), (1, 4), (2, 2)])
+def test_a_product_does_not_depend_on_where_its_operands_lie(n_modes, N_H):
+    """Or a run would not repeat another to the last bit: NumPy rounds products of complex numbers less than 64 bytes apart otherwise."""
+    rng, results = np.random.default_rng(1), []
+    for _ in range(10):
+        c, q = numbers(rng, True, n_modes, (N_H + 1) // 2), numbers(rng, False, n_modes, N_H)
+        results.append([Flexibility(c.copy()).apply(q.copy()) for _ in range(200)])  # all in memory at once
+        exact = to_real(c * to_complex(q), N_H)
+        np.testing.assert_allclose(results[-1][0][:, N_H % 2 :], exact[:, N_H % 2 :], rtol=1e-14, atol=1e-14)
+    assert [len({product.tobytes() for product in products}) for products in results] == [1] * 10
 
 
 def test_modal_damping_is_full_damping_with_a_diagonal_matrix():

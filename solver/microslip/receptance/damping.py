@@ -8,7 +8,7 @@ diagonal: m numbers instead of (m, m) for each harmonic or each point of a time 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Protocol
 
 import numpy as np
@@ -137,13 +137,10 @@ class Flexibility:
             n = q.shape[1] if q.ndim == 3 else 1
             q_n = to_complex(q.reshape(len(q) * n, q.shape[-1])).T.reshape(len(self.c), len(q), n)
             return to_real(np.moveaxis(self.c @ q_n, 0, -1).reshape(len(q) * n, len(self.c)), q.shape[-1]).reshape(q.shape)
-        first = q.shape[-1] % 2  # column of the first cosine
-        c = self._conjugate if q.ndim == 2 else self._conjugate[:, None, :]
-        y = np.empty(q.shape)
-        y[..., :first] = c.real[..., :first] * q[..., :first]
-        pairs = np.ascontiguousarray(q[..., first:], dtype=float).view(complex)  # cos + i sin, the conjugates of amplitudes
-        np.multiply(c[..., first:], pairs, out=y[..., first:].view(complex))
-        return y
+        in_phase, in_quadrature = (c[:, -q.shape[-1] :] for c in self._real_form)
+        if q.ndim == 3:
+            in_phase, in_quadrature = in_phase[:, None], in_quadrature[:, None]
+        return in_phase * q + in_quadrature * q.take(_other_coefficients(q.shape[-1]), axis=-1)
 
     @property
     def couples_modes(self) -> bool:
@@ -156,8 +153,14 @@ class Flexibility:
         return self.c if self.couples_modes else _full(self.c)
 
     @cached_property
-    def _conjugate(self) -> np.ndarray:
-        return self.c.conj()
+    def _real_form(self) -> tuple[np.ndarray, np.ndarray]:
+        """Factors of a coefficient and of the other one of its harmonic, (m, 2 n_harmonics) each; of a mean the second ones.
+
+        NumPy rounds products of complex numbers by their distance in memory; those of real numbers repeat to the last bit.
+        """
+        in_quadrature = np.repeat(self.c.imag, 2, axis=1)
+        in_quadrature[:, 1::2] *= -1.0
+        return np.repeat(self.c.real, 2, axis=1), in_quadrature
 
     def adjoint(self) -> Flexibility:
         """Return the flexibility with c_n^H instead of c_n: ``apply`` then uses the transposed real matrix."""
@@ -240,6 +243,13 @@ class DynamicFlexibility(Flexibility):
         if self.damping.couples_modes:
             return (self.c[i] + np.diag(1.0 / self.squares)) @ q
         return (self.c[:, i] + 1.0 / self.squares)[:, None] * q
+
+
+@cache
+def _other_coefficients(N_H: int) -> np.ndarray:
+    """Return the place of the sine of each cosine and of the cosine of each sine, (N_H,); any of a mean, whose factor is 0."""
+    first = N_H % 2
+    return np.maximum((np.arange(first, N_H + first) ^ 1) - first, 0)
 
 
 def _full(c: np.ndarray) -> np.ndarray:
