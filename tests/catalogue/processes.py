@@ -32,7 +32,7 @@ def run(
     process = subprocess.Popen(
         [*command, *launcher, sys.executable, *arguments],
         cwd=cwd,
-        env=environment() | (variables or {}),
+        env=environment(ranks) | (variables or {}),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,

@@ -19,7 +19,7 @@ def scene(tmp_path):
 def shell(line: str, cwd, **variables) -> subprocess.CompletedProcess:
     """Run a line of bash, in which ``microslip`` is the program; the status is that of the first command of a pipe."""
     program = f'microslip() {{ "{sys.executable}" -m microslip "$@"; }}; {line}; exit ${{PIPESTATUS[0]}}'
-    env = environment() | variables
+    env = environment(1) | variables
     return subprocess.run(["bash", "-c", program], cwd=cwd, env=env, capture_output=True, text=True, timeout=LIMIT, check=False)
 
 

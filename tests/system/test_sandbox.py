@@ -92,7 +92,7 @@ except Interrupted:
 @pytest.mark.slow
 @pytest.mark.parametrize("number, status", [(signal.SIGKILL, -9), (signal.SIGTERM, 5)])
 def test_it_ends_with_its_parent_and_leaves_no_lock(tmp_path, number, status):
-    variables = environment() | {"PYTHONPATH": f"{TESTS}:{os.environ.get('PYTHONPATH', '')}"}
+    variables = environment(1) | {"PYTHONPATH": f"{TESTS}:{os.environ.get('PYTHONPATH', '')}"}
     command = [sys.executable, "-c", HOLDER, str(tmp_path / "out"), str(tmp_path / "number")]
     with subprocess.Popen(command, env=variables) as parent:
         child = int(wait_for(tmp_path / "number"))
