@@ -150,11 +150,11 @@ def join(parts: list[Body], tolerance: float = 1e-9) -> Body:
 
 def skin(body: Body) -> list[np.ndarray]:
     """Return the faces that belong to one element only, an array for each face kind.  Local."""
-    found = []
+    faces_of_parts = []
     for faces in _all_faces(body.kind, body.elements):
         _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-        found.append(faces[np.sort(first[count == 1])])
-    return found
+        faces_of_parts.append(faces[np.sort(first[count == 1])])
+    return faces_of_parts
 
 
 def jacobian_minimum(body: Body) -> np.ndarray:

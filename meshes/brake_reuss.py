@@ -101,10 +101,10 @@ def parts(beam: BrakeReuss) -> dict[str, Body]:
         raise ValueError(
             "diameters must grow from shank to hole, head, washer, pitch and width, and the lap be shorter than a half"
         )
-    found = {"HALF_BEAM": _half(beam), "BOLT": _bolt(beam), "NUT": _nut(beam), "WASHER": _washer(beam)}
-    if min(jacobian_minimum(body).min() for body in found.values()) <= 0.0:
+    bodies = {"HALF_BEAM": _half(beam), "BOLT": _bolt(beam), "NUT": _nut(beam), "WASHER": _washer(beam)}
+    if min(jacobian_minimum(body).min() for body in bodies.values()) <= 0.0:
         raise ValueError("these lengths turn elements inside out")
-    return found
+    return bodies
 
 
 def _half(beam: BrakeReuss) -> Body:
@@ -112,12 +112,12 @@ def _half(beam: BrakeReuss) -> Body:
     h, free, pitch = 0.5 * beam.width, beam.length - beam.lap, beam.lap / 3.0
     cells = _Cells(beam.around, beam.radial, beam.through, beam.along, growth=0.4)
     size, number = (free, beam.width, h), (beam.along, beam.around, beam.through)
-    found = [box(beam.kind, size, number, (0.0, -h, z), {"x0": "END"}) for z in (-h, 0.0)]
+    blocks = [box(beam.kind, size, number, (0.0, -h, z), {"x0": "END"}) for z in (-h, 0.0)]
     for i in range(3):
         centre = np.array([free + (i + 0.5) * pitch, 0.0])
         outlines = _circle(0.5 * beam.hole), _rectangle(0.5 * np.array([pitch, beam.width]))
-        found += _ring(beam.kind, centre, outlines, (-h, 0.0), cells, {"z0": "SEAT", "z1": "LAP"})
-    return join(found, 1e-6)
+        blocks += _ring(beam.kind, centre, outlines, (-h, 0.0), cells, {"z0": "SEAT", "z1": "LAP"})
+    return join(blocks, 1e-6)
 
 
 def _bolt(beam: BrakeReuss) -> Body:
@@ -125,7 +125,7 @@ def _bolt(beam: BrakeReuss) -> Body:
     top = 0.5 * beam.width + beam.washer_height
     flat = _Cells(beam.around, 1, 1, 0)
     edges = [_circle(0.5 * diameter) for diameter in (beam.shank, beam.hole, beam.head)]
-    core, found = _rectangle(np.full(2, 0.2 * beam.shank)), []
+    core, blocks = _rectangle(np.full(2, 0.2 * beam.shank)), []
     for z, n, inside, outside in (
         ((-top - beam.nut_height, -top), 2, {}, {"x1": "THREAD"}),
         ((-top, 0.0), 2, {"z1": "CUT"}, {"z1": "CUT"}),
@@ -133,13 +133,13 @@ def _bolt(beam: BrakeReuss) -> Body:
         ((top, top + beam.head_height), 2, {}, {}),
     ):
         corner, size = (-0.2 * beam.shank, -0.2 * beam.shank, z[0]), (0.4 * beam.shank, 0.4 * beam.shank, z[1] - z[0])
-        found.append(box(beam.kind, size, (beam.around, beam.around, n), corner, inside))
+        blocks.append(box(beam.kind, size, (beam.around, beam.around, n), corner, inside))
         cells = _Cells(flat.around, 1, n, 0)
-        found += _ring(beam.kind, np.zeros(2), (core, edges[0]), z, cells, outside)
+        blocks += _ring(beam.kind, np.zeros(2), (core, edges[0]), z, cells, outside)
         if z[0] == top:
-            found += _ring(beam.kind, np.zeros(2), edges[:2], z, cells, {})
-            found += _ring(beam.kind, np.zeros(2), edges[1:], z, cells, {"z0": "UNDERHEAD"})
-    return join(found, 1e-6)
+            blocks += _ring(beam.kind, np.zeros(2), edges[:2], z, cells, {})
+            blocks += _ring(beam.kind, np.zeros(2), edges[1:], z, cells, {"z0": "UNDERHEAD"})
+    return join(blocks, 1e-6)
 
 
 def _nut(beam: BrakeReuss) -> Body:
@@ -194,12 +194,12 @@ def _surfaces(body: Body) -> dict[str, dict[str, list[int]]]:
     places = {}
     for (i, nodes), (k, face) in itertools.product(enumerate(body.elements, 1), enumerate(FACES, 1)):
         places.setdefault(tuple(sorted(nodes[list(face)])), (i, f"S{k}"))
-    found: dict[str, dict[str, list[int]]] = {}
+    surfaces: dict[str, dict[str, list[int]]] = {}
     for name, faces in body.faces.items():
         for nodes in np.concatenate([own[:, :4] for own in faces]):
             element, face = places[tuple(sorted(nodes))]
-            found.setdefault(name, {}).setdefault(face, []).append(element)
-    return found
+            surfaces.setdefault(name, {}).setdefault(face, []).append(element)
+    return surfaces
 
 
 def _rows(records: list[list[int]]) -> list[str]:

@@ -120,12 +120,12 @@ def _surfaces(body: Body, given: Rings, rings: int, is_cap: bool) -> dict[str, l
     across = np.abs(x) if given.shape == "roller" else np.hypot(x, y)
     reach = BEYOND + (0.6 / rings if is_cap else 0.1)  # the base meets all of the cap
     touching, sides = body.faces[contact][0], np.concatenate([body.faces[side][0] for side in SIDES[:4]])
-    found = {far: body.faces[far]}
-    found[contact] = [touching[(across[touching] < reach * given.contact).all(axis=1)]]
-    found["middle_y" if is_cap else "base_y"] = [sides[(np.abs(y[sides]) < 1e-12).all(axis=1)]]
+    surfaces = {far: body.faces[far]}
+    surfaces[contact] = [touching[(across[touching] < reach * given.contact).all(axis=1)]]
+    surfaces["middle_y" if is_cap else "base_y"] = [sides[(np.abs(y[sides]) < 1e-12).all(axis=1)]]
     if given.shape == "roller":
-        found[prefix + "end_y"] = [sides[(y[sides] > y.max() - 1e-12).all(axis=1)]]
-    return found
+        surfaces[prefix + "end_y"] = [sides[(y[sides] > y.max() - 1e-12).all(axis=1)]]
+    return surfaces
 
 
 def hertz_rings(given: Rings) -> dict[str, Body]:

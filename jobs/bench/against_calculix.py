@@ -157,8 +157,8 @@ def surface_lines(body: Body, name: str, n_before: int) -> list[str]:
     which = flank_of(body.points[faces, 0].mean(axis=1))
     lines = []
     for k, flank in enumerate(FLANKS):
-        found = [place[tuple(sorted(face))] for face in faces[which == k]]
-        lines += [f"*SURFACE, NAME={name}_{flank}".upper(), *(f"{i}, S{side}" for i, side in found)]
+        sides = [place[tuple(sorted(face))] for face in faces[which == k]]
+        lines += [f"*SURFACE, NAME={name}_{flank}".upper(), *(f"{i}, S{side}" for i, side in sides)]
     return lines
 
 
@@ -181,10 +181,10 @@ def calculix(ccx: str, folder: Path, text: str, bodies: dict[str, Body]) -> Cont
     data = (folder / "fan.dat").read_text()
     number = r"\s+(-?\d\.\d+E[+-]\d+)"
     u = np.array(re.findall(r"^\s+\d+" + 3 * number + "$", data, re.MULTILINE), dtype=float)
-    found = re.findall(r"about the origin \(mx,my,mz\)\n" + 6 * number, data)
-    if len(u) != sum(len(body.points) for body in bodies.values()) or len(found) != 6:
+    totals = re.findall(r"about the origin \(mx,my,mz\)\n" + 6 * number, data)
+    if len(u) != sum(len(body.points) for body in bodies.values()) or len(totals) != 6:
         sys.exit(f"{folder}: ccx ended without the results that were asked for; fan.log there says why")
-    sums = np.array(found, dtype=float).reshape(2, 3, 2, 3)  # flank; all, normal, friction; force, moment
+    sums = np.array(totals, dtype=float).reshape(2, 3, 2, 3)  # flank; all, normal, friction; force, moment
     of_sums, pressure = (sums[:, 1, 0], sums[:, 2, 0], sums[:, 1, 1]), largest_pressure(folder / "fan.frd")
     return Contact(*of_sums, pressure, *rigid(bodies["blade"], u), seconds)
 
@@ -220,17 +220,17 @@ def ours(scene, blade: Body) -> Contact:
     )
 
 
-def row(name: str, found: Contact, reference: Contact) -> str:
+def row(name: str, computed: Contact, reference: Contact) -> str:
     """Return a row of the table: both flanks, and how far from the reference."""
 
     def sizes(of, to):
         size, exact = np.linalg.norm(of, axis=1), np.linalg.norm(to, axis=1)
         return ", ".join(f"{s:.0f} ({100.0 * (s / e - 1.0):+.2f} %)" for s, e in zip(size, exact))
 
-    apart = 1e3 * np.linalg.norm(found.line - reference.line, axis=1)
+    apart = 1e3 * np.linalg.norm(computed.line - reference.line, axis=1)
     return (
-        f"| {name} | {sizes(found.normal, reference.normal)} | {sizes(found.friction, reference.friction)} | {apart[0]:.2f}, {apart[1]:.2f} mm "
-        f"| {1e-6 * found.pressure:.0f} MPa | {1e6 * found.radial:.1f} um | {1e3 * found.turn:.2f} mrad | {found.seconds:.1f} s |"
+        f"| {name} | {sizes(computed.normal, reference.normal)} | {sizes(computed.friction, reference.friction)} | {apart[0]:.2f}, {apart[1]:.2f} mm "
+        f"| {1e-6 * computed.pressure:.0f} MPa | {1e6 * computed.radial:.1f} um | {1e3 * computed.turn:.2f} mrad | {computed.seconds:.1f} s |"
     )
 
 

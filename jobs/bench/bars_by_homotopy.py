@@ -82,12 +82,12 @@ class Homotopy:
     def amplitude(self, start: np.ndarray, at_once: bool) -> np.ndarray | None:
         """Return cos 1, then sin 1, of the outputs at the share 1, from the motion of the point; None if the way ends before."""
         self.newton = 0
-        found, share, step = self.at_share(start, 0.0), 0.0, 1.0 if at_once else FIRST_STEP
+        solution, share, step = self.at_share(start, 0.0), 0.0, 1.0 if at_once else FIRST_STEP
         before: tuple[np.ndarray, float] | None = None
-        while found is not None and share < 1.0:
+        while solution is not None and share < 1.0:
             if self.newton >= MOST_OF_ALL:
                 return None
-            V, following = found[0], min(1.0, share + step)
+            V, following = solution[0], min(1.0, share + step)
             ahead = V if before is None else V + (V - before[0]) * (following - share) / (share - before[1])
             spent = self.newton
             there = self.at_share(ahead, following)
@@ -96,11 +96,11 @@ class Homotopy:
                 if at_once or step < LEAST_STEP:
                     return None
                 continue
-            before, found, share = (V, share), there, following
+            before, solution, share = (V, share), there, following
             step *= 2.0 if self.newton - spent <= 3 else 1.0
-        if found is None:
+        if solution is None:
             return None
-        return bars.output_amplitude(self.wider.model_at(self.at), self.at, self.wider.full_force(found[1]))
+        return bars.output_amplitude(self.wider.model_at(self.at), self.at, self.wider.full_force(solution[1]))
 
 
 class Bars:
@@ -130,15 +130,15 @@ class Bars:
         high = exact.harmonics.carry(np.ones_like(U), more)[0, 0] == 0.0
         V = exact.harmonics.carry(U, more)
         way = Homotopy(wider, at, high, estimator.forward_solver, TOLERANCE * float(np.linalg.norm(V)))
-        found = way.amplitude(V, self.at_once)
-        self.counts.update({"found": int(found is not None), "Newton iterations": way.newton})
+        amplitude = way.amplitude(V, self.at_once)
+        self.counts.update({"found": int(amplitude is not None), "Newton iterations": way.newton})
         moved = V * (1.0 + ROUNDING * np.random.default_rng(1).standard_normal(V.shape))
         again = way.amplitude(moved, self.at_once)
-        if found is None or again is None:
-            self.counts["found by rounding"] += (found is None) != (again is None)
+        if amplitude is None or again is None:
+            self.counts["found by rounding"] += (amplitude is None) != (again is None)
         else:
-            self.counts["another by rounding"] += bool(np.linalg.norm(again - found) > SAME * np.linalg.norm(found))
-        return found
+            self.counts["another by rounding"] += bool(np.linalg.norm(again - amplitude) > SAME * np.linalg.norm(amplitude))
+        return amplitude
 
 
 def sizes(values: np.ndarray) -> np.ndarray:
@@ -185,17 +185,17 @@ def curves(seed: int, number: int, H: int, lift_off: bool) -> tuple[random_syste
     corrected: list[tuple[complex, float]] = []
     keep, began = random_systems.keep, time.process_time()
 
-    def keep_all(found, number, system, level, point, peak):
-        keep(found, number, system, level, point, peak)
+    def keep_all(result, number, system, level, point, peak):
+        keep(result, number, system, level, point, peak)
         cos, sin = np.asarray(point.corrected)[0]
         corrected.append((complex(cos, -sin) / peak, float(point.error_corrected[0]) / peak))
 
     random_systems.keep = keep_all
     try:
-        found = random_systems.solve(seed, number, 6, {"harmonics": H}, lift_off)
+        result = random_systems.solve(seed, number, 6, {"harmonics": H}, lift_off)
     finally:
         random_systems.keep = keep
-    return found, corrected, time.process_time() - began
+    return result, corrected, time.process_time() - began
 
 
 def summary(name: str, rows: list[Row], seconds: float) -> str:
@@ -227,9 +227,9 @@ def main() -> None:
             bars.ErrorEstimator.at = way  # type: ignore[method-assign]
             by[name] = curves(given.seed, number, given.harmonics, not given.without_lift_off)
             seconds[name] += by[name][2]
-        found, corrected, _ = by["in use"]
+        result, corrected, _ = by["in use"]
         for i, (one, case, p, amplitude, peak) in enumerate(
-            zip(found.judged, found.cases, found.forces, found.amplitudes, found.peaks)
+            zip(result.judged, result.cases, result.forces, result.amplitudes, result.peaks)
         ):
             point = shooting.Point(*case)
             steady, _ = point.by_rule(point.state_of(p), 512) if any(one.state) else (None, None)

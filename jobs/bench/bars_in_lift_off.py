@@ -40,9 +40,9 @@ def amplitude(curves):
 def row(name, measured, true, peak) -> str:
     """Return a line of the table."""
     curves, seconds = measured
-    found, high = amplitude(curves), np.abs(amplitude(curves)) > HIGH * peak
+    values, high = amplitude(curves), np.abs(amplitude(curves)) > HIGH * peak
     exact = true(curves.frequency[0])
-    error, bar = np.abs(found - exact)[high] / peak, curves.error[0][high] / peak
+    error, bar = np.abs(values - exact)[high] / peak, curves.error[0][high] / peak
     left, rest = np.abs(curves.corrected[0] - exact)[high] / peak, curves.error_corrected[0][high] / peak
     there = error[bar.argmax()]
     numbers = (error.max(), bar.max(), there, left.max(), rest.max())

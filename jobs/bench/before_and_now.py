@@ -86,9 +86,9 @@ def table(before: list[Run], now: list[Run], commit: str) -> list[str]:
     memory = [max(one.memory for one in runs) for runs in (before, now)]
     rows.append(f"| memory, MiB | {memory[0]:,.0f} | {memory[1]:,.0f} | {memory[0] / memory[1]:.2f} |")
     rows += ["", f"| level | {commit}: points, peak | now: points, peak |", "| --- | --- | --- |"]
-    found = [{level: f"{n}, {peak} at {where}" for level, n, peak, where in runs[0].peaks} for runs in (before, now)]
-    for level in sorted(found[1], key=lambda level: float(level.split()[0])):
-        rows.append(f"| {level} | {found[0].get(level, '–')} | {found[1][level]} |")
+    peaks = [{level: f"{n}, {peak} at {where}" for level, n, peak, where in runs[0].peaks} for runs in (before, now)]
+    for level in sorted(peaks[1], key=lambda level: float(level.split()[0])):
+        rows.append(f"| {level} | {peaks[0].get(level, '–')} | {peaks[1][level]} |")
     return rows
 
 

@@ -63,10 +63,10 @@ def row(name: str, scene, levels) -> str:
     """Return a line of the table."""
     with microslip.build(scene) as structure:
         pairs, N = structure.pairs, np.maximum(structure.pairs.N0, 0.0)
-        found = microslip.respond(structure, levels=levels).results.levels
+        curves = microslip.respond(structure, levels=levels).results.levels
         rest = [f"{pairs.n_pairs}", f"{(N > 0.0).sum()}", f"{(N / pairs.area).max() / 1e6:.1f} MPa"]
         rest.append(f"{structure.modes.frequency[1]:.2f} Hz")
-    for level in found:
+    for level in curves:
         amplitude = np.hypot(*level.response[:, 0, 1:3].T)
         i = int(np.argmax(amplitude))
         rest.append(f"{1e6 * amplitude[i] / level.level:.1f} µm/N at {level.frequency[i]:.2f} Hz")

@@ -114,15 +114,15 @@ def compared(path: Path, folder: Path) -> tuple[str, str]:
     return f"{verdict}*", f"{words}; [model] ignore: {refused}"
 
 
-def judged(found: np.ndarray, reference: np.ndarray) -> tuple[str, str]:
+def judged(values: np.ndarray, reference: np.ndarray) -> tuple[str, str]:
     """Return whether eigenvalues agree with stored ones, and in words how well the frequencies do."""
     if not len(reference):
         return "differs", "nothing to compare with"
-    found = np.sort(found)[: len(reference)]
-    if len(found) < len(reference):
-        return "differs", f"{len(found)} modes of {len(reference)}"
-    worst = float((abs(found - reference) / np.maximum(abs(reference), 1e-9 * abs(reference).max())).max() / 2.0)
-    return ("agrees" if worst <= PRINTED else "differs"), f"{len(found)} frequencies, {worst:.1e}"
+    values = np.sort(values)[: len(reference)]
+    if len(values) < len(reference):
+        return "differs", f"{len(values)} modes of {len(reference)}"
+    worst = float((abs(values - reference) / np.maximum(abs(reference), 1e-9 * abs(reference).max())).max() / 2.0)
+    return ("agrees" if worst <= PRINTED else "differs"), f"{len(values)} frequencies, {worst:.1e}"
 
 
 def _keywords(message: str) -> str:

@@ -76,13 +76,13 @@ def main() -> None:
         ours = processor_time(command, folder)
         with Path(folder, "modes", "modes.csv").open() as file:
             table = list(csv.DictReader(line for line in file if not line.startswith("#")))
-        found = np.array([float(next(value for name, value in row.items() if "Hz" in name)) for row in table])
+        frequencies = np.array([float(next(value for name, value in row.items() if "Hz" in name)) for row in table])
         print(f"{3 * len(points)} DOF, microslip {ours:.1f} s", flush=True)
         if not given.ccx:
             sys.exit("ccx not found: install CalculiX (Debian: calculix-ccx) or give its path with --ccx")
         theirs = processor_time([given.ccx, "block"], folder)
         hertz = np.sqrt(eigenvalues_in(Path(folder, "block.dat").read_text())) / (2.0 * np.pi)
-        difference = np.abs(found[: len(hertz)] / hertz - 1.0).max()
+        difference = np.abs(frequencies[: len(hertz)] / hertz - 1.0).max()
         print(f"CalculiX {theirs:.1f} s, {theirs / ours:.1f} times; largest difference {difference:.1e}")
 
 

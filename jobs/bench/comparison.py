@@ -156,14 +156,14 @@ class Comparison:
     def write(self, head: list[str], folder: Path) -> list[str]:
         """Write the tables of bench_methods.md, the numbers and the plot; return the table of all methods and levels."""
         folder.mkdir(parents=True, exist_ok=True)
-        found = list(self.records())
-        methods = table(TITLES, map(cells, found), words=2)
-        page = {"summary": summary(found), "machine": [f"- {line}" for line in head], "methods": methods}
+        records = list(self.records())
+        methods = table(TITLES, map(cells, records), words=2)
+        page = {"summary": summary(records), "machine": [f"- {line}" for line in head], "methods": methods}
         put(folder / "bench_methods.md", page)
         with open(folder / "bench_methods.csv", "w", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS)
             writer.writeheader()
-            writer.writerows(found)
+            writer.writerows(records)
         self.draw(folder / "img" / "bench_methods.png")
         return methods
 

@@ -46,11 +46,11 @@ class CondensedFullSet:
     def _descend(self, U, step, norm, U_lin, G_n):
         """Return the evaluation after a step, halved until the residual falls."""
         for _ in range(MOST_HALVINGS):
-            found = self._evaluate(U + step, U_lin, G_n)
-            if np.linalg.norm(found[2]) < norm:
+            trial = self._evaluate(U + step, U_lin, G_n)
+            if np.linalg.norm(trial[2]) < norm:
                 break
             step = 0.5 * step
-        return found
+        return trial
 
     def _evaluate(self, U, U_lin, G_n):
         """Return U, the contact forces with tangents, and the residual (n_pairs, 3, N_H) [m]."""

@@ -62,12 +62,12 @@ def amplitude(solver, guess):
     """Return cos + i sin of harmonic 1 of the first output of the solution near a guess; None where Newton fails."""
     equation, at = solver.equation, solver.problem.at(guess.parameters)
     try:
-        found, _ = solver.solve_at(guess, float(np.linalg.norm(guess.U)), equation.every_pair)
+        solution, _ = solver.solve_at(guess, float(np.linalg.norm(guess.U)), equation.every_pair)
     except MicroslipError:
         return None
-    if found.failure:
+    if solution.failure:
         return None
-    forces = equation.contact_forces(found.iterate.U, equation.every_pair, tangents=False)
+    forces = equation.contact_forces(solution.iterate.U, equation.every_pair, tangents=False)
     return complex(*output_amplitude(equation.model, at, equation.full_force(forces)).reshape(2, -1)[:, 0])
 
 
@@ -100,8 +100,8 @@ def main():
     )
     print("| --- " * 8 + "|")
     for H, of_H in rows.items():
-        found = np.array([one for one in of_H if one[0] > SEEN])
-        some = {"": found, ", pairs open": found[found[:, 4] > 0], ", all move": found[found[:, 5] > 0]}
+        seen = np.array([one for one in of_H if one[0] > SEEN])
+        some = {"": seen, ", pairs open": seen[seen[:, 4] > 0], ", all move": seen[seen[:, 5] > 0]}
         for name, of in some.items():
             if len(of):
                 print(row(f"H = {H}{name}", of), flush=True)

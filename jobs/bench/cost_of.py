@@ -120,8 +120,8 @@ def of_joint(comm, n_pairs: int, share: float, H: int, points: int) -> dict:
     with Stopwatch(GROUPS) as watch:
         meter = Meter(comm, watch)
         branch = at_frequencies(problem, AllPairs(), frequencies(points + 1).tolist(), tolerance=1e-8, on_point=meter.point)
-    found = meter.report(skip=1)
-    return {"n_pairs": n_pairs, "share": share, "H": H, "unknowns": 3 * n_pairs * model.N_H, "failure": branch.failure, **found}
+    report = meter.report(skip=1)
+    return {"n_pairs": n_pairs, "share": share, "H": H, "unknowns": 3 * n_pairs * model.N_H, "failure": branch.failure, **report}
 
 
 def of_scene(comm, scene: str, level: float, points: int) -> dict:
@@ -132,7 +132,7 @@ def of_scene(comm, scene: str, level: float, points: int) -> dict:
         meter = Meter(comm, watch)
         task = BranchTask(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance)
         branch = follow.follow_branch(task, 10 * points, meter.point)
-    model, found = prepared.model, meter.report(skip=0)
+    model, report = prepared.model, meter.report(skip=0)
     return {
         "level": level,
         "n_dof": prepared.structure.linearised.system.n_dof,
@@ -142,16 +142,16 @@ def of_scene(comm, scene: str, level: float, points: int) -> dict:
         "unknowns": 3 * model.n_pairs * model.N_H,
         "failure": branch.failure,
         "stages": [asdict(stage) for stage in prepared.stages],
-        **found,
+        **report,
     }
 
 
 def main() -> None:
     request, comm = json.loads(sys.argv[1]), MPI.COMM_WORLD
     kinds: dict[str, Callable[..., dict]] = {"joint": of_joint, "scene": of_scene}
-    found = kinds[request.pop("kind")](comm, **request)
+    report = kinds[request.pop("kind")](comm, **request)
     if comm.rank == 0:
-        print(json.dumps({"ranks": comm.size, **found}), flush=True)
+        print(json.dumps({"ranks": comm.size, **report}), flush=True)
 
 
 if __name__ == "__main__":

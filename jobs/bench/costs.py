@@ -28,10 +28,10 @@ def measure(request: dict, ranks: int) -> dict:
     command = [sys.executable, str(Path(__file__).with_name("cost_of.py")), json.dumps(request)]
     if ranks > 1:
         command = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks), *command]
-    found = subprocess.run(command, stdout=subprocess.PIPE, text=True)
-    if found.returncode != 0:
-        sys.exit(f"costs.py: {shlex.join(command)} ended with status {found.returncode}")
-    result = json.loads(found.stdout.splitlines()[-1])
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True)
+    if done.returncode != 0:
+        sys.exit(f"costs.py: {shlex.join(command)} ended with status {done.returncode}")
+    result = json.loads(done.stdout.splitlines()[-1])
     print(f"{request} on {ranks}: {1e3 * result['seconds']:.3g} ms a point, {result['memory_MiB']:.0f} MiB", flush=True)
     return result
 
@@ -40,9 +40,9 @@ def ms(seconds: float) -> str:
     return f"{1e3 * seconds:,.3g}" if seconds < 1.0 else f"{1e3 * seconds:,.0f}"
 
 
-def of_stages(found: list[dict]) -> list[str]:
+def of_stages(runs: list[dict]) -> list[str]:
     """Return the table of the set-up: seconds and memory on each number of ranks."""
-    by_ranks = {result["ranks"]: result["stages"] for result in found}
+    by_ranks = {result["ranks"]: result["stages"] for result in runs}
     ranks = sorted(by_ranks)
     titles = ["stage"] + [f"s, {n} rank{'s' * (n > 1)}" for n in ranks] + [f"MiB in all, {n}" for n in ranks]
     rows = []
@@ -52,27 +52,27 @@ def of_stages(found: list[dict]) -> list[str]:
     return table(titles, rows)
 
 
-def of_response(found: list[dict]) -> list[str]:
+def of_response(runs: list[dict]) -> list[str]:
     """Return the table of the parts of the response, a column a level and number of ranks."""
-    total = {group: sum(r["groups"].get(group, 0.0) for r in found) for r in found for group in r["groups"]}
-    titles = ["CPU ms a point (calls)"] + [f"{r['level']:g} N, {r['ranks']} rank{'s' * (r['ranks'] > 1)}" for r in found]
+    total = {group: sum(r["groups"].get(group, 0.0) for r in runs) for r in runs for group in r["groups"]}
+    titles = ["CPU ms a point (calls)"] + [f"{r['level']:g} N, {r['ranks']} rank{'s' * (r['ranks'] > 1)}" for r in runs]
     rows = [
-        ["wall time, ms", *(ms(r["seconds"]) for r in found)],
-        ["processor time, ms", *(ms(r["cpu"]) for r in found)],
-        ["points; not sticking, mean", *(f"{r['points']}; {r['not_sticking']:.0f} of {r['n_pairs']}" for r in found)],
-        ["Newton; GMRES", *(f"{r['newton']:.1f}; {r['krylov']:.1f}" for r in found)],
+        ["wall time, ms", *(ms(r["seconds"]) for r in runs)],
+        ["processor time, ms", *(ms(r["cpu"]) for r in runs)],
+        ["points; not sticking, mean", *(f"{r['points']}; {r['not_sticking']:.0f} of {r['n_pairs']}" for r in runs)],
+        ["Newton; GMRES", *(f"{r['newton']:.1f}; {r['krylov']:.1f}" for r in runs)],
     ]
     for group in sorted(total, key=lambda group: -total[group]):
-        cells = [(r["groups"].get(group, 0.0), r["calls"].get(group)) for r in found]
+        cells = [(r["groups"].get(group, 0.0), r["calls"].get(group)) for r in runs]
         rows.append([group, *(ms(seconds) + ("" if calls is None else f" ({calls:.1f})") for seconds, calls in cells)])
     return table(titles, rows)
 
 
-def report(found: list[dict], scene: str) -> list[str]:
+def report(runs: list[dict], scene: str) -> list[str]:
     """Return the lines of the tables, below what they are of."""
-    one = found[0]
+    one = runs[0]
     title = f"{Path(scene).stem}: {one['n_dof']:,} DOF, {one['n_pairs']} pairs, {one['n_modes']} modes, H = {one['H']}"
-    return [title, "", *of_stages([r for r in found if r["level"] == one["level"]]), "", *of_response(found)]
+    return [title, "", *of_stages([r for r in runs if r["level"] == one["level"]]), "", *of_response(runs)]
 
 
 def main() -> None:
@@ -84,13 +84,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
     options = parser.parse_args()
     base = {"kind": "scene", "scene": options.scene, "points": options.points}
-    found = [measure({**base, "level": level}, ranks) for level in options.levels for ranks in options.ranks]
+    runs = [measure({**base, "level": level}, ranks) for level in options.levels for ranks in options.ranks]
     # last: what these take must not be in this process while it starts the others, which may count its memory as their own
     rates, facts = {"GFLOP/s": machine.matrix_product_rate(), "GB/s": machine.memory_bandwidth()}, machine.facts()
     options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "costs.json").write_text(json.dumps({"machine": facts, "rates": rates, "scene": found}, indent=1))
+    (options.out / "costs.json").write_text(json.dumps({"machine": facts, "rates": rates, "scene": runs}, indent=1))
     limits = f"Limits of one process: matrix product {rates['GFLOP/s']:.1f} GFLOP/s, memory {rates['GB/s']:.1f} GB/s."
-    print(*report(found, options.scene), "", *machine.lines(facts), limits, sep="\n")
+    print(*report(runs, options.scene), "", *machine.lines(facts), limits, sep="\n")
 
 
 if __name__ == "__main__":

@@ -70,13 +70,13 @@ def main() -> None:
 
     solver.solve = counted  # type: ignore[method-assign]
     for n_modes in arguments.modes:
-        found: dict[str, np.ndarray] = {}
+        frequencies: dict[str, np.ndarray] = {}
         best: dict[str, float] = {}
         for _ in range(arguments.times):
             for name, search in searches.items():
                 spent.update(passes=0, vectors=0, solves=0.0)
                 whole, modes = seconds(lambda n=n_modes, s=search: eigen.lowest_modes(linearised, n, search=s(linearised)))
-                found[name] = modes.omega_n
+                frequencies[name] = modes.omega_n
                 best[name] = min(best.get(name, np.inf), whole)
                 if COMM.rank == 0:
                     print(
@@ -85,10 +85,10 @@ def main() -> None:
                         flush=True,
                     )
         proof, _ = seconds(
-            lambda n=n_modes, w=found["SLEPc"]: eigen.count_below(linearised.K_L, linearised.M, w[-1] ** 2 * 1.0001)
+            lambda n=n_modes, w=frequencies["SLEPc"]: eigen.count_below(linearised.K_L, linearised.M, w[-1] ** 2 * 1.0001)
         )
         if COMM.rank == 0:
-            apart = np.abs(found["SLEPc"] / found["Lanczos"] - 1.0).max()
+            apart = np.abs(frequencies["SLEPc"] / frequencies["Lanczos"] - 1.0).max()
             print(
                 f"{n_modes} modes: ratio {best['SLEPc'] / best['Lanczos']:.2f}, of which the proof {proof:.1f} s each; {apart:.0e} apart"
             )

@@ -51,11 +51,11 @@ def main() -> None:
     counts: Counter[str] = Counter()
     opens, n_judged, number = 0, 0, given.first
     while n_judged < given.points:
-        found = solve(given.seed, number, 6, {"harmonics": given.harmonics}, not given.without_lift_off)
-        counts["curves that ended early"] += len(found.failures)
-        for i, point in enumerate(judge([found], given.steps)):
+        result = solve(given.seed, number, 6, {"harmonics": given.harmonics}, not given.without_lift_off)
+        counts["curves that ended early"] += len(result.failures)
+        for i, point in enumerate(judge([result], given.steps)):
             if kind(point) == "missed":
-                judge_from_more(found, i, given.steps)
+                judge_from_more(result, i, given.steps)
             what = kind(point)
             counts[what] += 1
             opens, n_judged = opens + ("opens" in point.kinds), n_judged + point.is_steady

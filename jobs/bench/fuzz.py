@@ -188,12 +188,12 @@ def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> Non
 
 def _others(rooms: tuple[str, ...]) -> list[str]:
     """Return the modules of the packages of some rooms that are outside of the rooms: atheris instruments whole packages."""
-    found = []
+    modules = []
     for package in {room.partition(".")[0] for room in rooms}:
         for folder in importlib.util.find_spec(package).submodule_search_locations:
             names = (path.relative_to(Path(folder).parent).with_suffix("").parts for path in Path(folder).rglob("*.py"))
-            found += [".".join(parts).removesuffix(".__init__") for parts in names]
-    return [name for name in found if not any(f"{name}.".startswith(f"{room}.") for room in rooms)]
+            modules += [".".join(parts).removesuffix(".__init__") for parts in names]
+    return [name for name in modules if not any(f"{name}.".startswith(f"{room}.") for room in rooms)]
 
 
 def _taken() -> float:

@@ -101,12 +101,12 @@ def main() -> None:
             again = timed_run(scene, comm, folder)
             comm.barrier()
         if comm.rank == 0:
-            found: dict[str, str | int] = {name: str(first[name]) for name in ("run", "set-up", "keeping", "identity")}
-            found |= {"going on": str(again["going on"]), "ranks": comm.size, "scene": scene.name}
-            found["keeping over run"] = f"{first['keeping'].wall / first['run'].wall:.2%}"
+            times: dict[str, str | int] = {name: str(first[name]) for name in ("run", "set-up", "keeping", "identity")}
+            times |= {"going on": str(again["going on"]), "ranks": comm.size, "scene": scene.name}
+            times["keeping over run"] = f"{first['keeping'].wall / first['run'].wall:.2%}"
             whole = again["going on"].wall + again["identity"].wall
-            found["going on over set-up"] = f"{whole / first['set-up'].wall:.2%}"
-            print(json.dumps(found), flush=True)
+            times["going on over set-up"] = f"{whole / first['set-up'].wall:.2%}"
+            print(json.dumps(times), flush=True)
 
 
 if __name__ == "__main__":

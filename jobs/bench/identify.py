@@ -84,10 +84,10 @@ def main() -> None:
                 result = microslip.identify(structure, noisy(exact, 0), BOUNDS)
                 print(write_identified(result, structure.scene, example))
                 return
-            found = [microslip.identify(structure, noisy(exact, seed), BOUNDS) for seed in range(seeds)]
+            estimates = [microslip.identify(structure, noisy(exact, seed), BOUNDS) for seed in range(seeds)]
     print("| number | true | intervals that hold it | mean | deviation | mean half width of the interval |")
     for i, (key, value) in enumerate(TRUE.items()):
-        low, high, values = (np.array([getattr(each, name)[i] for each in found]) for name in ("low", "high", "values"))
+        low, high, values = (np.array([getattr(each, name)[i] for each in estimates]) for name in ("low", "high", "values"))
         held = np.count_nonzero((low <= value) & (value <= high))
         row = (
             key,
@@ -96,7 +96,7 @@ def main() -> None:
             *(f"{x:.4g}" for x in (values.mean(), values.std(), ((high - low) / 2).mean())),
         )
         print("| " + " | ".join(row) + " |")
-    print(f"evaluations of the response: {np.mean([each.evaluations for each in found]):.1f} a fit")
+    print(f"evaluations of the response: {np.mean([each.evaluations for each in estimates]):.1f} a fit")
 
 
 def noisy(exact, seed):

@@ -26,13 +26,13 @@ def least(call):
     start = time.process_time()
     call()
     n = max(1, int(_SECONDS / max(time.process_time() - start, 1e-6)))
-    found = []
+    times = []
     for _ in range(_RUNS):
         start = time.process_time()
         for _ in range(n):
             call()
-        found.append((time.process_time() - start) / n)
-    return 1e6 * min(found)
+        times.append((time.process_time() - start) / n)
+    return 1e6 * min(times)
 
 
 def moving(n_pairs, H, rng):

@@ -154,58 +154,58 @@ class Test:
     def trial(self, number: int, ranks: int, goal: Undisturbed) -> Trial:
         """Run, kill, run again until the end, and say what was wrong."""
         out, over_earlier = self.folder / "out", self.random.random() < self.asked.earlier
-        found = Trial(number, ranks, over_earlier)
+        outcome = Trial(number, ranks, over_earlier)
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(self.earlier(), out) if over_earlier else out.mkdir()
         before = {name: (out / name).read_bytes() for name in ("results.h5", "frf.csv") if over_earlier}
-        while len(found.hit) < self.asked.in_a_row:
-            run = self._killed(KINDS[(number + len(found.hit)) % 3], ranks, out, goal, found)
-            self._check_files(out, goal, before, found)
+        while len(outcome.hit) < self.asked.in_a_row:
+            run = self._killed(KINDS[(number + len(outcome.hit)) % 3], ranks, out, goal, outcome)
+            self._check_files(out, goal, before, outcome)
             if run.process.returncode == 0:
                 break
         run = Run(self.command(ranks, out), self.folder / "said")
         status = run.wait(LIMIT)
-        found.taken = found.told if _DONE in run.said() else _taken(run.said())
+        outcome.taken = outcome.told if _DONE in run.said() else _taken(run.said())
         if status != 0:
-            found.wrong.append("does not end" if status is None else f"status {status}: {run.said()[-300:]}")
-            return found
-        if found.lost > len(found.hit):
-            found.wrong.append(f"{found.lost} points computed twice")
-        if found.taken > found.told + len(found.hit):  # a point is kept just before it is told
-            found.wrong.append(f"{found.taken} points taken over, of {found.told}")
-        self._compare(out, goal, found)
+            outcome.wrong.append("does not end" if status is None else f"status {status}: {run.said()[-300:]}")
+            return outcome
+        if outcome.lost > len(outcome.hit):
+            outcome.wrong.append(f"{outcome.lost} points computed twice")
+        if outcome.taken > outcome.told + len(outcome.hit):  # a point is kept just before it is told
+            outcome.wrong.append(f"{outcome.taken} points taken over, of {outcome.told}")
+        self._compare(out, goal, outcome)
         left = [path.name for path in out.iterdir() if path.name == "unfinished" or path.suffix == ".part"]
-        found.wrong += [f"{name} is left behind" for name in left]
-        return found
+        outcome.wrong += [f"{name} is left behind" for name in left]
+        return outcome
 
-    def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, found: Trial) -> Run:
+    def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, trial: Trial) -> Run:
         """Start a run, kill it at a moment of a kind, and note what was hit."""
         writes = Writes(out)
         run = Run(self.command(ranks, out), self.folder / "said")
         moment = {"set-up": self._in_set_up, "points": self._at_points, "writing": self._while_writing}[kind]
-        moment(run, writes, goal, found)
+        moment(run, writes, goal, trial)
         run.kill()
         writes.close()
         said = run.said()
         n, taken = len(POINT.findall(said)), _taken(said)
         if n or taken:
-            found.told = max(n, found.told)  # a start tells again what it takes over
+            trial.told = max(n, trial.told)  # a start tells again what it takes over
         where = "set-up" if not _LEVEL.search(said) else f"point {n}" if n < goal.n_points else "pictures"
         over = "" if run.process.returncode != 0 else ", had ended"
-        found.hit.append(f"{kind}: {run.seconds:.2f} s, {where}{over}")
+        trial.hit.append(f"{kind}: {run.seconds:.2f} s, {where}{over}")
         return run
 
-    def _in_set_up(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
+    def _in_set_up(self, run: Run, writes: Writes, goal: Undisturbed, trial: Trial) -> None:
         self._sleep(run, self.random.uniform(0.0, goal.first_point))
 
-    def _at_points(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
+    def _at_points(self, run: Run, writes: Writes, goal: Undisturbed, trial: Trial) -> None:
         """Wait for one of the points that were not told before, and for some part of the time to the next one."""
-        n = self.random.randrange(min(found.told, goal.n_points - 1), goal.n_points) + 1
+        n = self.random.randrange(min(trial.told, goal.n_points - 1), goal.n_points) + 1
         while not run.is_over and len(POINT.findall(run.said())) < n:
             time.sleep(0.005)
         self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.last_point - goal.first_point) / goal.n_points))
 
-    def _while_writing(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
+    def _while_writing(self, run: Run, writes: Writes, goal: Undisturbed, trial: Trial) -> None:
         """Wait for one of the writes, and for the time that a short one takes at most."""
         n, at = 0, self.random.randrange(goal.n_writes) + 1
         while not run.is_over and n < at:
@@ -219,46 +219,46 @@ class Test:
 
     # -- what is there -----------------------------------------------------------------------------------------------
 
-    def _check_files(self, out: Path, goal: Undisturbed, before: dict[str, bytes], found: Trial) -> None:
+    def _check_files(self, out: Path, goal: Undisturbed, before: dict[str, bytes], trial: Trial) -> None:
         """Note where the files after a kill are neither earlier nor right, or look complete and are not."""
         results, table = out / "results.h5", out / "frf.csv"
         if before and not table.exists():
-            found.wrong.append("frf.csv of the earlier run is gone")
+            trial.wrong.append("frf.csv of the earlier run is gone")
         elif before and table.read_bytes() != before["frf.csv"]:
-            found.n_rows.append(_rows(table))
+            trial.n_rows.append(_rows(table))
         if not results.exists():
-            found.wrong += ["results.h5 of the earlier run is gone"] if before else []
+            trial.wrong += ["results.h5 of the earlier run is gone"] if before else []
             return
         if before and results.read_bytes() == before["results.h5"]:
             return
         try:
             read = read_results(str(results))
         except CaseError as problem:
-            found.wrong.append(f"after the kill {problem}")
+            trial.wrong.append(f"after the kill {problem}")
             return
         if _looks_complete(read, len(self.scene.response.levels)):
-            wrong = self._differences(read, goal, found)[1]
-            found.wrong += [f"results.h5 looks complete and is not: {text}" for text in wrong]
+            wrong = self._differences(read, goal, trial)[1]
+            trial.wrong += [f"results.h5 looks complete and is not: {text}" for text in wrong]
         elif before:
-            found.wrong.append("results.h5 of the earlier run was replaced by incomplete ones")
+            trial.wrong.append("results.h5 of the earlier run was replaced by incomplete ones")
 
-    def _compare(self, out: Path, goal: Undisturbed, found: Trial) -> None:
+    def _compare(self, out: Path, goal: Undisturbed, trial: Trial) -> None:
         """Note how far the curves are from those of the undisturbed run."""
         read = read_results(str(out / "results.h5"))
-        found.off, wrong = self._differences(read, goal, found)
-        found.wrong += wrong
+        trial.off, wrong = self._differences(read, goal, trial)
+        trial.wrong += wrong
         if not _looks_complete(read, len(self.scene.response.levels)):
-            found.wrong.append("results.h5 is not complete")
-        n_rows = goal.n_rows + found.n_more - found.n_fewer
+            trial.wrong.append("results.h5 is not complete")
+        n_rows = goal.n_rows + trial.n_more - trial.n_fewer
         if _rows(out / "frf.csv") != n_rows:
-            found.wrong.append(f"frf.csv has {_rows(out / 'frf.csv')} rows, not {n_rows}")
-        if any(n != n_rows for n in found.n_rows):
-            found.wrong.append("after a kill frf.csv was neither that of the earlier run nor whole")
+            trial.wrong.append(f"frf.csv has {_rows(out / 'frf.csv')} rows, not {n_rows}")
+        if any(n != n_rows for n in trial.n_rows):
+            trial.wrong.append("after a kill frf.csv was neither that of the earlier run nor whole")
 
-    def _differences(self, read: ResultFile, goal: Undisturbed, found: Trial) -> tuple[float, list[str]]:
+    def _differences(self, read: ResultFile, goal: Undisturbed, trial: Trial) -> tuple[float, list[str]]:
         """Return the largest difference of the response over the peak of its level, and what is wrong with the curves."""
         off, wrong = 0.0, []
-        found.n_more = found.n_fewer = 0
+        trial.n_more = trial.n_fewer = 0
         if len(read.levels) != len(goal.levels):
             return np.nan, [f"{len(read.levels)} levels, not {len(goal.levels)}"]
         for level, of_goal in zip(read.levels, goal.levels):
@@ -268,9 +268,9 @@ class Test:
                 continue
             more, of_both = _apart(own, of_goal)
             fewer, _ = _apart(of_goal, own)
-            found.n_more, found.n_fewer = found.n_more + len(more[0]), found.n_fewer + len(fewer[0])
+            trial.n_more, trial.n_fewer = trial.n_more + len(more[0]), trial.n_fewer + len(fewer[0])
             both = Curve(*map(np.concatenate, zip(more, fewer)))
-            left, of_third = _apart(both, self._asked(found.ranks, level.level, both[0]))
+            left, of_third = _apart(both, self._asked(trial.ranks, level.level, both[0]))
             wrong += [f"{len(left[0])} points at {level.level:g} N that the curve does not have"] if len(left[0]) else []
             off = max(off, of_both, of_third)
         return off, wrong + ([f"curves differ by {off:.1e} of the peak"] if off > TOLERANCE else [])

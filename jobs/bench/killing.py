@@ -43,15 +43,15 @@ class Writes:
         """Return how many things have been written since the last call, waiting for the first of them for a while."""
         if not select.select([self._handle], [], [], seconds)[0]:
             return 0
-        data, at, found = os.read(self._handle, 1 << 16), 0, 0
+        data, at, n_files = os.read(self._handle, 1 << 16), 0, 0
         while at < len(data):
             watch, mask, _, length = _EVENT.unpack_from(data, at)
             name = os.fsdecode(data[at + _EVENT.size : at + _EVENT.size + length].rstrip(b"\0"))
             at += _EVENT.size + length
             if mask & _CREATE and mask & _IS_FOLDER:
                 self._add(self._folders[watch] / name)
-            found += not name.endswith((".log", ".lock"))
-        return found
+            n_files += not name.endswith((".log", ".lock"))
+        return n_files
 
     def close(self) -> None:
         os.close(self._handle)
@@ -108,11 +108,11 @@ def _answer_signals() -> None:
 
 def members(session: int) -> list[int]:
     """Return the living processes of a session.  Local."""
-    found = []
+    processes = []
     for entry in os.listdir("/proc"):
         if entry.isdigit():
             with suppress(OSError, ValueError, IndexError):
                 state, _, _, own = Path(f"/proc/{entry}/stat").read_text().rpartition(")")[2].split()[:4]
                 if int(own) == session and state not in "ZX":
-                    found.append(int(entry))
-    return found
+                    processes.append(int(entry))
+    return processes

@@ -69,8 +69,8 @@ def measure(path: Path) -> None:
     mark("report")
     every = comm.gather(times)
     if every is not None:
-        found = {step: [*every[0][step][:2], sum(one[step][2] for one in every)] for step in STEPS}
-        print("FOUND " + json.dumps({"steps": found, "nodes": len(mesh.points), "pairs": pairs.n_pairs}))
+        totals = {step: [*every[0][step][:2], sum(one[step][2] for one in every)] for step in STEPS}
+        print("FOUND " + json.dumps({"steps": totals, "nodes": len(mesh.points), "pairs": pairs.n_pairs}))
 
 
 def _since_start() -> float:
@@ -90,17 +90,17 @@ def job(path: Path, ranks: int) -> dict:
     return json.JSONDecoder().raw_decode(lines[-1].removeprefix("FOUND "))[0]  # libraries may print behind it
 
 
-def row(what: str, ranks: int, size: float, found: dict) -> str:
+def row(what: str, ranks: int, size: float, totals: dict) -> str:
     """Return a line of the table: wall and processor's seconds of each step, and of all."""
     last, cells = (0.0, 0.0), []
     for step in STEPS:
-        wall, processor, memory = found["steps"][step]
+        wall, processor, memory = totals["steps"][step]
         cells.append(f"{wall - last[0]:.1f} ({processor - last[1]:.1f})")
         last = wall, processor
     is_kept = wall < LIMITS["wall"] and memory < LIMITS["memory"]
     cells += [f"{wall:.1f} ({processor:.1f})", f"{memory:.2f}", "yes" if is_kept else "no"]
     return (
-        " | ".join([f"| .{what}, {size:.0f} MB, {found['nodes']:,} nodes, {found['pairs']:,} pairs", str(ranks), *cells]) + " |"
+        " | ".join([f"| .{what}, {size:.0f} MB, {totals['nodes']:,} nodes, {totals['pairs']:,} pairs", str(ranks), *cells]) + " |"
     )
 
 

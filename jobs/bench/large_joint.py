@@ -45,8 +45,8 @@ def measured(given) -> list[dict]:
     return [costs.measure({**base, "n_pairs": n}, ranks) for n in given.pairs for ranks in given.ranks]
 
 
-def seconds_of(found: dict, part: str) -> float:
-    return sum(found["groups"].get(name, 0.0) for name in PARTS[part])
+def seconds_of(runs: dict, part: str) -> float:
+    return sum(runs["groups"].get(name, 0.0) for name in PARTS[part])
 
 
 def held(n_pairs: int, share: float, n_modes: int = 20) -> float:
@@ -55,11 +55,11 @@ def held(n_pairs: int, share: float, n_modes: int = 20) -> float:
     return (8.0 * rows * columns + 4.0 * columns * (columns + n_modes)) / 2**20
 
 
-def rows_of(found: list[dict]) -> list[str]:
+def rows_of(runs: list[dict]) -> list[str]:
     """Return the table, a row a joint and number of ranks."""
     titles = ["pairs", "slipping", "ranks", "wall, s a point", "processor, s", *PARTS, "the rest", "Newton; GMRES"]
     rows = []
-    for r in found:
+    for r in runs:
         parts = [seconds_of(r, part) for part in PARTS]
         cells = [f"{r['n_pairs']:,}", f"{r['not_sticking']:,.0f}", str(r["ranks"]), f"{r['seconds']:.3g}", f"{r['cpu']:.3g}"]
         cells += [f"{seconds:.2g}" for seconds in (*parts, r["cpu"] - sum(parts))]
@@ -68,10 +68,10 @@ def rows_of(found: list[dict]) -> list[str]:
     return table([*titles, "MiB, all ranks", "of it columns"], rows)
 
 
-def draw(found: list[dict], path: Path) -> None:
+def draw(runs: list[dict], path: Path) -> None:
     """Draw time and memory of a point over the pairs."""
-    ranks = sorted({r["ranks"] for r in found})
-    curves = {count: [r for r in found if r["ranks"] == count] for count in ranks}
+    ranks = sorted({r["ranks"] for r in runs})
+    curves = {count: [r for r in runs if r["ranks"] == count] for count in ranks}
     one = curves[ranks[0]]
     n = [r["n_pairs"] for r in one]
     with matplotlib.rc_context(style.RC):
@@ -94,7 +94,7 @@ def draw(found: list[dict], path: Path) -> None:
             axes.set_xticks(n, [f"{k:,}" for k in n])
             axes.minorticks_off()
             axes.legend()
-        memory.set_ylim(bottom=0.5 * min(r["memory_MiB"] for r in found) / 1024)
+        memory.set_ylim(bottom=0.5 * min(r["memory_MiB"] for r in runs) / 1024)
         times.set_ylabel(f"processor's time, {ranks[0]} rank{'s' * (ranks[0] > 1)} [s]")
         memory.set_ylabel("memory of all ranks [GiB]")
         page.save(str(path))
@@ -117,10 +117,10 @@ def main() -> None:
     given = parser.parse_args()
     (given.out / "img").mkdir(parents=True, exist_ok=True)
     file = given.out / "large_joint.json"
-    found = json.loads(file.read_text()) if given.draw else measured(given)
-    file.write_text(json.dumps(found, indent=1))
-    draw(found, given.out / "img" / "large_joint.png")
-    print(*rows_of(found), "", *machine.lines(machine.facts()), sep="\n")
+    runs = json.loads(file.read_text()) if given.draw else measured(given)
+    file.write_text(json.dumps(runs, indent=1))
+    draw(runs, given.out / "img" / "large_joint.png")
+    print(*rows_of(runs), "", *machine.lines(machine.facts()), sep="\n")
 
 
 if __name__ == "__main__":

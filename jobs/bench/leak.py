@@ -150,10 +150,10 @@ def main() -> int:
     comm = MPI.COMM_WORLD
     folder = on_root(comm, lambda: asked.out or Path(tempfile.mkdtemp(prefix="leak_")))
     meter = measured(comm, asked.scene, asked.points, folder)
-    found = comm.allgather(growth(meter, asked.warm))
+    growths = comm.allgather(growth(meter, asked.warm))
     if comm.rank == 0:
-        print(json.dumps({"scene": asked.scene, "points": asked.points, "ranks": found}))
-    return int(max(rank["growth"] for rank in found) > asked.limit)
+        print(json.dumps({"scene": asked.scene, "points": asked.points, "ranks": growths}))
+    return int(max(rank["growth"] for rank in growths) > asked.limit)
 
 
 if __name__ == "__main__":

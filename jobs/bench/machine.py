@@ -16,7 +16,7 @@ def facts() -> dict[str, str]:
     """Return what a table of times needs beside it.  Local."""
     import microslip
 
-    found = {
+    values = {
         "processor": f"{processor()}, {len(os.sched_getaffinity(0))} of {os.cpu_count()} cores, {memory():.0f} GiB",
         "BLAS threads": os.environ.get("OPENBLAS_NUM_THREADS", "as the library chooses"),
     }
@@ -26,12 +26,12 @@ def facts() -> dict[str, str]:
             versions.append(f"{package} {version(package)}")
         except PackageNotFoundError:
             continue
-    return {**found, "versions": ", ".join(versions)}
+    return {**values, "versions": ", ".join(versions)}
 
 
-def lines(found: dict[str, str]) -> list[str]:
+def lines(values: dict[str, str]) -> list[str]:
     """Return facts as sentences."""
-    return [f"{name[0].upper() + name[1:]}: {text}." for name, text in found.items()]
+    return [f"{name[0].upper() + name[1:]}: {text}." for name, text in values.items()]
 
 
 def processor() -> str:

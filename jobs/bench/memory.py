@@ -36,16 +36,16 @@ def program(arguments: list[str], ranks: int) -> str:
     command = [sys.executable, "-m", "microslip", *arguments]
     if ranks > 1:
         command = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks), *command]
-    found = subprocess.run(command, stdout=subprocess.PIPE, text=True)
-    if found.returncode != 0:
-        sys.exit(f"memory.py: {shlex.join(command)} ended with status {found.returncode}")
-    return found.stdout
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True)
+    if done.returncode != 0:
+        sys.exit(f"memory.py: {shlex.join(command)} ended with status {done.returncode}")
+    return done.stdout
 
 
 def stages(text: str, pattern: re.Pattern) -> dict[str, tuple[float, float]]:
     """Return the memory of all ranks and of the largest at the end of each stage [MiB], from the lines that say it."""
-    found = [pattern.match(line) for line in text.splitlines()]
-    return {one[1]: (float(one[2]), float(one[3])) for one in found if one is not None}
+    matches = [pattern.match(line) for line in text.splitlines()]
+    return {one[1]: (float(one[2]), float(one[3])) for one in matches if one is not None}
 
 
 def compared(foreseen: dict, taken: dict) -> list[dict]:
@@ -63,9 +63,9 @@ def measure(scene: str, ranks: int, folder: Path) -> dict:
     out = folder / f"{Path(scene).stem}_{ranks}"
     shutil.rmtree(out, ignore_errors=True)  # or it would go on from there
     program(["run", scene, "--out", str(out)], ranks)
-    found = compared(foreseen, stages((out / "run.log").read_text(), TAKEN))
-    print(scene, ranks, [f"{one['stage']} {one['ratio']:.2f}" for one in found], flush=True)
-    return {"scene": Path(scene).stem, "ranks": ranks, "stages": found}
+    rows = compared(foreseen, stages((out / "run.log").read_text(), TAKEN))
+    print(scene, ranks, [f"{one['stage']} {one['ratio']:.2f}" for one in rows], flush=True)
+    return {"scene": Path(scene).stem, "ranks": ranks, "stages": rows}
 
 
 def rows_of(one: dict) -> list[str]:
@@ -86,10 +86,10 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("results/bench_memory"))
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
-    found = [measure(scene, ranks, asked.out) for scene in asked.scenes for ranks in asked.ranks]
-    (asked.out / "memory.json").write_text(json.dumps(found, indent=1))
-    print(*(line for one in found for line in rows_of(one)), "", *machine.lines(machine.facts()), sep="\n")
-    worst = max(abs(stage["ratio"] - 1.0) for one in found for stage in one["stages"])
+    runs = [measure(scene, ranks, asked.out) for scene in asked.scenes for ranks in asked.ranks]
+    (asked.out / "memory.json").write_text(json.dumps(runs, indent=1))
+    print(*(line for one in runs for line in rows_of(one)), "", *machine.lines(machine.facts()), sep="\n")
+    worst = max(abs(stage["ratio"] - 1.0) for one in runs for stage in one["stages"])
     print(f"at worst {worst:.0%} off")
     return int(worst > WITHIN)
 

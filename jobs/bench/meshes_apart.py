@@ -61,9 +61,9 @@ def peaks(scene, levels) -> tuple[int, np.ndarray, float]:
     """Return the number of pairs, the peak per newton at each level [m/N] and the seconds of all."""
     start = perf_counter()
     with microslip.build(scene) as structure:
-        found = microslip.respond(structure, levels=levels, error_bars=False).results.levels
+        curves = microslip.respond(structure, levels=levels, error_bars=False).results.levels
         n_pairs = structure.pairs.n_pairs
-    amplitudes = [np.hypot(*level.response[:, 0, 1:3].T).max() / level.level for level in found]
+    amplitudes = [np.hypot(*level.response[:, 0, 1:3].T).max() / level.level for level in curves]
     return n_pairs, np.array(amplitudes), perf_counter() - start
 
 
@@ -71,11 +71,11 @@ def discs_apart(size: str) -> list[Case]:
     """Return the blade of a size on its own disc and on others, each with the pairing that it is compared with first."""
     blade = SIZES[size]
     others = discs(blade)
-    found = []
+    cases = []
     for pairing, matching, firsts in (("projected", "nodes", ("blade",)), ("mortar", "mortar", ("blade", "disc"))):
-        found.append(Case("the same", matching, "blade", blade, blade))
-        found += [Case(name, pairing, first, blade, disc) for name, disc in others.items() for first in firsts]
-    return found
+        cases.append(Case("the same", matching, "blade", blade, blade))
+        cases += [Case(name, pairing, first, blade, disc) for name, disc in others.items() for first in firsts]
+    return cases
 
 
 def finer_across(n: int) -> list[Case]:
@@ -90,10 +90,10 @@ def rows(cases: list[Case], levels, folder: Path) -> None:
     """Print a row for each case: the peak per newton, and how far it is from that of the same pairing on matching meshes before."""
     exact = np.zeros(len(levels))
     for case in cases:
-        n_pairs, found, seconds = peaks(case.scene(folder), levels)
-        exact = found if case.blade == case.disc else exact
-        is_own = exact is found
-        cells = [f"{1e3 * a:.3f} mm/N" if is_own else f"{100.0 * (a / own - 1.0):+.1f} %" for a, own in zip(found, exact)]
+        n_pairs, heights, seconds = peaks(case.scene(folder), levels)
+        exact = heights if case.blade == case.disc else exact
+        is_own = exact is heights
+        cells = [f"{1e3 * a:.3f} mm/N" if is_own else f"{100.0 * (a / own - 1.0):+.1f} %" for a, own in zip(heights, exact)]
         print(f"| {case.name} | {case.pairing}, {case.first} | {n_pairs} | {' | '.join(cells)} | {seconds:.0f} |", flush=True)
 
 

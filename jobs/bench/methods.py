@@ -105,12 +105,12 @@ def condensed_at(problem, points, chosen: list[int], tolerance: float, watch: St
     for i in chosen:
         omega, (guess, size) = points[i].omega, start_of(problem, points, i)
         laps.lap()
-        found = newton.correct(guess, size)
+        solution = newton.correct(guess, size)
         equation = problem.equation
-        p = equation.full_force(equation.contact_forces(found.iterate.U, equation.every_pair, tangents=False))
+        p = equation.full_force(equation.contact_forces(solution.iterate.U, equation.every_pair, tangents=False))
         response = output_motion(equation.model, problem.level, omega, p)
-        row.add(i, omega, response, Effort(*laps.lap(), found.newton, 0, newton.unknowns))
-        row.failure = row.failure or found.failure
+        row.add(i, omega, response, Effort(*laps.lap(), solution.newton, 0, newton.unknowns))
+        row.failure = row.failure or solution.failure
     return row
 
 
@@ -158,9 +158,9 @@ def at_level(prepared: Prepared, rubin, level: float, dense_points: int, rubin_p
         selections: dict[str, Selection] = {REFERENCE: AllPairs(), "adaptive": NonStickingPairs(), "adaptive-energy": energy}
         for method, selection in selections.items():
             solve = partial(at_frequencies, problem, selection, omegas, tolerance=solver.tolerance)
-            row, found = of_branch(method, solve, level, watch)
+            row, branch = of_branch(method, solve, level, watch)
             rows.append(row)
-            points = found if method == REFERENCE else points
+            points = branch if method == REFERENCE else points
         peak = int(np.argmax([np.abs(point.response[:, 1:3]).max() for point in points]))
         rows.append(condensed_at(problem, points, spread(len(points), dense_points, peak), solver.tolerance, watch))
         if rubin is None:
@@ -209,9 +209,9 @@ def main() -> None:
     rubin = build_rubin(prepared.structure, prepared.scene) if options.rubin_points > 0 else None
     rows, head = [], notes(prepared, rubin)
     for level in options.levels or prepared.scene.response.levels:
-        found = at_level(prepared, rubin, level, options.dense_points, options.rubin_points)
-        print(f"level {level:g} N: " + ", ".join(f"{row.method} {1e3 * row.mean('cpu'):.3g} ms" for row in found), flush=True)
-        rows += found
+        solved = at_level(prepared, rubin, level, options.dense_points, options.rubin_points)
+        print(f"level {level:g} N: " + ", ".join(f"{row.method} {1e3 * row.mean('cpu'):.3g} ms" for row in solved), flush=True)
+        rows += solved
     print(*Comparison(rows).write(head, options.out), sep="\n")
 
 

@@ -128,15 +128,15 @@ def ours(scene: microslip.Scene, frequency: np.ndarray) -> Curve:
     """Return microslip's own response at the frequencies [Hz], on one rank."""
     with build(scene, everyone()) as structure:
         prepared = prepare(structure, has_bars=False)
-        response, found = prepared.response, []
+        response, points = prepared.response, []
         for level in scene.response.levels:
             branch = at_frequencies(
                 response.at_level(level), response.selection, list(2 * np.pi * frequency), tolerance=scene.solver.tolerance
             )
             if branch.failure:
                 raise SystemExit(f"microslip ends at {level:g} N: {branch.failure}")
-            found += [(level, point.omega / (2 * np.pi), point.seconds, point.response.ravel()) for point in branch.points]
-    return Curve(*(np.array([one[k] for one in found]) for k in range(4)))
+            points += [(level, point.omega / (2 * np.pi), point.seconds, point.response.ravel()) for point in branch.points]
+    return Curve(*(np.array([one[k] for one in points]) for k in range(4)))
 
 
 def theirs(command: list[str], file: Path) -> Curve | str:
@@ -151,17 +151,20 @@ def theirs(command: list[str], file: Path) -> Curve | str:
 
 def commands(folder: Path, options) -> dict[str, tuple[list[str], Path]]:
     """Return how each program that is there is run on an export."""
-    found = {}
+    programs = {}
     if options.nlvib:
-        found["NLvib"] = (["octave-cli", "--no-gui", str(folder / "run_nlvib.m"), options.nlvib], folder / "response_nlvib.csv")
+        programs["NLvib"] = (
+            ["octave-cli", "--no-gui", str(folder / "run_nlvib.m"), options.nlvib],
+            folder / "response_nlvib.csv",
+        )
     if options.tmdsimpy:
-        found["TMDSimPy"] = (
+        programs["TMDSimPy"] = (
             [options.python, str(folder / "run_tmdsimpy.py"), options.tmdsimpy],
             folder / "response_tmdsimpy.csv",
         )
     if options.python:
-        found["pyHarm"] = ([options.python, "-W", "ignore", str(folder / "run_pyharm.py")], folder / "response_pyharm.csv")
-    return found
+        programs["pyHarm"] = ([options.python, "-W", "ignore", str(folder / "run_pyharm.py")], folder / "response_pyharm.csv")
+    return programs
 
 
 def difference(curve: Curve, reference: Curve) -> dict[float, float]:
@@ -190,7 +193,7 @@ def main() -> None:
             f"{'program':10} {'law':6} {'largest difference / peak, at each level':48} {'ms a point, median':>20} {'all, s':>8}"
         )
         _line("microslip", "", "reference", reference)
-        found = {}
+        curves = {}
         for program, (command, file) in commands(folder / name, options).items():
             if program not in (*case.same, *case.near) and not options.others:
                 print(f"{program:10} other")
@@ -199,10 +202,10 @@ def main() -> None:
             if isinstance(curve, str):
                 print(f"{program:10} {law:6} {curve}")
                 continue
-            found[program] = curve
+            curves[program] = curve
             parts = [f"{worst:.1e} at {level:g} N" for level, worst in difference(curve, reference).items()]
             _line(program, law, ", ".join(parts), curve)
-        shown.append((case, reference, found))
+        shown.append((case, reference, curves))
     if options.picture:
         draw(shown, options.picture)
 
@@ -217,15 +220,15 @@ def draw(shown: list[tuple[Case, Curve, dict[str, Curve]]], path: str) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(2, len(shown), figsize=(3.6 * len(shown), 5.2), squeeze=False, sharex="col")
-    for (case, reference, found), (curve, error) in zip(shown, axes.T):
-        amplitude = {name: np.hypot(*one.values[:, 1:3].T) for name, one in {"microslip": reference, **found}.items()}
+    for (case, reference, others), (curve, error) in zip(shown, axes.T):
+        amplitude = {name: np.hypot(*one.values[:, 1:3].T) for name, one in {"microslip": reference, **others}.items()}
         for level in np.unique(reference.level):
             at = reference.level == level
             curve.plot(reference.frequency[at], amplitude["microslip"][at] / level, color="#1a1a1a", lw=1.2)
             top = np.argmax(amplitude["microslip"][at])
             curve.annotate(f"{level:g} N", (reference.frequency[at][top], amplitude["microslip"][at][top] / level), fontsize=7)
             scale = np.abs(reference.values[at]).max()
-            for program, one in found.items():
+            for program, one in others.items():
                 colour, marker = LOOKS[program]
                 is_same = program in case.same
                 curve.plot(one.frequency[at], amplitude[program][at] / level, marker, ms=4.5, mfc="none", mec=colour, mew=0.9)

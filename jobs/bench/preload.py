@@ -23,10 +23,10 @@ def row(name: str, scene, levels) -> str:
     """Return a line of the table."""
     with microslip.build(scene) as structure:
         pairs, N = structure.pairs, np.maximum(structure.pairs.N0, 0.0)
-        found = microslip.respond(structure, levels=levels).results.levels
+        curves = microslip.respond(structure, levels=levels).results.levels
         rest = [f"{(N > 0.0).sum()} of {len(N)}", f"{N.sum() / 1e3:.1f} kN", f"{(N / pairs.area).max() / 1e6:.0f} MPa"]
         rest.append(f"{structure.modes.frequency[0]:.2f} Hz")
-    for level in found:
+    for level in curves:
         amplitude = np.hypot(*level.response[:, 0, 1:3].T)
         i = int(np.argmax(amplitude))
         moving = f"{(level.state[i] == 1).sum()}, {(level.state[i] == 2).sum()}"

@@ -118,13 +118,13 @@ def by_response(case: Case, shares, folder: Path) -> tuple[Contact, list[Pushed]
         pairs = structure.pairs
         levels = microslip.respond(structure, error_bars=False).results.levels
     closed = pairs.N0 > 0.0
-    found = [
+    contacts = [
         Pushed(
             level.state[0][closed] == 0, largest_friction(pairs.law, level.du[0], case.samples)[closed], level.energy[0][closed]
         )
         for level in levels
     ]
-    return Contact.of(case, pairs, np.maximum(pairs.N0, 0.0), part), found
+    return Contact.of(case, pairs, np.maximum(pairs.N0, 0.0), part), contacts
 
 
 def largest_friction(law, U: np.ndarray, n_samples: int) -> np.ndarray:
@@ -142,9 +142,9 @@ def by_march(case: Case, shares, folder: Path) -> tuple[Contact, list[Pushed]]:
     scene, part = scene_of(case, shares, folder)
     cycle = SlowCycle.of(scene)
     closed = cycle.N > 0.0
-    found = [Pushed(*(of[closed] for of in cycle.run(part * share * MU * case.force))) for share in shares]
+    contacts = [Pushed(*(of[closed] for of in cycle.run(part * share * MU * case.force))) for share in shares]
     cycle.close()
-    return Contact.of(case, cycle.pairs, cycle.N, part), found
+    return Contact.of(case, cycle.pairs, cycle.N, part), contacts
 
 
 def in_words(case: Case) -> str:
@@ -187,11 +187,11 @@ def rows(by: str, case: Case, shares, folder: Path, picture: Path | None) -> str
     seconds, (radius, p0) = time.perf_counter() - start, at_rest(case, contact)
     if picture is not None:
         draw(picture, case, shares, contact, pushed)
-    found = [over_theory(case, share, contact, one) for share, one in zip(shares, pushed)]
+    ratios = [over_theory(case, share, contact, one) for share, one in zip(shares, pushed)]
     return "\n".join(
         f"| {in_words(case)} | {by} | {len(contact.N)} | {radius:.3f}, {p0:.3f} | {of.share:g} | {of.n_slips} | {of.stick:.3f} "
         f"| {of.fitted:.3f} | {100.0 * of.traction:.1f} % | {100.0 * of.rings:.1f} % | {of.loss:.3f} | {seconds:.0f} s |"
-        for of in found
+        for of in ratios
     )
 
 

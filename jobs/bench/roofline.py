@@ -109,13 +109,13 @@ def rates(size: float) -> tuple[float, float]:
 
 def repeated(calls: Calls, n_points: int, n_calls: int) -> list[tuple[str, float, float, float, float]]:
     """Return for each kernel its name, operations, bytes, largest operands [bytes] and time [s], per point."""
-    found, rng = [], np.random.default_rng(1)
+    times, rng = [], np.random.default_rng(1)
     for name, tangents in (("contact forces", False), ("contact forces with tangents", True)):
         of_kind = [call for call in calls.cycles if call[3] is tangents]
         chosen = [of_kind[i] for i in rng.permutation(len(of_kind))[:n_calls]]
         counts = np.array([(*of_cycle(*call), 1e-6 * least(lambda: call[0].cycle(*call[1:]))) for call in chosen])  # noqa: B023
         flop, size, seconds = counts.mean(axis=0) * len(of_kind) / n_points
-        found.append((name, flop, size, counts[:, 1].max(), seconds))
+        times.append((name, flop, size, counts[:, 1].max(), seconds))
     totals = np.zeros((2, 3))
     for (m, n, N, width), count in calls.rows.items():
         A, p = (rng.standard_normal(shape).astype(f"f{width}") for shape in ((m, n), (m, N)))
@@ -126,8 +126,8 @@ def repeated(calls: Calls, n_points: int, n_calls: int) -> list[tuple[str, float
         totals[1] += count * np.array([2.0 * m * n * n, width * m * n * (n + 2), 1e-6 * least(lambda: np.matmul(P, x))])  # noqa: B023
     largest = [max(m * n * width for m, n, _, width in calls.rows), max(m * n * n * width for m, n, width in calls.tangents)]
     for name, total, operands in zip(("rows of G times forces", "tangents times motion"), totals / n_points, largest):
-        found.append((name, total[0], total[1], operands, total[2]))
-    return found
+        times.append((name, total[0], total[1], operands, total[2]))
+    return times
 
 
 def main() -> None:

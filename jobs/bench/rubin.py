@@ -171,19 +171,19 @@ class PlainRubin:
                 return x, iteration, None
             step = solve_dense(self._jacobian(Z, forces), -r.ravel()).reshape(x.shape)
             for _ in range(MOST_HALVINGS):
-                found = self._evaluate(x + step, Z)
-                new = self._measured(measure.of, found[2])
+                trial = self._evaluate(x + step, Z)
+                new = self._measured(measure.of, trial[2])
                 if new < norm:
                     break
                 step = 0.5 * step
-            (x, forces, r), norm = found, new
+            (x, forces, r), norm = trial, new
         return x, MOST_ITERATIONS, f"{MOST_ITERATIONS} iterations, residual {norm / size:.1e} (bound {self.tolerance:.1e})"
 
     def _measured(self, call, *args):
         start = time.process_time()
-        found = call(*args)
+        result = call(*args)
         self.seconds_of_measure += time.process_time() - start
-        return found
+        return result
 
     def _evaluate(self, x: np.ndarray, Z: np.ndarray):
         """Return x, the contact forces and the residual Z x + R^T p - f, (n, N_H) [N]."""

@@ -20,11 +20,11 @@ N_POINTS = 24  # frequencies, over the range of the scene
 def amplitudes(structure, samples, law, at):
     """Return the complex amplitudes (n_levels, n_outputs, n), and the seconds they took."""
     start = time.perf_counter()
-    found = microslip.respond(structure, samples=samples, between_samples=law, at=at, error_bars=False)
+    response = microslip.respond(structure, samples=samples, between_samples=law, at=at, error_bars=False)
     seconds = time.perf_counter() - start
-    curves = [found[name] for name in found.outputs]
-    values = [[c.amplitude[i] * np.exp(1j * c.phase[i]) for c in curves] for i in range(len(found.levels))]
-    asked = [np.flatnonzero(np.isin(np.round(curves[0].frequency[i], 6), at)) for i in range(len(found.levels))]
+    curves = [response[name] for name in response.outputs]
+    values = [[c.amplitude[i] * np.exp(1j * c.phase[i]) for c in curves] for i in range(len(response.levels))]
+    asked = [np.flatnonzero(np.isin(np.round(curves[0].frequency[i], 6), at)) for i in range(len(response.levels))]
     return [np.array(v)[:, n] for v, n in zip(values, asked)], seconds
 
 
@@ -44,8 +44,10 @@ def main():
     for n in given.samples:
         cells = []
         for law in ("path", "return-map"):
-            found, seconds = amplitudes(structure, n, law, at)
-            error = max(np.abs(a - b).max() / np.abs(b).max() if a.shape == b.shape else np.nan for a, b in zip(found, reference))
+            values, seconds = amplitudes(structure, n, law, at)
+            error = max(
+                np.abs(a - b).max() / np.abs(b).max() if a.shape == b.shape else np.nan for a, b in zip(values, reference)
+            )
             cells.append(f"{100 * error:.2g} % | {seconds:.2f}")
         print(f"| {n} | {' | '.join(cells)} |", flush=True)
 

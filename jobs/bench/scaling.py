@@ -46,12 +46,12 @@ def stages_of(scene: Path, ranks: int, level: float, points: int, folder: Path) 
     environment = {"OPENBLAS_NUM_THREADS": "1", **os.environ, "MICROSLIP_CACHE": "off"}
     subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
     path = str(folder / "results.h5")
-    found: Stages = {}
+    stages: Stages = {}
     for stage in read_run(path).stages:
         name = READING if stage.name in ("model file", "mesh and contact pairs") else stage.name
-        found[name] = (found.get(name, (0.0, 0.0))[0] + stage.seconds, stage.memory)
+        stages[name] = (stages.get(name, (0.0, 0.0))[0] + stage.seconds, stage.memory)
     (curve,) = read_results(path, motion=False).levels
-    return {**{name: found[name] for name in SET_UP}, POINT: (float(curve.seconds.mean()), found["response"][1])}
+    return {**{name: stages[name] for name in SET_UP}, POINT: (float(curve.seconds.mean()), stages["response"][1])}
 
 
 def seconds(value: float) -> str:

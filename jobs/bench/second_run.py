@@ -29,9 +29,9 @@ def taken(scene: Path, ranks: int, folder: Path, *settings: str) -> dict[str, fl
     start = time.perf_counter()
     subprocess.run([*command, *(word for one in settings for word in ("--set", one))], check=True, stdout=subprocess.DEVNULL)
     whole = time.perf_counter() - start
-    found = {name: float(seconds) for name, seconds in STAGE.findall((folder / "run.log").read_text())}
-    setup = sum(seconds for name, seconds in found.items() if name not in (*OTHERS, "total"))
-    return {"whole": whole, "set-up": setup, **{name: found.get(name, 0.0) for name in OTHERS}}
+    stages = {name: float(seconds) for name, seconds in STAGE.findall((folder / "run.log").read_text())}
+    setup = sum(seconds for name, seconds in stages.items() if name not in (*OTHERS, "total"))
+    return {"whole": whole, "set-up": setup, **{name: stages.get(name, 0.0) for name in OTHERS}}
 
 
 def main() -> None:
@@ -53,9 +53,9 @@ def main() -> None:
             with tempfile.TemporaryDirectory() as place:
                 runs = {"first": (), "second": (other,), "second, no fields": (other, "response.fields=false")}
                 for i, (name, settings) in enumerate(runs.items()):
-                    found = taken(scene, ranks, Path(place) / str(i), *settings)
+                    stages = taken(scene, ranks, Path(place) / str(i), *settings)
                     print(
-                        f"| {scene.stem} | {ranks} | {name} | " + " | ".join(f"{one:.1f}" for one in found.values()) + " |",
+                        f"| {scene.stem} | {ranks} | {name} | " + " | ".join(f"{one:.1f}" for one in stages.values()) + " |",
                         flush=True,
                     )
 

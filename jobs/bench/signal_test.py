@@ -39,28 +39,28 @@ _MESSAGE = "microslip: error: "
 class SignalTest(Test):
     """The test of a scene in a folder: :class:`kill_test.Test`, with signals that can be answered in the place of SIGKILL."""
 
-    def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, found: Trial) -> Run:
+    def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, trial: Trial) -> Run:
         """Start a run, send it a signal at some moment, and note how it ended."""
         number, run = self.random.choice(SIGNALS), Run(self.command(ranks, out), self.folder / "said")
         self._wait_for_moment(run, goal)
         where = (["start"] + [name for name, _ in STAGE.findall(run.said())])[-1]
-        to, at = self._send(run, number, ranks, found.number), run.seconds
+        to, at = self._send(run, number, ranks, trial.number), run.seconds
         if self.random.random() < 1.0 / 3.0:
             time.sleep(self.random.uniform(0.0, 1.5))
-            self._send(run, number, ranks, found.number)
+            self._send(run, number, ranks, trial.number)
         status = run.wait(kill_test.LIMIT if number == signal.SIGUSR1 else WITHIN)
         while status is not None and members(run.process.pid) and run.seconds - at < WITHIN:  # mpirun ends before its ranks
             time.sleep(0.05)
         seconds, left = run.seconds - at, [] if status is None else members(run.process.pid)
         run.kill()
-        n = found.told = max(len(POINT.findall(text)) for text in (run.said(), _log(out)))
-        found.hit.append(f"{number.name} to {to}: {at:.2f} s, after {where}, point {n}: {status} after {seconds:.1f} s")
+        n = trial.told = max(len(POINT.findall(text)) for text in (run.said(), _log(out)))
+        trial.hit.append(f"{number.name} to {to}: {at:.2f} s, after {where}, point {n}: {status} after {seconds:.1f} s")
         if status is None:
-            found.wrong.append(f"had not ended {WITHIN:.0f} s after the signal")
-        found.wrong += [f"{len(left)} processes were left"] if left else []
-        found.wrong += _wrong(status, run.said(), number, to, at)
-        if found.wrong:
-            (self.folder / f"said_{ranks}_{found.number}").write_text(run.said())
+            trial.wrong.append(f"had not ended {WITHIN:.0f} s after the signal")
+        trial.wrong += [f"{len(left)} processes were left"] if left else []
+        trial.wrong += _wrong(status, run.said(), number, to, at)
+        if trial.wrong:
+            (self.folder / f"said_{ranks}_{trial.number}").write_text(run.said())
         return run
 
     def _wait_for_moment(self, run: Run, goal: Undisturbed) -> None:

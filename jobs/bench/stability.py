@@ -53,11 +53,11 @@ def main() -> None:
             there = iterate_of(point, problem, harmonics)
             equation = problem.equation.resolved(harmonics, point.samples)
             clock = time.process_time()
-            found = multipliers_at(equation, problem.at((point.omega,)), there.U)
+            multipliers = multipliers_at(equation, problem.at((point.omega,)), there.U)
             spent.append(time.process_time() - clock)
             print(
                 f"{point.omega / 2.0 / np.pi:10.3f} Hz, {np.count_nonzero(point.state):4d} slip or open: {1e3 * spent[-1]:7.0f} ms; "
-                f"largest multiplier {abs(found.values[0]):.5f}"
+                f"largest multiplier {abs(multipliers.values[0]):.5f}"
             )
         print(f"a point of the curve: {1e3 * solved / len(branch.points):.0f} ms on average, all included")
         print(f"its multipliers: {1e3 * np.median(spent):.0f} ms (median), {1e3 * max(spent):.0f} ms (most), where pairs slip")

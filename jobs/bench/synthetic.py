@@ -51,11 +51,11 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
 
     def columns(pairs: np.ndarray) -> np.ndarray:
         chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
-        found = (R_phi[own] / omega_n**2) @ R_phi[chosen].T
+        flexibility = (R_phi[own] / omega_n**2) @ R_phi[chosen].T
         between = G_local[offsets(own[::3] // 3, pairs, shape)]  # (n_owned, m)
         for direction in range(3):
-            found[direction::3, direction::3] += between
-        return found
+            flexibility[direction::3, direction::3] += between
+        return flexibility
 
     b = np.zeros((n_modes, 1))
     b[0] = 1.0

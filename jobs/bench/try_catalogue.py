@@ -40,9 +40,9 @@ ENTRIES = {
 
 def chosen(asked: argparse.Namespace) -> list[tuple[str, str, object]]:
     """Return sort, name and entry of those that are asked for."""
-    found = [(sort, name, entry) for sort in asked.sorts for name, entry in ENTRIES[sort] if asked.only in name]
-    found = [one for one in found if not (getattr(one[2], "not_by_root", False) and os.geteuid() == 0)]
-    return found[:: asked.every]
+    entries = [(sort, name, entry) for sort in asked.sorts for name, entry in ENTRIES[sort] if asked.only in name]
+    entries = [one for one in entries if not (getattr(one[2], "not_by_root", False) and os.geteuid() == 0)]
+    return entries[:: asked.every]
 
 
 def message(said: str) -> str:

@@ -61,11 +61,11 @@ class Table:
 
     def named(self) -> list[tuple[str, list[str]]]:
         """Return the rows, each with its name: its first cell, or the one above where that is empty."""
-        name, found = "", []
+        name, rows = "", []
         for row in self.rows:
             name = row[0] or name
-            found.append((plain(name), row))
-        return found
+            rows.append((plain(name), row))
+        return rows
 
 
 @dataclass
@@ -92,7 +92,7 @@ class Comparison:
 def plain(text: str) -> str:
     """Return a cell as it reads: one minus and hyphen, no marks, no commas in numbers, lengths in m, no brackets after words."""
     text = re.sub(r"(?<=\d),(?=\d{3})", "", text.replace("\N{MINUS SIGN}", "-").replace("×", "x"))
-    text = LENGTH.sub(lambda found: f"{in_powers(found[1], POWERS[found[2]])} m", text)
+    text = LENGTH.sub(lambda matched: f"{in_powers(matched[1], POWERS[matched[2]])} m", text)
     return re.sub(r"[`*$\\]|(?<=[a-z]) \(.*\)$", "", text).strip()
 
 
@@ -110,24 +110,24 @@ def peaks(text: str) -> list[Table]:
 
 def tables(text: str) -> list[Table]:
     """Return the Markdown tables of a text that have rows, of a page or of what a command prints."""
-    found: list[Table] = []
+    result: list[Table] = []
     rows: list[list[str]] = []
     for number, line in enumerate([*text.splitlines(), ""], 1):
         if line.lstrip().startswith("|"):
             rows.append([cell.strip() for cell in line.strip().strip("|").split("|")])
         elif rows:
             named = len(rows) > 1 and all(re.fullmatch(":?-+:?", cell) for cell in rows[1])
-            found.append(Table(number - len(rows), rows[0] if named else [], rows[2:] if named else rows))
+            result.append(Table(number - len(rows), rows[0] if named else [], rows[2:] if named else rows))
             rows = []
-    return [one for one in found if one.rows]
+    return [one for one in result if one.rows]
 
 
 def commands(page: str) -> list[str]:
     """Return the commands a page names, in code within its text and in blocks of their own, each once."""
     joined = page.replace("\\\n", " ")
     spans = re.findall(r"`([^`\n]+)`|^ {4}(\S.*)$", joined, flags=re.M)
-    found = (re.sub(r" {2,}#.*", "", inline or block).strip() for inline, block in spans)
-    return list(dict.fromkeys(re.sub(r"\s+", " ", one) for one in found if COMMAND.fullmatch(one)))
+    texts = (re.sub(r" {2,}#.*", "", inline or block).strip() for inline, block in spans)
+    return list(dict.fromkeys(re.sub(r"\s+", " ", one) for one in texts if COMMAND.fullmatch(one)))
 
 
 def copy_project(copy: Path) -> None:
@@ -198,9 +198,9 @@ def compare(page: Table, made: Table) -> Comparison:
             (compared_rows(page, name, row, other, pairs), other) for other in left.get(name, []) if meshes(row) == meshes(other)
         ]
         if tried:
-            found, other = max(tried, key=lambda one: (alike(row, one[1]), one[0].equal))
+            closest, other = max(tried, key=lambda one: (alike(row, one[1]), one[0].equal))
             left[name].remove(other)
-            result.add(found)
+            result.add(closest)
     return result
 
 
@@ -270,9 +270,9 @@ def examined(path: Path, asked: argparse.Namespace) -> Counter:
         copy = Path(place) / "project"
         copy_project(copy)
         for command in chosen:
-            said, found = output(command, asked.seconds, copy)
-            print(f"  {command}\n    {said}, tables: {len(found)}", flush=True)
-            made += [(command, one) for one in found]
+            said, printed = output(command, asked.seconds, copy)
+            print(f"  {command}\n    {said}, tables: {len(printed)}", flush=True)
+            made += [(command, one) for one in printed]
     return compared(tables(text), made)
 
 
@@ -287,11 +287,11 @@ def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
     counts: Counter = Counter(tables=len(page))
     for table in page:
         head = f"  line {table.line}, {' | '.join(table.header)[:60]}: "
-        found = nearest(table, made)
-        if found is None:
+        closest = nearest(table, made)
+        if closest is None:
             print(head + "no command that ran made it")
             continue
-        one = found[1]
+        one = closest[1]
         ratios = f", {one.ratios} {RATIO}, by up to {one.change:.2g} apart" if one.ratios else ""
         numbers = f"{one.equal} of {one.judged} numbers agree, {one.machine} {MACHINE}"
         print(f"{head}{one.rows} of {len(table.rows)} rows, {numbers}{ratios}")

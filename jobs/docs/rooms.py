@@ -78,16 +78,16 @@ ENDS = (
 def imports(path: Path, with_types: bool = False) -> set[str]:
     """Return the modules that a file imports: "numpy", "microslip.mesh.data"; for type checking alone only if asked for."""
     here = ("microslip", *path.relative_to(PACKAGE).parts[:-1])
-    found = set()
+    modules = set()
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in ast.walk(tree) if with_types else _running(tree):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            modules |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             base = here[: len(here) + 1 - node.level] if node.level else ()
             module = ".".join((*base, *([node.module] if node.module else [])))
-            found |= {f"{module}.{alias.name}" for alias in node.names} if module in ("microslip", ".".join(here)) else {module}
-    return found
+            modules |= {f"{module}.{alias.name}" for alias in node.names} if module in ("microslip", ".".join(here)) else {module}
+    return modules
 
 
 def _running(node: ast.AST):
@@ -107,14 +107,14 @@ def rooms() -> list[str]:
 def imported() -> dict[str, dict[str, set[str]]]:
     """Return {room: {room that it imports: {files that do}}}."""
     names = rooms()
-    found: dict[str, dict[str, set[str]]] = {room: {} for room in names}
+    importers: dict[str, dict[str, set[str]]] = {room: {} for room in names}
     for room in names:
         for path in (PACKAGE / room).rglob("*.py"):
             for module in imports(path):
                 other = module.split(".")[1] if module.startswith("microslip.") else ""
-                if other in found and other != room:
-                    found[room].setdefault(other, set()).add(str(path.relative_to(PACKAGE)))
-    return found
+                if other in importers and other != room:
+                    importers[room].setdefault(other, set()).add(str(path.relative_to(PACKAGE)))
+    return importers
 
 
 def arrows() -> list[tuple[str, str]]:
@@ -129,12 +129,12 @@ def arrows() -> list[tuple[str, str]]:
 
 def _below(room: str, direct: dict[str, set[str]]) -> set[str]:
     """Return all that a room imports, at whatever remove."""
-    found: set[str] = set()
+    below: set[str] = set()
     new = set(direct[room])
     while new:
-        found |= new
-        new = set().union(*(direct[one] for one in new)) - found
-    return found
+        below |= new
+        new = set().union(*(direct[one] for one in new)) - below
+    return below
 
 
 # -- the picture ---------------------------------------------------------------------------------------------------

@@ -51,11 +51,11 @@ def main() -> None:
     clock = Clock(partial(print, flush=True))
     prepared = prepare(options.scene, MPI.COMM_SELF, options.points)
     clock.lap("mesh to reduced model, all static columns")
-    found = study(prepared, sorted(options.tolerances), options.steps, not options.no_rubin, clock)
+    solved = study(prepared, sorted(options.tolerances), options.steps, not options.no_rubin, clock)
     (folder / "img").mkdir(parents=True, exist_ok=True)
     remove_old(folder / "img")
-    figures = draw_all(found, folder / "img")
-    put(folder / "paper.md", tables(found))
+    figures = draw_all(solved, folder / "img")
+    put(folder / "paper.md", tables(solved))
     print(f"{folder / 'paper.md'} and {len(figures)} figures after {time.perf_counter() - start:.0f} s")
 
 

@@ -287,6 +287,6 @@ def all_trials(
 
 def cells(trial: Trial) -> list[str]:
     """Return a trial as it stands in the table."""
-    tried = [f"{found.largest:.1e}" + (" (stopped)" if found.failure else "") for found in (trial.original, trial.improved)]
-    peaks = [f"{found.peak:+.1e}" for found in (trial.original, trial.improved)]
+    tried = [f"{curve.largest:.1e}" + (" (stopped)" if curve.failure else "") for curve in (trial.original, trial.improved)]
+    peaks = [f"{curve.peak:+.1e}" for curve in (trial.original, trial.improved)]
     return [f"{trial.level:g}", trial.setting.name, str(trial.solved), *tried, *peaks, trial.better]

@@ -57,7 +57,7 @@ def in_point(trials: Sequence[Trial]) -> list[str]:
             f"{trial.level:g}",
             trial.setting.name,
             *map(largest, (trial.original, trial.original_again, trial.improved_again)),
-            *(f"{found.peak:+.1e}" for found in (trial.original, trial.improved_again)),
+            *(f"{followed.peak:+.1e}" for followed in (trial.original, trial.improved_again)),
             judged(trial.improved_again, trial.original),
             judged(trial.improved_again, trial.original_again),
         ]
@@ -78,8 +78,8 @@ def in_point(trials: Sequence[Trial]) -> list[str]:
     return table(titles, rows, words=2)
 
 
-def largest(found: Found | None) -> str:
-    return "" if found is None else f"{found.largest:.1e}" + (" (stopped)" if found.failure else "")
+def largest(followed: Found | None) -> str:
+    return "" if followed is None else f"{followed.largest:.1e}" + (" (stopped)" if followed.failure else "")
 
 
 def own_steps(own: Sequence[Own]) -> list[str]:
@@ -112,14 +112,14 @@ def draw(trials: Sequence[Trial], scene) -> Page:
         sheet = Page(scene, says, WIDTH, 2.7, handles)
         axes = sheet.grid(1, len(shown)).subplots(squeeze=False, sharey=True, sharex=True)[0]
         for ax, trial in zip(axes, shown):
-            for found, colour, style in (
+            for followed, colour, style in (
                 (trial.original, ONE, "-"),
                 (trial.improved, OTHER, "-"),
                 (trial.original_again, ONE, ":"),
                 (trial.improved_again, OTHER, ":"),
             ):
-                if found:
-                    ax.plot(found.omega / (2.0 * np.pi), np.maximum(found.error, FLOOR), style, color=colour, lw=1.0)
+                if followed:
+                    ax.plot(followed.omega / (2.0 * np.pi), np.maximum(followed.error, FLOOR), style, color=colour, lw=1.0)
             ax.set(yscale="log", xlabel="frequency [Hz]", ylim=(FLOOR / 2.0, 1.0))
             ax.set_title(trial.setting.name.replace("original keeps ", "original keeps\n"), loc="left")
             ax.locator_params(axis="x", nbins=5)
@@ -142,7 +142,7 @@ def chosen(trials: Sequence[Trial]) -> list[Trial]:
 
 def _where_pairs_slip(trials: Sequence[Trial]) -> tuple[float, float]:
     """Return the frequencies between which any of the trials errs, and a margin [Hz]."""
-    wrong = [found.omega[found.error > FLOOR] for trial in trials for found in (trial.original, trial.improved)]
+    wrong = [followed.omega[followed.error > FLOOR] for trial in trials for followed in (trial.original, trial.improved)]
     every = np.concatenate(wrong) / (2.0 * np.pi)
     if len(every) == 0:
         every = trials[0].original.omega / (2.0 * np.pi)

@@ -199,8 +199,8 @@ def adaptive(study: Study) -> Page | None:
             curve.plot(run.frequency, factor * run.amplitude, style, color=colour, lw=0.9)
             _differences(error, run, exact, color=colour, ls=style, lw=0.9)
         if level.rubin:
-            at, found = exact.peak, amplitude(level.rubin.response[0][0])
-            curve.plot(exact.frequency[at], factor * found, "D", color=RUBIN, ms=5, mfc="none", mew=1.3)
+            at, height = exact.peak, amplitude(level.rubin.response[0][0])
+            curve.plot(exact.frequency[at], factor * height, "D", color=RUBIN, ms=5, mfc="none", mew=1.3)
             off = np.abs(level.rubin.response[0] - exact.points[at].response).max() / np.abs(exact.points[at].response).max()
             error.plot(exact.frequency[at], off, "D", color=RUBIN, ms=5, mfc="none", mew=1.3)
         _marks(curve, error, level)
@@ -210,8 +210,8 @@ def adaptive(study: Study) -> Page | None:
 
 
 def _differences(ax, run: Run, exact: Run, **looks) -> None:
-    found = np.maximum(errors(run, exact), FLOOR)
-    ax.plot(exact.frequency[: len(found)], found, **looks)
+    error = np.maximum(errors(run, exact), FLOOR)
+    ax.plot(exact.frequency[: len(error)], error, **looks)
 
 
 def _slip_range(level: Level) -> tuple[float, float]:
@@ -446,11 +446,11 @@ def steps(study: Study) -> Page | None:
     axes = page.grid(1, 2).subplots(sharey=True)
     for ax, rule in zip(axes, (ARC, EQUAL)):
         for level in levels:
-            found = [step for step in study.steps if (step.level, step.rule) == (level, rule) and not step.failure]
-            found.sort(key=lambda step: step.solved)
-            n = [step.solved for step in found]
-            ax.plot(n, np.maximum([step.largest for step in found], FLOOR), "o-", color=colours[level], ms=3.5)
-            ax.plot(n, np.maximum([abs(step.at_peak) for step in found], FLOOR), "s:", color=colours[level], ms=3.5, mfc="white")
+            chosen = [step for step in study.steps if (step.level, step.rule) == (level, rule) and not step.failure]
+            chosen.sort(key=lambda step: step.solved)
+            n = [step.solved for step in chosen]
+            ax.plot(n, np.maximum([step.largest for step in chosen], FLOOR), "o-", color=colours[level], ms=3.5)
+            ax.plot(n, np.maximum([abs(step.at_peak) for step in chosen], FLOOR), "s:", color=colours[level], ms=3.5, mfc="white")
         ticks = sorted({step.asked for step in study.steps})
         ax.set(xscale="log", yscale="log", xlabel="points", ylim=(FLOOR / 3.0, 1.0))
         ax.set_xticks(ticks, [str(n) for n in ticks])

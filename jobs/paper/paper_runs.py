@@ -149,8 +149,8 @@ class Study:
     def lu_seconds(self, unknowns) -> np.ndarray:
         """Return seconds of one dense LU, on straight lines between the sizes timed, in logarithms; cubic beyond them."""
         sizes, times = np.array(sorted(self.lu)), np.array([self.lu[size] for size in sorted(self.lu)])
-        found = np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(times)))
-        return np.where(np.asarray(unknowns) > sizes[-1], times[-1] * (np.asarray(unknowns) / sizes[-1]) ** 3, found)
+        seconds = np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(times)))
+        return np.where(np.asarray(unknowns) > sizes[-1], times[-1] * (np.asarray(unknowns) / sizes[-1]) ** 3, seconds)
 
 
 def study(prepared: Prepared, tolerances: Sequence[float], steps: Sequence[int], rubin_points: bool, clock: Clock) -> Study:
@@ -160,12 +160,12 @@ def study(prepared: Prepared, tolerances: Sequence[float], steps: Sequence[int],
     condensed_at_peak(prepared, levels[-1], clock)
     slipping = [level for level in levels if level.slips]
     chosen = slipping[:: max(len(slipping) - 1, 1)]  # the first and the last
-    found = [step for level in chosen for step in of_steps(prepared, level.level, steps)]
+    all_steps = [step for level in chosen for step in of_steps(prepared, level.level, steps)]
     clock.lap("effect of the step")
     size = (6 * model.n_pairs + model.n_modes + len(model.f)) * model.N_H
     if rubin_points and prepared.structure.mesh is not None:
         rubin_at_peaks(prepared, list(dict.fromkeys([0, len(levels) - 1])), levels, clock)
-    whole = Study(prepared, levels, found, size)
+    whole = Study(prepared, levels, all_steps, size)
     most = max(int(level.adaptive.unknowns.max()) for level in levels)
     for n in sorted({n for n in LU_SIZES if n < most} | {most, size} - {n for n in (size,) if n > MOST_LU}):
         whole.lu[n] = one_lu(n)
@@ -201,7 +201,7 @@ def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], cloc
         at_omegas = partial(at_frequencies, problem, omegas=omegas, tolerance=tolerance)
         solve = partial(solved, problem, at_omegas, watch)
         reference = solve("receptance", AllPairs(), motion=True)
-        found = Level(
+        result = Level(
             reference,
             solve("adaptive", NonStickingPairs(), motion=True),
             solve("adaptive, checked", NonStickingPairs(True)),
@@ -212,7 +212,7 @@ def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], cloc
             },
         )
     clock.lap(f"{level:g} N: {len(omegas)} points, {len(tolerances) + 6} runs")
-    return found
+    return result
 
 
 def condensed_at_peak(prepared: Prepared, level: Level, clock: Clock) -> None:
@@ -239,19 +239,19 @@ def solved(problem, at_omegas: Callable, watch, method: str, selection, motion: 
 
 def moves(problem, U: np.ndarray) -> np.ndarray:
     """Return which pairs have p != 0 under a motion, (n_pairs,) bool; some of them slip only while the cycle settles."""
-    found, everything = np.zeros(len(U), dtype=bool), np.ones(len(U), dtype=bool)
-    found[problem.equation.contact_forces(U, everything, tangents=False).active] = True
-    return found
+    active, everything = np.zeros(len(U), dtype=bool), np.ones(len(U), dtype=bool)
+    active[problem.equation.contact_forces(U, everything, tangents=False).active] = True
+    return active
 
 
 def idle(study: Study, level: Level) -> Idle:
     """Return the pairs that the energy test drops at the peak of a level though they carry something."""
     top, pairs = level.reference.points[level.reference.peak], study.prepared.structure.pairs
     moving = top.p.any(axis=(1, 2))
-    found = moving & (top.energy <= EPSILON) & (top.state == STICK)
+    is_idle = moving & (top.energy <= EPSILON) & (top.state == STICK)
     limit = np.maximum(pairs.mu * pairs.N0, 1e-300)
     traction = np.linalg.norm(top.p[:, :2, 0], axis=1) / limit
-    return Idle(int(moving.sum()), int(found.sum()), float(traction[found].max(initial=0.0)))
+    return Idle(int(moving.sum()), int(is_idle.sum()), float(traction[is_idle].max(initial=0.0)))
 
 
 def errors(run: Run, reference: Run) -> np.ndarray:
@@ -267,7 +267,7 @@ def peak_error(run: Run, reference: Run) -> float:
 def of_steps(prepared: Prepared, level: float, steps: Sequence[int]) -> list[Step]:
     """Return the error of `adaptive` at points that `receptance` chooses, and at equal steps of frequency."""
     problem, tolerance, sweep = prepared.problem(level), prepared.scene.solver.tolerance, prepared.sweep
-    found = []
+    done = []
     for n in steps:
         curve = follow_branch(BranchTask(problem, AllPairs(), sweep, prepared.steps_of(n), tolerance), 10 * n)
         omegas = {ARC: going_on(curve.points, sweep.direction), EQUAL: list(np.linspace(sweep.start, sweep.stop, n))}
@@ -275,8 +275,8 @@ def of_steps(prepared: Prepared, level: float, steps: Sequence[int]) -> list[Ste
             exact, late = (
                 at_frequencies(problem, selection, at, tolerance=tolerance) for selection in (AllPairs(), NonStickingPairs())
             )
-            found.append(step_of(level, rule, n, exact, late))
-    return found
+            done.append(step_of(level, rule, n, exact, late))
+    return done
 
 
 def step_of(level: float, rule: str, asked: int, exact, late) -> Step:

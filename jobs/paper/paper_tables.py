@@ -246,8 +246,8 @@ def checked(study: Study) -> float:
 def dense_newton(study: Study) -> str:
     """Return the difference of dense Newton over all pairs from the reference, where it was solved."""
     solved = [level for level in study.levels if level.condensed]
-    found = [(level.condensed.response[0], at_peak(level).response) for level in solved]
-    return small(max(np.abs(dense - ours).max() / np.abs(dense).max() for dense, ours in found), ".0e") if found else NOT_MEASURED
+    pairs = [(level.condensed.response[0], at_peak(level).response) for level in solved]
+    return small(max(np.abs(dense - ours).max() / np.abs(dense).max() for dense, ours in pairs), ".0e") if pairs else NOT_MEASURED
 
 
 def early(study: Study) -> str:

@@ -133,21 +133,21 @@ def reason(message: str, path: Path) -> str:
     return re.sub(r"\b\d+\b", "N", text)[:170]
 
 
-def package_row(package: dict, found: list[Checked] | None) -> list[str]:
+def package_row(package: dict, files: list[Checked] | None) -> list[str]:
     """Return the row of a package."""
     name = f"`{package['fetch'][1]}`" if package["fetch"][0] != "git" else f"github.com/{package['fetch'][1]}"
     client = {"pip": "PyPI", "pip-source": "PyPI, source", "apt": "Debian", "git": "repository"}[package["fetch"][0]]
-    counts = Counter(one.outcome for one in found or ())
+    counts = Counter(one.outcome for one in files or ())
     numbers = (
-        [str(len(found)), str(counts["read"]), str(counts["refused"]), str(counts["stopped"])] if found is not None else ["–"] * 4
+        [str(len(files)), str(counts["read"]), str(counts["refused"]), str(counts["stopped"])] if files is not None else ["–"] * 4
     )
     return [package["name"], f"{client}: {name}", package["licence"], package["program"], *numbers]
 
 
-def reason_rows(package: dict, found: list[Checked]) -> list[list[str]]:
+def reason_rows(package: dict, files: list[Checked]) -> list[list[str]]:
     """Return a row for each reason to refuse files of a package."""
-    counts = Counter(one.why for one in found if one.outcome != "read")
-    examples = {one.why: one.file.name for one in reversed(found)}
+    counts = Counter(one.why for one in files if one.outcome != "read")
+    examples = {one.why: one.file.name for one in reversed(files)}
     return [[package["name"], why.replace("|", "\\|"), examples[why], str(n)] for why, n in counts.most_common()]
 
 
@@ -216,13 +216,13 @@ def model_row(path: Path, model: dict, program: str, scratch: Path) -> list[str]
     unit = model.get("unit", "")
     if why:
         return [name, program, f"no: {why}", str(n), f"{_numbers(target)}{unit} ({source})", "–", "–"]
-    found = frequencies(out, model)[model.get("skip", 0) :]
-    ratios = found[: len(target)] / target[: len(found)]
+    computed = frequencies(out, model)[model.get("skip", 0) :]
+    ratios = computed[: len(target)] / target[: len(computed)]
     digits = 7 if "CalculiX" in source else 4
     ends = [f"{value:.{digits}f}" for value in (ratios.min(), ratios.max())] if len(ratios) else ["–"]
     said = " to ".join(dict.fromkeys(ends))
     goal = f"{_numbers(target)}{unit} ({source})" if len(target) else source
-    return [name, program, "yes", str(n), goal, _numbers(found[: max(len(target), 1)]), said]
+    return [name, program, "yes", str(n), goal, _numbers(computed[: max(len(target), 1)]), said]
 
 
 def curve_rows(path: Path, model: dict, program: str, scratch: Path) -> list[list[str]]:
@@ -242,8 +242,8 @@ def curve_rows(path: Path, model: dict, program: str, scratch: Path) -> list[lis
         goal, ratio = model.get("source", "–"), "–"
         if "peak" in model:
             ratio = f"{size / model['peak'][0]:.4f} at {float(top['frequency_Hz']) / model['peak'][1]:.4f}"
-        found = f"{size:.5g} m at {float(top['frequency_Hz']):.5g} Hz"
-        rows.append([name, program, str(n), str(pairs), f"{float(level):g} N", found, bar, moving, goal, ratio])
+        peak = f"{size:.5g} m at {float(top['frequency_Hz']):.5g} Hz"
+        rows.append([name, program, str(n), str(pairs), f"{float(level):g} N", peak, bar, moving, goal, ratio])
     return rows
 
 
@@ -270,9 +270,9 @@ def main() -> None:
             place = fetched(package, folder.absolute())
             files = [] if place is None else files_of(package, place)
             if package["fetch"][0] != "built":
-                found = [checked(path) for path in files]
-                packages.append(package_row(package, None if place is None else found))
-                reasons += reason_rows(package, found)
+                results = [checked(path) for path in files]
+                packages.append(package_row(package, None if place is None else results))
+                reasons += reason_rows(package, results)
                 print(*packages[-1], sep=" | ", flush=True)
             for model in listed["models"]:
                 paths = [path for path in files if model["package"] == package["name"] and path.name == model["file"]]
