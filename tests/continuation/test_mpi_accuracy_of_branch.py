@@ -56,19 +56,19 @@ def test_a_branch_meets_the_accuracy_asked_for(level, target):
     problem, estimator = problem_of("chain", level)
     accuracy = Accuracy(target, Resolution(Harmonics.up_to(1), 16))
     task = BranchTask(problem, AllPairs(), Sweep(LOW, HIGH), steps_for(target), 1e-9, estimator, accuracy)
-    found = follow_branch(task, 2000)
-    assert found.failure is None
+    curve = follow_branch(task, 2000)
+    assert curve.failure is None
     fine, _ = problem_of("chain", level, 15, 2048)
-    omegas = COMM.bcast([point.omega for point in found.points])
+    omegas = COMM.bcast([point.omega for point in curve.points])
     reference = at_frequencies(fine, AllPairs(), omegas, tolerance=1e-10)
-    true = np.abs(amplitudes(found.points) - amplitudes(reference.points)) / np.abs(amplitudes(reference.points)).max()
+    true = np.abs(amplitudes(curve.points) - amplitudes(reference.points)) / np.abs(amplitudes(reference.points)).max()
     assert true.max() <= target
-    assert target == 1e-2 or max(point.harmonics for point in found.points) > 1
-    assert min(point.samples for point in found.points) > 16
+    assert target == 1e-2 or max(point.harmonics for point in curve.points) > 1
+    assert min(point.samples for point in curve.points) > 16
     # the curve between the points
     between = np.linspace(LOW, HIGH, 40)[1:-1]
     finer = at_frequencies(fine, AllPairs(), list(between), tolerance=1e-9)
-    straight = np.interp(between, omegas, np.abs(amplitudes(found.points)))
+    straight = np.interp(between, omegas, np.abs(amplitudes(curve.points)))
     assert np.abs(straight - np.abs(amplitudes(finer.points))).max() <= 2.0 * target * straight.max()
 
 
@@ -81,11 +81,11 @@ def test_an_accuracy_of_the_corrected_amplitude_is_met_with_fewer_harmonics(targ
     exact = amplitudes(at_frequencies(fine, AllPairs(), omegas, tolerance=1e-10).points)
     for is_corrected in (False, True):
         accuracy = Accuracy(target, Resolution(Harmonics.up_to(1), 16), is_corrected=is_corrected)
-        found = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
-        assert found.failure is None
-        u = np.array([(one.corrected[0] if is_corrected else one.response[0, 1:3]) @ [1.0, -1.0j] for one in found.points])
+        curve = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
+        assert curve.failure is None
+        u = np.array([(one.corrected[0] if is_corrected else one.response[0, 1:3]) @ [1.0, -1.0j] for one in curve.points])
         assert np.abs(u - exact).max() <= target * np.abs(exact).max()
-        spent[is_corrected] = COMM.bcast([point.harmonics for point in found.points])
+        spent[is_corrected] = COMM.bcast([point.harmonics for point in curve.points])
     estimator.destroy()
     assert np.sum(spent[True]) < np.sum(spent[False])
 
@@ -95,18 +95,18 @@ def test_parts_of_a_corrected_bar_are_those_of_what_remains():
     remaining = np.array(
         [3.0 * (1.0 + 0.2 * 50.0 + 0.25 * (8.0 + 4.0) + 4.0), total(parts)[1]]
     )  # the first with 4 beyond first order
-    found = parts_of_corrected(parts, remaining)
-    np.testing.assert_allclose(found[0], [1.0, 14.0, 2.0, 0.0, 0.5, 1.0])
-    np.testing.assert_array_equal(found[1], parts[1])  # which is not corrected
-    assert (found <= parts).all()
+    corrected = parts_of_corrected(parts, remaining)
+    np.testing.assert_allclose(corrected[0], [1.0, 14.0, 2.0, 0.0, 0.5, 1.0])
+    np.testing.assert_array_equal(corrected[1], parts[1])  # which is not corrected
+    assert (corrected <= parts).all()
 
 
 def test_stated_harmonics_and_samples_stay():
     problem, estimator = problem_of("chain", 100.0, H=2, n_samples=48)
     accuracy = Accuracy(1e-4, Resolution(Harmonics.up_to(2), 48), frozenset({"harmonics", "samples"}), chooses_steps=False)
     omegas = [550.0, 560.0]
-    found = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
-    assert {(point.harmonics, point.samples) for point in found.points} == {(2, 48)}
+    curve = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
+    assert {(point.harmonics, point.samples) for point in curve.points} == {(2, 48)}
 
 
 def test_odd_harmonics_stay_odd_and_samples_suffice():
@@ -122,11 +122,11 @@ def test_odd_harmonics_stay_odd_and_samples_suffice():
 
 def judged(accuracy, now, errors, memory, ask):
     """Return what ``ask``, a method of an accuracy, chooses after each of some errors, and the memory after the last."""
-    found = []
+    judgements = []
     for error in errors:
         choice, memory = getattr(accuracy, ask)(now, *accuracy.ratios(np.array([1.0]), error, memory))
-        found.append(choice)
-    return found, memory
+        judgements.append(choice)
+    return judgements, memory
 
 
 def test_what_is_calm_is_lowered_and_what_came_back_stays_longer():
@@ -166,12 +166,12 @@ def test_a_residual_that_is_felt_is_tightened_until_it_is_calm():
     tight, accuracy = replace(loose, tolerance=1e-8), Accuracy(1e-2, loose)
     nothing, felt = np.zeros((1, 5)), np.zeros((1, 5))
     felt[0, PARTS.index("solver")] = 0.2e-2
-    found, memory = judged(accuracy, loose, [nothing, felt], Memory(), "finer")
-    assert found == [None, tight]
-    found, memory = judged(accuracy, tight, [felt], memory, "finer")
-    assert found == [None]
-    found, _ = judged(accuracy, tight, [nothing] * 6, memory, "coarser")
-    assert [resolution.tolerance for resolution in found] == [1e-8] * 5 + [1e-4]
+    judgements, memory = judged(accuracy, loose, [nothing, felt], Memory(), "finer")
+    assert judgements == [None, tight]
+    judgements, memory = judged(accuracy, tight, [felt], memory, "finer")
+    assert judgements == [None]
+    judgements, _ = judged(accuracy, tight, [nothing] * 6, memory, "coarser")
+    assert [resolution.tolerance for resolution in judgements] == [1e-8] * 5 + [1e-4]
     stated = Accuracy(1e-2, loose, frozenset({"solver"}))
     assert judged(stated, loose, [felt], Memory(), "finer")[0] == [None]
 
@@ -194,10 +194,10 @@ def test_the_solver_s_part_stays_within_its_share(tolerance):
     problem, estimator = problem_of("chain", 100.0)
     accuracy = Accuracy(1e-3, Resolution(Harmonics.up_to(3), 128, tolerance), frozenset({"harmonics", "samples"}))
     omegas = list(np.linspace(LOW, HIGH, 12))
-    found = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
-    assert found.failure is None
-    peak = np.abs(amplitudes(found.points)).max()
-    parts = np.array([point.error[0, PARTS.index("solver")] for point in found.points])
+    curve = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
+    assert curve.failure is None
+    peak = np.abs(amplitudes(curve.points)).max()
+    parts = np.array([point.error[0, PARTS.index("solver")] for point in curve.points])
     assert parts.max() <= SHARES["solver"] * 1e-3 * peak
     assert (parts.max() > 1e-8 * peak) == (tolerance < 1e-1)  # which is felt at the first point, and tightened at once
 

@@ -31,9 +31,9 @@ def scene(name):
     [(0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843))],
 )
 def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, frequencies):
-    found = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies, points=20)
-    requested = [point for point in found.points if point.requested]
-    assert found.failure is None
+    curve = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies, points=20)
+    requested = [point for point in curve.points if point.requested]
+    assert curve.failure is None
     assert [point.omega for point in requested] == pytest.approx(frequencies, abs=1e-12)
     # the sampled loop converges as N_t^-2; the exact amplitude is known to 12 digits
     assert [amplitude(point) for point in requested] == pytest.approx([X, X], rel=4e-6)
@@ -48,8 +48,8 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
 def test_points_are_solutions_of_an_independent_harmonic_balance(name, level, omega):
     system = {**scene(name), "sampled": True}
     low = {"gap": system["omega"][0]}.get(name, system["omega"][0])
-    found = branch(system, COMM, level, low=low, H=5, n_samples=64, at=(omega,))
-    point = next(point for point in found.points if point.requested)
+    curve = branch(system, COMM, level, low=low, H=5, n_samples=64, at=(omega,))
+    point = next(point for point in curve.points if point.requested)
     if COMM.rank > 0:  # motions and forces are recorded on rank 0
         return
     model, _ = reduced(system, COMM, 5)
@@ -82,18 +82,18 @@ def full_motion(system, level, point):
 def test_energy_closes_at_every_point(name):
     system = scene(name)
     for level, *_ in system["levels"].values():
-        found = branch(system, COMM, level, points=20)
-        assert found.failure is None
-        closure = [abs(p.input - p.damping - p.friction) / p.input for p in found.points]
+        curve = branch(system, COMM, level, points=20)
+        assert curve.failure is None
+        closure = [abs(p.input - p.damping - p.friction) / p.input for p in curve.points]
         assert max(closure) < 1e-6
-        assert min(point.energy.min() for point in found.points) > -1e-9 * max(point.input for point in found.points)
+        assert min(point.energy.min() for point in curve.points) > -1e-9 * max(point.input for point in curve.points)
 
 
 def test_linear_curve_is_met_to_roundoff_and_costs_no_newton_step():
     system = scene("chain")
-    found = branch(system, COMM, 1e-3)
+    curve = branch(system, COMM, 1e-3)
     K_L, C = scenes.stuck_stiffness(system), scenes.damping_matrix(system)
-    for point in found.points:
+    for point in curve.points:
         Z = K_L - point.omega**2 * system["M"] + 1j * point.omega * C
         force = 1e-3 * sum(entry["vector"] * np.exp(1j * entry["phase"]) for entry in map(as_array, system["loads"]))
         exact = system["output"] @ np.linalg.solve(Z, force)
@@ -130,22 +130,22 @@ def distance_to_polyline(point, line):
 
 @pytest.mark.ranks(1)
 def test_second_point_does_not_jump_over_the_folds_beside_the_first():
-    found = branch(scene("spatial"), COMM, 0.8, low=0.97, high=1.9, H=5, points=30)
-    assert found.failure is None
-    assert max(amplitude(point) for point in found.points) > 3.5  # 2.1 at the start; the peak lies between two folds
+    curve = branch(scene("spatial"), COMM, 0.8, low=0.97, high=1.9, H=5, points=30)
+    assert curve.failure is None
+    assert max(amplitude(point) for point in curve.points) > 3.5  # 2.1 at the start; the peak lies between two folds
 
 
 def test_branch_that_leaves_the_range_at_its_start_says_so():
-    found = branch(scene("spatial"), COMM, 0.8, low=0.98, high=1.9, H=5, points=30)
-    assert found.points and "back out of the range" in found.failure
+    curve = branch(scene("spatial"), COMM, 0.8, low=0.98, high=1.9, H=5, points=30)
+    assert curve.points and "back out of the range" in curve.failure
 
 
 @pytest.mark.ranks(1)
 def test_first_point_that_newton_misses_is_reached_over_the_level():
-    found = branch(scene("spatial"), COMM, 1.5, low=0.97, high=1.9, points=30)
-    assert found.failure is None and found.points[0].omega == 0.97
-    assert found.points[0].notes == ("first point reached over the level, where there may be other solutions",)
-    assert not any(point.notes for point in found.points[1:])
+    curve = branch(scene("spatial"), COMM, 1.5, low=0.97, high=1.9, points=30)
+    assert curve.failure is None and curve.points[0].omega == 0.97
+    assert curve.points[0].notes == ("first point reached over the level, where there may be other solutions",)
+    assert not any(point.notes for point in curve.points[1:])
 
 
 @pytest.mark.ranks(1)
@@ -154,14 +154,14 @@ def test_where_no_step_leads_on_many_small_newton_steps_may(monkeypatch):
     whole, solve, solves = branch(scene("jenkins"), COMM, 0.8, H=1, points=12), PointSolver.solve, []
 
     def failing(solver, *of):
-        found, selected = solve(solver, *of)
+        solution, selected = solve(solver, *of)
         solves.append(solver.is_patient)
-        return (found if any(solves) or len(solves) < 10 else dataclasses.replace(found, failure="tired")), selected
+        return (solution if any(solves) or len(solves) < 10 else dataclasses.replace(solution, failure="tired")), selected
 
     monkeypatch.setattr(PointSolver, "solve", failing)
-    found = branch(scene("jenkins"), COMM, 0.8, H=1, points=12)
-    assert found.failure is None and any(solves)
-    assert max(map(amplitude, found.points)) == pytest.approx(max(map(amplitude, whole.points)), rel=0.05)
+    curve = branch(scene("jenkins"), COMM, 0.8, H=1, points=12)
+    assert curve.failure is None and any(solves)
+    assert max(map(amplitude, curve.points)) == pytest.approx(max(map(amplitude, whole.points)), rel=0.05)
 
 
 @pytest.mark.ranks(2, 3)
@@ -184,9 +184,9 @@ def test_in_point_check_removes_the_error_of_the_late_update():
     at = tuple(np.linspace(low, high, 9)[1:-1])
     requested = {}
     for name, selection in {"all": AllPairs(), "late": NonStickingPairs(), "checked": NonStickingPairs(True)}.items():
-        found = branch(system, COMM, 10.0, at=at, selection=selection)
-        assert found.failure is None
-        requested[name] = np.array([point.response[0] for point in found.points if point.requested])
+        curve = branch(system, COMM, 10.0, at=at, selection=selection)
+        assert curve.failure is None
+        requested[name] = np.array([point.response[0] for point in curve.points if point.requested])
     peak = np.abs(requested["all"]).max()
     assert np.abs(requested["checked"] - requested["all"]).max() < 1e-7 * peak
 
@@ -208,11 +208,11 @@ def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
 def test_receptance_counts_the_pairs_that_couple():
     stuck = branch(scene("chain"), COMM, 1e-3, selection=AllPairs())
     assert {point.unknowns for point in stuck.points} == {0}
-    found = branch(scene("chain"), COMM, 10.0, selection=AllPairs())
-    unknowns = [point.unknowns for point in found.points]
+    curve = branch(scene("chain"), COMM, 10.0, selection=AllPairs())
+    unknowns = [point.unknowns for point in curve.points]
     assert max(unknowns) > 0
     if COMM.rank == 0:
-        moving = [int((point.p != 0.0).any(axis=(1, 2)).sum()) for point in found.points]
+        moving = [int((point.p != 0.0).any(axis=(1, 2)).sum()) for point in curve.points]
         assert unknowns == [3 * n * 7 for n in moving]
 
 
@@ -220,8 +220,8 @@ def test_receptance_counts_the_pairs_that_couple():
 @pytest.mark.slow
 def test_failure_names_the_frequency_and_keeps_the_points():
     system = scene("gap")
-    found = branch(system, COMM, 0.2, points=12, ds_min=1.0, tolerance=1e-300)
-    assert found.failure is not None and "Hz" in found.failure
+    curve = branch(system, COMM, 0.2, points=12, ds_min=1.0, tolerance=1e-300)
+    assert curve.failure is not None and "Hz" in curve.failure
 
 
 @pytest.mark.slow

@@ -76,8 +76,8 @@ def test_the_level_of_a_held_amplitude_is_that_of_the_curve():
     rows = Plane(guess, np.zeros_like(guess.U), (0.0, 1.0)), HeldAmplitude(problem, amplitude(point))
     corrector = Corrector(COMM, problem.equation.shape, 1e-10, n_parameters=2)
     size = float(np.sqrt(COMM.allreduce(np.vdot(U, U))))
-    found = corrector.correct(BorderedSystem(problem, rows, Scaling(size, (LEVEL, OMEGA)), problem.equation.every_pair), guess)
+    solution = corrector.correct(BorderedSystem(problem, rows, Scaling(size, (LEVEL, OMEGA)), problem.equation.every_pair), guess)
     corrector.destroy()
-    assert found.failure is None and (point.state != 0).any()
-    assert found.newton <= 6  # the gradient is exact
-    assert found.iterate.parameters == pytest.approx((LEVEL, OMEGA), rel=1e-7)
+    assert solution.failure is None and (point.state != 0).any()
+    assert solution.newton <= 6  # the gradient is exact
+    assert solution.iterate.parameters == pytest.approx((LEVEL, OMEGA), rel=1e-7)

@@ -31,10 +31,10 @@ def grid(system, level, omegas, selection=ALL, tolerance=1e-10):
 @pytest.mark.parametrize("level", [1e-3, pytest.param(10.0, marks=pytest.mark.ranks(1))])
 def test_points_of_a_branch_are_found_again_at_its_frequencies(level):
     followed = branch(chain(), COMM, level, points=40, tolerance=1e-10)
-    found = grid(chain(), level, [point.omega for point in followed.points])
-    assert found.failure is None and len(found.points) == len(followed.points)
+    solved = grid(chain(), level, [point.omega for point in followed.points])
+    assert solved.failure is None and len(solved.points) == len(followed.points)
     peak = max(np.abs(point.response).max() for point in followed.points)
-    for a, b in zip(found.points, followed.points):
+    for a, b in zip(solved.points, followed.points):
         assert a.omega == pytest.approx(b.omega, rel=1e-14) and a.requested
         assert a.response == pytest.approx(b.response, abs=1e-8 * peak)
         assert np.array_equal(a.state, b.state)
@@ -57,13 +57,13 @@ def test_frequencies_beyond_a_fold_are_reached_along_the_branch():
     system, omegas = chain(), np.linspace(*chain()["omega"], 15)
     followed = branch(system, COMM, 50.0, at=omegas, tolerance=1e-10)
     assert min(np.diff([point.omega for point in followed.points])) < -1.0  # it folds back
-    found = grid(system, 50.0, omegas)
-    assert found.failure is None and len(found.points) == 15
+    solved = grid(system, 50.0, omegas)
+    assert solved.failure is None and len(solved.points) == 15
     peak = max(np.abs(point.response).max() for point in followed.points)
-    for point in found.points:
+    for point in solved.points:
         there = [other for other in followed.points if other.omega == pytest.approx(point.omega, rel=1e-12)]
         assert min(np.abs(point.response - other.response).max() for other in there) < 1e-7 * peak
-    assert max(point.newton for point in found.points) > 20  # one solve of Newton's ends after 20
+    assert max(point.newton for point in solved.points) > 20  # one solve of Newton's ends after 20
 
 
 @pytest.mark.slow
@@ -74,16 +74,16 @@ def test_in_point_check_makes_adaptive_exact_also_here():
     late, checked = (grid(chain(), 20.0, omegas, NonStickingPairs(check)) for check in (False, True))
     peak = max(np.abs(point.response).max() for point in exact.points)
 
-    def difference(found):
-        return max(np.abs(a.response - b.response).max() for a, b in zip(found.points, exact.points)) / peak
+    def difference(solved):
+        return max(np.abs(a.response - b.response).max() for a, b in zip(solved.points, exact.points)) / peak
 
     assert difference(checked) < 1e-8 < difference(late)
 
 
 @pytest.mark.slow
 def test_a_frequency_out_of_reach_is_named_and_the_points_before_it_are_kept():
-    found = grid(chain(), 100.0, [500.0, 560.0], tolerance=1e-300)
-    assert found.failure is not None and "Hz" in found.failure
+    solved = grid(chain(), 100.0, [500.0, 560.0], tolerance=1e-300)
+    assert solved.failure is not None and "Hz" in solved.failure
 
 
 def test_secant_is_left_where_it_would_reach_too_far_or_back():

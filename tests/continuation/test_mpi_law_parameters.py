@@ -60,10 +60,10 @@ def solved(problem, guess):
     corrector = Corrector(COMM, problem.equation.shape, 1e-11)
     scaling = Scaling(1e-4, guess.parameters)
     plane = Plane.fixed_parameter(guess)
-    found = corrector.correct(BorderedSystem(problem, (plane,), scaling, problem.equation.every_pair), guess)
+    solution = corrector.correct(BorderedSystem(problem, (plane,), scaling, problem.equation.every_pair), guess)
     corrector.destroy()
-    assert found.failure is None
-    return found
+    assert solution.failure is None
+    return solution
 
 
 @pytest.mark.parametrize("name", COLUMNS)
@@ -71,10 +71,10 @@ def test_the_motion_over_a_parameter_is_that_of_laws_that_have_its_values(name):
     problem = over(name)
     values = (0.5, 0.8, 1.3)
     steps = ArcLength(ds=0.05, ds_min=1e-4, ds_max=0.1)
-    found = follow_branch(BranchTask(problem, AllPairs(), Sweep(0.4, 1.5, values), steps, 1e-10), 400)
-    assert found.failure is None
-    requested = [point for point in found.points if point.requested]
-    assert len(requested) == len(values) and len(found.points) > 10
+    curve = follow_branch(BranchTask(problem, AllPairs(), Sweep(0.4, 1.5, values), steps, 1e-10), 400)
+    assert curve.failure is None
+    requested = [point for point in curve.points if point.requested]
+    assert len(requested) == len(values) and len(curve.points) > 10
     if COMM.rank == 0:  # forces are recorded there
         assert np.abs(requested[0].p - requested[-1].p).max() > 0.1 * np.abs(requested[-1].p).max()
     for value, point in zip(values, requested):

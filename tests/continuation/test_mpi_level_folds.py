@@ -61,10 +61,10 @@ def over_level(highest):
 
 
 def test_a_branch_over_the_level_turns_back_twice_where_a_stop_stiffens():
-    found = over_level(1.0)
-    assert found.failure is None
-    levels = np.array([point.parameters[0] for point in found.points])
-    sizes = np.array([amplitude(point) for point in found.points])
+    curve = over_level(1.0)
+    assert curve.failure is None
+    levels = np.array([point.parameters[0] for point in curve.points])
+    sizes = np.array([amplitude(point) for point in curve.points])
     assert levels[[0, -1]] == pytest.approx([0.05, 1.0]) and np.all(np.diff(sizes) > 0.0)
     exact = np.array([level_of(a) for a in sizes])
     assert levels == pytest.approx(exact, rel=20.0 / N_SAMPLES**2, abs=20.0 / N_SAMPLES**2)

@@ -67,17 +67,17 @@ def search(problem, omega, known=(), starts=0, seed=1):
     workspace = Workspace(problem.equation)
     try:
         solver = PointSolver(problem, AllPairs(), Sweep(omega, omega + 1.0), 1e-10, workspace)
-        found = _Search(solver, omega, has_stability=False)
+        result = _Search(solver, omega, has_stability=False)
         for there in known:
-            found.add(there, "curve")
-        found.deflate(starts, np.random.default_rng(seed))
-        return found
+            result.add(there, "curve")
+        result.deflate(starts, np.random.default_rng(seed))
+        return result
     finally:
         workspace.destroy()
 
 
-def amplitudes(found):
-    return np.sort([COMM.bcast(float(np.hypot(*one.point.response[0, 1:3]))) for one in found.found])
+def amplitudes(result):
+    return np.sort([COMM.bcast(float(np.hypot(*one.point.response[0, 1:3]))) for one in result.found])
 
 
 def duffing(omega, level, c=0.1, k_3=1.0, k_5=0.0):
@@ -100,9 +100,9 @@ def duffing(omega, level, c=0.1, k_3=1.0, k_5=0.0):
 def test_all_solutions_of_duffing_and_no_other(omega, n):
     problem, exact = duffing(omega, 0.3)
     assert len(exact) == n
-    found = search(problem, omega, starts=6)
-    assert amplitudes(found) == pytest.approx(exact, rel=1e-8)
-    assert all(one.residual < 1e-10 for one in found.found)
+    result = search(problem, omega, starts=6)
+    assert amplitudes(result) == pytest.approx(exact, rel=1e-8)
+    assert all(one.residual < 1e-10 for one in result.found)
 
 
 def test_deflation_alone_finds_what_a_folded_curve_passes():
@@ -123,10 +123,10 @@ def test_a_curve_over_the_level_passes_folds():
     workspace = Workspace(problem.equation)
     try:
         solver = PointSolver(problem, AllPairs(), Sweep(1.5, 2.5), 1e-10, workspace)
-        found = [solver.norm(there.U) for there in over_level(solver, 1.5)]
+        sizes = [solver.norm(there.U) for there in over_level(solver, 1.5)]
     finally:
         workspace.destroy()
-    assert np.sort(found) == pytest.approx(exact, rel=1e-7)
+    assert np.sort(sizes) == pytest.approx(exact, rel=1e-7)
 
 
 ISOLA = dict(level=0.0172, c=0.05, k_3=-1.9 / 0.75, k_5=1.6)  # from 0.31 to 0.42 rad/s, with amplitudes of 0.82 to 1.03
@@ -141,11 +141,11 @@ def test_a_branch_that_no_curve_reaches_and_its_whole_loop():
     main = follow_branch(BranchTask(problem, all_pairs, Sweep(low, high, (omega,)), steps, 1e-10), 1000)
     assert main.failure is None and max(map(amplitude, main.points)) < 0.7 < exact[1]
     of_curve = [iterate_of(point, problem, Harmonics.up_to(1)) for point in main.points if point.requested]
-    found = search(problem, omega, of_curve, starts=10)
-    assert amplitudes(found) == pytest.approx(exact, rel=1e-8)
+    result = search(problem, omega, of_curve, starts=10)
+    assert amplitudes(result) == pytest.approx(exact, rel=1e-8)
     settings = SimpleNamespace(points=100, tolerance=1e-10)
     of = SimpleNamespace(at_level=lambda level: problem, sweep=Sweep(low, high), steps=steps, settings=settings)
-    (begin,) = [one for one in found.found if amplitude(one.point) == pytest.approx(exact[2])]
+    (begin,) = [one for one in result.found if amplitude(one.point) == pytest.approx(exact[2])]
     loop = continued(of, ISOLA["level"], begin, has_stability=False)
     for segment in (0, 1):
         points = [point for point in loop.points if point.segment == segment]

@@ -48,9 +48,9 @@ def damper():
 
 
 def peaks(system, level, H, n_samples, points=40):
-    found = branch(system, COMM, level, H=H, n_samples=n_samples, points=points)
-    assert found.failure is None
-    return found, peaks_of(forced(*reduced(system, COMM, H), n_samples, level), found, 1e-9)
+    curve = branch(system, COMM, level, H=H, n_samples=n_samples, points=points)
+    assert curve.failure is None
+    return curve, peaks_of(forced(*reduced(system, COMM, H), n_samples, level), curve, 1e-9)
 
 
 def test_the_peak_of_one_harmonic_is_met_as_samples_grow():
@@ -81,9 +81,9 @@ def test_peaks_of_exact_coefficients_are_those_of_the_closed_form():
     model, law = reduced(damper(), COMM, 1)
     law, missed = ExactJenkins.of(law), []
     for level in (110.0, 123.024, 180.0, 240.0, 290.0):
-        found = branch(damper(), COMM, level, H=1, points=40, tolerance=1e-11, law_of=ExactJenkins.of)
-        assert found.failure is None
-        (peak,) = peaks_of(forced(model, law, 128, level), found, 1e-11)
+        curve = branch(damper(), COMM, level, H=1, points=40, tolerance=1e-11, law_of=ExactJenkins.of)
+        assert curve.failure is None
+        (peak,) = peaks_of(forced(model, law, 128, level), curve, 1e-11)
         X, omega = exact_peak(level)
         missed.append((abs(peak.amplitude) / X - 1.0, peak.omega / omega - 1.0))
     print(f"amplitude and frequency off by {np.abs(missed).max(axis=0)}")
@@ -96,7 +96,7 @@ def test_peaks_are_those_of_a_fine_sweep():
     system = scenes.chain()
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
-    found, solved = peaks(system, 100.0, 3, 128)
+    curve, solved = peaks(system, 100.0, 3, 128)
     assert solved and all(peak.within < 1e-5 * peak.omega for peak in solved)
     for peak in solved:
         near = np.linspace(-1e-4, 1e-4, 9) * peak.omega + peak.omega
@@ -118,13 +118,13 @@ def test_a_linear_peak_and_its_width_are_those_of_the_oscillator(points, error):
 
 def test_a_maximum_between_two_points_is_that_of_the_linear_response():
     """The last point of a curve lies beyond the peak, that before far below it: no point is a maximum."""
-    found, (peak,) = peaks(damper(), 1.0, 1, 128)
-    beyond = next(point for point in found.points if point.omega > 1.002 * peak.omega)
-    found.points = [*(point for point in found.points if point.omega < 0.95 * peak.omega), beyond]
+    curve, (peak,) = peaks(damper(), 1.0, 1, 128)
+    beyond = next(point for point in curve.points if point.omega > 1.002 * peak.omega)
+    curve.points = [*(point for point in curve.points if point.omega < 0.95 * peak.omega), beyond]
     model, law = reduced(damper(), COMM, 1)
     problem = forced(model, law, 128, 1.0)
-    assert peaks_of(problem, found, 1e-9) == []
-    (between,) = peaks_of(problem, found, 1e-9, curve=linear_curve(model, Sweep(*damper()["omega"])))
+    assert peaks_of(problem, curve, 1e-9) == []
+    (between,) = peaks_of(problem, curve, 1e-9, curve=linear_curve(model, Sweep(*damper()["omega"])))
     assert between.omega == pytest.approx(peak.omega, rel=1e-9)
     assert between.amplitude == pytest.approx(peak.amplitude, rel=1e-7)
     assert between.within == 0.0 and between.slipping == 0
@@ -148,9 +148,9 @@ def test_rates_of_an_output_are_differences_of_solutions(forward):
         guess = Iterate(problem.equation.linear_motion(problem.at(parameters)), parameters, problem.equation.harmonics)
         planes = tuple(Plane(guess, np.zeros_like(guess.U), tuple(row)) for row in np.eye(2))
         system = BorderedSystem(problem, planes, scaling, every)
-        found = corrector.correct(system, guess)
-        assert found.failure is None
-        return found.iterate, problem.maximum.rates(system, found.iterate)
+        solution = corrector.correct(system, guess)
+        assert solution.failure is None
+        return solution.iterate, problem.maximum.rates(system, solution.iterate)
 
     outside = (-123.024, 200.0)  # no residual there, behind a solution that has one
     guess = replace(solved((123.024, 200.0))[0], parameters=outside)
@@ -170,10 +170,10 @@ def test_the_peak_over_the_level_is_one_branch():
     n_samples, levels = 1024, (123.024, 180.0, 240.0)
     of_curves = {level: peaks(damper(), level, 1, n_samples)[1][0] for level in (1.0, *levels)}
     equation = forced(*reduced(damper(), COMM, 1), n_samples, 1.0).equation
-    found = follow_peak(equation, "level", Sweep(10.0, 300.0, levels), of_curves[1.0], 1e-10)
-    assert found.failure is None and len(found.points) < 60
-    assert found.points[0].state.max() == 0 < found.points[-1].state.max()
-    requested = [point for point in found.points if point.requested]
+    curve = follow_peak(equation, "level", Sweep(10.0, 300.0, levels), of_curves[1.0], 1e-10)
+    assert curve.failure is None and len(curve.points) < 60
+    assert curve.points[0].state.max() == 0 < curve.points[-1].state.max()
+    requested = [point for point in curve.points if point.requested]
     assert amplitude(requested[0]) == pytest.approx(1.4979492641e-5, rel=5.0 / n_samples**2)
     assert requested[0].omega == pytest.approx(209.21110546, rel=0.6 / n_samples)
     for point, level in zip(requested, levels, strict=True):
@@ -196,20 +196,20 @@ def test_a_peak_near_the_end_of_a_branch_is_between_closer_solutions(monkeypatch
         return replace(solution, failure="the branch ends") if theta < -0.06 else solution
 
     monkeypatch.setattr(maximum_by_phase._Search, "solved", ending)
-    found = follow_peak(
+    curve = follow_peak(
         equation, "level", Sweep(level, 200.0), stuck, 1e-10, level, begins=begins, until=lambda point: True, is_homotopy=True
     )
-    assert found.failure is None
-    assert amplitude(found.points[0]) == pytest.approx(amplitude(lead), rel=1e-5)
+    assert curve.failure is None
+    assert amplitude(curve.points[0]) == pytest.approx(amplitude(lead), rel=1e-5)
 
 
 def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():
     """One mass: its peak depends on level / (mu N) alone, so that half the friction is twice the level at half the size."""
     stuck, twice = (peaks(damper(), level, 1, 512)[1][0] for level in (1.0, 246.048))
     equation, friction = forced(*reduced(damper(), COMM, 1), 512, 1.0).equation, LawParameter("mu", np.arange(1), np.ones(1))
-    found = follow_peak(equation, friction, Sweep(2.0, 0.5), stuck, 1e-10, level=123.024)
-    assert found.failure is None
-    assert amplitude(found.points[-1]) == pytest.approx(0.5 * abs(twice.amplitude), rel=10.0 / 512**2)
+    curve = follow_peak(equation, friction, Sweep(2.0, 0.5), stuck, 1e-10, level=123.024)
+    assert curve.failure is None
+    assert amplitude(curve.points[-1]) == pytest.approx(0.5 * abs(twice.amplitude), rel=10.0 / 512**2)
 
 
 @pytest.mark.ranks(1)
@@ -232,8 +232,8 @@ def test_a_maximum_or_a_corner_is_enclosed(size, slope):
 
 def test_a_peak_that_no_solve_reaches_says_so():
     """A tolerance below rounding: the highest point of the curve comes back, and is marked."""
-    found = branch(damper(), COMM, 123.024, H=1, n_samples=128, points=40)
-    (peak,) = peaks_of(forced(*reduced(damper(), COMM, 1), 128, 123.024), found, 1e-30)
+    curve = branch(damper(), COMM, 123.024, H=1, n_samples=128, points=40)
+    (peak,) = peaks_of(forced(*reduced(damper(), COMM, 1), 128, 123.024), curve, 1e-30)
     assert peak.within > 1e-4 * peak.omega
-    assert abs(peak.amplitude) == pytest.approx(max(amplitude(point) for point in found.points), rel=1e-6)
+    assert abs(peak.amplitude) == pytest.approx(max(amplitude(point) for point in curve.points), rel=1e-6)
     assert "(within " in peak_lines(SimpleNamespace(peaks=[peak]))[0]

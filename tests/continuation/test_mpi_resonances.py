@@ -37,10 +37,14 @@ def chain(load=(1.0, 0.0, 0.0)):
 
 def curve(system, level, points, **given):
     """Return the frequencies and amplitudes of a branch that reaches the end of its range, and what was noted."""
-    found = branch(system, COMM, level, H=1, n_samples=64, points=points, **given)
-    assert found.failure is None
-    amplitude = np.array([np.hypot(*point.response[0, 1:3]) for point in found.points])
-    return np.array([point.omega for point in found.points]), amplitude, {note for point in found.points for note in point.notes}
+    followed = branch(system, COMM, level, H=1, n_samples=64, points=points, **given)
+    assert followed.failure is None
+    amplitude = np.array([np.hypot(*point.response[0, 1:3]) for point in followed.points])
+    return (
+        np.array([point.omega for point in followed.points]),
+        amplitude,
+        {note for point in followed.points for note in point.notes},
+    )
 
 
 def at_resonance(system, level):

@@ -29,10 +29,10 @@ pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 
 
-def worst(system, found, name):
+def worst(system, curve, name):
     """Return the largest error of a kind over the points of a branch, on every rank; rank 0 holds the motions."""
     judge, (output,) = point_check.Judge(system, 3, 128), np.flatnonzero(system["output"])
-    verdicts = judge.verdicts(found.points, found.level, [output]) if COMM.rank == 0 else []
+    verdicts = judge.verdicts(curve.points, curve.level, [output]) if COMM.rank == 0 else []
     return COMM.bcast(max((getattr(verdict, name) for verdict in verdicts), default=0.0))
 
 
@@ -40,9 +40,9 @@ def worst(system, found, name):
 @pytest.mark.ranks(1, 2)
 def test_contact_forces_of_a_stiff_joint_are_right():
     system = structures.spatial(k_t=1e-3, k_n=1e5)
-    found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
-    assert found.failure is None and {1, 2} & set(np.concatenate([point.state for point in found.points]))
-    assert worst(system, found, "force") < 1e-5
+    curve = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
+    assert curve.failure is None and {1, 2} & set(np.concatenate([point.state for point in curve.points]))
+    assert worst(system, curve, "force") < 1e-5
 
 
 @pytest.mark.slow
@@ -50,9 +50,9 @@ def test_contact_forces_of_a_stiff_joint_are_right():
 def test_without_the_weights_they_are_refused(monkeypatch):
     monkeypatch.setattr(point_solver, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
     system = structures.spatial(k_t=1e-3, k_n=1e5)
-    found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
-    assert "contact forces of" in found.failure and "are rounding errors of a motion" in found.failure
-    assert worst(system, found, "force") < 1e-5
+    curve = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
+    assert "contact forces of" in curve.failure and "are rounding errors of a motion" in curve.failure
+    assert worst(system, curve, "force") < 1e-5
     monkeypatch.setattr(acceptance, "UNBALANCED", np.inf)
     unjudged = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
     assert worst(system, unjudged, "force") > 1e-5
@@ -67,17 +67,17 @@ def test_weights_leave_a_joint_as_stiff_as_its_structure_alone():
 @pytest.mark.ranks(1)
 def test_a_motion_that_shrinks_a_thousandfold_in_a_step_is_solved_by_its_own_size():
     system = structures.two_masses(zeta=1e-6)
-    found = branch(system, COMM, 3.0, low=0.7, high=2.0, points=20, tolerance=1e-8)
-    assert worst(system, found, "motion") < 1e-7
+    curve = branch(system, COMM, 3.0, low=0.7, high=2.0, points=20, tolerance=1e-8)
+    assert worst(system, curve, "motion") < 1e-7
 
 
 def test_a_wide_gap_costs_no_digits():
     """p of an open pair is -k_n du_z, however far the ground is."""
     law = ElasticCoulomb(*np.array([[0.3], [-1e9], [1.0], [2.0]]), np.array([False]))
     U = np.array([[[0.0, 1e-3, 0.0], [0.0, 0.0, 0.0], [1e-4, 1e-3, 2e-3]]])
-    found = law.cycle(U, 16)
-    assert found.p[0, 2] == pytest.approx(-2.0 * U[0, 2], rel=1e-12)
-    assert found.P[0, 6:, 6:] == pytest.approx(-2.0 * np.eye(3), abs=1e-12)
+    cycle = law.cycle(U, 16)
+    assert cycle.p[0, 2] == pytest.approx(-2.0 * U[0, 2], rel=1e-12)
+    assert cycle.P[0, 6:, 6:] == pytest.approx(-2.0 * np.eye(3), abs=1e-12)
 
 
 @pytest.mark.parametrize("system, is_free", [(structures.spatial(k_t=1e5), False), (structures.free_body(), True)])
@@ -92,16 +92,16 @@ def test_only_a_body_that_nothing_else_holds_gets_springs(system, is_free):
 def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
     system = structures.free_body(rayleigh=(0.8, 0.0))
     system = {**system, "C": 0.8 * system["M"]}
-    found = branch(system, COMM, 17.0, low=0.8, high=1.2, points=20)
-    assert found.failure is None and HELD in found.points[0].notes and (found.points[0].state == 1).all()
+    curve = branch(system, COMM, 17.0, low=0.8, high=1.2, points=20)
+    assert curve.failure is None and HELD in curve.points[0].notes and (curve.points[0].state == 1).all()
 
 
 @pytest.mark.ranks(1)
 def test_a_body_on_one_pair_goes_on_where_that_begins_to_slip():
-    found = branch(structures.free_body(n_pairs=1), COMM, 0.06, low=0.62, high=0.7, points=6, tolerance=1e-8)
-    sticks = [not point.state.any() for point in found.points]
-    assert found.failure is None and sticks[0] and not all(sticks)
-    assert all(HELD in point.notes for point, stuck in zip(found.points, sticks) if not stuck)
+    curve = branch(structures.free_body(n_pairs=1), COMM, 0.06, low=0.62, high=0.7, points=6, tolerance=1e-8)
+    sticks = [not point.state.any() for point in curve.points]
+    assert curve.failure is None and sticks[0] and not all(sticks)
+    assert all(HELD in point.notes for point, stuck in zip(curve.points, sticks) if not stuck)
 
 
 def test_resonance_without_damping_is_named():
@@ -114,8 +114,8 @@ def test_resonance_without_damping_is_named():
         problem = forced(model, parameters, 64, 0.1)
         sweep = Sweep(float(model.omega_n[0]), 3.0)
         steps = ArcLength(ds=0.1, ds_min=1e-3, ds_max=0.2)
-        found = follow_branch(BranchTask(problem, AllPairs(), sweep, steps, 1e-8), 10)
-    assert "resonates without damping" in found.failure and not found.points
+        curve = follow_branch(BranchTask(problem, AllPairs(), sweep, steps, 1e-8), 10)
+    assert "resonates without damping" in curve.failure and not curve.points
 
 
 @pytest.mark.ranks(1, 2, 3)

@@ -45,10 +45,10 @@ def falling(system):
 
 def test_a_branch_begins_anew_beyond_a_resonance_that_nothing_holds():
     """High up the preload counts for nothing: half a period lasts as long as with the contact's spring, half as without."""
-    found, resonance = falling(bouncing_mass()), 2.0 / (1.0 + 1.0 / np.sqrt(1.0 + STIFFER))
-    assert found.failure is None
-    (first,) = (i for i, point in enumerate(found.points) if BEYOND in point.notes)
-    before, beyond = found.points[:first], found.points[first:]
+    curve, resonance = falling(bouncing_mass()), 2.0 / (1.0 + 1.0 / np.sqrt(1.0 + STIFFER))
+    assert curve.failure is None
+    (first,) = (i for i, point in enumerate(curve.points) if BEYOND in point.notes)
+    before, beyond = curve.points[:first], curve.points[first:]
     assert max(map(amplitude, before)) > 1e6
     assert before[-1].omega == pytest.approx(resonance, rel=1e-3)  # three harmonics
     for point in beyond:
@@ -65,10 +65,10 @@ def test_towards_it_points_are_solved_sharper(monkeypatch):
 def test_a_stuck_motion_passes_through_nothing():
     """Where both masses move alike nothing stretches the joint: (k - omega^2 m) u = f for each of them alone."""
     system, nowhere = structures.two_masses(zeta=0.0), np.sqrt(2.0 / 1.1)
-    found = branch(system, COMM, 1e-3, low=1.2, high=1.5, H=1, points=10)
-    assert found.failure is None and len(found.points) < 40
-    motion = COMM.bcast([float(point.U[0, 0, 1]) for point in found.points] if COMM.rank == 0 else None)
-    omega = np.array([point.omega for point in found.points])
+    curve = branch(system, COMM, 1e-3, low=1.2, high=1.5, H=1, points=10)
+    assert curve.failure is None and len(curve.points) < 40
+    motion = COMM.bcast([float(point.U[0, 0, 1]) for point in curve.points] if COMM.rank == 0 else None)
+    omega = np.array([point.omega for point in curve.points])
     assert np.array_equal(np.sign(motion), np.sign(motion[0]) * np.where(omega < nowhere, 1.0, -1.0))
 
 
@@ -84,9 +84,9 @@ def test_the_motion_is_right_where_a_residual_leaves_more_in_it(monkeypatch):
         return np.linalg.norm(point.U[..., 1] - 1j * point.U[..., 2] - du) / np.linalg.norm(du)
 
     def worst():
-        found = branch(system, COMM, 1.0, low=0.35, high=0.7, H=1, n_samples=32, points=10, tolerance=1e-8)
-        assert found.failure is None
-        return max(map(error, found.points))
+        curve = branch(system, COMM, 1.0, low=0.35, high=0.7, H=1, n_samples=32, points=10, tolerance=1e-8)
+        assert curve.failure is None
+        return max(map(error, curve.points))
 
     sharp = worst()
     monkeypatch.setattr(corrector, "SHARP", np.inf)

@@ -78,8 +78,8 @@ def test_steps_with_one_linearisation_share_the_operands_of_their_products(monke
     monkeypatch.setattr(adjoint_solver, "ActiveColumns", lambda *of: made.append(of) or columns(*of))
     monkeypatch.setattr(adjoint_solver, "DIRECT", 0)
     solver = AdjointSolver(COMM, 1e-10, np.float64)
-    found = [at.solve_several(step, solver) for at, step in zip((one, one, other), steps)]
+    solved = [at.solve_several(step, solver) for at, step in zip((one, one, other), steps)]
     solver.destroy()
     assert len(made) == 2
-    for (dU, dp, is_found), (right_dU, right_dp, _) in zip(found, expected):
+    for (dU, dp, is_found), (right_dU, right_dp, _) in zip(solved, expected):
         assert is_found and dU == pytest.approx(right_dU, rel=1e-7, abs=1e-9) and dp == pytest.approx(right_dp, rel=1e-6)

@@ -29,17 +29,19 @@ def curve():
     system = scenes.gap_mass()
     loads = [{"phase": 0.0} | load | {"vector": np.array(load["vector"])} for load in system["loads"]]
     system = system | {"loads": loads}
-    found = branch(system, COMM, LEVEL, low=1.05, high=1.4, H=H, n_samples=N_SAMPLES, points=12)
+    followed = branch(system, COMM, LEVEL, low=1.05, high=1.4, H=H, n_samples=N_SAMPLES, points=12)
     problem = forced(*reduced(system, COMM, H), N_SAMPLES, LEVEL)
-    found.points = [with_stability(problem, iterate_of(point, problem, Harmonics.up_to(H)), point) for point in found.points]
-    return system, found, bifurcations_of(problem, found, 1e-9)
+    followed.points = [
+        with_stability(problem, iterate_of(point, problem, Harmonics.up_to(H)), point) for point in followed.points
+    ]
+    return system, followed, bifurcations_of(problem, followed, 1e-9)
 
 
 @pytest.mark.study
 @pytest.mark.ranks(1)
 def test_folds_are_where_the_frequency_turns(curve):
-    _, found, bifurcations = curve
-    omega = np.array([point.omega for point in found.points])
+    _, followed, bifurcations = curve
+    omega = np.array([point.omega for point in followed.points])
     folds = [there for there in bifurcations if there.kind == FOLD]
     assert len(folds) == 2
     for fold in folds:
@@ -64,20 +66,20 @@ def test_the_multiplier_at_a_fold_comes_to_1_with_the_harmonics(harmonics, sampl
 
 
 def test_the_curve_is_unstable_between_its_folds(curve):
-    _, found, bifurcations = curve
+    _, followed, bifurcations = curve
     first, last = (there.after for there in bifurcations if there.kind == FOLD)
-    stable = [is_stable(point.multipliers) for point in found.points]
+    stable = [is_stable(point.multipliers) for point in followed.points]
     assert not any(stable[first + 2 : last])
     assert all(stable[:first])
     assert all(stable[last + 2 :])
 
 
 def test_it_is_judged_as_an_independent_integration_judges(curve):
-    system, found, _ = curve
+    system, followed, _ = curve
     if COMM.rank != 0:
         return
     judged = 0
-    for point in found.points[1::6]:
+    for point in followed.points[1::6]:
         shooting, u = Shooting(system, LEVEL, point.omega), point.U[0]  # the mass is the pair
         n, lin = np.arange(1, H + 1), shooting.U
         begin = u[:, 0] + u[:, 1::2].sum(axis=1) - lin[:, 0] - lin[:, 1] - lin[:, 3]

@@ -25,8 +25,8 @@ COMM = MPI.COMM_WORLD
 def at_point(system, level, omega, H=15, n_samples=512, **steps):
     """Return the point of a curve at a frequency, and its multipliers."""
     system = system | {"loads": [{"phase": 0.0} | load | {"vector": np.array(load["vector"])} for load in system["loads"]]}
-    found = branch(system, COMM, level, H=H, n_samples=n_samples, at=(omega,), points=20)
-    (point,) = [point for point in found.points if point.requested]
+    curve = branch(system, COMM, level, H=H, n_samples=n_samples, at=(omega,), points=20)
+    (point,) = [point for point in curve.points if point.requested]
     problem = forced(*reduced(system, COMM, H), n_samples, level)
     there = iterate_of(point, problem, Harmonics.up_to(H))
     return point, multipliers_at(problem.equation, problem.at(there.parameters), there.U, **steps)
@@ -42,25 +42,25 @@ def one_mass(**damping):
 
 def test_a_jenkins_oscillator_that_slips_in_every_cycle():
     """0.34678 +- 0.27561 i; tangents of the moment instead of the slider's memory say 1.76."""
-    _, found = at_point(one_mass(C=np.array([[0.02]])), 0.8, 1.25)
-    assert found.n_neutral == 0
-    assert abs(found.values[0].real - 0.34678) < 1e-3
-    assert abs(abs(found.values[0].imag) - 0.27561) < 1e-3
-    assert np.abs(found.values[2:]).max() < 1e-9  # a slider that slips in each cycle forgets
+    _, multipliers = at_point(one_mass(C=np.array([[0.02]])), 0.8, 1.25)
+    assert multipliers.n_neutral == 0
+    assert abs(multipliers.values[0].real - 0.34678) < 1e-3
+    assert abs(abs(multipliers.values[0].imag) - 0.27561) < 1e-3
+    assert np.abs(multipliers.values[2:]).max() < 1e-9  # a slider that slips in each cycle forgets
 
 
 def test_a_slider_that_never_slips_is_neutral():
-    point, found = at_point(one_mass(C=np.array([[0.02]])), 0.02, 1.25)
+    point, multipliers = at_point(one_mass(C=np.array([[0.02]])), 0.02, 1.25)
     exact = np.exp(np.roots([1.0, 0.02, 2.0]) * 2.0 * np.pi / point.omega)
-    assert found.n_neutral == 1
-    assert np.allclose(np.sort_complex(found.values[:2]), np.sort_complex(exact), atol=1e-12)
+    assert multipliers.n_neutral == 1
+    assert np.allclose(np.sort_complex(multipliers.values[:2]), np.sort_complex(exact), atol=1e-12)
 
 
 @pytest.mark.parametrize("name, regime", [("spatial", "lift-off"), ("chain", "gross")])
 def test_multipliers_are_those_of_the_map_of_an_independent_integration(name, regime):
     system = scenes.SCENES[name]()
     level, omega, _ = system["levels"][regime]
-    _, found = at_point(system, level, omega, H=9, n_samples=128)
+    _, multipliers = at_point(system, level, omega, H=9, n_samples=128)
     values = None
     if COMM.rank == 0:
         shooting = Shooting(system, level, omega)
@@ -68,7 +68,7 @@ def test_multipliers_are_those_of_the_map_of_an_independent_integration(name, re
         values = np.linalg.eigvals(shooting.derivative(steady.x, 1024) + np.eye(len(steady.x)))
     values = COMM.bcast(values)
     values = np.abs(values[np.argsort(-np.abs(values))][:4])
-    assert np.abs(found.values[:4]) == pytest.approx(values, abs=5e-3)
+    assert np.abs(multipliers.values[:4]) == pytest.approx(values, abs=5e-3)
 
 
 def test_sliders_that_the_modes_do_not_excite_have_multipliers():
