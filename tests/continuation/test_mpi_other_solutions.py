@@ -77,7 +77,7 @@ def search(problem, omega, known=(), starts=0, seed=1):
 
 
 def amplitudes(result):
-    return np.sort([COMM.bcast(float(np.hypot(*one.point.response[0, 1:3]))) for one in result.found])
+    return np.sort([COMM.bcast(float(np.hypot(*one.point.response[0, 1:3]))) for one in result.solutions])
 
 
 def duffing(omega, level, c=0.1, k_3=1.0, k_5=0.0):
@@ -102,7 +102,7 @@ def test_all_solutions_of_duffing_and_no_other(omega, n):
     assert len(exact) == n
     result = search(problem, omega, starts=6)
     assert amplitudes(result) == pytest.approx(exact, rel=1e-8)
-    assert all(one.residual < 1e-10 for one in result.found)
+    assert all(one.residual < 1e-10 for one in result.solutions)
 
 
 def test_deflation_alone_finds_what_a_folded_curve_passes():
@@ -145,7 +145,7 @@ def test_a_branch_that_no_curve_reaches_and_its_whole_loop():
     assert amplitudes(result) == pytest.approx(exact, rel=1e-8)
     settings = SimpleNamespace(points=100, tolerance=1e-10)
     of = SimpleNamespace(at_level=lambda level: problem, sweep=Sweep(low, high), steps=steps, settings=settings)
-    (begin,) = [one for one in result.found if amplitude(one.point) == pytest.approx(exact[2])]
+    (begin,) = [one for one in result.solutions if amplitude(one.point) == pytest.approx(exact[2])]
     loop = continued(of, ISOLA["level"], begin, has_stability=False)
     for segment in (0, 1):
         points = [point for point in loop.points if point.segment == segment]

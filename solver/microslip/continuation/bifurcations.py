@@ -36,12 +36,12 @@ class NotEnclosed(Exception):
 def bifurcations_of(problem: ForcedResponse, branch: Branch, tolerance: float) -> list[Bifurcation]:
     """Return folds and places where multipliers cross the unit circle along a branch with multipliers, in order.  Collective."""
     folds = list(turns(branch))
-    found = [bifurcation_between(problem, branch, i - 1, i + 1, 0, tolerance) for i in folds]
+    located = [bifurcation_between(problem, branch, i - 1, i + 1, 0, tolerance) for i in folds]
     beside = {edge for i in folds for edge in (i - 1, i)}
     for i, k, multiplier in crossings(branch):
         if i not in beside or kind_of(multiplier) != BRANCHING:
-            found.append(bifurcation_between(problem, branch, i, i + 1, k, tolerance))
-    return sorted(found, key=lambda bifurcation: bifurcation.after)
+            located.append(bifurcation_between(problem, branch, i, i + 1, k, tolerance))
+    return sorted(located, key=lambda bifurcation: bifurcation.after)
 
 
 def turns(branch: Branch) -> Iterator[int]:
@@ -177,5 +177,5 @@ class _Arc:
 
     def beyond(self, there: Iterate, k: int) -> float:
         """Return by how much the k-th largest multiplier is outside the unit circle."""
-        found = multipliers_at(self.solver.equation, self.solver.problem.at(there.parameters), there.U)
-        return float(np.log(max(abs(found.values[k - 1]), 1e-300)) - np.log1p(BEYOND))
+        multipliers = multipliers_at(self.solver.equation, self.solver.problem.at(there.parameters), there.U)
+        return float(np.log(max(abs(multipliers.values[k - 1]), 1e-300)) - np.log1p(BEYOND))

@@ -117,9 +117,9 @@ class _Search:
                 theta, about, three = 0.5 * (theta + before[0]), halfway(before[1], about), None
                 continue
             if abs(three.top) <= NEAR:
-                found, three = self.settled(theta, three)
-                if found is not None:
-                    return self.counted(found)
+                solution, three = self.settled(theta, three)
+                if solution is not None:
+                    return self.counted(solution)
             if not three.is_even:
                 three = self.with_middle(theta, three.at(0.0), three)
                 continue
@@ -137,20 +137,20 @@ class _Search:
 
     def settled(self, theta: float, three: _Three) -> tuple[Correction | None, _Three]:
         """Return the solution at the top and the parabola through it; none where that lies lower than one beside a mere guess."""
-        found, is_sure = None, three.is_even
+        solution, is_sure = None, three.is_even
         for _ in range(MOST_TOPS):
             t = three.top
-            found = self.solved(theta + self.distance * t, three.at(t), self.system.constraints, is_top=True)
-            if found.failure is not None or not self.is_at_value:
-                return found, three
+            solution = self.solved(theta + self.distance * t, three.at(t), self.system.constraints, is_top=True)
+            if solution.failure is not None or not self.is_at_value:
+                return solution, three
             low, _, high = three.solutions
-            three = self.three(low, found.iterate, high, t=t)
+            three = self.three(low, solution.iterate, high, t=t)
             if not three.has_top:
-                return found if is_sure else None, three
+                return solution if is_sure else None, three
             if abs(three.top - t) <= SETTLED:
                 break
         self.corrector.beside = self.beside(three)
-        return found, three
+        return solution, three
 
     # -- the solutions before and after a phase ---------------------------------------------------------------------
 

@@ -92,10 +92,10 @@ def solutions_at(of: ResponseProblem, curve: Branch, omega: float, starts: int, 
         search.deflate(starts, np.random.default_rng(seed))
     finally:
         workspace.destroy()
-    if not search.found:
+    if not search.solutions:
         raise ConvergenceError(f"hb: no solution at {problem.where(omega)} was found: {curve.failure or 'Newton diverges'}")
     comm = problem.equation.comm
-    return sorted(search.found, key=lambda one: comm.bcast(float(np.hypot(*one.point.response[0, 1:3]))))
+    return sorted(search.solutions, key=lambda one: comm.bcast(float(np.hypot(*one.point.response[0, 1:3]))))
 
 
 def over_level(solver: PointSolver, omega: float) -> Iterator[Iterate]:
@@ -114,14 +114,14 @@ class _Search:
 
     def __init__(self, solver: PointSolver, omega: float, has_stability: bool):
         self.solver, self.omega, self.has_stability = solver, omega, has_stability
-        self.found: list[Solution] = []
+        self.solutions: list[Solution] = []
 
     def add(self, guess: Iterate, source: str) -> bool:
         """Solve from a guess; return whether that is a solution that was not known."""
         solver = self.solver
         solution = solver.solve_at(guess, solver.norm(guess.U), solver.equation.every_pair)
         there = solution[0].iterate
-        if solution[0].failure is not None or any(self.is_same(there, one.iterate) for one in self.found):
+        if solution[0].failure is not None or any(self.is_same(there, one.iterate) for one in self.solutions):
             return False
         try:
             point, _ = point_record(solver.problem, AllPairs(), solution, requested=True)
@@ -129,7 +129,7 @@ class _Search:
             return False
         if self.has_stability:
             point = with_stability(solver.problem, there, point)
-        self.found.append(Solution(point, there, solution[0].residual, source))
+        self.solutions.append(Solution(point, there, solution[0].residual, source))
         return True
 
     def is_same(self, a: Iterate, b: Iterate) -> bool:
@@ -144,7 +144,7 @@ class _Search:
         corrector = DeflatedCorrector(solver.comm, solver.equation.shape, solver.tolerance)
         try:
             for guess in self.beginnings(rng):
-                while n_tried < starts and self.found_from(corrector, guess):
+                while n_tried < starts and self.solution_from(corrector, guess):
                     n_tried += 1
                 n_tried += 1
                 if n_tried >= starts:
@@ -152,12 +152,12 @@ class _Search:
         finally:
             corrector.destroy()
 
-    def found_from(self, corrector: DeflatedCorrector, guess: Iterate) -> bool:
+    def solution_from(self, corrector: DeflatedCorrector, guess: Iterate) -> bool:
         """Return whether deflation leads from a motion to a solution that was not known."""
         solver, every = self.solver, self.solver.equation.every_pair
-        corrector.known = [one.iterate for one in self.found]
+        corrector.known = [one.iterate for one in self.solutions]
         size, force = solver.norm(guess.U), solver.force(guess, every)
-        if size == 0.0 or any(self.is_same(guess, one.iterate) for one in self.found):
+        if size == 0.0 or any(self.is_same(guess, one.iterate) for one in self.solutions):
             return False
         rows = (Plane.fixed_parameter(guess), *solver.problem.constraints)
         solution: Correction = corrector.correct(
@@ -180,7 +180,7 @@ class _Search:
         weights = 1.0 / np.abs(modes.omega_n**2 - self.omega**2 + 1e-3 * self.omega**2)
         while True:
             factor, theta = float(np.exp(rng.uniform(*np.log(FACTORS)))), float(rng.uniform(0.0, 2.0 * np.pi))
-            known = [linear, *(one.iterate for one in self.found)]
+            known = [linear, *(one.iterate for one in self.solutions)]
             base = rotated(known[int(rng.integers(len(known)))], theta)
             j = int(rng.choice(len(weights), p=weights / weights.sum()))
             if rng.random() < 0.5:

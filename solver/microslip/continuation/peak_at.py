@@ -112,14 +112,14 @@ def peak_near(
     try:
         search = _Search(problem, output, start, width, tolerance, workspace)
         peak = search.peak()
-        found = replace(peak.solution, newton=search.newton)
-        point, _ = point_record(problem, AllPairs(), (found, search.every), False, estimator)
+        solution = replace(peak.solution, newton=search.newton)
+        point, _ = point_record(problem, AllPairs(), (solution, search.every), False, estimator)
         above = below = None
         if wants_width(point):
             phases = {np.sign(search.phase_from(peak.iterate, side)): side for side in sides if side is not None}
             above, below = (search.half_power(peak, way, phases.get(way)) for way in (-1.0, 1.0))
         rates = search.rates(peak) if has_rates else (None, None)
-        return PeakPoint(found.iterate, point, peak.size, (above, below), search.newton, *rates)
+        return PeakPoint(solution.iterate, point, peak.size, (above, below), search.newton, *rates)
     except _Lost as problem_text:
         return str(problem_text)
     finally:
@@ -263,11 +263,11 @@ class _Search:
         """Return derivatives of amplitude and phase where the frequency stays, those of pairs first, as one row each."""
         at, equation = self.problem.at(there.parameters), self.equation
         rows = [self.output, equation.model.n_outputs + self.output]
-        found = sensitivities_of(equation, at, there.U, self.every, self.solver.workspace.adjoints(equation))
+        sensitivities = sensitivities_of(equation, at, there.U, self.every, self.solver.workspace.adjoints(equation))
         p = equation.full_force(equation.contact_forces(there.U, self.every, tangents=False))
         cos, sin = output_amplitude(equation.model_at(at), at, p)[rows]
-        d = np.concatenate([found.of_pairs[rows].reshape(2, -1), found.common[rows]], axis=1)
-        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if found.is_found else None
+        d = np.concatenate([sensitivities.of_pairs[rows].reshape(2, -1), sensitivities.common[rows]], axis=1)
+        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if sensitivities.is_found else None
 
     def turned(self, here: _At, theta: float, guess: Iterate | None = None, is_patient: bool = False, depth: int = 0) -> _At:
         """Return the solution at a phase from another one, by halves of the way where Newton's method fails.
@@ -297,11 +297,11 @@ class _Search:
         Where Newton's method fails: through larger shares of the amplitude unless the mean slip is held, then along the branch.
         """
         guess = start or self._guess([_Known(0.0, peak.iterate, 1.0)], way * 0.25 * np.pi)
-        found = self._at_share(peak, HALF_POWER, guess, way)
-        if found is None and self.equation.held is None:
-            found = self._through_shares(peak, way)
-        found = found or self._along_branch(peak, way)
-        return None if found is None else found.iterate
+        side = self._at_share(peak, HALF_POWER, guess, way)
+        if side is None and self.equation.held is None:
+            side = self._through_shares(peak, way)
+        side = side or self._along_branch(peak, way)
+        return None if side is None else side.iterate
 
     def _through_shares(self, peak: _At, way: float) -> _Known | None:
         """Return the half-power point through shares as large as Newton's method needs."""
@@ -310,11 +310,11 @@ class _Search:
             last = known[-1]
             of_mode = float(np.arccos(share))
             phase = way * of_mode if last.share == 1.0 else last.phase * of_mode / float(np.arccos(last.share))
-            found = self._at_share(peak, share, self._guess(known, phase), way)
-            if found is not None:
-                known, share = [*known, found], max(HALF_POWER, share - 2.0 * (last.share - share))
-                if found.share == HALF_POWER:
-                    return found
+            side = self._at_share(peak, share, self._guess(known, phase), way)
+            if side is not None:
+                known, share = [*known, side], max(HALF_POWER, share - 2.0 * (last.share - share))
+                if side.share == HALF_POWER:
+                    return side
             elif last.share - share < (LEAST_SHARE if len(known) > 1 else LEAST_FIRST):
                 return None
             else:

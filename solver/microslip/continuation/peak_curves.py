@@ -310,8 +310,8 @@ def _top(size: Callable[[float], float], low: float, high: float) -> float:
     """Return where an amplitude is highest between two frequencies."""
     from scipy.optimize import minimize_scalar  # slow import, seldom needed
 
-    found = minimize_scalar(lambda w: -size(w), bounds=(low, high), method="bounded", options={"xatol": 1e-6 * (high - low)})
-    return float(found.x)
+    least = minimize_scalar(lambda w: -size(w), bounds=(low, high), method="bounded", options={"xatol": 1e-6 * (high - low)})
+    return float(least.x)
 
 
 def _width(size: Callable[[float], float], omega: float, omegas: np.ndarray, sizes: np.ndarray, i: int) -> float:

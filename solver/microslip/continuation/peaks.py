@@ -306,11 +306,11 @@ def about_a_peak(
     def rates(at: Iterate) -> np.ndarray | None:
         """Return the derivatives of amplitude and phase, those of pairs first, (2, n_numbers n_pairs + n_common)."""
         point, equation = solver.problem.at(at.parameters), solver.equation
-        found = sensitivities_of(equation, point, at.U, every, solver.workspace.adjoints(equation))
+        sensitivities = sensitivities_of(equation, point, at.U, every, solver.workspace.adjoints(equation))
         p = equation.full_force(equation.contact_forces(at.U, every, tangents=False))
         cos, sin = output_amplitude(equation.model_at(point), point, p)[rows]
-        d = np.concatenate([found.of_pairs[rows].reshape(2, -1), found.common[rows]], axis=1)
-        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if found.is_found else None
+        d = np.concatenate([sensitivities.of_pairs[rows].reshape(2, -1), sensitivities.common[rows]], axis=1)
+        return equation.comm.bcast(np.stack(of_size(cos, sin, *d))) if sensitivities.is_found else None
 
     unit, brackets = width if np.isfinite(width) else 0.02 * there.parameter, list[list[np.ndarray]]()
     sides, way, middle = (there, there), BESIDE * unit, rates(there)
@@ -318,7 +318,7 @@ def about_a_peak(
         low, high = (solved(side, there.parameter + sign * way) for side, sign in zip(sides, (-1.0, 1.0)))
         if low is None or high is None:
             break
-        both = [found for found in map(rates, (low, high)) if found is not None]
+        both = [rate for rate in map(rates, (low, high)) if rate is not None]
         if len(both) == 2 and both[0][0, -1] > 0.0 > both[1][0, -1] and 2.0 * way > within:
             brackets.append(both)
         sides, way = (low, high), way * FARTHER_BY

@@ -95,9 +95,9 @@ def point_record(
 def with_stability(problem: Problem, there: Iterate, point: Point) -> Point:
     """Return the record of a point with its multipliers.  Collective."""
     at = problem.at(there.parameters)
-    found = multipliers_at(problem.equation.under(at), at, there.U)
-    parts = np.stack([found.values.real, found.values.imag], axis=-1)
-    return replace(point, multipliers=parts, neutral=np.array(found.n_neutral))
+    multipliers = multipliers_at(problem.equation.under(at), at, there.U)
+    parts = np.stack([multipliers.values.real, multipliers.values.imag], axis=-1)
+    return replace(point, multipliers=parts, neutral=np.array(multipliers.n_neutral))
 
 
 def with_sensitivities(
@@ -108,9 +108,9 @@ def with_sensitivities(
     ``solver`` is that of exact adjoints, ``known`` one that error bars have solved for last.
     """
     (correction, selected), at = solution, problem.at(solution[0].iterate.parameters)
-    found = sensitivities_of(problem.equation.under(at), at, correction.iterate.U, selected, solver, known)
-    by_pairs, by_common = (np.stack(np.split(values * found.is_found, 2), axis=1) for values in (found.of_pairs, found.common))
-    notes = point.notes if found.is_found else (*point.notes, NO_ADJOINT)
+    rates = sensitivities_of(problem.equation.under(at), at, correction.iterate.U, selected, solver, known)
+    by_pairs, by_common = (np.stack(np.split(values * rates.is_found, 2), axis=1) for values in (rates.of_pairs, rates.common))
+    notes = point.notes if rates.is_found else (*point.notes, NO_ADJOINT)
     return replace(point, by_pairs=by_pairs, by_common=by_common, notes=notes)
 
 

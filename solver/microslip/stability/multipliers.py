@@ -53,7 +53,7 @@ def _of_parts(model: ReducedModel, omega: float, parts: list[tuple[ContactVariat
     contact, modes = joined([mine for mine, _, _ in parts]), model.groups[0].receptance.modes
     R_phi = modes.R_phi[(3 * contact.pairs[:, None] + np.arange(3)).ravel()]
     G = np.concatenate([G for _, G, _ in parts]) - (R_phi / modes.omega_n**2) @ R_phi.T
-    found = CycleMap(omega, modes.omega_n, modes.damping, R_phi, G, contact).multipliers()
+    computed = CycleMap(omega, modes.omega_n, modes.damping, R_phi, G, contact).multipliers()
     values = np.zeros(N_MULTIPLIERS, dtype=complex)
-    values[: len(found)] = found
+    values[: len(computed)] = computed
     return Multipliers(values, sum(n_sliders for _, _, n_sliders in parts))
