@@ -8,14 +8,17 @@ from discs import write_sector
 from greenlet import getcurrent
 from mpi4py import MPI
 
+from microslip.assembly.real_form import real_columns
 from microslip.library.build import assembled
+from microslip.linear.dense import multiply
 from microslip.linear.lockstep import after_others, at_once, in_lockstep
 from microslip.linear.mumps import MumpsFactor
 from microslip.messages.errors import ResourceError
-from microslip.modes import eigen
+from microslip.modes import eigen, shift_invert
 from microslip.modes.eigen import lowest_modes
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
+from microslip.parallel.petsc import free
 from microslip.scene.read import read_scene
 from microslip.studies.modes.disc import _structures, memory_of_one, modes_by_diameter
 
@@ -57,6 +60,18 @@ def test_functions_are_called_one_after_the_other():
     squares, others = Squares(), Squares()
     assert in_lockstep([partial(at_once, each, n) for each, n in ((squares, 2), (others, 3), (squares, 4))]) == [4, 9, 16]
     assert squares.sizes == [2] and others.sizes == [1]
+
+
+@pytest.mark.ranks(1)
+def test_cheap_requests_are_answered_first():
+    """The second computation has two cheap requests before the expensive one, which is computed with that of the first."""
+    cheap, expensive = Squares(), Squares()
+
+    def computation(n_cheap):
+        return sum(at_once(cheap, 1, is_cheap=True) for _ in range(n_cheap)) + at_once(expensive, 2)
+
+    assert in_lockstep([partial(computation, n) for n in (0, 2, 1)]) == [4, 6, 5]
+    assert cheap.sizes == [2, 1] and expensive.sizes == [3]
 
 
 @pytest.mark.ranks(1)
@@ -106,6 +121,41 @@ def test_modes_in_lockstep_are_those_of_one_diameter_at_a_time(disc, monkeypatch
         np.testing.assert_allclose(other.omega_n, one.omega_n, rtol=1e-10)
     for structure in structures.values():
         structure.destroy()
+
+
+@pytest.mark.ranks(1, 2, 3)
+def test_a_step_has_two_products_with_M(disc, monkeypatch):
+    """Of the four of SLEPc and of the partners, two are with a multiple of the vector before; with one product for both diameters."""
+    structures, steps, products = _structures(disc, [1, 2], RunLog(COMM, screen=False)), [], []
+    one_pass, multiplied = MumpsFactor.reduced, shift_invert._ProductsAtOnce.__call__
+    counted = lambda self, blocks: products.append(len(blocks)) or multiplied(self, blocks)  # noqa: E731
+    monkeypatch.setattr(MumpsFactor, "reduced", lambda self, B: steps.append(B.shape[1]) or one_pass(self, B))
+    monkeypatch.setattr(shift_invert._ProductsAtOnce, "__call__", counted)
+    few = in_lockstep([partial(lowest_modes, each, 4) for each in structures.values()])
+    assert sum(products) < 2.5 * sum(steps) / 2 and len(products) < 0.6 * sum(products)
+    monkeypatch.setattr(shift_invert, "_with_fewer_products", lambda M: M)
+    for one, structure in zip(few, structures.values()):
+        np.testing.assert_allclose(one.omega_n, lowest_modes(structure, 4).omega_n, rtol=1e-10)
+        structure.destroy()
+
+
+@pytest.mark.ranks(1, 2)
+def test_products_with_multiples_of_a_vector(disc, monkeypatch):
+    """Complex multiples, to rounding, need no product; a vector that differs by more is multiplied."""
+    structure, products = _structures(disc, [1], RunLog(COMM, screen=False))[1], []
+    multiplied = shift_invert._ProductsAtOnce.__call__
+    counted = lambda self, blocks: products.append(1) or multiplied(self, blocks)  # noqa: E731
+    monkeypatch.setattr(shift_invert._ProductsAtOnce, "__call__", counted)
+    M = structure.M
+    few, x, y = shift_invert._with_fewer_products(M), M.createVecRight(), M.createVecLeft()
+    z = np.random.default_rng(COMM.rank).normal(size=(2, M.getLocalSize()[0] // 2, 1)).T.copy().view(complex)[0]
+    for factor, change, n in ((1.0, 0.0, 1), (0.3 - 2.0j, 1e-15, 1), (1.0, 1e-9, 2), (0.0, 0.0, 2)):
+        x.setArray(real_columns(factor * z + change * z[::-1])[:, 0])
+        few.mult(x, y)
+        np.testing.assert_allclose(y.getArray(), multiply(M, x.getArray()[:, None])[:, 0], rtol=1e-9, atol=1e-20)
+        assert len(products) == n
+    free(few, x, y)
+    structure.destroy()
 
 
 @pytest.mark.ranks(1, 2)

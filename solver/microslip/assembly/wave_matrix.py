@@ -6,6 +6,7 @@ of the size of the sector is made for a nodal diameter.
 
 import atexit
 import weakref
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -87,6 +88,14 @@ def _free_at_exit() -> None:
         PETSc.garbage_cleanup()
 
 
+def python_matrix(sizes: tuple, context: object, comm: PETSc.Comm) -> PETSc.Mat:
+    """Return a matrix of PETSc's type "python", whose products are those of its ``context``.  Collective."""
+    matrix = PETSc.Mat().createPython(sizes, context, comm=comm)
+    matrix.setUp()
+    _LIVING.append(weakref.ref(matrix))
+    return matrix
+
+
 class WaveMatrix:
     """P(d)^H A P(d) + B, eq. (14.6): the context of a PETSc matrix of type "python", with a complex phase in real form.
 
@@ -116,10 +125,7 @@ class WaveMatrix:
         context = cls(A, unfolding, phase, added)
         copies = 1 + context.is_complex
         sizes = (copies * context._n_owned, copies * int(unfolding.w_ranges[-1]))
-        matrix = PETSc.Mat().createPython((sizes, sizes), context, comm=A.comm)
-        matrix.setUp()
-        _LIVING.append(weakref.ref(matrix))
-        return matrix
+        return python_matrix((sizes, sizes), context, A.comm)
 
     def unfolded(self, X_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of P(d) X, (n_v_owned, 2 m): the real and then the imaginary parts.  Collective.
@@ -148,9 +154,13 @@ class WaveMatrix:
         product[self._followed] += _complex(self.unfolding.lead(self.comm, np.hstack([of_high.real, of_high.imag])))
         return product
 
-    def multiply(self, X_owned: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of the product with columns (n_w_owned, m), complex as the phase.  Collective."""
-        product = self.folded(times(self.A, self.unfolded(X_owned)))
+    def multiply(self, X_owned: np.ndarray, times_A: Callable[[np.ndarray], np.ndarray] | None = None) -> np.ndarray:
+        """Return this rank's rows of the product with columns (n_w_owned, m), complex as the phase.  Collective.
+
+        ``times_A`` returns this rank's rows of products with A, by default :func:`times`.
+        """
+        V_owned = self.unfolded(X_owned)
+        product = self.folded(times(self.A, V_owned) if times_A is None else times_A(V_owned))
         return product if self._added is None else product + self._added_owned @ self._of_all(X_owned)
 
     def _of_all(self, X_owned: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from operator import itemgetter
 from typing import Any, TypeVar
 
 from greenlet import getcurrent, greenlet
@@ -19,17 +20,22 @@ Answer = TypeVar("Answer")
 Result = TypeVar("Result")
 
 
+_CHEAP, _EXPENSIVE, _AFTER_OTHERS = range(3)  # the order in which requests are answered
+
+
 class _Coroutine(greenlet):
     """A computation in lockstep with others."""
 
 
-def at_once(answers: Callable[[Sequence[Request]], Sequence[Answer]], request: Request) -> Answer:
+def at_once(answers: Callable[[Sequence[Request]], Sequence[Answer]], request: Request, *, is_cheap: bool = False) -> Answer:
     """Return ``answers([request])[0]``; in lockstep one call answers the requests of all computations.
 
-    Collective where ``answers`` is.
+    Collective where ``answers`` is.  Cheap requests are answered before all others, so that as many computations as possible
+    have the same expensive request.
     """
     here = getcurrent()
-    return here.parent.switch((answers, request)) if isinstance(here, _Coroutine) else answers([request])[0]
+    turn = _CHEAP if is_cheap else _EXPENSIVE
+    return here.parent.switch((answers, request, turn)) if isinstance(here, _Coroutine) else answers([request])[0]
 
 
 def after_others(release: Callable[[], None]) -> None:
@@ -37,7 +43,7 @@ def after_others(release: Callable[[], None]) -> None:
     here = getcurrent()
     if isinstance(here, _Coroutine):
         release()
-        here.parent.switch((None, None))
+        here.parent.switch((None, None, _AFTER_OTHERS))
 
 
 def in_lockstep(computations: Sequence[Callable[[], Result]]) -> list[Result]:
@@ -67,9 +73,9 @@ def in_lockstep(computations: Sequence[Callable[[], Result]]) -> list[Result]:
     return [results[each] for each in coroutines]
 
 
-def _answered(requests: dict[_Coroutine, tuple[Any, Any]]) -> dict[_Coroutine, tuple[Any]]:
+def _answered(requests: dict[_Coroutine, tuple[Any, Any, int]]) -> dict[_Coroutine, tuple[Any]]:
     """Take the requests that one call of a function answers, or all that wait for the others; return the answers."""
-    function = next((function for function, _ in requests.values() if function is not None), None)
+    function = min(requests.values(), key=itemgetter(2), default=(None,))[0]
     some = {each: requests.pop(each)[1] for each in list(requests) if requests[each][0] == function}
     answers = list(some) if function is None else function(list(some.values()))
     return dict(zip(some, zip(answers)))

@@ -24,6 +24,7 @@ from ..guards.memory import refuse_beyond
 from ..messages.errors import CaseError, ConvergenceError
 from ..parallel.agree import on_root
 from ..parallel.petsc import free
+from ..system.memory import give_back
 from . import bridge, mumps
 from .dense import add_springs
 from .lockstep import at_once
@@ -288,6 +289,7 @@ class _Inertia:
     def __init__(self, of_sector: SectorFactor, sigma: float):
         """Eliminate.  Collective: one factorisation."""
         self.of_sector, self.sigma = of_sector, sigma
+        give_back()  # the spaces of the searches: the peak of memory would be here
         with of_sector.K_L() as K_L:
             S, info, pivots = _interior(K_L, of_sector.boundary.faces, (sigma, of_sector.sectors.sector.M))
         if pivots is not None:

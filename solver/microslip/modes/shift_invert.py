@@ -10,8 +10,9 @@ grow as modes converge; they are removed (:class:`_Partners`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,9 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from ..assembly.real_form import complex_columns, real_columns
-from ..linear.dense import diagonal_owned, gram, multiply
+from ..assembly.wave_matrix import WaveMatrix, python_matrix, times
+from ..linear.dense import column_norms, diagonal_owned, gram, multiply, wave_matrix
+from ..linear.lockstep import at_once
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
 from ..parallel.petsc import free
@@ -39,6 +42,7 @@ _MOST_ITERATIONS = 200
 _MORE = (12, 1.0)  # vectors of a Krylov space beyond the wanted modes: at least, and per mode
 _MORE_IN_PLANES = (4, 0.4)  # of complex matrices, whose vectors in real form are twice as long
 _MORE_IN_BLOCKS = (12, 1.5, 96)  # for subspace iteration, with a maximum: a pass converges by a ratio of theta
+_SAME = 1e-12  # relative distance of a vector from a multiple of another one whose product serves for both
 _BLOCKS = 3  # blocks of the size of the subspace that SLEPc allocates
 _KEEP = 0.85  # fraction of the Krylov space retained at a restart: convergence is tested often, and little is discarded
 _KEY = 40  # of the random start vectors
@@ -120,13 +124,13 @@ class ModeSearch:
             before_owned = real_columns(np.hstack([before_owned, 1j * before_owned]))
         if self._is_complex and not without_partners:
             n_sought, n_most = 2 * n_sought, 2 * n_most
-        eps = SLEPc.EPS().create(linearised.K_L.comm)
+        eps, M = SLEPc.EPS().create(linearised.K_L.comm), _with_fewer_products(linearised.M)
         partners = _Partners(eps.getBV()) if without_partners else None
         solves = _SolvesByFactor(linearised.factor, partners)
         ksp = _solver(linearised.K_L.comm, solves)
         start, *before = [_vector(linearised.M, column) for column in (self._start(), *before_owned.T)]
         eps.setOptionsPrefix(PREFIX)
-        eps.setOperators(linearised.K_L, linearised.M)
+        eps.setOperators(linearised.K_L, M)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         eps.setType(kind)
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
@@ -155,6 +159,8 @@ class ModeSearch:
             if partners is not None:
                 partners.destroy()
             free(start, *before, ksp, eps)
+            if M is not linearised.M:
+                free(M)
             solves.factor = solves.partners = None  # petsc4py may not free the object that refers to them
         if without_partners and (
             info["complete"] or theta.min() <= _NO_MASS * theta.max()
@@ -265,6 +271,56 @@ class _Partners:
 def _times_i(x: np.ndarray) -> np.ndarray:
     """Return i x in real form.  Local."""
     return (1j * x.view(complex)).view(float)
+
+
+def _with_fewer_products(M: PETSc.Mat) -> PETSc.Mat:
+    """Return M of a nodal diameter with the products of :class:`_Products`, any other as it is.  Collective."""
+    wave = wave_matrix(M)
+    return M if wave is None else python_matrix(M.getSizes(), _Products(wave), M.comm)
+
+
+class _Products:
+    """The context of a PETSc matrix: M of one nodal diameter, whose products are those of a search.
+
+    Two of the four products of a step are, but for rounding, with a multiple of the vector before: SLEPc's with a solution, after
+    that with i times it (:class:`_Partners`), and that with a vector of the basis once it is normalised.
+    """
+
+    def __init__(self, wave: WaveMatrix):
+        self._wave, self._times = wave, _ProductsAtOnce(wave.A)
+        self._last: tuple[np.ndarray, np.ndarray, float] | None = None  # x, M x, (n_owned, 1) each, and |x|^2
+
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Multiply a vector, of a complex phase in real form: what PETSc calls.  Collective."""
+        column = x.getArray()[:, None]
+        product = real_columns(self._product(complex_columns(column))) if self._wave.is_complex else self._product(column)
+        y.setArray(product[:, 0])
+
+    multTranspose = mult
+
+    def _product(self, x_owned: np.ndarray) -> np.ndarray:
+        """Return M x, (n_owned, 1), for x = s x_before as s (M x_before), s complex where x is.  Collective."""
+        comm = self._wave.comm
+        if self._last is not None:
+            last_owned, product_owned, size = self._last
+            s = gram(comm, last_owned, x_owned)[0, 0] / size
+            if column_norms(comm, x_owned - s * last_owned)[0] <= _SAME * abs(s) * np.sqrt(size):
+                return s * product_owned
+        product_owned = self._wave.multiply(x_owned, lambda V_owned: at_once(self._times, V_owned, is_cheap=True))
+        self._last = x_owned.copy(), product_owned, max(column_norms(comm, x_owned)[0] ** 2, np.finfo(float).tiny)
+        return product_owned
+
+
+@dataclass(frozen=True)
+class _ProductsAtOnce:
+    """Products with the matrix of a sector, of several nodal diameters at once."""
+
+    A: PETSc.Mat
+
+    def __call__(self, blocks_owned: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return this rank's rows of A V for every block V.  Collective."""
+        ends = np.cumsum([block.shape[1] for block in blocks_owned[:-1]], dtype=int)
+        return np.split(times(self.A, np.hstack(blocks_owned)), ends, axis=1)
 
 
 class _SolvesByFactor:

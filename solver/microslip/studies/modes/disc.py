@@ -42,7 +42,7 @@ from .report import joint_shares
 DIRECTIONS = "backward", "forward"  # against the rotation, and with it
 _ON_SCREEN = 6  # modes per nodal diameter on the screen
 _NAMED = 24  # largest number of named engine orders in the picture
-_TOGETHER, _SHARE = 8, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
+_TOGETHER, _SHARE = 13, 0.25  # nodal diameters in lockstep, and the part of the memory left that their searches may take
 _DISTANCE = 0.025  # distance of two numbers of modes over the height of the picture
 
 
