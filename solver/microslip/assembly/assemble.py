@@ -32,7 +32,9 @@ FREE = "no [[supports]]: the structure is free, and its rigid-body motion is par
 ASSEMBLED = 40.0  # bytes an entry of K held at once: sums of element matrices, rows expanded, PETSc's copy of them
 
 
-def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tables: StructureTables) -> System:
+def assemble(
+    dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tables: StructureTables, explicit: bool = True
+) -> System:
     """Return K, M, R, loads and outputs on the free DOFs; of a disc those of nodal diameter 0, and its ``sectors``.
 
     Collective on ``dmesh.comm``.
@@ -41,6 +43,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
     ----------
     mesh : the whole mesh on rank 0, None elsewhere
     pairs : the contact pairs, on every rank
+    explicit : whether K and M of nodal diameter 0 have entries
 
     Raises
     ------
@@ -88,7 +91,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, tab
         blades = _matrices(_of_bodies(dmesh, cyclic.blades), dof, row_ranges, tables.sections) if cyclic.differs else None
         sectors = Sectors.of(cyclic.sectors, cyclic.wave_number, of_sector, R_next, constraints, whole.part, links.cyclic.high)
         sectors = replace(sectors, blades=blades)
-        return sectors.system(0)
+        return sectors.system(0, explicit)
     if constraints is not None:
         system = constrained(system, constraints, whole.part)
     return replace(system, rigid_owned=rigid_motions(dmesh, constraints, dof, whole.free))

@@ -116,8 +116,10 @@ class Assembled:
     reference: ReferenceState | None = None  # with [statics]
 
 
-def assembled(scene: Scene, comm: MPI.Comm, log: RunLog) -> Assembled:
+def assembled(scene: Scene, comm: MPI.Comm, log: RunLog, explicit: bool = True) -> Assembled:
     """Return mesh and matrices of a scene, with [statics] at rest.  Collective.
+
+    Unless ``explicit``, K and M of a disc at nodal diameter 0 may have no entries: they are products with those of the sector.
 
     Raises
     ------
@@ -129,7 +131,7 @@ def assembled(scene: Scene, comm: MPI.Comm, log: RunLog) -> Assembled:
         file, scene, notes = read_completed(scene, comm)
     for note in notes:
         log.note(note)
-    return Assembled(scene, *from_mesh(scene, file, comm, log))
+    return Assembled(scene, *from_mesh(scene, file, comm, log, explicit))
 
 
 def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None, keeps_reference: bool = True) -> Structure:
@@ -418,11 +420,11 @@ def free_other_rest(structure: Structure) -> None:
 
 
 def from_mesh(
-    scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog
+    scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog, explicit: bool = True
 ) -> tuple[Mesh | None, AtRest, ReferenceState | None]:
     """Return mesh (on rank 0) and structure of a scene with a mesh, whose file rank 0 has read.  Collective.
 
-    With [statics] this is the structure at rest, together with the reference state.
+    With [statics] this is the structure at rest, with the reference state; without, ``explicit`` is as in :func:`assembled`.
     """
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, scene, file, share=False)
@@ -433,7 +435,7 @@ def from_mesh(
     with log.stage("partition"):
         shares = distribute(mesh, scene, comm)
     with log.stage("assembly"):
-        system = assemble(shares, mesh, pairs, scene)
+        system = assemble(shares, mesh, pairs, scene, explicit or scene.statics is not None)
     for note in (*(system.constraints.notes if system.constraints is not None else ()), *system.notes):
         log.note(note)
     if scene.statics is None:

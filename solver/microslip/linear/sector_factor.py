@@ -79,25 +79,30 @@ class Boundary:
 
 @dataclass(frozen=True, eq=False)
 class _Folded:
-    """P(d)^H S P(d) of a symmetric S on the faces: same + exp(i d alpha) other + its conjugate transpose."""
+    """P(d)^H S P(d) of a symmetric S on the faces: same + cos(d alpha) even + i sin(d alpha) odd, (n_wf, n_wf) column-major."""
 
-    same: np.ndarray  # (n_wf, n_wf) P_0^T S P_0 + P_1^T S P_1
-    other: np.ndarray  # (n_wf, n_wf) P_0^T S P_1
+    same: np.ndarray  # P_0^T S P_0 + P_1^T S P_1
+    even: np.ndarray  # B + B^T, B = P_0^T S P_1
+    odd: np.ndarray  # B - B^T
 
     @classmethod
     def of(cls, S: np.ndarray, boundary: Boundary) -> _Folded:
         """Return it of S (n_f, n_f), both triangles.  Local."""
         P_0, P_1 = boundary.P
         of_low, of_high = P_0.T @ S, P_1.T @ S
-        return cls((P_0.T @ of_low.T + P_1.T @ of_high.T).T, (P_1.T @ of_low.T).T)
+        same, other = (P_0.T @ of_low.T + P_1.T @ of_high.T).T, (P_1.T @ of_low.T).T
+        return cls(*(np.asfortranarray(each) for each in (same, other + other.T, other - other.T)))
 
     def at(self, phase: complex, between: np.ndarray | None) -> np.ndarray:
         """Return it at a nodal diameter with the springs to the next sector, eq. (14.8), (n_wf, n_wf), column-major.  Local."""
-        S = self.same + np.real(phase) * (self.other + self.other.T)
+        S: np.ndarray = np.empty(self.same.shape, dtype=type(phase), order="F")
+        S.real = np.real(phase) * self.even
+        S.real += self.same
         if np.iscomplexobj(phase):
-            S = S.astype(complex, order="F")
-            S.imag = np.imag(phase) * (self.other - self.other.T)
-        return np.asfortranarray(S if between is None else S + between)
+            S.imag = np.imag(phase) * self.odd
+        if between is not None:
+            S += between
+        return S
 
 
 class SectorFactor:

@@ -22,7 +22,7 @@ def with_matrix(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Assembled, C
     ------
     CaseError, MeshError, ResourceError, ConvergenceError : on every rank
     """
-    parts, matrix = assembled(scene, comm, log), None
+    parts, matrix = assembled(scene, comm, log, explicit=False), None
     if takes_coriolis(scene) and parts.reference is not None:
         matrix = coriolis(parts.reference.shares, parts.reference.settings, parts.reference.system)
     return without_reference(parts, False), matrix
