@@ -41,7 +41,7 @@ def test_files_of_others_stay_where_they_are(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(("earlier-1", "results.h5", *others))
 
 
-@pytest.mark.parametrize("draw", {*PICTURES, *STATIC_PICTURES})
+@pytest.mark.parametrize("draw", dict.fromkeys((*PICTURES, *STATIC_PICTURES)))
 def test_every_picture_is_a_file_of_a_run(draw):
     name = draw.__name__.removeprefix("draw_").removeprefix("static_")
     assert all(is_results_file(f"{name}{page}.png") for page in ("", "2", "_02"))
