@@ -8,7 +8,6 @@ import synthetic
 from mpi4py import MPI
 from scipy.linalg import block_diag
 
-from microslip.continuation import corrector
 from microslip.continuation.grid import at_frequencies
 from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.harmonic import clustered, newton_solver, preconditioner
@@ -129,7 +128,6 @@ def test_sectors_are_solved_for_exactly(problem, monkeypatch):
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize(("n_sectors", "kind"), [(1, ClusteredPreconditioner), (5, SectorsPreconditioner)])
 def test_the_curve_is_the_same_with_it(problem, monkeypatch, n_sectors, kind):
-    monkeypatch.setattr(corrector, "LOOSEST", 0.0)  # all Newton systems to the same digits
     plain = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
     made = []
     monkeypatch.setattr(clustered, "LARGE", 10)

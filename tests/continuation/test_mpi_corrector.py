@@ -57,26 +57,6 @@ def test_iterations_of_a_solve_that_is_repeated_are_those_of_all_its_runs(monkey
     assert repeated.iterate.U == pytest.approx(undisturbed.iterate.U, abs=1e-9 * system.scaling.U)
 
 
-def test_linear_systems_are_solved_as_far_as_a_step_gains_by_it(monkeypatch):
-    """docs/theory.md, section 5: a hundredth at first, later the curvature; all digits in the last step."""
-    system, guess = jenkins()
-    corrector, residuals, sufficient = Corrector(COMM, guess.U.shape, 1e-8), [], []
-    solve = corrector.newton_solver.solve
-
-    def noted(at, b_U, b_nu, border, exactness):
-        residuals.append(COMM.allreduce(float(np.vdot(b_U, b_U)) + float(b_nu @ b_nu)) ** 0.5)
-        sufficient.append(exactness.sufficient)
-        return solve(at, b_U, b_nu, border, exactness)
-
-    monkeypatch.setattr(corrector.newton_solver, "solve", noted)
-    correction = corrector.correct(system, guess)
-    corrector.destroy()
-    assert correction.failure is None and correction.residual <= 1e-8 and len(residuals) > 2
-    fell = np.divide(residuals[1:], residuals[:-1])
-    by_curvature = np.minimum(0.5 * np.append(1.0, fell) ** 2, 1e-2)
-    assert sufficient == pytest.approx(np.where(by_curvature * residuals > 1e-8, by_curvature, 0.0))
-
-
 def test_a_motion_is_marched_once(monkeypatch):
     """The derivatives of the contact forces come from the march of the residual, but at most once from a second one."""
     system, guess = jenkins()

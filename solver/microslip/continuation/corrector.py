@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Border, Exactness, Linearisation, Step
-from ..harmonic.newton_solver import NewtonSolver
+from ..harmonic.newton_solver import RTOL, NewtonSolver
 from ..harmonic.operating_point import ContactForces
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from ..parallel.petsc import free
@@ -29,7 +29,6 @@ PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton gives up where so many iterations le
 MOST_ITERATIONS = 20
 PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
 SHARP = 5.0  # tolerances: allowed error of the motion of a point, by its last Newton step
-LOOSEST = 1e-2  # largest relative residual of a Newton system
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
@@ -317,7 +316,7 @@ class Corrector:
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, r: PETSc.Vec, system: BorderedSystem) -> None:
         values, out = x.getArray(readonly=True), r.getArray()
         # Newton linearises at the guess, and after a step whose linear system leaves more than the tolerance
-        follows = self._is_first or self.newton_solver.reduction * self._history[-1] > snes.getTolerances()[1]
+        follows = self._is_first or RTOL * self._history[-1] > snes.getTolerances()[1]
         tangents, self._is_first = follows or self._tangents_at_end, False
         rows, constraints = system.residual(self._motion(values, system.scaling), self._nu(values), tangents)
         out[: self.n_U] = rows.ravel()
@@ -337,21 +336,10 @@ class Corrector:
         """Solve a Newton system; return GMRES iterations and PETSc's reason.  Collective."""
         values, out, at = b.getArray(readonly=True), x.getArray(), self._newton
         b_U = values[: self.n_U].reshape(self.shape) / at.scaling.rows
-        exactness = replace(at.exactness, sufficient=self._sufficient())
-        step = at.linear.solve(b_U, self._nu(values), at.border, self.newton_solver, exactness)
+        step = at.linear.solve(b_U, self._nu(values), at.border, self.newton_solver, at.exactness)
         self._write(out, step.d_xi, step.d_nu_owned)
         self._newton = replace(at, step=step, as_vector=out.copy())
         return step.iterations, step.reason
-
-    def _sufficient(self) -> float:
-        """Return the relative residual of the next Newton system below which another digit saves no step.  Local.
-
-        docs/theory.md, section 5: the curvature of the equation leaves as much.  0 where it leaves less than the tolerance.
-        """
-        norm, tolerance = self._history[-1], self._snes.getTolerances()[1]
-        fell = norm / self._history[-2] if len(self._history) > 1 else 1.0
-        by_curvature = min(0.5 * fell**2, LOOSEST)
-        return by_curvature if by_curvature * norm > tolerance else 0.0
 
     def _multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Apply the Jacobian in scaled unknowns.  Collective: one gather.

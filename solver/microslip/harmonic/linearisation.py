@@ -78,7 +78,6 @@ class Exactness:
 
     weight: float = 1.0  # largest weight of the rows of the residual, the same on all ranks; divides the tolerance of GMRES
     in_double: bool = False  # double precision for any size, where steps in single precision make no progress
-    sufficient: float = 0.0  # relative residual of the linear system that suffices, where it is above the tolerance of GMRES
 
 
 class BorderedSolver(Protocol):

@@ -45,7 +45,6 @@ class NewtonSolver:
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
         self.preconditioner: PairsPreconditioner | WholeInverse | None = None
         self.wants_preconditioner = False
-        self.reduction = RTOL  # of the residual by the last step, without the curvature of the equation
         self._active: np.ndarray | None = None
         self._columns: ActiveColumns | None = None
         self._springs: object = None  # updates to another contact stiffness that the columns have
@@ -128,8 +127,7 @@ class NewtonSolver:
             self._gatherer = Gatherer(self.comm, n, 2 * k)
             self._gmres = Gmres(self.comm, n + k * int(self.last), self._multiply, self._precondition, RTOL)
             self._rtol, self._columns = self._gmres.rtol, None
-        self.reduction = self._rtol * max(1.0, exactness.sufficient / RTOL)  # -hb_ksp_rtol scales both
-        rtol = max(self.reduction / exactness.weight, min(self._rtol, FINEST))
+        rtol = max(self._rtol / exactness.weight, min(self._rtol, FINEST))
         is_single = at.n_rows > SMALL and rtol >= SINGLE and not exactness.in_double
         precision, springs = np.float32 if is_single else np.float64, at.G.model.spring_updates
         if self._columns is None or self._columns.precision is not precision or self._springs is not springs:
