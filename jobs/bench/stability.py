@@ -57,8 +57,10 @@ def main() -> None:
             spent.append(time.process_time() - clock)
             print(
                 f"{point.omega / 2.0 / np.pi:10.3f} Hz, {np.count_nonzero(point.state):4d} slip or open: {1e3 * spent[-1]:7.0f} ms; "
-                f"largest multiplier {abs(multipliers.values[0]):.5f}"
+                f"solution {1e3 * point.seconds:5.0f} ms; largest multiplier {abs(multipliers.values[0]):.5f}"
             )
+        ratios = [multipliers / point.seconds for multipliers, point in zip(spent, some)]
+        print(f"multipliers over the solution of the same point: {np.median(ratios):.3g} (median), {max(ratios):.3g} (most)")
         print(f"a point of the curve: {1e3 * solved / len(branch.points):.0f} ms on average, all included")
         print(f"its multipliers: {1e3 * np.median(spent):.0f} ms (median), {1e3 * max(spent):.0f} ms (most), where pairs slip")
 
