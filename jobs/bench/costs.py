@@ -1,9 +1,9 @@
 """Where the time of a scene goes, beside what the machine can do.
 
-    python jobs/bench/costs.py [SCENE.toml] [--levels 1 15] [--points 98] [--ranks 1 2] [--out DIR]
+    python jobs/bench/costs.py [SCENE.toml] [--levels 1 15] [--points 98] [--ranks 1 2] [--out DIR] [--page docs/costs.md]
 
-SCENE is jobs/fan_paper.toml unless given.  Prints tables and writes costs.json in DIR (results/bench): the stages of the set-up and,
-at each level, the parts of the response of `receptance`.  Each measurement is a job of its own on each number of ranks (mpirun, or what
+SCENE is jobs/fan_paper.toml unless given.  Prints tables, writes them to a page, and costs.json to DIR (results/bench): the stages of
+the set-up and, at each level, the parts of the response of `receptance`.  Each measurement is a job of its own on each number of ranks (mpirun, or what
 $MPIRUN names).  Times of parts are processor time of rank 0.  How a point grows with the pairs of a joint: large_joint.py.
 """
 
@@ -20,7 +20,7 @@ import sys
 from pathlib import Path
 
 import machine
-from page_tables import table
+from page_tables import put, table
 
 
 def measure(request: dict, ranks: int) -> dict:
@@ -82,6 +82,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=98)
     parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
+    parser.add_argument("--page", type=Path, help="page of the documentation that gets the tables")
     options = parser.parse_args()
     base = {"kind": "scene", "scene": options.scene, "points": options.points}
     runs = [measure({**base, "level": level}, ranks) for level in options.levels for ranks in options.ranks]
@@ -89,6 +90,9 @@ def main() -> None:
     rates, facts = {"GFLOP/s": machine.matrix_product_rate(), "GB/s": machine.memory_bandwidth()}, machine.facts()
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "costs.json").write_text(json.dumps({"machine": facts, "rates": rates, "scene": runs}, indent=1))
+    if options.page:
+        stages = of_stages([run for run in runs if run["level"] == runs[0]["level"]])
+        put(options.page, {"stages": stages, "point": of_response(runs), "costs_machine": machine.items()})
     limits = f"Limits of one process: matrix product {rates['GFLOP/s']:.1f} GFLOP/s, memory {rates['GB/s']:.1f} GB/s."
     print(*report(runs, options.scene), "", *machine.lines(facts), limits, sep="\n")
 

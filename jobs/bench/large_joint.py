@@ -1,11 +1,11 @@
 """How time and memory of a point grow with the pairs of a joint, up to 10,000.
 
-    python jobs/bench/large_joint.py [--pairs 200 500 1000 2000 5000 10000] [--ranks 1 2] [--points 4] [--out DIR] [--draw]
+    python jobs/bench/large_joint.py [--pairs 200 500 1000 2000 5000 10000] [--ranks 1 2] [--points 4] [--out DIR] [--draw] [--page PAGE]
 
 The joint is that of synthetic.py, 30 % of its pairs slip, H = 3.  Each measurement is a job of its own (cost_of.py; mpirun, or what
 $MPIRUN names).  The first point, at which the columns of the slipping pairs come to be, is left out of the time and is in the memory,
 which is the highest of all ranks together.  Writes large_joint.json and img/large_joint.png in DIR (results/bench);
-``--draw`` does so from the file of an earlier run.
+``--draw`` does so from the file of an earlier run; ``--page`` writes the table to a page (docs/costs.md).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import machine
 import matplotlib
 
 matplotlib.use("Agg")
-from page_tables import table
+from page_tables import put, table
 
 from microslip.results import style
 
@@ -114,12 +114,15 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=4)
     parser.add_argument("--out", type=Path, default=Path("results/bench"))
     parser.add_argument("--draw", action="store_true")
+    parser.add_argument("--page", type=Path, help="page of the documentation that gets the table")
     given = parser.parse_args()
     (given.out / "img").mkdir(parents=True, exist_ok=True)
     file = given.out / "large_joint.json"
     runs = json.loads(file.read_text()) if given.draw else measured(given)
     file.write_text(json.dumps(runs, indent=1))
     draw(runs, given.out / "img" / "large_joint.png")
+    if given.page:
+        put(given.page, {"large_joint": rows_of(runs), "large_joint_machine": machine.items()})
     print(*rows_of(runs), "", *machine.lines(machine.facts()), sep="\n")
 
 

@@ -34,6 +34,11 @@ def lines(values: dict[str, str]) -> list[str]:
     return [f"{name[0].upper() + name[1:]}: {text}." for name, text in values.items()]
 
 
+def items() -> list[str]:
+    """Return the facts and the date as a list of Markdown."""
+    return [f"- {line}" for line in (*lines(facts()), time.strftime("%Y-%m-%d."))]
+
+
 def processor() -> str:
     """Return the processor's general name."""
     try:

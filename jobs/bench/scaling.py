@@ -93,7 +93,7 @@ def main() -> None:
             folder = options.out / f"{size}_{ranks}"
             runs[size][ranks] = stages_of(scene_of(size), ranks, options.level, options.points, folder)
             print(f"{size} on {ranks}: a point {seconds(runs[size][ranks][POINT][0])}", flush=True)
-    page = {**tables(runs), "machine": [f"- {line}" for line in machine.lines(machine.facts())]}
+    page = {**tables(runs), "machine": machine.items()}
     put(Path("docs/scaling.md"), page)
     print(*page["summary"], sep="\n")
 

@@ -1,9 +1,9 @@
 """A run and a second one of the same structure with another friction, in folders of their own: what each takes, by stage.
 
-    python jobs/bench/second_run.py [SCENE.toml ...] [--ranks 1 2] [--joint 1] [--friction 0.25]
+    python jobs/bench/second_run.py [SCENE.toml ...] [--ranks 1 2] [--joint 1] [--friction 0.25] [--page docs/costs.md]
 
-The second run is made twice, with its fields on the mesh and without.  Prints a line of a table for each run: wall time of the
-whole command, and that of its stages, as run.log has them [s].
+The second run is made twice, with its fields on the mesh and without.  Prints a table, a row for each run, and writes it to a page:
+wall time of the whole command, and that of its stages, as run.log has them [s].
 """
 
 from __future__ import annotations
@@ -17,8 +17,12 @@ import tempfile
 import time
 from pathlib import Path
 
+import machine
+from page_tables import put, table
+
 ROOT = Path(__file__).parents[2]
 STAGE = re.compile(r"^(\S.*?) {2,}(\d+\.\d+) +\d+\.\d+%", flags=re.M)
+TITLES = "scene", "ranks", "run", "whole", "set-up", "response", "fields", "writing the factor", "pictures"
 OTHERS = ("response", "fields for ParaView", "factor for other runs", "pictures")  # stages that are no part of the set-up
 
 
@@ -42,22 +46,22 @@ def main() -> None:
     parser.add_argument("--ranks", nargs="+", type=int, default=[1, 2])
     parser.add_argument("--joint", default="1", help="the name or number of the joint")
     parser.add_argument("--friction", type=float, default=0.25, help="of the second run")
-    asked = parser.parse_args()
-    other = f"joints.{asked.joint}.friction={asked.friction}"
-    print(
-        "| scene | ranks | run | whole | set-up | response | fields | factor kept | pictures |\n"
-        "| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: | ---: |"
-    )
-    for scene in asked.scenes:
-        for ranks in asked.ranks:
+    parser.add_argument("--page", type=Path, help="page of the documentation that gets the table")
+    options = parser.parse_args()
+    other = f"joints.{options.joint}.friction={options.friction}"
+    rows = []
+    for scene in options.scenes:
+        for ranks in options.ranks:
             with tempfile.TemporaryDirectory() as place:
                 runs = {"first": (), "second": (other,), "second, no fields": (other, "response.fields=false")}
                 for i, (name, settings) in enumerate(runs.items()):
                     stages = taken(scene, ranks, Path(place) / str(i), *settings)
-                    print(
-                        f"| {scene.stem} | {ranks} | {name} | " + " | ".join(f"{one:.1f}" for one in stages.values()) + " |",
-                        flush=True,
-                    )
+                    rows.append([scene.stem, str(ranks), name, *(f"{seconds:.1f}" for seconds in stages.values())])
+                    print(*rows[-1], sep="; ", flush=True)
+    lines = table(TITLES, rows, words=3)
+    if options.page:
+        put(options.page, {"second_run": lines, "second_run_machine": machine.items()})
+    print(*lines, sep="\n")
 
 
 if __name__ == "__main__":

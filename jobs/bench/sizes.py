@@ -117,9 +117,8 @@ def main() -> None:
         rows.append([JOBS[name].title, *cost(JOBS[name], options.ranks).cells()])
         print("; ".join(rows[-1]), flush=True)
     ranks = f"{options.ranks} rank{'s' if options.ranks > 1 else ''}"
-    facts = [f"- {line}" for line in [*machine.lines(machine.facts()), f"{ranks}, {time.strftime('%Y-%m-%d')}."]]
     lines = table((*TITLES, "processor, s", "memory, MiB"), rows)
-    put(options.docs / "costs.md", {"sizes": lines, "sizes_machine": facts})
+    put(options.docs / "costs.md", {"sizes": lines, "sizes_machine": [f"- {ranks}.", *machine.items()]})
     small = table(
         ("contact pairs", "DOF", "points", "seconds", "MiB"), [[*row[1:3], row[3].split()[1], row[7], row[9]] for row in rows], 0
     )
