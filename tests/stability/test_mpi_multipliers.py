@@ -47,6 +47,8 @@ def test_a_jenkins_oscillator_that_slips_in_every_cycle():
     assert abs(multipliers.values[0].real - 0.34678) < 1e-3
     assert abs(abs(multipliers.values[0].imag) - 0.27561) < 1e-3
     assert np.abs(multipliers.values[2:]).max() < 1e-9  # a slider that slips in each cycle forgets
+    # differences of the map integrated by DOP853 from event to event (1e-13): slip begins and ends between samples
+    assert abs(complex(multipliers.values[0].real, abs(multipliers.values[0].imag)) - (0.34687006 + 0.27506631j)) < 2.5e-4
 
 
 def test_a_slider_that_never_slips_is_neutral():

@@ -13,7 +13,7 @@ cdef extern from "return_map.h" nogil:
     void return_steps(const spring_pairs *pairs, Py_ssize_t n_points, const double *du, const double *before, Py_ssize_t stride,
                       double *p, double *L, unsigned char *state)
     void vary_period(const spring_pairs *pairs, const Py_ssize_t *motion, Py_ssize_t n_steps, Py_ssize_t n_sub, const double *du,
-                     Py_ssize_t most_periods, double *M, unsigned char *sticks)
+                     Py_ssize_t most_periods, double *M, unsigned char *sticks, unsigned char *moves)
 
 
 cdef class SpringPairs:
@@ -40,7 +40,11 @@ def steps(SpringPairs pairs, const double[:, :, ::1] du, const double[:, :, ::1]
 
 
 def vary(SpringPairs pairs, const Py_ssize_t[::1] motion, const double[:, :, ::1] du, Py_ssize_t n_sub, Py_ssize_t most_periods,
-         double[:, :, :, ::1] M, unsigned char[::1] sticks):
-    """Write M (n, n_steps, 3, 16) and sticks (n,) of pairs that follow the periodic motions du (.., n_steps n_sub, 3)."""
+         double[:, :, :, ::1] M, unsigned char[::1] sticks, unsigned char[::1] moves):
+    """Write M (n, n_steps, 3, 16) and sticks (n,) of pairs that follow the periodic motions du (.., n_steps n_sub, 3).
+
+    ``moves`` (n_steps n_sub,) is work space.
+    """
     with nogil:
-        vary_period(&pairs.c, &motion[0], M.shape[1], n_sub, &du[0, 0, 0], most_periods, &M[0, 0, 0, 0], &sticks[0])
+        vary_period(&pairs.c, &motion[0], M.shape[1], n_sub, &du[0, 0, 0], most_periods, &M[0, 0, 0, 0], &sticks[0],
+                    &moves[0])

@@ -84,27 +84,30 @@ static void advance(const double D[4], double *a, index_t n)
     }
 }
 
-/* Adds the derivatives a to their mean over a step and to their mean weighted with the time, with the weights of the samples since
+/* Adds the derivatives a to their mean over a step and to their mean weighted with the time, with their weights w of both since
    they changed, which become 0. */
-static void add_means(double *of_step, const double a[OF_STEP], double *mean_weight, double *first_weight)
+static void add_means(double *of_step, const double a[OF_STEP], double w[2])
 {
     for (index_t m = 0; m < OF_STEP; m++) {
-        of_step[OF_STEP + m] += *mean_weight * a[m];
-        of_step[2 * OF_STEP + m] += *first_weight * a[m];
+        of_step[OF_STEP + m] += w[0] * a[m];
+        of_step[2 * OF_STEP + m] += w[1] * a[m];
     }
-    *mean_weight = *first_weight = 0.0;
+    w[0] = w[1] = 0.0;
 }
 
 /* Marches the i-th pair from p (2,) [N] through n_t samples du (n_t, 3) [m] of a period, from the second sample to the first
-   one of the next period; returns whether it sticks, or slips only by roundoff where it is exactly at its limit. */
-static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, const double *du, double p[2])
+   one of the next period; moves (n_t,) is 1 where p_x has changed, 2 where p_y has and 4 where the pair is open, added up.  Returns
+   whether it sticks, or slips only by roundoff where it is exactly at its limit. */
+static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, const double *du, double p[2], unsigned char *moves)
 {
     const double *k = pairs->k_t + 2 * i;
     double now[3], moved = 0.0, most = 0.0;
     unsigned char state;
     for (index_t j = 1; j <= n_t; j++) {
-        const double *there = du + 3 * (j < n_t ? j : 0);
+        const index_t at = j < n_t ? j : 0;
+        const double *there = du + 3 * at;
         return_step(pairs, i, there, p, now, NULL, &state);
+        moves[at] = (unsigned char)((now[0] != p[0]) + 2 * (now[1] != p[1]) + 4 * (state == OPEN));
         moved += fabs(now[0] - p[0]) + fabs(now[1] - p[1]);
         most = fmax(most, fabs(k[0] * there[0]) + fabs(k[1] * there[1]));
         p[0] = now[0];
@@ -113,25 +116,67 @@ static int follow_period(const spring_pairs *pairs, index_t i, index_t n_t, cons
     return moved <= ROUNDING * most;
 }
 
+/* A part of a step, from the time t to t + width, at whose end the i-th pair is at du (3,) [m]: advances p (2,) [N] and its
+   derivatives a by p_t, d0 and d1, eq. (16.2), and adds a to their means, between both ends as linear in time. */
+static void vary_part(const spring_pairs *pairs, index_t i, const double du[3], double t, double width, double p[2],
+                      double a[OF_STEP], double w[2], double *of_step)
+{
+    const double *k = pairs->k_t + 2 * i, end = t + width;
+    double now[3], L[9];
+    unsigned char state;
+    return_step(pairs, i, du, p, now, L, &state);
+    w[0] += 0.5 * width;
+    w[1] += width * (0.5 * t + width / 6.0);
+    if (state != STICK) { /* otherwise p and its derivatives stay */
+        add_means(of_step, a, w);
+        p[0] = now[0];
+        p[1] = now[1];
+        const double D[4] = {k[0] > 0.0 ? 1.0 + L[0] / k[0] : 1.0, k[1] > 0.0 ? L[1] / k[1] : 0.0,
+                             k[0] > 0.0 ? L[3] / k[0] : 0.0, k[1] > 0.0 ? 1.0 + L[4] / k[1] : 1.0};
+        advance(D, a, 2);
+        advance(D, a + FROM_MEMORY, 3);
+        advance(D, a + FROM_MEMORY + FROM_MOTION, 3);
+        for (index_t m = 0; m < FROM_MOTION; m++) {
+            a[FROM_MEMORY + m] += (1.0 - end) * L[m];
+            a[FROM_MEMORY + FROM_MOTION + m] += end * L[m];
+        }
+    }
+    w[0] += 0.5 * width;
+    w[1] += width * (0.5 * t + width / 3.0);
+}
+
+/* du (3,) at a share x of the way from the sample before `at` to it: the cubic polynomial through four of n_t samples (n_t, 3). */
+static void between(const double *samples, index_t n_t, index_t at, double x, double du[3])
+{
+    const double c[4] = {-x * (x - 1.0) * (x - 2.0) / 6.0, (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0,
+                         -(x + 1.0) * x * (x - 2.0) / 2.0, (x + 1.0) * x * (x - 1.0) / 6.0};
+    for (int d = 0; d < 3; d++) {
+        du[d] = 0.0;
+        for (index_t j = 0; j < 4; j++)
+            du[d] += c[j] * samples[3 * ((at - 2 + j + n_t) % n_t) + d];
+    }
+}
+
+#define PARTS 16 /* of the way between two samples where a pair begins or ceases to slip, opens or closes */
+
 /* Derivatives of p_t of pairs by p_t and by the motion in each of n_steps steps of a periodic motion: docs/theory.md, section 16.
 
    The motion of the i-th pair is du[motion[i]] (n_steps n_sub, 3) [m]; slider positions follow from at most most_periods
    periods of it.  Within a step a change of motion is linear, d0 at its start and d1 at its end.  M (n, n_steps, 3, 16) has for
    p_t at the end of a step, for its mean over the step and for its mean weighted with the time, 0 ... 1, the derivatives by p_t
    at the start (2, 2) [-], by d0 and by d1 (2, 3) [N/m]; it comes as zeros.  sticks (n,) is 1, and M stays 0, for a pair that always
-   sticks. */
+   sticks.  moves (n_steps n_sub,) is work space. */
 void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_steps, index_t n_sub, const double *du,
-                 index_t most_periods, double *M, unsigned char *sticks)
+                 index_t most_periods, double *M, unsigned char *sticks, unsigned char *moves)
 {
     const index_t n_t = n_steps * n_sub;
-    const double part = 1.0 / (double)n_sub;
     for (index_t i = 0; i < pairs->n; i++, M += 3 * OF_STEP * n_steps) {
-        const double *samples = du + 3 * n_t * motion[i], *k = pairs->k_t + 2 * i;
+        const double *samples = du + 3 * n_t * motion[i];
         double p[2] = {0.0, 0.0}, before[2];
         sticks[i] = 0;
         for (index_t period = 0; period < most_periods; period++) {
             memcpy(before, p, sizeof p);
-            sticks[i] = (unsigned char)follow_period(pairs, i, n_t, samples, p);
+            sticks[i] = (unsigned char)follow_period(pairs, i, n_t, samples, p, moves);
             if (sticks[i] || hypot(p[0] - before[0], p[1] - before[1]) <= 1e-12 * hypot(p[0], p[1]))
                 break;
         }
@@ -139,36 +184,20 @@ void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_ste
             continue;
         double *of_step = M;
         for (index_t step = 0; step < n_steps; step++, of_step += 3 * OF_STEP) {
-            double now[3], L[9], a[OF_STEP] = {1.0, 0.0, 0.0, 1.0}; /* by p_t, d0, d1 */
-            double mean_weight = 0.5 * part, first_weight = part * part / 6.0; /* of a, since it changed */
-            unsigned char state;
+            double a[OF_STEP] = {1.0, 0.0, 0.0, 1.0}, w[2] = {0.0, 0.0}, there[3];
             for (index_t j = 1; j <= n_sub; j++) {
                 const index_t at = step * n_sub + j;
-                const double time = part * (double)j;
-                return_step(pairs, i, samples + 3 * (at < n_t ? at : 0), p, now, L, &state);
-                const double mean = j < n_sub ? part : 0.5 * part;
-                const double first = j < n_sub ? part * time : part * (0.5 - part / 6.0);
-                if (state == STICK) { /* p and its derivatives stay */
-                    mean_weight += mean;
-                    first_weight += first;
-                    continue;
+                const index_t end = at < n_t ? at : 0, after = end + 1 < n_t ? end + 1 : 0;
+                const index_t n_parts = moves[at - 1] == moves[end] && moves[end] == moves[after] ? 1 : PARTS;
+                const double width = 1.0 / (double)(n_sub * n_parts);
+                for (index_t part = 1; part <= n_parts; part++) {
+                    if (part < n_parts)
+                        between(samples, n_t, at, (double)part / (double)n_parts, there);
+                    const double *du_end = part < n_parts ? there : samples + 3 * end;
+                    vary_part(pairs, i, du_end, width * (double)((j - 1) * n_parts + part - 1), width, p, a, w, of_step);
                 }
-                add_means(of_step, a, &mean_weight, &first_weight);
-                p[0] = now[0];
-                p[1] = now[1];
-                const double D[4] = {k[0] > 0.0 ? 1.0 + L[0] / k[0] : 1.0, k[1] > 0.0 ? L[1] / k[1] : 0.0,
-                                     k[0] > 0.0 ? L[3] / k[0] : 0.0, k[1] > 0.0 ? 1.0 + L[4] / k[1] : 1.0};
-                advance(D, a, 2);
-                advance(D, a + FROM_MEMORY, 3);
-                advance(D, a + FROM_MEMORY + FROM_MOTION, 3);
-                for (index_t m = 0; m < FROM_MOTION; m++) {
-                    a[FROM_MEMORY + m] += (1.0 - time) * L[m];
-                    a[FROM_MEMORY + FROM_MOTION + m] += time * L[m];
-                }
-                mean_weight = mean;
-                first_weight = first;
             }
-            add_means(of_step, a, &mean_weight, &first_weight);
+            add_means(of_step, a, w);
             memcpy(of_step, a, sizeof a);
         }
     }

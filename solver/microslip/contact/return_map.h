@@ -16,6 +16,6 @@ typedef struct {                     /* the parameters of n pairs; x and y of a 
 void return_steps(const spring_pairs *pairs, index_t n_points, const double *du, const double *before, index_t stride, double *p,
                   double *L, unsigned char *state);
 void vary_period(const spring_pairs *pairs, const index_t *motion, index_t n_steps, index_t n_sub, const double *du,
-                 index_t most_periods, double *M, unsigned char *sticks);
+                 index_t most_periods, double *M, unsigned char *sticks, unsigned char *moves);
 
 #endif

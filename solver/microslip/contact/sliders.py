@@ -46,13 +46,15 @@ class Sliders:
     def variation(self, du: np.ndarray, n_steps: int) -> SliderVariation:
         """Return how p_t varies in each of ``n_steps`` steps of a periodic motion ``du`` (n_pairs, n_samples, 3) [m].  Local.
 
-        docs/theory.md, eq. (16.2).  A step consists of n_samples / n_steps samples; a variation of the motion is linear in it.
+        docs/theory.md, eq. (16.2).  A step consists of n_samples / n_steps samples, and places between two of them where
+        the state of a pair changes; a variation of the motion is linear in it.
         """
         n = len(self.pair)
         M, sticks = np.zeros((n, n_steps, 3, _BY_LAST.stop)), np.zeros(n, dtype=np.uint8)
         if n > 0:
             pair, du = np.ascontiguousarray(self.pair, dtype=np.intp), np.ascontiguousarray(du)
-            vary(self.parameters, pair, du, du.shape[1] // n_steps, MOST_PERIODS, M, sticks)
+            moves = np.empty(du.shape[1], dtype=np.uint8)
+            vary(self.parameters, pair, du, du.shape[1] // n_steps, MOST_PERIODS, M, sticks, moves)
         slips = np.flatnonzero(sticks == 0)
         by_memory, by_first, by_last = (
             M[slips][..., part].reshape(len(slips), n_steps, 3, 2, (part.stop - part.start) // 2)

@@ -14,6 +14,7 @@ from ..fourier.coefficients import synthesise
 from ..fourier.harmonics import Harmonics
 
 _BLOCK = 128  # pairs whose samples are held at a time
+_PARTS = 4  # of the way between two samples, at which springs that change are followed: they jump where a pair opens
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +76,15 @@ def _of_block(
     du = np.ascontiguousarray(np.moveaxis(synthesise(U, n_steps * n_within, harmonics), 1, 2))  # (n, n_samples, 3)
     parts = [sliders.variation(du, n_steps) for sliders in law.sliders]
     rate = law.memoryless_rate(np.moveaxis(du, 0, 1))  # (n_samples, n, 3)
-    varies = rate.any(axis=(0, 2))
+    varies, changes = rate.any(axis=(0, 2)), (rate != rate[0]).any(axis=(0, 2))
     for part in parts:
         varies[part.pair] = True
     varying, place = np.flatnonzero(varies), np.cumsum(varies) - 1
-    first, last = _moments_of_rate(rate[:, varying], n_steps, n_within)
+    first, last = _moments_of_rate(rate[::n_within, varying], n_steps, 1)  # exact for springs that do not change
+    if changes.any():
+        finer = np.moveaxis(synthesise(U[changes], n_steps * n_within * _PARTS, harmonics), 2, 0)  # (n_samples, .., 3)
+        moments = _moments_of_rate(law.take(changes).memoryless_rate(finer), n_steps, n_within * _PARTS)
+        first[:, :, place[changes]], last[:, :, place[changes]] = moments
     order = np.argsort(np.concatenate([part.pair for part in parts]), kind="stable")
 
     def together(name: str) -> np.ndarray:

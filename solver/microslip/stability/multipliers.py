@@ -12,7 +12,7 @@ from .contact_variation import ContactVariation, contact_variation, joined
 from .cycle_map import CycleMap
 
 N_STEPS = 128  # a cycle
-N_WITHIN = 32  # samples of a step through which the sliders are followed
+N_WITHIN = 8  # samples of a step through which the sliders are followed, more closely where one begins or ceases to slip
 
 
 @dataclass(frozen=True, eq=False)
