@@ -6,7 +6,7 @@ Unknowns are scaled: xi = U / its unit, nu = parameters / theirs.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -35,6 +35,14 @@ class Place:
     U: np.ndarray  # (n_owned, 3, N_H) m
     nu: np.ndarray  # (k,) the same on all ranks
     linearisation: Linearisation | None  # None where no constraint asks for it
+    _results: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
+
+    def once(self, of: Callable[..., Any], *arguments: Any) -> Any:
+        """Return ``of(place, *arguments)``, evaluated once for all rows that need it.  Collective as ``of`` is."""
+        key = (of, *arguments)
+        if key not in self._results:
+            self._results[key] = of(self, *arguments)
+        return self._results[key]
 
     @property
     def linear(self) -> Linearisation:

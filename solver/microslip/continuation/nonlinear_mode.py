@@ -51,31 +51,39 @@ class ModalEquation:
 
     def value(self, of_motion: float, place: Place) -> float:
         """Return the row, eq. (15.3).  Collective; the same on all ranks."""
-        at, forces, equation = place.linear.at, place.linear.forces, place.linear.equation
-        eta = coordinate(equation.model_at(at), self.j, at.omega, forces.active).under(at.level, self._first(place, forces.p))
-        return float(self.part(eta / at.level - 1.0)) / UNIT
+        return float(self.part(place.once(_modal_error, self.j))) / UNIT
 
     def gradient(self, place: Place) -> tuple[np.ndarray, np.ndarray]:
         """Return its derivatives by motion (n_owned, 3, N_H) and scaled parameters (3,).  Collective."""
-        at, forces, equation = place.linear.at, place.linear.forces, place.linear.equation
-        model, p_1, q, owned = equation.model_at(at), self._first(place, forces.p), at.level, equation.model.owned
-        eta = coordinate(model, self.j, at.omega, forces.active)
-        rates = [coordinate_rate(model, self.j, at.omega, forces.active, *d).under(q, p_1) / q for d in ((1.0, 0.0), (0.0, 1.0))]
-        n_nu = self.part(np.array([eta.per_load - eta.under(q, p_1) / q, *rates])) * place.scaling.parameters
-        first, n_U = model.harmonics.columns(1), np.zeros(place.U.shape)
-        mine = (forces.active >= owned.start) & (forces.active < owned.stop)
-        by_p = np.zeros((int(mine.sum()), 3, model.N_H))
-        by_p[..., first] = np.moveaxis(
-            self.part(np.array([1.0, -1j])[:, None, None] * eta.by_pairs.reshape(-1, 3)[mine] / q), 0, -1
-        )
-        rows = np.einsum("aij,ai->aj", place.linear.P, by_p.reshape(len(by_p), 3 * model.N_H))
-        n_U[forces.active_owned] = rows.reshape(by_p.shape)
-        return n_U * (place.scaling.U / UNIT), n_nu / UNIT
+        n_U, n_nu = place.once(_modal_gradient, self.j)
+        return self.part(n_U) * (place.scaling.U / UNIT), self.part(n_nu) / UNIT
 
-    @staticmethod
-    def _first(place: Place, p: np.ndarray) -> np.ndarray:
-        """Return the complex amplitude of harmonic 1 of forces (3 n_active, N_H), (3 n_active,)."""
-        return to_complex(p[:, place.linear.equation.harmonics.columns(1)])[:, 0]
+
+def _modal_error(place: Place, j: int) -> complex:
+    """Return eta_j / q - 1, eq. (15.3).  Local; the same on all ranks."""
+    at, forces, equation = place.linear.at, place.linear.forces, place.linear.equation
+    eta = coordinate(equation.model_at(at), j, at.omega, forces.active)
+    return eta.under(at.level, _first(place, forces.p)) / at.level - 1.0
+
+
+def _modal_gradient(place: Place, j: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return its complex derivatives by motion (n_owned, 3, N_H) [1/m] and scaled parameters (3,).  Local."""
+    at, forces, equation = place.linear.at, place.linear.forces, place.linear.equation
+    model, p_1, q, owned = equation.model_at(at), _first(place, forces.p), at.level, equation.model.owned
+    eta = coordinate(model, j, at.omega, forces.active)
+    rates = [coordinate_rate(model, j, at.omega, forces.active, *d).under(q, p_1) / q for d in ((1.0, 0.0), (0.0, 1.0))]
+    n_nu = np.array([eta.per_load - eta.under(q, p_1) / q, *rates]) * place.scaling.parameters
+    mine = (forces.active >= owned.start) & (forces.active < owned.stop)
+    by_p = np.array([1.0, -1j])[:, None, None] * eta.by_pairs.reshape(-1, 3)[mine] / q  # by cos and sin of the forces, (2, m, 3)
+    P = place.linear.P.reshape(-1, 3, model.N_H, 3 * model.N_H)[:, :, model.harmonics.columns(1)]
+    n_U = np.zeros(place.U.shape, dtype=complex)
+    n_U[forces.active_owned] = np.einsum("nai,ainj->aj", by_p, P).reshape(-1, *place.U.shape[1:])
+    return n_U, n_nu
+
+
+def _first(place: Place, p: np.ndarray) -> np.ndarray:
+    """Return the complex amplitude of harmonic 1 of forces (3 n_active, N_H), (3 n_active,)."""
+    return to_complex(p[:, place.linear.equation.harmonics.columns(1)])[:, 0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -95,6 +95,8 @@ class ReceptanceColumns:
 
         dG is the rate of G for the rates ``d_omega`` of omega, ``d_sigma`` of a damping sigma M, ``d_C`` of each group's damping.
         """
+        if d_omega == d_sigma == 0.0 and d_C is None:
+            return np.zeros((self.model.owned.stop - self.model.owned.start, *self.shape[1:]))
         rates = self.model.flexibility_rates(self.omega, d_omega, d_sigma, d_C)
         terms = [group.dynamic(rate, p[:, group.group.columns]) for group, rate in zip(self.groups, rates)]
         return self.model.joined(terms).reshape(self.shape)

@@ -42,6 +42,8 @@ def linear_motion_rate(
 ) -> np.ndarray:
     """Return the rate of U_lin, (3 n_owned, N_H), with rates as in :meth:`ReceptanceColumns.apply_rate`.  Local."""
     f, owned = level * model.f, model.owned_rows
+    if d_omega == d_sigma == 0.0 and d_C is None:
+        return np.zeros((3 * (model.owned.stop - model.owned.start), model.N_H))
     of_groups = zip(model.groups, model.flexibility_rates(omega, d_omega, d_sigma, d_C))
     return model.joined([group.receptance.linear_motion_rate(f[:, group.columns], rate, owned) for group, rate in of_groups])
 
