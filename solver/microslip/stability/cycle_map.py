@@ -72,7 +72,7 @@ def _summed(of_pairs: scipy.sparse.csr_array | None, of_sliders: np.ndarray) -> 
 
 _MOST = 150  # numbers of memory of which a cycle is computed for each
 _RESIDUAL = 1e-6  # of eigenvectors of length 1
-_CUT = 1e-7  # of the largest: what a cycle leaves of memory below it is nothing
+_CUT = 1e-7  # parts of the images of eigenvectors of length 1 below it are no new direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,24 +268,20 @@ class CycleMap:
         x, memory = self.apply(
             np.eye(2 * m, 2 * m + basis.shape[1]).reshape(2, m, -1), np.hstack([np.zeros((self.n_memory, 2 * m)), basis])
         )
-        new = memory
         while True:
-            values, vectors = np.linalg.eig(np.vstack([x.reshape(2 * m, -1), basis.T @ memory]))
+            inside = basis.T @ memory
+            values, vectors = np.linalg.eig(np.vstack([x.reshape(2 * m, -1), inside]))
             chosen = np.argsort(-np.abs(values), kind="stable")[:N_MULTIPLIERS]
-            largest = float(np.linalg.norm(new, axis=0).max(initial=0.0))
-            for _ in range(2):
-                new = new - basis @ (basis.T @ new)
-            u, s, v = np.linalg.svd(new, full_matrices=False)
-            u = u[:, : min(np.count_nonzero(s > _CUT * max(1.0, largest)), n_moving - basis.shape[1])]
-            if u.shape[1] == 0 or _residuals(s, v, vectors[:, chosen]).max() < _RESIDUAL:
+            outside = memory - basis @ inside
+            outside -= basis @ (basis.T @ outside)
+            residuals = np.linalg.norm(outside @ vectors[:, chosen], axis=0)
+            matters = outside * np.abs(vectors[:, chosen]).max(axis=1)  # as much of each image as these eigenvectors have
+            u, s, _ = np.linalg.svd(matters[:, np.linalg.norm(matters, axis=0) > 0.1 * _CUT], full_matrices=False)
+            u = u[:, : min(np.count_nonzero(s > _CUT), n_moving - basis.shape[1])]
+            if u.shape[1] == 0 or residuals.max() < _RESIDUAL:
                 return values[chosen]
             x_new, new = self.apply(np.zeros((2, m, u.shape[1])), u)
             basis, x, memory = np.hstack([basis, u]), np.concatenate([x, x_new], axis=-1), np.hstack([memory, new])
-
-
-def _residuals(s: np.ndarray, v: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Return |A z - lambda z| of eigenvectors, from what the images of the last vectors, u s v, add to the basis.  Local."""
-    return np.linalg.norm(s[:, None] * (v @ vectors[-v.shape[1] :]), axis=0)
 
 
 def _by_modulus(values: np.ndarray) -> np.ndarray:
