@@ -8,6 +8,8 @@ from exact_jenkins import ExactJenkins
 from mpi4py import MPI
 from oracles import harmonic_balance, scenes
 
+from microslip.continuation import nonlinear_mode
+from microslip.continuation.corrector import BorderedSystem
 from microslip.continuation.nonlinear_mode import NonlinearMode, follow_mode
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.points.sweep import Sweep
@@ -106,3 +108,12 @@ def test_a_chain_is_in_balance_in_physical_coordinates(chain, j):
         unbalanced, u = residual(system, point, 128, H)
         assert unbalanced < 1e-6
         assert np.abs(phi @ system["M"] @ u[:, 1:3] / q) == pytest.approx([1.0, 0.0], abs=1e-6)
+
+
+def test_real_and_imaginary_row_share_the_derivatives_of_the_modal_coordinate(monkeypatch):
+    evaluated, places, linearise, gradient = [], [], BorderedSystem.linearise, nonlinear_mode._modal_gradient
+    monkeypatch.setattr(nonlinear_mode, "_modal_gradient", lambda *of: evaluated.append(of) or gradient(*of))
+    monkeypatch.setattr(BorderedSystem, "linearise", lambda *of: places.append(of) or linearise(*of))
+    _, branch = mode(one_mass(), 1, 128, [1.0, 1.6])
+    assert branch.failure is None
+    assert len(evaluated) == len(places) > 0
