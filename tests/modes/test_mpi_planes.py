@@ -105,10 +105,12 @@ def test_ritz_vectors_are_multiplied_without_a_solve():
     theta, phi = theta[:-4:-1], V[:, :steps] @ Q[:, :-4:-1]
     first, last = (each // 2 for each in linearised.M.getOwnershipRange())
     twice = np.hstack([phi, 1j * phi[:, :1]])[first:last]
-    eigenvalues, smooth_owned = smoothed(linearised, np.append(theta, theta[0]), twice, V[first:last, -1:])
+    eigenvalues, smooth_owned, forces = smoothed(linearised, np.append(theta, theta[0]), twice, V[first:last, -1:])
     smooth = np.concatenate(comm.allgather(smooth_owned))
     exact = np.linalg.qr(A @ phi)[0]
     squares, X = np.linalg.eigh(exact.conj().T @ K @ exact)
     np.testing.assert_allclose(eigenvalues, squares, rtol=1e-11)
     np.testing.assert_allclose(np.abs((exact @ X).conj().T @ smooth), np.eye(3), atol=1e-11)
+    for product_owned, expected in zip(forces, (K @ smooth, smooth), strict=True):
+        np.testing.assert_allclose(product_owned, expected[first:last], atol=1e-11)
     linearised.destroy()

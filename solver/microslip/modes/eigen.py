@@ -16,7 +16,7 @@ from .hermitian import complex_modes
 from .inertia import count_below, find_gap
 from .lapack import dense_modes
 from .limits import SHARE
-from .rayleigh import iterated_once, orthonormalised, sharpened
+from .rayleigh import Forces, iterated_once, orthonormalised, sharpened
 from .shift_invert import ModeSearch
 from .user_order import user_order
 
@@ -91,18 +91,9 @@ def lowest_modes(
         raise CaseError(
             f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; ask for 1 to {n_dof} modes"
         )
-    theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify, search)
-    eigenvalues = 1.0 / theta[:n_modes]
-    phi_owned, M_phi_owned = orthonormalised(linearised, phi_owned[:, :n_modes])
-    forces = _forces(linearised, phi_owned, M_phi_owned)
-    for _ in range(_CORRECTIONS):
-        if not np.any(_residuals(linearised, eigenvalues, phi_owned, forces)[1] > 1.0):
-            break
-        eigenvalues, phi_owned = iterated_once(linearised, phi_owned)
-        forces = _forces(linearised, phi_owned, multiply(linearised.M, phi_owned))
+    eigenvalues, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify, search)
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, eigenvalues, phi_owned))
     order = np.argsort(eigenvalues)
-    info["residual"] = _check(linearised, eigenvalues[order], phi_owned[:, order], tuple(each[:, order] for each in forces))
     eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order]
     largest = largest_components(linearised, phi_owned, user_order(linearised)[:: _copies(linearised)])
     phi_owned = phi_owned * (largest.conj() / np.abs(largest))
@@ -171,30 +162,37 @@ def _proof(n_below: int, sigma: float) -> dict[str, Any]:
 def _solve(
     linearised: Linearised, n_modes: int, n_least: int, verify: bool, search: ModeSearch | None
 ) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return at least ``n_modes`` (theta, phi), proved complete if ``verify``, and information on the search.  Collective.
+    """Return ``n_modes`` (eigenvalues, phi), checked, proved complete if ``verify``, and information on the search.  Collective.
 
-    If fewer motions have mass, all of them, which must be at least ``n_least``.
+    If fewer motions have mass, all of them, which must be at least ``n_least``.  Modes are checked before the proof, as products
+    with them are not stored until then.
     """
     n_dof, copies = linearised.M.getSize()[0], _copies(linearised)
     if n_dof <= _DENSE or SHARE * copies * n_modes > n_dof:  # all of the spectrum: nothing can be missing
         K_L, M = linearised.K_L, linearised.M
         theta, phi_owned, info = dense_modes(K_L, M, linearised.factor.rigid, copies * n_modes, copies * n_least)
-        return *(complex_modes(K_L, M, theta, phi_owned) if copies == 2 else (theta, phi_owned)), info
+        if copies == 2:
+            theta, phi_owned = complex_modes(K_L, M, theta, phi_owned)
+        return _checked(linearised, theta[:n_modes], phi_owned[:, :n_modes], None, info)
     n_wanted, search = n_modes + _GUARD // copies * verify, search or ModeSearch(linearised)
     for _ in range(_MAX_TRIES):
-        theta, phi_owned, info = search.lowest(n_wanted)
+        theta, phi_owned, forces, info = search.lowest(n_wanted)
         if len(theta) < n_least:
             raise CaseError(
                 f"[solver] modes = {n_least}, but the structure has only {len(theta)}: its mass matrix leaves "
                 f"{n_dof - len(theta)} motions without mass"
             )
+        forces = None if forces is None else (forces[0][:, :n_modes], forces[1][:, :n_modes])
+        checked = _checked(linearised, theta[:n_modes], phi_owned[:, :n_modes], forces, info)
         if not verify or info.get("complete"):
-            return theta, phi_owned, info
+            return checked
+        del forces  # memory: other searches are under way
         _before_proof(linearised)
         n_below, sigma = find_gap(1.0 / theta, n_modes, _shifts(linearised))
         missing = _count_below(linearised, sigma) - n_below
         if missing == 0:
-            return theta, phi_owned, info | _proof(n_below, sigma)
+            checked[2].update(_proof(n_below, sigma))
+            return checked
         n_wanted += max(missing, _GUARD)
         search.renew(max(missing, _GUARD))
     raise ConvergenceError(
@@ -203,18 +201,27 @@ def _solve(
     )
 
 
-Forces = tuple[np.ndarray, ...]  # K_L phi and M phi of modes, (n_owned, n) each
+def _checked(
+    linearised: Linearised, theta: np.ndarray, phi_owned: np.ndarray, forces: Forces | None, info: dict[str, Any]
+) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
+    """Return (eigenvalues, phi, info), corrected where residuals are too large, "residual" the largest relative one.
 
+    Collective.  Without ``forces`` phi is made M-orthonormal to roundoff: an eigensolver reaches only its tolerance.
 
-def _forces(linearised: Linearised, phi_owned: np.ndarray, M_phi_owned: np.ndarray) -> Forces:
-    """Return K_L phi, one product, and M phi.  Collective."""
-    return linearised.factor.without_inertia(multiply(linearised.K_L, phi_owned)), M_phi_owned
-
-
-def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray, forces: Forces) -> float:
-    """Return the largest relative residual; raise if a residual is too large or modes are not M-orthonormal.  Collective."""
-    comm = linearised.system.comm
+    Raises
+    ------
+    ConvergenceError : a residual is too large, or modes are not M-orthonormal
+    """
+    eigenvalues = 1.0 / theta
+    if forces is None:
+        phi_owned, M_phi_owned = orthonormalised(linearised, phi_owned)
+        forces = multiply(linearised.K_L, phi_owned), M_phi_owned
     residual, relative = _residuals(linearised, eigenvalues, phi_owned, forces)
+    for _ in range(_CORRECTIONS):
+        if not np.any(relative > 1.0):
+            break
+        eigenvalues, phi_owned, forces = iterated_once(linearised, phi_owned)
+        residual, relative = _residuals(linearised, eigenvalues, phi_owned, forces)
     wrong = ~(relative <= 1.0)
     if wrong.any():
         k = int(np.argmax(wrong))
@@ -222,10 +229,10 @@ def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarra
             f"mode {k + 1} at {np.sqrt(eigenvalues[k]) / (2 * np.pi):.6g} Hz: |K_L phi - omega^2 M phi| = "
             f"{residual[k]:.1e} |omega^2 M phi|, limit {RESIDUAL_LIMIT:.0e}"
         )
-    skewness = float(np.max(np.abs(gram(comm, phi_owned, forces[1]) - np.eye(len(eigenvalues)))))
+    skewness = float(np.max(np.abs(gram(linearised.system.comm, phi_owned, forces[1]) - np.eye(len(eigenvalues)))))
     if not skewness <= 1e-8:
         raise ConvergenceError(f"modes: |phi^H M phi - I| = {skewness:.1e}, limit 1e-8; ask for fewer [solver] modes")
-    return float(np.max(residual))
+    return eigenvalues, phi_owned, info | {"residual": float(np.max(residual))}
 
 
 def _residuals(
@@ -235,7 +242,7 @@ def _residuals(
 
     The limit includes the expected rounding error of K_L phi.
     """
-    comm, (elastic_owned, M_phi_owned) = linearised.system.comm, forces
+    comm, elastic_owned, M_phi_owned = linearised.system.comm, linearised.factor.without_inertia(forces[0]), forces[1]
     inertia_owned = M_phi_owned * eigenvalues
     error = column_norms(comm, elastic_owned - inertia_owned)
     size = column_norms(comm, inertia_owned)

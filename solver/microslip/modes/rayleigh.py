@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 _DEPENDENT = 0.5  # squared M-norm of a combination of vectors below which there is none: 1, or 2 of v and i v together
 _NOISE = 1e-11  # of omega_n^2: expected rounding error that is accepted
 
+Forces = tuple[np.ndarray, np.ndarray]  # K_L phi and M phi of modes, (n_owned, n) each
+
 
 def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (phi, M phi) of modes with phi^H M phi = I to roundoff, (n_owned, n); an eigensolver reaches only its tolerance.
@@ -43,8 +45,8 @@ def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> tuple[np.n
 
 def iterated_once(
     linearised: Linearised, phi_owned: np.ndarray, solve: Callable[[np.ndarray], np.ndarray] | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (eigenvalues, phi) after a step of subspace iteration, omega_n^2 ascending [rad2/s2], phi^H M phi = I.
+) -> tuple[np.ndarray, np.ndarray, Forces]:
+    """Return (eigenvalues, phi, forces) after a step of subspace iteration, omega_n^2 ascending [rad2/s2], phi^H M phi = I.
 
     Collective: one block of solves, by default checked and refined.  With joints much stiffer than the bodies, residuals after
     solves without refinement are above the limit.
@@ -53,15 +55,16 @@ def iterated_once(
     forces_owned = multiply(linearised.M, phi_owned)
     is_complex = np.iscomplexobj(forces_owned)
     X_owned = complex_columns(solve(real_columns(forces_owned))) if is_complex else solve(forces_owned)
-    X_owned, _ = orthonormalised(linearised, X_owned)
-    eigenvalues, rotation = comm.bcast(np.linalg.eigh(gram(comm, X_owned, multiply(linearised.K_L, X_owned))))
-    return eigenvalues, X_owned @ rotation
+    X_owned, M_X_owned = orthonormalised(linearised, X_owned)
+    K_X_owned = multiply(linearised.K_L, X_owned)
+    eigenvalues, rotation = comm.bcast(np.linalg.eigh(gram(comm, X_owned, K_X_owned)))
+    return eigenvalues, X_owned @ rotation, (K_X_owned @ rotation, M_X_owned @ rotation)
 
 
 def smoothed(
     linearised: Linearised, theta: np.ndarray, phi_owned: np.ndarray, next_owned: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (eigenvalues, phi) of Ritz vectors multiplied by K_L^-1 M, as :func:`iterated_once` does, without a solve.
+) -> tuple[np.ndarray, np.ndarray, Forces]:
+    """Return (eigenvalues, phi, forces) of Ritz vectors multiplied by K_L^-1 M, as :func:`iterated_once`, without a solve.
 
     Collective: a product with K_L, one with M, and sums.  docs/theory.md, section 14: K_L^-1 M phi = theta (phi + delta v), with
     ``next_owned`` (n_owned, 1) the next vector v of the Krylov space, or 0, where delta minimises
@@ -69,18 +72,16 @@ def smoothed(
     """
     comm, m = linearised.system.comm, len(theta)
     Z_owned = np.hstack([phi_owned, next_owned])
-    forces = multiply(linearised.K_L, Z_owned)
-    K_v = forces[:, m:].copy()
-    elastic, of_K = gram(comm, K_v, forces), gram(comm, Z_owned, forces)
-    del forces  # memory: other searches are under way
-    forces = multiply(linearised.M, Z_owned)
-    inertia, of_M = gram(comm, K_v, forces), gram(comm, Z_owned, forces)
+    K_Z_owned, M_Z_owned = (multiply(A, Z_owned) for A in (linearised.K_L, linearised.M))
+    elastic, inertia = (gram(comm, K_Z_owned[:, m:], each) for each in (K_Z_owned, M_Z_owned))
+    of_K, of_M = (gram(comm, Z_owned, each) for each in (K_Z_owned, M_Z_owned))
     delta = (inertia[:, :m] / theta - elastic[:, :m]) / np.maximum(elastic[:, m:].real, np.finfo(float).tiny)
     T = np.vstack([np.eye(m), delta])
     sizes, X = comm.bcast(np.linalg.eigh(T.conj().T @ of_M @ T))
     T = T @ (X[:, sizes > _DEPENDENT] / np.sqrt(sizes[sizes > _DEPENDENT]))
     eigenvalues, Q = comm.bcast(np.linalg.eigh(T.conj().T @ of_K @ T))
-    return eigenvalues, Z_owned @ (T @ Q)
+    T = T @ Q
+    return eigenvalues, Z_owned @ T, (K_Z_owned @ T, M_Z_owned @ T)
 
 
 def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:

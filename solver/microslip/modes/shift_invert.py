@@ -25,10 +25,11 @@ from ..linear.dense import column_norms, diagonal_owned, gram, multiply, wave_ma
 from ..linear.lockstep import at_once
 from ..linear.random_signs import random_signs
 from ..messages.errors import ConvergenceError
+from ..parallel.ownership import summed
 from ..parallel.petsc import free
 from ..system.watchdog import moved, patient
 from .hermitian import complex_modes
-from .rayleigh import iterated_once, smoothed
+from .rayleigh import Forces, iterated_once, smoothed
 
 if TYPE_CHECKING:
     from ..linear.factor import Factor
@@ -91,29 +92,30 @@ class ModeSearch:
         self._is_exhausted = False  # whether a basis of one vector of each plane met no further motion with mass
         self._n_solves = 0  # solves of SLEPc, each with a different start vector
 
-    def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
+    def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, Forces | None, dict]:
         """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 descending, phi^T M phi = I nearly.
 
-        If fewer motions have mass, all of them, with "complete" in the dictionary of information on the search.
+        With them (K_L phi, M phi), for which phi^T M phi = I to roundoff, or None where they are not known.  If fewer motions
+        have mass, all of them, with "complete" in the dictionary of information on the search.
 
         Raises
         ------
         ConvergenceError : fewer modes converged, also in larger spaces; on every rank
         """
-        n_wanted = max(n_wanted, self._least)
+        n_wanted, forces = max(n_wanted, self._least), None
         while n_wanted > len(self._theta) and not self._info["complete"]:
-            theta, phi_owned, info = self._more(n_wanted)
+            theta, phi_owned, forces, info = self._more(n_wanted)
             self._theta, self._phi_owned = theta, np.asfortranarray(phi_owned)
             self._info = info | {"messages": (*self._info["messages"], *info["messages"])}
-        return self._theta, self._phi_owned, self._info
+        return self._theta, self._phi_owned, forces, self._info
 
     def renew(self, n_missing: int) -> None:
         """Compute ``n_missing`` additional modes at the next call, including copies of multiple eigenvalues."""
         self._least = len(self._theta) + n_missing
         self._kind = self._in_blocks
 
-    def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
-        """Return at least ``n_wanted`` (theta, phi), more than stored so far, and information on the search."""
+    def _more(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, Forces | None, dict]:
+        """Return at least ``n_wanted`` (theta, phi), more than stored so far, their forces, and information on the search."""
         linearised, before_owned, n_dof = self.linearised, self._phi_owned, self.linearised.M.getSize()[0]
         kind = PETSc.Options(PREFIX).getString("eps_type", self._kind)
         is_deflated = kind != "subspace" and before_owned.shape[1] > 0
@@ -125,7 +127,7 @@ class ModeSearch:
         if self._is_complex and not without_partners:
             n_sought, n_most = 2 * n_sought, 2 * n_most
         eps, M = SLEPc.EPS().create(linearised.K_L.comm), _with_fewer_products(linearised.M)
-        partners = _Partners(eps.getBV()) if without_partners else None
+        partners = _Partners(eps.getBV(), M) if without_partners else None
         solves = _SolvesByFactor(linearised.factor, partners)
         ksp = _solver(linearised.K_L.comm, solves)
         start, *before = [_vector(linearised.M, column) for column in (self._start(), *before_owned.T)]
@@ -168,17 +170,20 @@ class ModeSearch:
             self._is_exhausted = True
             return self._more(n_wanted)
         if next_owned is not None:
-            eigenvalues, phi_owned = smoothed(linearised, theta, complex_columns(phi_owned), complex_columns(next_owned))
+            of_planes = complex_columns(phi_owned), complex_columns(next_owned)
+            eigenvalues, phi_owned, forces = smoothed(linearised, theta, *of_planes)
+            if not n_known:
+                return 1.0 / eigenvalues, phi_owned, forces, info | {"messages": messages}
             eigenvalues = np.append(1.0 / self._theta[:n_known], eigenvalues)
             order = np.argsort(eigenvalues)
             phi_owned = np.hstack([self._phi_owned[:, :n_known], phi_owned])[:, order]
-            return 1.0 / eigenvalues[order], phi_owned, info | {"messages": messages}
+            return 1.0 / eigenvalues[order], phi_owned, None, info | {"messages": messages}
         if self._is_complex:
             _, phi_owned = complex_modes(linearised.K_L, linearised.M, theta, phi_owned)
         if is_deflated:
             phi_owned = np.hstack([self._phi_owned, phi_owned])
-        eigenvalues, phi_owned = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)
-        return 1.0 / eigenvalues, phi_owned, info | {"messages": messages}
+        eigenvalues, phi_owned, forces = iterated_once(linearised, phi_owned, linearised.factor.solver.solve)
+        return 1.0 / eigenvalues, phi_owned, forces, info | {"messages": messages}
 
     def _start(self) -> np.ndarray:
         """Return a start vector, (n_owned,): random signs, plus loads divided by masses, which K_L^-1 M maps to static motions.
@@ -212,8 +217,10 @@ class _Partners:
     plane.  All methods are collective.
     """
 
-    def __init__(self, basis: SLEPc.BV):
+    def __init__(self, basis: SLEPc.BV, M: PETSc.Mat):
         self._basis = basis  # columns that are not in use are 0
+        context = M.getPythonContext() if M.getType() == "python" else None
+        self._products = context if isinstance(context, _Products) else None
 
     def begin(self) -> None:
         """Set all columns after the start vector to 0, before a search whose vectors are allocated."""
@@ -228,6 +235,8 @@ class _Partners:
         i_x.setArray(_times_i(i_x.getArray()))
         x.axpy(1.0, i_x)
         i_x.destroy()
+        if self._products is not None:
+            self._products.take_for(x.getArray())
 
     def restarted(self, eps: SLEPc.EPS, iteration: int, n_converged: int, values: list, errors: list) -> None:
         """Set the columns to 0 that a restart has dropped: those after the copy of the last one.  SLEPc's monitor.
@@ -288,7 +297,10 @@ class _Products:
 
     def __init__(self, wave: WaveMatrix):
         self._wave, self._times = wave, _ProductsAtOnce(wave.A)
-        self._last: tuple[np.ndarray, np.ndarray, float] | None = None  # x, M x, (n_owned, 1) each, and |x|^2
+        self._x_owned: np.ndarray | None = None  # vector with which others are compared, M x = s y, (n_owned, 1)
+        self._y_owned, self._size = np.empty((0, 1)), 1.0  # latest product that was computed, and |x|^2
+        self._s: complex = 1.0  # of x
+        self._latest: complex = 1.0  # s of the latest request
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Multiply a vector, of a complex phase in real form: what PETSc calls.  Collective."""
@@ -299,16 +311,30 @@ class _Products:
     multTranspose = mult
 
     def _product(self, x_owned: np.ndarray) -> np.ndarray:
-        """Return M x, (n_owned, 1), for x = s x_before as s (M x_before), s complex where x is.  Collective."""
+        """Return M x, (n_owned, 1): for a multiple of the vector before, complex where x is, that of its product.  Collective."""
         comm = self._wave.comm
-        if self._last is not None:
-            last_owned, product_owned, size = self._last
-            s = gram(comm, last_owned, x_owned)[0, 0] / size
-            if column_norms(comm, x_owned - s * last_owned)[0] <= _SAME * abs(s) * np.sqrt(size):
-                return s * product_owned
-        product_owned = self._wave.multiply(x_owned, lambda V_owned: at_once(self._times, V_owned, is_cheap=True))
-        self._last = x_owned.copy(), product_owned, max(column_norms(comm, x_owned)[0] ** 2, np.finfo(float).tiny)
-        return product_owned
+        if self._x_owned is not None:
+            s = summed(comm, np.vdot(self._x_owned, x_owned)).item() / self._size
+            if column_norms(comm, x_owned - s * self._x_owned)[0] <= _SAME * abs(s) * np.sqrt(self._size):
+                self._latest = s * self._s
+                return self._latest * self._y_owned
+        self._y_owned = self._wave.multiply(x_owned, lambda V_owned: at_once(self._times, V_owned, is_cheap=True))
+        self._latest = 1.0
+        self._compare_with(x_owned.copy())
+        return self._y_owned
+
+    def take_for(self, x: np.ndarray) -> None:
+        """Take the latest product, with i x, for that with x in real form made orthogonal to i V, too.  Collective.
+
+        What was removed, i V h, has no part in V^T M x nor, to first order, in x^T M x, for which SLEPc requests the product.
+        """
+        self._latest *= -1j
+        self._compare_with(complex_columns(x[:, None]).copy())
+
+    def _compare_with(self, x_owned: np.ndarray) -> None:
+        """Store the vector (n_owned, 1) of the latest product.  Collective."""
+        self._x_owned, self._s = x_owned, self._latest
+        self._size = max(column_norms(self._wave.comm, x_owned)[0] ** 2, np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
