@@ -69,7 +69,8 @@ def gram(comm: MPI.Comm, X_owned: np.ndarray, Y_owned: np.ndarray) -> np.ndarray
 
 def column_norms(comm: MPI.Comm, X_owned: np.ndarray) -> np.ndarray:
     """Return the Euclidean norm of each column, (m,), on every rank.  Collective on ``comm``: one sum."""
-    return np.sqrt(summed(comm, np.einsum("ij,ij->j", X_owned.conj(), X_owned).real))
+    X_owned = real_columns(X_owned) if np.iscomplexobj(X_owned) else X_owned
+    return np.sqrt(summed(comm, np.einsum("ij,ij->j", X_owned, X_owned)))
 
 
 def diagonal_owned(A: PETSc.Mat) -> np.ndarray:

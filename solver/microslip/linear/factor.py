@@ -134,7 +134,7 @@ class Factor:
         except _NotDefiniteError:
             return False
         self._begin_to_count()
-        return not is_singular(self.A, self.solver)
+        return not is_singular(self.A, self.diagonal_owned, self.solver)
 
     def _takes(self, cache: FactorCache) -> bool:
         """Restore the factor of an earlier run, if it is that of A by a solve with random forces.  Collective."""

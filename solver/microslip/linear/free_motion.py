@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from ..messages.errors import CaseError
 from ..messages.words import listed
 from ..parallel.ownership import summed
-from .dense import diagonal_owned, gram, multiply
+from .dense import diagonal_owned, gram, multiply, wave_matrix
 from .direct import DirectSolver, factorise
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 FREE = 1e-14  # z^T A z / z^T D z of a motion that counts as free; rounding leaves up to 1e-15
 _SHIFT = 1e-9  # of D, added to A to make it invertible
-_N_TRIED = 3  # random motions of which one may have next to nothing of the free one
+_N_TRIED = 3, 2  # random motions, real and complex, of which one may have next to nothing of the free one
 _N_SOUGHT = 12  # two bodies without any support
 _ROUNDS = 4
 _HELD = 1e-3  # squared share of a free motion below which a part does not take part in it
@@ -36,13 +36,16 @@ _OF_REST = (
 )
 
 
-def is_singular(A: PETSc.Mat, solver: DirectSolver) -> bool:
-    """Return whether the factor's softest motion strains nothing.  Collective: one pass over the factor.
+def is_singular(A: PETSc.Mat, diagonal: np.ndarray, solver: DirectSolver) -> bool:
+    """Return whether the factor's softest motion strains nothing, ``diagonal`` (n_owned,) that of A.
+
+    Collective: one pass over the factor.
 
     A step of inverse iteration: a free motion, softer than all others by 1e9 and more, is nearly all of what it leaves.
     """
-    comm, diagonal = A.comm.tompi4py(), diagonal_owned(A)
-    Z_owned = solver.solve(diagonal[:, None] * _random(comm, len(diagonal), _N_TRIED))
+    comm, wave = A.comm.tompi4py(), wave_matrix(A)
+    n_tried = _N_TRIED[wave is not None and wave.is_complex]
+    Z_owned = solver.solve(diagonal[:, None] * _random(comm, len(diagonal), n_tried))
     strains = np.diag(gram(comm, Z_owned, multiply(A, Z_owned))) / np.diag(gram(comm, Z_owned, diagonal[:, None] * Z_owned))
     return not np.min(strains) > FREE  # not a number: singular too
 

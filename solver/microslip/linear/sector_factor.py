@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _PREFIX, _OF_INERTIA = "static_", "modes_inertia_"  # of the PETSc options
 _BLOCK = 64  # columns that LAPACK eliminates together, five times as fast as one by one
-_MOST = 48  # right-hand sides of several nodal diameters in one pass over the factor
+_MOST = 52  # right-hand sides of several nodal diameters in one pass over the factor
 _FEW = 8  # right-hand sides that wait for those of other nodal diameters; of more, a pass for each is as fast
 _LARGE = "the two faces of [cyclic] with {} degrees of freedom"
 _FEWER = "mesh the faces of the sector more coarsely, or lay them where the sector is thinner"
@@ -89,17 +89,17 @@ class _Folded:
     def of(cls, S: np.ndarray, boundary: Boundary) -> _Folded:
         """Return it of S (n_f, n_f), both triangles.  Local."""
         P_0, P_1 = boundary.P
-        of_low, of_high = P_0.T @ S, P_1.T @ S
+        of_low, of_high = (P.T @ S.T for P in (P_0, P_1))  # by rows, as sparse products read it
         same, other = (P_0.T @ of_low.T + P_1.T @ of_high.T).T, (P_1.T @ of_low.T).T
         return cls(*(np.asfortranarray(each) for each in (same, other + other.T, other - other.T)))
 
     def at(self, phase: complex, between: np.ndarray | None) -> np.ndarray:
         """Return it at a nodal diameter with the springs to the next sector, eq. (14.8), (n_wf, n_wf), column-major.  Local."""
         S: np.ndarray = np.empty(self.same.shape, dtype=type(phase), order="F")
-        S.real = np.real(phase) * self.even
+        np.multiply(self.even, np.real(phase), out=S.real)
         S.real += self.same
         if np.iscomplexobj(phase):
-            S.imag = np.imag(phase) * self.odd
+            np.multiply(self.odd, np.imag(phase), out=S.imag)
         if between is not None:
             S += between
         return S
@@ -403,16 +403,16 @@ class DiameterFactor:
         Collective, for dense B with others in lockstep.  B is this rank's rows, or sparse (n_dof, m) and the same on every rank.
         """
         unfolding, comm = self.of_sector.sectors.unfolding, self.of_sector.comm
-        is_sparse, hstack = sp.issparse(B), (sp.hstack if sp.issparse(B) else np.hstack)
-        B = B.tocsr() if is_sparse else B
-        parts = hstack([B[0::2], B[1::2]]) if self._is_complex else B
-        if is_sparse:
-            parts = parts.tocoo()
+        if sp.issparse(B):
+            B = B.tocsr()
+            parts = (sp.hstack([B[0::2], B[1::2]]) if self._is_complex else B).tocoo()
             rows = unfolding.rows_of_w(parts.row)
             F = sp.csc_matrix((parts.data, (rows, parts.col)), (int(unfolding.v_ranges[-1]), parts.shape[1]))
             return self._in_real_form(self.of_sector.solved([(self, F)])[0])
-        n_high = np.diff(unfolding.v_ranges - unfolding.w_ranges)[comm.rank]
-        F = np.vstack([parts, np.zeros((n_high, parts.shape[1]))])
+        (n_rows, m), copies = B.shape, 1 + self._is_complex
+        F = np.zeros((int(np.diff(unfolding.v_ranges)[comm.rank]), copies * m), order="F")
+        for k in range(copies):
+            F[: n_rows // copies, k * m : (k + 1) * m] = B[k::copies]
         request, solved = (self, F), self.of_sector.solved
         return self._in_real_form(at_once(solved, request) if F.shape[1] <= _FEW else solved([request])[0])
 

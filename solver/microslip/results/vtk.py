@@ -6,6 +6,7 @@ Elements keep the node order of :class:`~microslip.mesh.data.Mesh`, which is VTK
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,6 +16,7 @@ from ..system.files import atomic_write
 from ..system.hdf5 import written_hdf5
 
 VERSION = (2, 1)
+_CHUNK = 2**20  # bytes that are packed, written and copied together
 CELL_TYPE = {"tet4": 10, "hex8": 12, "wedge6": 13, "pyramid5": 14, "tet10": 24, "hex20": 25, "wedge15": 26, "pyramid13": 27}
 
 
@@ -120,5 +122,8 @@ def write_numbers(root: h5py.Group, mesh: Mesh) -> None:
 
 def pack(root: h5py.Group, name: str, values: np.ndarray) -> None:
     """Write an array, packed where it is large.  Local."""
-    packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.nbytes > 4096 else {}
+    packing: dict[str, Any] = {}
+    if values.nbytes > 4096:
+        rows = min(len(values), max(1, _CHUNK * len(values) // values.nbytes))
+        packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "chunks": (rows, *values.shape[1:])}
     root.create_dataset(name, data=values, **packing)
