@@ -1,5 +1,7 @@
 """Owned rows as NumPy blocks on one side, PETSc dense matrices on the other, without copies where the order allows."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 from mpi4py import MPI
@@ -8,6 +10,7 @@ from petsc4py import PETSc
 from ..assembly.real_form import complex_columns, real_columns
 from ..assembly.wave_matrix import WaveMatrix, times
 from ..parallel.ownership import summed
+from .lockstep import at_once
 
 
 def wrap(block_owned: np.ndarray, comm: MPI.Comm) -> PETSc.Mat:
@@ -57,9 +60,15 @@ def entries_owned(A: PETSc.Mat) -> float:
 
 
 def frobenius_norm(A: PETSc.Mat) -> float:
-    """Return the norm of a matrix, of one nodal diameter that of the sector.  Collective."""
+    """Return the norm of a matrix, of one nodal diameter that of the sector: once for all in lockstep.  Collective."""
     wave = wave_matrix(A)
-    return (A if wave is None else wave.A).norm(PETSc.NormType.FROBENIUS)
+    return at_once(_norms, A if wave is None else wave.A, is_cheap=True)
+
+
+def _norms(matrices: Sequence[PETSc.Mat]) -> list[float]:
+    """Return the norms of matrices, many of them the same one.  Collective."""
+    norms = {A.handle: A.norm(PETSc.NormType.FROBENIUS) for A in {A.handle: A for A in matrices}.values()}
+    return [norms[A.handle] for A in matrices]
 
 
 def gram(comm: MPI.Comm, X_owned: np.ndarray, Y_owned: np.ndarray) -> np.ndarray:
