@@ -255,6 +255,8 @@ def test_share_of_the_limits_taken_up():
     assert np.allclose(joint(3).utilisation(amplitudes), [1.0 / 3.0, 0.8, 0.0])
     assert np.allclose(joint(3, w0=(0.5, 0.0)).utilisation(amplitudes), [0.5, 0.8, 0.0])
     assert joint(mu=0.0).utilisation(amplitudes[:1])[0] == np.inf
+    assert np.array_equal(joint(3, N0=-6.0).utilisation(np.fliplr(amplitudes)), [np.inf, np.inf, 0.0])
+    assert joint(N0=-6.0).utilisation(np.array([[0.0, 0.0, 1.0]]))[0] == np.inf
 
 
 def test_share_of_the_force_that_slip_can_take_away():

@@ -16,10 +16,13 @@ def points(omega, size):
 
 
 @pytest.mark.parametrize("step", (0.3, -0.37))
-def test_a_circle_is_detected_after_some_rounds(step):
-    """Which do not meet the points of each other."""
+@pytest.mark.parametrize("more", (0, 4))
+def test_a_circle_is_detected_after_some_rounds(step, more):
+    """Which do not meet the points of each other, and where every other point has ``more`` coefficients."""
     angle = step * np.arange(150)
     curve = points(1.0 + 0.1 * np.cos(angle), 2.0 + np.sin(angle))
+    for point in curve[::2]:
+        point.U = np.pad(point.U, [(0, 0), (0, 0), (0, more)])
     ends = [n for n in range(len(curve)) if goes_round(curve[: n + 1])]
     rounds = ROUNDS * 2.0 * np.pi
     assert rounds < abs(angle[ends[0]]) < rounds + abs(step) * 4 * AGAIN

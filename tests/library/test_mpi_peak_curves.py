@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -206,8 +207,21 @@ def test_values_that_the_law_has_not_are_refused(structure):
     with pytest.raises(CaseError, match="has a gap; vary joints.joint.preload"):
         microslip.peaks(structure, {"joints.joint.gap": (1.0, 2.0)}, level=0.8)
     negative = PeakRequest(LawParameter("mu", np.array([0]), np.array([1.0])), (2.0, -1.0), (), 0, 0.8)
-    with pytest.raises(CaseError, match="-1 is no value"):
+    with pytest.raises(CaseError, match="-1 is no value that the law of these pairs has: .*mu"):
         beginnings(prepare(structure, structure.scene).response, negative)
+
+
+def test_the_peak_of_a_mass_below_its_stop_is_the_closed_form(comm):
+    """Where the linear response, with the stop closed, is of twice the frequency."""
+    scene = microslip.read(Path(__file__).parents[2] / "jobs" / "stop.toml")
+    with microslip.build(scene, comm) as built:
+        keys = {"frequencies": (0.12, 0.4), "points": 20, "error_bars": False}
+        (curve,) = microslip.peaks(built, {"level": (0.02, 0.04)}, **keys)
+    zeta, touches = 0.03, 0.5 * 0.06 * np.sqrt(1.0 - 0.03**2)  # m times c omega: the level from which the mass strikes
+    free = curve.value < touches
+    assert free.any() and not free.all() and not curve.points.failure
+    assert curve.amplitude[free] == pytest.approx(curve.value[free] / (2.0 * zeta * np.sqrt(1.0 - zeta**2)), rel=1e-6)
+    assert (curve.amplitude[~free] < curve.value[~free] * curve.amplitude[0] / curve.value[0]).all()
 
 
 def test_the_peak_over_damping_of_one_mass(structure):

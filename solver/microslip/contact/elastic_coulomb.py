@@ -398,15 +398,15 @@ class ElasticCoulomb:
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the utilisation of the friction limit, or of the preload, by the motions, (..., n).  Local.
 
-        Infinite for a moving pair at its friction limit at rest; negative for a pair with a gap; the closed fraction of the gap
-        for a pair that is open at rest.
+        Infinite for a moving pair at its friction limit at rest, and for one with springs across a gap; the closed fraction of
+        the gap for a pair that is open at rest.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            left = self._least_mu * self.N0 - self.held_at_rest
-            shear = np.where(self.open_at_rest, 0.0, self.k_t * np.hypot(x, self._shorter * y) / left)
-            shares = shear, self.k_n * z / np.where(self.open_at_rest, -self.N0, self.N0)
-        return np.nan_to_num(np.stack(shares), nan=0.0, posinf=np.inf, neginf=np.inf).max(axis=0)
+            pressed = np.maximum(self.N0, 0.0)
+            shear = self.k_t * np.hypot(x, self._shorter * y) / self._friction_left(pressed)
+            shares = np.where(self.open_at_rest, 0.0, shear), self.k_n * z / np.where(self.open_at_rest, -self.N0, pressed)
+        return np.nan_to_num(np.stack(shares), nan=0.0, posinf=np.inf).max(axis=0)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
         """Return S of docs/theory.md, eq. (4.5), the upper bound of |p| / stuck force, (..., n, 3).  Local.

@@ -25,7 +25,8 @@ def _rounds(points: Sequence[Point], k: int) -> int:
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (place[-1] - place[:-2]) / steps
     for i in np.flatnonzero((share >= 0.0) & (share <= 1.0) & (steps * way > 0.0)):
-        first, second, here = (points[n].U[..., 1:] for n in (i, i + 1, k))
+        N_H = min(points[n].U.shape[-1] for n in (i, i + 1, k))  # points may differ in their harmonics
+        first, second, here = (points[n].U[..., 1:N_H] for n in (i, i + 1, k))
         chord = second - first
         is_near = np.linalg.norm(here - first - share[i] * chord) <= NEAR * np.linalg.norm(chord)
         if is_near and i >= last + AGAIN:

@@ -102,8 +102,10 @@ def beginnings(of: ResponseProblem, request: PeakRequest) -> list[Peak]:
     equation = of.at_level(request.level).equation
     if isinstance(request.varies, LawParameter):
         for value in request.range:
-            if not equation.allows(OperatingPoint(0.0, request.level, law=((request.varies, value),))):
-                raise CaseError(f"[[response.over]] range: {value:g} is no value that the law of these pairs has")
+            try:
+                equation.under(OperatingPoint(0.0, request.level, law=((request.varies, value),)))
+            except ValueError as why:
+                raise CaseError(f"[[response.over]] range: {value:g} is no value that the law of these pairs has: {why}") from why
     peaks = linear_peaks(of, equation.under(request.begin).model_at(request.begin), request.output)
     if not peaks:
         low, high = (end / (2.0 * np.pi) for end in sorted((of.sweep.start, of.sweep.stop)))

@@ -347,7 +347,7 @@ def refuse_what_has_none(prepared: Prepared, mode: int) -> None:
             f"{where}: [[loads]] with harmonic = 0 changes the rest about which a mode vibrates; state it in [statics], or leave "
             "it out (loads that vibrate do no harm: they do not act)"
         )
-    if not np.isfinite(prepared.response.law.utilisation(np.ones((pairs.n_pairs, 3)))).any():
+    if not (np.isfinite(prepared.response.law.utilisation(np.ones((pairs.n_pairs, 3)))) | (pairs.N0 < 0.0)).any():
         raise CaseError(f"{where}: no pair has friction and a preload, and none a gap: no amplitude is the first to slip")
 
 

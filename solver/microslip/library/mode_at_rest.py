@@ -107,8 +107,7 @@ def first_slip(prepared: Prepared, problem: NonlinearMode) -> Begin:
 def _at_limit(law: Law, moved: np.ndarray) -> np.ndarray:
     """Return the amplitude at which each pair is at its limit while it sticks, (n_pairs,); infinite where nothing moves it."""
     with np.errstate(divide="ignore"):
-        at_limit = 1.0 / law.utilisation(moved)
-    return np.where(at_limit < 0.0, 0.0, at_limit)
+        return 1.0 / law.utilisation(moved)
 
 
 def _enclosed(problem: NonlinearMode, low: float) -> float:
