@@ -90,6 +90,13 @@ def test_what_is_asked_arrives(line, command):
     assert parse(line.split()) == command
 
 
+def test_the_folder_of_a_run_stands_for_its_results(tmp_path):
+    (tmp_path / "results.h5").touch()
+    assert parse(["plot", str(tmp_path)]).file == str(tmp_path / "results.h5")
+    assert parse(["diff", "a.h5", str(tmp_path)]).other == str(tmp_path / "results.h5")
+    assert parse(["report", str(tmp_path.parent)]).file == str(tmp_path.parent)
+
+
 @pytest.mark.parametrize(
     "line, message",
     [

@@ -1,6 +1,6 @@
 """Peaks that were solved for: through the files, in the curves, over the level, in the report."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import h5py
 import matplotlib
@@ -22,6 +22,7 @@ from microslip.results.peak_plots import draw_peaks, resonances
 from microslip.results.read import read_results
 from microslip.results.report import tables
 from microslip.results.report.figures import figures_of
+from microslip.results.stability_plots import draw_multipliers
 
 LEVELS = (1.0, 3.0, 8.0)
 OUTPUTS = ("tip", "root")
@@ -51,6 +52,33 @@ def results(path):
 def drawn(draw, results):
     with matplotlib.rc_context(style.RC):
         return draw(results)
+
+
+def test_labels_of_near_peaks_do_not_cover_each_other(path):
+    results = read_results(path, motion=False)
+    first = results.levels[0].peaks[0]
+    peaks = tuple(replace(first, omega=(1.0 + 3e-3 * i) * first.omega) for i in range(6))
+    levels = (replace(results.levels[0], peaks=peaks, bifurcations=()), *results.levels[1:])
+    page = drawn(draw_response, replace(results, levels=levels))["response.png"]
+    page.figure.draw_without_rendering()
+    for ax in page.figure.axes:
+        boxes = [text.get_window_extent() for text in ax.texts]
+        assert all(box.count_overlaps(boxes) == 1 for box in boxes)
+    assert page.figure.axes[0].texts
+
+
+def test_large_multipliers_leave_the_unit_circle_readable(path):
+    results = read_results(path, motion=False)
+    for level in results.levels:
+        n = len(level.frequency)
+        multipliers, stable = np.tile([[[0.4, 0.3], [-0.2, 0.0]]], (n, 1, 1)), np.ones(n)
+        multipliers[0, 0], stable[0] = (-30.0, 40.0), 0
+        level.arrays.update(multipliers=multipliers, stable=stable)
+    page = drawn(draw_multipliers, results)["multipliers.png"]
+    for ax in page.figure.axes:
+        (x, y), *more = (line.get_data() for line in ax.lines if line.get_marker() == "D")
+        assert not more and np.allclose([x, y], [[-1.2], [1.6]])
+    assert page.figure.legends[0].get_texts()[-1].get_text() == "of size above 2, up to 50"
 
 
 def test_what_is_written_is_read_and_goes_to_matlab(path, results, tmp_path):

@@ -141,7 +141,7 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         after = " [-- PETSc options]" if name in _SOLVE else ""
         command = group.add_parser(name, help=summary, description=summary.capitalize() + ".", allow_abbrev=False)
         if file is not None:
-            command.add_argument("file", metavar=file)
+            command.add_argument("file", metavar=file, type=_results if file.endswith(".h5") else str)
         if out is not None:
             command.add_argument("--out", metavar="DIR", type=Path, help=f"output folder (default: {out})")
         for of, flag, how in _OPTIONS:
@@ -160,6 +160,12 @@ def is_swept(text: str) -> bool:
         or not value.startswith(("[", "{", '"', "'"))
         and ("," in value or (":" in value and not value[:1].isalpha()))
     )
+
+
+def _results(text: str) -> str:
+    """Return a result file, for the folder of a run that in it."""
+    inside = Path(text, "results.h5")
+    return str(inside) if inside.is_file() else text
 
 
 def _part(text: str) -> tuple[int, int]:
@@ -516,7 +522,7 @@ _OPTIONS = (
         "new", "--out", "SCENE.toml", "scene to write (default: name of the model with .toml, in the current folder)", type=Path
     ),
     _option("new", "--force", None, "overwrite an existing file"),
-    _option("diff", "other", "B.h5", ""),
+    _option("diff", "other", "B.h5", "", type=_results),
     _option(
         "diff",
         "--tolerance",

@@ -70,6 +70,8 @@ def draw_response(results: ResultFile) -> Pages:
         for ax in axes[-1]:
             ax.set_xlabel("frequency [Hz]")
         _limit(axes.ravel(), results)
+        if solved:
+            page.figure.get_layout_engine().execute(page.figure)  # labels need the size of the axes
         for (k, _), row, (factor, unit) in zip(outputs, axes, units):
             label_peaks(row[0], results.levels, k, factor, unit)
         pages[f"response{number}.png"] = page

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 
 from ..fourier.coefficients import amplitude
 from ..points.peak import Peak
@@ -17,7 +18,7 @@ from .style import INK, WIDTH, Page, Pages, outputs_by_page, plain, with_prefix
 
 _SAME = np.log(1.25)  # of the frequencies of one resonance at two levels that follow each other
 _WIDE = 30.0  # ratio of the levels beyond which their axis is logarithmic
-_ROOM = (0.16, 0.07)  # of the axes, between two labels
+_MARK = 2.0  # pixels, half the size of the part of a mark that no label covers
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 Resonance = list[tuple[LevelResult, Peak]]  # a peak and its level, by rising level
 
@@ -96,20 +97,23 @@ def mark_peaks(ax, level: LevelResult, output: int, factor: float, colour) -> No
 def label_peaks(ax, levels: Sequence[LevelResult], output: int, factor: float, unit: str) -> None:
     """Write frequency, amplitude and damping ratio next to the peaks of an output, the largest first, if there is room.
 
-    The limits of the axes must be final.
+    A label covers neither another one nor a mark.  The size of the axes and their limits must be final.
     """
-    occupied: list[np.ndarray] = []
+    turns = [(hertz(there.omega), factor * there.amplitude[output]) for level in levels for there in level.bifurcations or ()]
     peaks = [peak for level in levels for peak in level.peaks or () if peak.output == output]
-    for peak in sorted(peaks, key=lambda peak: -abs(peak.amplitude)):
-        at = (hertz(peak.omega), factor * abs(peak.amplitude))
-        here = ax.transAxes.inverted().transform(ax.transData.transform(at))
-        is_clear = all(np.any(np.abs(here - other) > _ROOM) for other in occupied)
-        if not is_clear or not (0.0 <= here).all() or not (here <= 1.0).all():
-            continue
+    peaks.sort(key=lambda peak: -abs(peak.amplitude))
+    places = np.array([(hertz(peak.omega), factor * abs(peak.amplitude)) for peak in peaks]).reshape(-1, 2)
+    marks = ax.transData.transform([*places, *turns]) if len(peaks) else ()
+    occupied = [Bbox.from_bounds(x - _MARK, y - _MARK, 2.0 * _MARK, 2.0 * _MARK) for x, y in marks]
+    for peak, at in zip(peaks, places):
         damping = "" if np.isnan(peak.damping) else f", \u03b6 {100.0 * peak.damping:.3g} %"
-        side, offset = ("right", -5) if here[0] > 0.55 else ("left", 5)
         text = f"{at[0]:.6g} Hz, {at[1]:.4g} {unit}{damping}"
         ground = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
-        style = {"fontsize": 5.5, "color": INK, "zorder": 3.5, "ha": side, "va": "center", "bbox": ground}
-        ax.annotate(text, at, xytext=(offset, 0), textcoords="offset points", **style)
-        occupied.append(here)
+        style = {"fontsize": 5.5, "color": INK, "zorder": 3.5, "va": "center", "bbox": ground}
+        for side, offset in (("left", 5), ("right", -5)):
+            label = ax.annotate(text, at, xytext=(offset, 0), textcoords="offset points", ha=side, **style)
+            box = label.get_window_extent()
+            if ax.bbox.containsx(box.x0) and ax.bbox.containsx(box.x1) and not box.count_overlaps(occupied):
+                occupied.append(box)
+                break
+            label.remove()

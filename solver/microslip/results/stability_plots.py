@@ -13,6 +13,7 @@ from .record import LevelResult, ResultFile
 from .style import FAINT, INK, MOST_PANELS, WIDTH, Page, Pages, level_colours, level_name, panels, some
 
 DASHES = (0.0, (3.0, 1.5))  # of unstable parts
+FARTHEST = 2.0  # from 0, at which larger multipliers are drawn
 _MARKS = dict(zip(KINDS, "Ds^v"))
 
 
@@ -58,6 +59,10 @@ def draw_multipliers(results: ResultFile) -> Pages:
         Line2D([], [], color="none", marker="o", ms=3.0, mfc=FAINT, mec="none", label="of a stable point"),
         Line2D([], [], color="none", marker="o", ms=4.0, mfc="none", mec=INK, label="of an unstable point"),
     ]
+    largest = max(np.hypot(*np.moveaxis(level.multipliers, -1, 0)).max(initial=0.0) for level in levels)
+    if largest > FARTHEST:
+        says = f"of size above {FARTHEST:g}, up to {largest:.3g}"
+        handles.append(Line2D([], [], color="none", marker="D", ms=4.0, mfc="none", mec=INK, label=says))
     n_rows, n_columns = panels(len(levels))
     page = Page(results, "largest Floquet multipliers, and the unit circle", WIDTH, 0.3 + 2.6 * n_rows, handles)
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
@@ -66,7 +71,11 @@ def draw_multipliers(results: ResultFile) -> Pages:
         ax.plot(np.cos(angle), np.sin(angle), color=FAINT, lw=0.8, zorder=1.0)
         stable, (real, imaginary) = level.stable.astype(bool), np.moveaxis(level.multipliers, -1, 0)
         ax.plot(real[stable], imaginary[stable], "o", ms=2.0, mfc=colours[level.level], mec="none", zorder=2.0)
-        ax.plot(real[~stable], imaginary[~stable], "o", ms=3.5, mfc="none", mec=colours[level.level], zorder=3.0)
+        size = np.hypot(real, imaginary)
+        shrink, is_beyond = FARTHEST / np.maximum(size, FARTHEST), size > FARTHEST
+        for mark, some_of in (("o", ~stable[:, None] & ~is_beyond), ("D", is_beyond)):
+            there = (shrink * real)[some_of], (shrink * imaginary)[some_of]
+            ax.plot(*there, mark, ms=3.5, mfc="none", mec=colours[level.level], zorder=3.0)
         ax.set_aspect("equal", adjustable="datalim")
         ax.set_title(level_name(level, short=True), loc="left")
         ax.set(xlabel="real part [-]", ylabel="imaginary part [-]")
