@@ -14,6 +14,7 @@ from oracles import exact, scenes
 
 import microslip
 from microslip.contact.law import STICK
+from microslip.library import backbone
 from microslip.library.backbone import ModePoint, comes_to_gross_slip
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
@@ -261,6 +262,21 @@ def test_pairs_at_their_limit_at_rest_do_not_make_the_first_amplitude_rounding(s
     pairs = replace(built.pairs, T0=np.array([[1.0 - 1e-15, 0.0]]))
     mode = microslip.backbone(replace(built, pairs=pairs, results={}), farthest=1.5, quasi_static=False, error_bars=False)
     assert mode.slips_at_rest and mode.first_slip == pytest.approx(1e-3)
+
+
+def test_the_quasi_static_mode_covers_the_mode_also_where_its_frequency_falls_at_the_end(structure, monkeypatch):
+    """To the largest force of its points, not to that of the largest amplitude; else it says that it ends before."""
+    by_statics = backbone.by_statics
+
+    def with_soft_end(equation, problem, points, opens):
+        last = replace(points[-1], amplitude=2.0 * points[-1].amplitude, omega=0.01 * points[-1].omega)
+        return by_statics(equation, problem, [*points, last], opens)
+
+    monkeypatch.setattr(backbone, "by_statics", with_soft_end)
+    mode = microslip.backbone(structure(one_mass()), error_bars=False)
+    quasi = mode.quasi_static
+    assert quasi.amplitude.max() > 0.9 * mode.amplitude.max()
+    assert quasi.failure == "the mode has its larger amplitudes at smaller static loads"
 
 
 def test_the_quasi_static_mode_says_where_it_does_not_hold_and_why_it_ends(structure):

@@ -422,8 +422,7 @@ def by_statics(equation: HarmonicBalance, problem: NonlinearMode, points: list[M
     start, j = time.perf_counter(), problem.j
     modes = equation.model.groups[equation.model.index_of(1)[0]].receptance.modes
     R_j, omega_j = modes.R_phi[:, j], float(modes.omega_n[j])
-    last = max(points, key=lambda point: point.amplitude)
-    stop = last.amplitude * (last.omega / omega_j) ** 2
+    stop = max(point.amplitude * (point.omega / omega_j) ** 2 for point in points)
     sweep = Sweep(float(np.log(points[0].amplitude)), float(np.log(max(stop, 1.01 * points[0].amplitude))))
     statics = QuasiStaticMode.of(equation, j)
     branch = follow_pushes(statics, sweep, 1e-8)
@@ -441,6 +440,8 @@ def by_statics(equation: HarmonicBalance, problem: NonlinearMode, points: list[M
     elif branch.failure is not None:
         why = branch.failure.split("; the step was", 1)[0]
         failure = f"no static equilibrium was found beyond ({'no pair sticks any more' if not sticks[-1] else why})"
+    elif q[-1] < 0.99 * max(point.amplitude for point in points):
+        failure = "the mode has its larger amplitudes at smaller static loads"
     if len(q) < 2 or n < 2:
         return f"under the first static loads {failure}"
     load, lost, q = load[:n], lost[:n], q[:n]
