@@ -15,10 +15,10 @@ from oracles import exact, scenes
 import microslip
 from microslip.contact.law import STICK
 from microslip.library import backbone
-from microslip.library.backbone import ModePoint, comes_to_gross_slip
+from microslip.library.backbone import ModePoint, QuasiStatic, comes_to_gross_slip
 from microslip.messages.errors import CaseError
 from microslip.parallel.agree import on_root
-from microslip.studies.backbone.report import Forced, in_words
+from microslip.studies.backbone.report import Forced, in_words, statics_in_words
 from microslip.studies.backbone.story import band
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -279,6 +279,20 @@ def test_the_quasi_static_mode_covers_the_mode_also_where_its_frequency_falls_at
     assert quasi.failure == "the mode has its larger amplitudes at smaller static loads"
 
 
+def test_a_mode_of_one_frequency_is_compared_in_hertz():
+    size = np.array([1.0, 2.0])
+    quasi = QuasiStatic(size, np.array([9.9, 10.1]), np.array([0.1, 0.2]), 1.0, np.inf, None)
+    one = SimpleNamespace(
+        shape=np.ones((2, 1)),
+        amplitude=size,
+        frequency=np.full(2, 10.0),
+        damping=np.full(2, 0.2),
+        linear_frequency=10.0,
+        units="m",
+    )
+    assert "frequency within 0.1 Hz, damping within 50 % of the largest" in statics_in_words(one, quasi)[0]
+
+
 def test_the_quasi_static_mode_says_where_it_does_not_hold_and_why_it_ends(structure):
     """A mass that lifts off, and one that only friction holds, which slides away under the load of both limits."""
     lifts = one_mass(k_n=np.ones(1), N0=np.ones(1), pair_dofs=[[-1, -1, 0, -1, -1, -1]])
@@ -364,6 +378,12 @@ def test_the_command_writes_table_arrays_and_pictures(scene_file, program, share
             assert file["energy"].shape == (len(rows), 1) and file["energy"].attrs["unit"] == "J" and file.attrs["failure"] == ""
         assert {"backbone.png", "synthesis.png", "synthesis.csv"} <= {each.name for each in (shared_path / "out").iterdir()}
         assert "level 0.4: peak" in out and "by statics and Masing's rules" in out
+    COMM.Barrier()
+    status, out, err = program("backbone", path, "--out", shared_path / "out", "--farthest", "5")
+    assert (status, err) == (0, "")
+    if COMM.rank == 0:
+        names = {each.name for each in (shared_path / "out").iterdir()}
+        assert "backbone.png" in names and not {"synthesis.png", "synthesis.csv"} & names
 
 
 @pytest.mark.pictures

@@ -53,6 +53,9 @@ def test_three_solutions_of_which_one_is_unstable(scene):
 
 
 def test_one_solution_and_the_files(scene, shared_path):
+    if COMM.rank == 0:
+        (shared_path / "out").mkdir()
+        (shared_path / "out" / "curves.csv").touch()  # of an earlier search
     story.study(scene(), COMM, shared_path / "out", story.Request(1.06 / (2.0 * np.pi), starts=2, follow=True))
     if COMM.rank == 0:
         with open(shared_path / "out" / "search.csv") as file:

@@ -7,6 +7,7 @@ import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from ..messages.errors import CaseError, MicroslipError, ResourceError
 from .signals import unbroken
@@ -51,6 +52,18 @@ def file_errors(path: str) -> Iterator[None]:
         if number in _FORBIDDEN:
             raise CaseError(f"{path}: cannot be written: {cause}; choose another folder with --out") from problem
         raise ResourceError(f"{path}: could not be written: {cause}; make room or choose another disk with --out") from problem
+
+
+def remove_files(folder: Path, *names: str) -> None:
+    """Remove files of an earlier command from a folder, by names or patterns.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : as :func:`file_errors`
+    """
+    for path in (path for name in names for path in folder.glob(name)):
+        with file_errors(str(path)):
+            path.unlink()
 
 
 def _errno(problem: BaseException) -> int | None:

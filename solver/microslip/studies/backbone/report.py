@@ -15,11 +15,12 @@ from ...observe.screen_table import screen_table
 from ...points.peak import Peak
 from ...results.layout import log_scale
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, plain, some, with_prefix
-from ...system.files import atomic_write, make_folder
+from ...system.files import atomic_write, make_folder, remove_files
 from ...system.hdf5 import written_hdf5
 from ..records import cell, write_csv
 
 _ROWS = 14  # rows of the table on the screen
+RESOLVED = 1e-9  # of the linear frequency, up to which a mode has one frequency
 _WIDE = 30.0  # ratio of damping ratios beyond which their axis is logarithmic
 _ACCENT, _SECOND = "#0072b2", "#d55e00"
 
@@ -57,6 +58,7 @@ def write_backbone(result: Backbone, forced: Sequence[Forced], scene: Titled, fo
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(str(folder))
+    remove_files(folder, "backbone.csv", "backbone.h5", "backbone.png", "synthesis.csv", "synthesis.png")
     rows = records(result)
     if rows:
         write_csv(str(folder / "backbone.csv"), rows[0], rows)
@@ -228,14 +230,15 @@ def statics_in_words(result: Backbone, quasi: QuasiStatic | None) -> list[str]:
     size, rising = np.abs(result.shape[:, 0]) * result.amplitude, np.argsort(result.amplitude)
     frequency, damping = quasi.at(result.amplitude)
     is_known = np.isfinite(damping)
-    shift = np.nanmax(np.abs(frequency - result.frequency)) / max(np.ptp(result.frequency), 1e-300)
+    off, shift = np.nanmax(np.abs(frequency - result.frequency)), np.ptp(result.frequency)
+    close = f"{100.0 * off / shift:.2g} % of the shift" if shift > RESOLVED * result.linear_frequency else f"{off:.2g} Hz"
     worst = np.abs(damping - result.damping)[is_known].max(initial=0.0) / result.damping.max()
 
     def at(q: float) -> str:
         return f"{np.interp(q, result.amplitude[rising], size[rising]):.4g} {result.units[0]}"
 
     lines = [
-        f"by statics and Masing's rules: frequency within {100.0 * shift:.2g} % of the shift, damping within "
+        f"by statics and Masing's rules: frequency within {close}, damping within "
         f"{100.0 * worst:.2g} % of the largest, in {quasi.seconds:.2g} s"
     ]
     if np.isfinite(quasi.opens):

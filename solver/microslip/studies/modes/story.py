@@ -23,6 +23,7 @@ from ...reduction.modal_structure import damped_modes
 from ...reduction.stuck import project_modes
 from ...scene.read import changed
 from ...scene.schema import Scene
+from ...system.files import remove_files
 from ...system.versions import versions
 from .campbell import ORDERS, Families, write_campbell
 from .coriolis import basis_size, of_modes, takes_coriolis, waves_of, with_matrix
@@ -56,6 +57,7 @@ def modes(scene: Scene, comm: MPI.Comm, folder: Path, request: Request = Request
     facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "modes.log"), facts=facts) as log:
         scene = changed(scene, {"solver": {"method": "receptance"} | ({} if request.count is None else {"modes": request.count})})
+        on_root(comm, remove_files, folder, "campbell.*", "crossings.csv", "interference.png", "modes_diameter_*.vtkhdf")
         if request.speeds and not takes_coriolis(scene):
             log.note("Coriolis forces of the rotation are left out; [statics] coriolis = true takes them in")
         if scene.cyclic is not None:

@@ -14,7 +14,7 @@ from ...results.layout import log_scale
 from ...results.measures import segments
 from ...results.stability_plots import DASHES, runs
 from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, plain, with_prefix
-from ...system.files import make_folder
+from ...system.files import make_folder, remove_files
 from ..records import cell, write_csv
 
 FAINTEST = 1e-6  # of the largest amplitude, below which another one is zero but for rounding: no logarithmic axis
@@ -32,6 +32,7 @@ def write_search(result: Search, scene: Titled, folder: Path) -> str:
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(str(folder))
+    remove_files(folder, "curves.csv")
     rows = [record(result, solution) for solution in result.solutions]
     write_csv(str(folder / "search.csv"), rows[0], rows)
     followed = [

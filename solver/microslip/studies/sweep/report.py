@@ -13,7 +13,7 @@ from ...library.sweep import NUMBERS, SMOOTH, SweepTable
 from ...observe.screen_table import screen_table
 from ...results.style import RC, some
 from ...scene.schema import Scene
-from ...system.files import atomic_write, file_errors, make_folder
+from ...system.files import atomic_write, make_folder, remove_files
 from ...system.hdf5 import written_hdf5
 from ..records import cell, write_csv
 from .pictures import draw_bands, draw_effects, draw_grid, draw_indices, draw_map, draw_scatter
@@ -33,9 +33,7 @@ def write_sweep(table: SweepTable, scene: Scene, folder: Path, has_indices: bool
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(str(folder))
-    for name in _OF_SOME_DESIGNS:  # of an earlier sweep into this folder
-        with file_errors(str(folder / name)):
-            (folder / name).unlink(missing_ok=True)
+    remove_files(folder, *_OF_SOME_DESIGNS)
     rows = table.records()
     write_csv(str(folder / "sweep.csv"), rows[0], rows)
     write_arrays(table, scene.title, str(folder / "sweep.h5"))
