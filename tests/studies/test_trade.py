@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib import rc_context
+from matplotlib.image import imread
 
 from microslip.points.peak import top_of_curve
+from microslip.results.style import RC
 from microslip.studies.trade.report import (
     choice_lines,
     corrected_sentences,
@@ -18,6 +21,7 @@ from microslip.studies.trade.report import (
     validation_lines,
     write_trade,
 )
+from microslip.studies.trade.speed_plots import draw_trade
 from microslip.studies.trade.study import (
     BASE,
     Check,
@@ -166,6 +170,14 @@ def test_combinations_are_the_cheapest_that_the_single_knobs_let_expect():
     best = promising(result, ["harmonics", "samples"], 3)
     assert best and all(setting not in {entry.setting for entry in result.runs} for setting in best)
     assert replace(result.base, harmonics=13, samples=64) in best
+
+
+def test_nothing_of_the_picture_is_cut_off_where_errors_are_alike(tmp_path):
+    alike = study(run("samples", "1024", 1.2, 7e-3, 2e-2, samples=1024), floor=2e-2)
+    with rc_context(RC):
+        draw_trade(alike, Scene(), str(tmp_path / "trade.png"))
+    picture = imread(tmp_path / "trade.png")[:, :, :3]
+    assert min(picture[0].min(), picture[-1].min(), picture[:, 0].min(), picture[:, -1].min()) > 0.99
 
 
 @pytest.mark.slow

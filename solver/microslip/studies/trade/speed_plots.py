@@ -5,6 +5,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from ...results.layout import log_scale
 from ...results.style import FAINT, INK, WIDTH, Page, Titled
 from .study import ACCURACY, BASE, COMBINED, Study
 
@@ -63,12 +64,8 @@ def _draw_errors(axes, study: Study) -> None:
     low = min(0.3 * floor, 0.5 * min(errors)) if floor > 1e-9 else 0.3 * min(errors)
     axes.axhspan(low, floor, color="#d9d9d9", lw=0, zorder=0)
     front = [shown[id(run)] for run in study.front()]
-    axes.set(
-        xscale="log",
-        yscale="log",
-        xlabel=f"processor time of the response, {_points(study)} points [s]",
-        ylabel="largest error / peak [-]",
-    )
+    log_scale(axes, "x", "y")
+    axes.set(xlabel=f"processor time of the response, {_points(study)} points [s]", ylabel="largest error / peak [-]")
     if front:
         x, y = np.array(front).T
         last = max(seconds for seconds, _ in shown.values())
@@ -135,7 +132,8 @@ def _draw_bars(axes, study: Study) -> None:
     axes.plot(ends, ends, color=INK, lw=0.8, zorder=2)
     for parameter, error, bar in pairs:
         axes.plot(error, bar, ".", ms=1.8, mew=0, color=LOOKS.get(parameter, (FAINT, ""))[0], zorder=3, rasterized=True)
-    axes.set(xscale="log", yscale="log", xlim=ends, ylim=ends, xlabel="error of a point / peak [-]", ylabel="its bar / peak [-]")
+    log_scale(axes, "x", "y")
+    axes.set(xlim=ends, ylim=ends, xlabel="error of a point / peak [-]", ylabel="its bar / peak [-]")
     axes.set_title(
         f"{100 * score.coverage:.1f} % of {score.n_above} points under their bar,\nbar / error {score.ratio:.2g} in the median"
     )
