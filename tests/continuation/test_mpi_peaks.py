@@ -17,11 +17,12 @@ from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.levels import linear_curve
 from microslip.continuation.maximum import EXACT, Maximum, Sample, _Search
-from microslip.continuation.peaks import PeakOver, follow_peak, iterate_of, peaks_of
+from microslip.continuation.peaks import PeakOver, between_points, follow_peak, iterate_of, peaks_of
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.adjoint_solver import AdjointSolver
 from microslip.harmonic.operating_point import LawParameter
 from microslip.observe.level_log import peak_lines
+from microslip.points.branch import Branch
 from microslip.points.sweep import Sweep
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -114,6 +115,21 @@ def test_a_linear_peak_and_its_width_are_those_of_the_oscillator(points, error):
     assert peak.omega == pytest.approx(np.sqrt(omega_0**2 - c**2 / 2.0), rel=1e-9)
     assert peak.damping == pytest.approx(c / (2.0 * omega_0), rel=error)
     assert peak.slipping == 0
+
+
+def test_the_linear_response_has_no_maximum_where_elements_of_a_sticking_pair_slip():
+    """As those of rough and Iwan pairs, whose state is that of the whole pair."""
+    sizes, omega = np.array([1.0, 3.0, 1.0]), np.array([0.9, 1.0, 1.1])
+    linear = SimpleNamespace(omega=omega, response=sizes[:, None, None] * np.array([0.0, 1.0, 0.0]))
+
+    def tops(p):
+        ends = [
+            SimpleNamespace(omega=w, segment=0, state=np.zeros(1), p=p, response=np.array([[0.0, 1.0, 0.0]])) for w in omega[::2]
+        ]
+        return between_points(Branch(1.0, ends), linear)
+
+    settled, slips = np.array([[[0.5, 0.0, 0.0]] * 3]), np.array([[[0.0, 1e-3, 0.0]] * 3])
+    assert [top.omega for top in tops(settled)] == [1.0] and tops(slips) == []
 
 
 def test_a_maximum_between_two_points_is_that_of_the_linear_response():

@@ -237,9 +237,8 @@ def between_points(branch: Branch, curve: LinearCurve) -> list[Top]:
     Local, on rank 0.
     """
     tops, points, known = [], branch.points, set(maxima(branch))
-    stuck = [
-        i for i in range(len(points) - 1) if all(p.segment == points[i].segment and not p.state.any() for p in points[i : i + 2])
-    ]
+    sticks = [not (point.state.any() or point.p[..., 1:].any()) for point in points]  # also every element of a pair
+    stuck = [i for i in range(len(points) - 1) if all(sticks[i : i + 2]) and points[i].segment == points[i + 1].segment]
     sizes = branch.level * np.hypot(curve.response[..., 1], curve.response[..., 2])  # (n, n_outputs)
     inner = sizes[1:-1]
     for k, output in np.argwhere((inner > sizes[:-2]) & (inner >= sizes[2:])):
