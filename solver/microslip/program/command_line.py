@@ -163,7 +163,7 @@ def is_swept(text: str) -> bool:
 
 
 def _results(text: str) -> str:
-    """Return a result file, for the folder of a run that in it."""
+    """Return the result file of a run's folder, or the file that the text names."""
     inside = Path(text, "results.h5")
     return str(inside) if inside.is_file() else text
 
