@@ -119,6 +119,15 @@ def test_what_is_lost_is_told_by_the_error_bars(tmp_path, program, asks):
         assert "error bars: off in [solver]" in said
 
 
+def test_harmonics_that_a_list_leaves_out_are_named(tmp_path, program):
+    write_matrix_scene(
+        tmp_path, scenes.chain(), [100.0], (500.0, 600.0), outputs=[6], points=8, harmonics=[1, 3], error_bars=False
+    )
+    run(program, tmp_path / "scene.toml")
+    said = not_computed(tmp_path / "out" / "run.log")
+    assert "solution in harmonics 0, 2 and above 3: the effect is unknown without error bars" in said
+
+
 def test_a_linear_response_loses_nothing_by_its_harmonics(tmp_path, program):
     write_matrix_scene(tmp_path, scenes.chain(), [0.3], (500.0, 600.0), outputs=[6], points=8, harmonics=3)
     run(program, tmp_path / "scene.toml")

@@ -66,6 +66,14 @@ def test_one_mass_is_that_of_the_closed_form_as_samples_grow(n_samples):
     assert points[0].state.max() == 0
 
 
+def test_an_amplitude_without_a_number_is_no_place():
+    """A step of Newton's method may lead to any ln q; exp(-800) is 0, exp(800) infinite."""
+    model, law = reduced(one_mass(), COMM, 1)
+    problem = NonlinearMode.of(HarmonicBalance.of_all(model, law, 64), 0)
+    with np.errstate(over="ignore"):
+        assert [problem.allows((log_q, 1.0, 0.0)) for log_q in (-800.0, 0.0, 800.0)] == [False, True, False]
+
+
 def test_one_mass_with_exact_coefficients_is_that_of_the_closed_form():
     _, branch = mode(one_mass(), 1, 128, list(EXACT), law_of=ExactJenkins.of)
     assert branch.failure is None

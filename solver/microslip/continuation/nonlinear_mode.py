@@ -121,8 +121,8 @@ class NonlinearMode(ProblemBase):
         return LinearResponse(self, (self.omega, self.sigma))
 
     def allows(self, parameters: tuple[float, ...]) -> bool:
-        """Return whether the frequency is above zero; ln q and sigma have any value.  Local."""
-        return parameters[1] > 0.0
+        """Return whether the frequency is above zero and q a number above zero; sigma has any value.  Local."""
+        return parameters[1] > 0.0 and 0.0 < self.at(parameters).level < np.inf
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         """Return frequency, level q and further damping sigma for (ln q, omega, sigma).  Local."""

@@ -77,7 +77,7 @@ def extent_of(prepared: Prepared) -> Extent:
         leaves_out=prepared.reduction.leaves_out,
         omega_n=structure.omega_n,
         n_dof=structure.n_dof,
-        moves=not prepared.model.harmonics.is_constant,
+        harmonics=prepared.model.harmonics,
         n_damped=n_damped,
         has_bars=asks_for_bars(scene),
         has_mesh=structure.has_mesh,

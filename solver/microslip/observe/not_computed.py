@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..fourier.harmonics import Harmonics
 from ..points.branch import Branch, Point
 from ..points.error_parts import PARTS, SAFETY
 
@@ -23,11 +24,16 @@ class Extent:
     leaves_out: str  # omission of the method: Reduction.leaves_out
     omega_n: np.ndarray  # (n_modes,) rad/s
     n_dof: int
-    moves: bool  # whether loads oscillate
+    harmonics: Harmonics  # as stated
     n_damped: int | None  # highest mode with stated damping; None: there is a damping matrix
     has_bars: bool  # with error bars
     has_mesh: bool
     rests: bool  # sensitivities are about a state of rest of [statics]
+
+    @property
+    def moves(self) -> bool:
+        """Whether loads oscillate."""
+        return not self.harmonics.is_constant
 
 
 def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -> list[str]:
@@ -36,7 +42,7 @@ def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -
     ``known`` (n_pairs,) bool: pairs with computed static columns; None if the columns of all pairs were needed.
     """
     solved = [branch for branch in branches if branch.points]
-    lines = _harmonics(solved, has_pairs=known is None or len(known) > 0) if of.moves else _statics(solved)
+    lines = _harmonics(solved, of.harmonics, known is None or len(known) > 0) if of.moves else _statics(solved)
     if of.leaves_out == "basis" and solved and of.moves:
         lines.append(f"response outside the basis of method {of.method}: {changes(solved, 'modes')}")
     if of.leaves_out == "modes" and solved and of.moves and 0 < len(of.omega_n) < of.n_dof:
@@ -90,8 +96,8 @@ def _statics(solved: list[Branch]) -> list[str]:
     )
 
 
-def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
-    """Return a line on the harmonics of levels with slip, and of linear levels."""
+def _harmonics(solved: list[Branch], stated: Harmonics, has_pairs: bool) -> list[str]:
+    """Return a line on the omitted harmonics of levels with slip, and of linear levels."""
     if not solved:
         return []
     slips = [branch for branch in solved if has_pairs and not branch.is_linear]
@@ -100,7 +106,8 @@ def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
     if not slips:
         return [f"solution in harmonics above {high}: no load acts in them, and the response is linear"]
     above = f"{high}" if low == high else f"the highest that each point needed, {low} to {high}"
-    return [f"solution in harmonics above {above}: {changes(slips, 'harmonics')}"]
+    omitted = ", ".join(str(n) for n in range(stated.highest) if n not in stated)
+    return [f"solution in harmonics {omitted and f'{omitted} and '}above {above}: {changes(slips, 'harmonics')}"]
 
 
 def changes(branches: list[Branch], part: str) -> str:
