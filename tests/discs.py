@@ -21,11 +21,12 @@ BETWEEN = (0.0, 0.3, 0.75, 1.0)  # parts of the sector: beside the blade, under 
 
 
 def sector(
-    kind: str, N: int, s: int = 0, divisions=(1, 1, 1), span: int = 2, shroud: bool = False, own: str = ""
+    kind: str, N: int, s: int = 0, divisions=(1, 1, 1), span: int = 2, shroud: bool = False, damper: bool = False, own: str = ""
 ) -> dict[str, Body]:
     """Return disc and blade of sector s about the z axis; divisions along radius, part of the angle and width.
 
-    A ``shroud`` on the tip reaches the neighbours: its sides are "shroud_low" and "shroud_high".
+    A ``shroud`` on the tip reaches the neighbours: its sides are "shroud_low" and "shroud_high".  A ``damper`` is a body that
+    fills the room between this blade and that of the next sector, with sides "damper_low" and "damper_high".
     ``own`` ends the names of the surfaces of joints.
     """
     parts = []
@@ -41,13 +42,21 @@ def sector(
             names = ({"y0": f"shroud_low{own}"} if k == 0 else {}) | ({"y1": f"shroud_high{own}"} if k == 2 else {})
             tops.append(block(kind, _mapping(N, s, (TIP, TOP), (a, b)), divisions, names))
         blade = join(tops)
-    return {"disc": join(parts), "blade": blade}
+    if not damper:
+        return {"disc": join(parts), "blade": blade}
+    names = {"y0": f"damper_low{own}", "y1": f"damper_high{own}"}
+    between = block(kind, _mapping(N, s, (RIM, TIP), (BETWEEN[2], 1.0 + BETWEEN[1])), (span, *divisions[1:]), names)
+    return {"disc": join(parts), "blade": blade, "damper": between}
 
 
 def ring(kind: str, N: int, **how) -> dict[str, Body]:
-    """Return the whole ring: the discs merged where they meet, and each blade a body, and joints of each sector."""
+    """Return the whole ring: the discs merged where they meet, and each blade and damper a body, and joints of each sector."""
     sectors = [sector(kind, N, s, own=str(s), **how) for s in range(N)]
-    return {"disc": join([each["disc"] for each in sectors])} | {f"blade{s}": sectors[s]["blade"] for s in range(N)}
+    names = [
+        name for name in sectors[0] if name != "disc"
+    ]  # blades first: loads and outputs lie on these where dampers touch them
+    others = {f"{name}{s}": sectors[s][name] for name in names for s in range(N)}
+    return {"disc": join([each["disc"] for each in sectors])} | others
 
 
 def _mapping(N: int, s: int, radii, part):
@@ -94,12 +103,19 @@ def cyclic(N: int, **keys) -> str:
 
 
 def body_text(
-    mesh: str, bodies, held: str = "bore", ring: tuple[int, int] | None = None, shrouds: bool = False, of_shrouds=None, **contact
+    mesh: str,
+    bodies,
+    held: str = "bore",
+    ring: tuple[int, int] | None = None,
+    shrouds: bool = False,
+    dampers: bool = False,
+    of_shrouds=None,
+    **contact,
 ) -> str:
     """Return the scene of a mesh but for loads, outputs and what is solved for; ``contact`` are values of its joints.
 
     ``ring`` has its number of sectors N and the wave h: each sector has its own joints, which start at its phase -h s alpha.
-    ``of_shrouds`` are other values of the joints of shrouds.
+    ``of_shrouds`` are other values of the joints of shrouds, or of dampers.
     """
     keys = {"friction": 0.3, "preload": 2.0e6, "k_t": 5.0e11} | contact
     text = table("model", mesh=mesh) + steel(*bodies) + (support(held) if held else "")
@@ -108,8 +124,12 @@ def body_text(
         start = f"start = {-2.0 * np.pi * h * s / N!r}\n"
         of, of_next = (str(s), str((s + 1) % N)) if ring else ("", "")
         text += joint(f"root{of}", f"slot{of}", name=f"root{of}", **keys) + start
-        if shrouds:
-            text += joint(f"shroud_high{of}", f"shroud_low{of_next}", name=f"shrouds{of}", **keys | (of_shrouds or {})) + start
+        between = [("shrouds", f"shroud_high{of}", f"shroud_low{of_next}")] if shrouds else []
+        if dampers:
+            text += joint(f"damper_low{of}", f"right{s}", name=f"dampers{of}", **keys | (of_shrouds or {})) + start
+            between.append(("neighbours", f"damper_high{of}", f"left{(s + 1) % N}"))
+        for name, *surfaces in between:
+            text += joint(*surfaces, name=f"{name}{of}", **keys | (of_shrouds or {})) + start
             text += "" if ring else "next_sector = true\n"
     return text
 
@@ -139,9 +159,8 @@ def write_sector(folder: Path, N: int, end: str, kind: str = "hex8", name: str =
     bodies = sector(kind, N, **(how or {}))
     write_msh(str(folder / f"{name}.msh"), bodies)
     path = folder / f"{name}.toml"
-    text = body_text(f"{name}.msh", bodies, shrouds=(how or {}).get("shroud", False), **body) + cyclic(
-        N, **({"engine_order": 1} if wave is None else wave), **keys
-    )
+    text = body_text(f"{name}.msh", bodies, **_between(how), **body)
+    text += cyclic(N, **({"engine_order": 1} if wave is None else wave), **keys)
     path.write_text(text + load(N) + output(N) + end)
     return path
 
@@ -159,9 +178,13 @@ def write_ring(
     factors = np.ones(N) if loads is None else loads
     wave = "".join(load(N, s, 2.0 * np.pi * h * s / N, float(factors[s])) for s in range(N))
     outputs = "".join(output(N, s) for s in range(n_outputs))
-    text = body_text(f"{name}.msh", bodies, ring=(N, h), shrouds=(how or {}).get("shroud", False), **body)
+    text = body_text(f"{name}.msh", bodies, ring=(N, h), **_between(how), **body)
     path.write_text(text + wave + outputs + end)
     return path
+
+
+def _between(how) -> dict[str, bool]:
+    return {f"{name}s": (how or {}).get(name, False) for name in ("shroud", "damper")}
 
 
 def write_ring_of_blades(folder: Path, N: int, end: str, h: int, friction: float, kind: str = "hex8", **factors) -> Path:

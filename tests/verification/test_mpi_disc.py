@@ -160,6 +160,15 @@ def test_the_response_with_shrouds_is_that_of_the_ring(shared_path):
     np.testing.assert_allclose(sector, ring, atol=1e-6 * np.abs(ring).max())
 
 
+def test_dampers_between_two_blades_are_those_of_the_ring(shared_path):
+    """A body of the sector slides on the blade of this sector and on that of the next one; nothing else holds it."""
+    how, n_dof = {"N": 4, "friction": 0.05, "how": {"damper": True}}, 90
+    sector, n_slip, _ = response_at(shared_path, write_sector, n_dof, 1540.0, 20.0, wave={"engine_order": 1}, **how)
+    ring, n_slip_of_ring, _ = response_at(shared_path, write_ring, 4 * n_dof, 1540.0, 20.0, h=1, **how)
+    assert n_slip_of_ring == 4 * n_slip > 0
+    np.testing.assert_allclose(sector, ring, atol=1e-6 * np.abs(ring).max())
+
+
 def test_a_wave_is_that_of_its_alias_and_takes_as_much_power_as_the_one_in_the_other_direction(shared_path):
     """h and h + N are one wave; under one force the power of h and -h is the same by reciprocity, stuck."""
     by_key = {h: response_at(shared_path, write_sector, N_DOF, 1420.0, 0.01, wave={"engine_order": h}, N=5) for h in (2, -2, 3)}
