@@ -236,14 +236,22 @@ def test_the_peak_over_friction_is_that_of_laws_that_have_its_values():
         pytest.param(lambda t: 1.0 - abs(t - 0.3), lambda t: np.sign(0.3 - t), id="a corner"),
     ],
 )
-def test_a_maximum_or_a_corner_is_enclosed(size, slope):
+@pytest.mark.parametrize("failures", [0, 2])
+def test_a_maximum_or_a_corner_is_enclosed(size, slope, failures):
+    """Where the first solves fail, nearer to a known solution."""
+
     def sample(t, guess=None):
         there = Iterate(np.zeros((0, 3, 3)), (float(t),), Harmonics.up_to(1))
-        return Sample(t, there, there.U, size(t), slope(t))
+        return left.pop() if left else Sample(t, there, there.U, size(t), slope(t))
 
-    search = SimpleNamespace(corrector=SimpleNamespace(tolerance=1e-9), row=SimpleNamespace(omega=0), at=sample)
-    best, within = _Search.between(search, sample(0.0), sample(1.0))
-    assert best.t == pytest.approx(0.3, abs=1e-6) and within < 2e-3
+    left: list = []
+    ends = sample(0.0), sample(1.0)
+    left += [None] * failures
+    search = _Search.__new__(_Search)
+    vars(search).update(corrector=SimpleNamespace(tolerance=1e-9), row=SimpleNamespace(omega=0), at=sample)
+    vars(search).update(moved=lambda there, way: there)
+    best, within = search.between(*ends)
+    assert best.t == pytest.approx(0.3, abs=1e-6) and within < 2e-3 and not left
 
 
 def test_a_peak_that_no_solve_reaches_says_so():

@@ -33,6 +33,7 @@ WIDE = 0.99  # of a maximum: where the solution that it was first known by is lo
 SHARES = 0.5, 0.2  # of such a part from its higher end, where it is divided: the next where Newton's method fails
 ONWARD = 1.0, 0.3, 0.1  # of the part on the other side, to go on by from there
 BACK = 0.9  # cosine of the angle between two ways from a solution, above which they are on the same part of the curve
+HALVES = 3  # of the way from one solution to another one, where Newton's method fails
 OVERSHOOT = 1.5  # times the way to the maximum of a resonance, for the first step to lie beyond it
 
 
@@ -314,6 +315,15 @@ class _Search:
         """Return the solution at a coordinate."""
         return self.sample(guess, replace(self.coordinate_plane, about=self.moved(self.coordinate_plane.about, t)), t)[0]
 
+    def part_way(self, here: Sample, t: float) -> Sample | None:
+        """Return a solution on the way to a coordinate, halved as often as Newton's method needs; None where none is found."""
+        for way in (t - here.t) * 0.5 ** np.arange(1, HALVES + 1):
+            ahead = self.moved(here.iterate, way)
+            there = self.at(here.t + way, replace(ahead, U=here.iterate.U + way * here.rate))
+            if there is not None:
+                return there
+        return None
+
     def moved(self, there: Iterate, way: float) -> Iterate:
         """Return a place further along the normal."""
         scaling, normal = self.system.scaling, self.coordinate_plane
@@ -364,7 +374,7 @@ class _Search:
                 t = corner + (0.5 if best is low else -0.5) * CLOSE * first
             if len(lengths) > 2 and length > 0.25 * lengths[-3]:
                 t = 0.5 * (low.t + high.t)
-            new = self.at(t, hermite(low, high, t))
+            new = self.at(t, hermite(low, high, t)) or self.part_way(best, t)
             if new is None:
                 break
             low, high = (new, high) if new.slope > 0.0 else (low, new)
