@@ -2,13 +2,15 @@
 
     PYTHONPATH=solver:tests python tests/verification/sharp_peaks.py --systems 9 --points 10 30 [--first 0] [--reference 800]
     PYTHONPATH=solver:tests python tests/verification/sharp_peaks.py --systems 200 --small --points 10 --reference 300
+    PYTHONPATH=solver:tests python tests/verification/sharp_peaks.py --small --reference 300 --store 1 2 76 91 103 108 114 129 145 155 174
 
 Structures of 6 to 20 degrees of freedom, 1 to 4 pairs and 3 outputs, damping ratios of 0.001 to 0.003, several modes in the range,
 are solved stuck, at the first slip and further on (``--small``: 3 to 5, 1 to 2 and 2, at one of the last two levels); with few points and
 ``peaks = true``, and with many for reference.  A peak is a local maximum of an output's amplitude above 5 % of the largest of the
 curve.  The points of a curve miss it if none lies at half power or more, and show its height if one lies at 99 % of it.
 ``peaks = true`` locates it if a maximum lies in its half-power range and is at least as high, to 1e-3; those lower by more than
-1e-4 are counted as well: maxima of the sampled law beside the highest one are so close to it.
+1e-4 are counted as well: maxima of the sampled law beside the highest one are so close to it.  ``--store`` writes the peaks of the
+reference of some systems to tests/data/sharp_peaks.csv, for the tests.
 """
 
 from __future__ import annotations
@@ -36,6 +38,7 @@ from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
 from microslip.scene.read import read_scene
 
+STORED = Path(__file__).parent.parent / "data" / "sharp_peaks.csv"
 LEVELS = (0.5, 1.5, 4.0)  # over the one at which the first pair slips at resonance
 FAINT, HALF_POWER, HEIGHT = 0.05, 0.7, 0.99
 LOWER, EQUAL = 1e-3, 1e-4  # of a peak of the reference, by which a maximum may be lower; and by which it counts as equal
@@ -70,8 +73,8 @@ def draw(seed: int, number: int, is_small: bool = False) -> tuple[dict, list[int
     return {**system, "N0": N0 / unit, "omega": (low, high), "levels": levels}, outputs
 
 
-def curves(seed: int, number: int, points: list[int], reference: int, is_small: bool = False) -> list[list]:
-    """Return the branches of a system at each of some numbers of points, with peaks, and those of the reference without."""
+def curves(seed: int, number: int, points: list[int], reference: int | None, is_small: bool = False) -> list[list]:
+    """Return the branches of a system at each of some numbers of points, with peaks, and those of the reference, if any, without."""
     system, outputs = draw(seed, number, is_small)
     with tempfile.TemporaryDirectory() as folder:
         levels = list(system["levels"].values())
@@ -79,9 +82,9 @@ def curves(seed: int, number: int, points: list[int], reference: int, is_small: 
             Path(folder), system, levels, system["omega"], outputs=outputs, points=60, harmonics=3, samples=128
         )
         with build(read_scene(path), MPI.COMM_SELF) as structure:
-            response = prepare(structure).response
-            with_peaks = [replace(response.settings, points=n, peaks=True) for n in points]
-            settings = [*with_peaks, replace(response.settings, points=reference)]
+            response = prepare(structure, has_bars=False).response
+            settings = [replace(response.settings, points=n, peaks=True) for n in points]
+            settings += [] if reference is None else [replace(response.settings, points=reference)]
             return [follow(replace(response, settings=each)) for each in settings]
 
 
@@ -101,13 +104,19 @@ def peaks(omega: np.ndarray, amplitude: np.ndarray) -> list[tuple[float, float, 
     return values
 
 
-def missing(branch, reference) -> np.ndarray:
-    """Return counts of the peaks of a reference in all outputs: all, missed and lower by points of a branch, not located, lower."""
-    (omega, amplitude), (dense_omega, dense) = sampled(branch), sampled(reference)
+def peaks_of_outputs(branch) -> list[list[tuple[float, float, float]]]:
+    """Return the peaks of the curve of each output of a branch."""
+    omega, amplitude = sampled(branch)
+    return [peaks(omega, curve) for curve in amplitude.T]
+
+
+def missing(branch, reference: list[list[tuple[float, float, float]]]) -> np.ndarray:
+    """Return counts of a reference's peaks of all outputs: all, missed and lower by points of a branch, not located, lower."""
+    omega, amplitude = sampled(branch)
     counts = np.zeros(5, dtype=int)
-    for output, (curve, true) in enumerate(zip(amplitude.T, dense.T)):
+    for output, (curve, true) in enumerate(zip(amplitude.T, reference, strict=True)):
         maxima = [peak for peak in branch.peaks if peak.output == output]
-        for height, low, high in peaks(dense_omega, true):
+        for height, low, high in true:
             most = curve[(low <= omega) & (omega <= high)].max(initial=0.0)
             low, high = low * (1.0 - BEYOND), high * (1.0 + BEYOND)
             top = max((abs(peak.amplitude) for peak in maxima if low <= peak.omega <= high), default=0.0)
@@ -120,13 +129,28 @@ def missing(branch, reference) -> np.ndarray:
     return counts
 
 
+def store(seed: int, numbers: list[int], reference: int, is_small: bool) -> None:
+    """Write the peaks of the reference of some systems of one level to the file for the tests."""
+    rows = []
+    for number in numbers:
+        ((dense,),) = curves(seed, number, [], reference, is_small)
+        assert dense.failure is None
+        rows += [(number, k, *peak) for k, of in enumerate(peaks_of_outputs(dense)) for peak in of]
+    np.savetxt(STORED, rows, fmt=("%d", "%d", *["%.9g"] * 3), delimiter=",", header="system,output,height_m,low_rad_s,high_rad_s")
+
+
 def main():
     options = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     for key, default in (("seed", 7), ("systems", 9), ("first", 0), ("reference", 800)):
         options.add_argument(f"--{key}", type=int, default=default)
     options.add_argument("--points", type=int, nargs="+", default=[10, 30])
     options.add_argument("--small", action="store_true", help="3 to 5 degrees of freedom, 1 to 2 pairs, 2 outputs")
+    options.add_argument(
+        "--store", type=int, nargs="+", help="numbers of systems whose peaks of the reference are stored for the tests"
+    )
     args, start = options.parse_args(), time.process_time()
+    if args.store:
+        return store(args.seed, args.store, args.reference, args.small)
     total, incomplete = {n: np.zeros(len(COUNTS), dtype=int) for n in args.points}, dict.fromkeys(args.points, 0)
     for number in range(args.first, args.first + args.systems):
         *few, dense = curves(args.seed, number, args.points, args.reference, args.small)
@@ -136,7 +160,7 @@ def main():
                     incomplete[n] += 1
                     continue
                 notes = sum("resonance" in note for point in branch.points for note in point.notes)
-                total[n] += *missing(branch, reference), len(branch.points), notes
+                total[n] += *missing(branch, peaks_of_outputs(reference)), len(branch.points), notes
         counts = {n: dict(zip(COUNTS, map(int, each))) for n, each in total.items()}
         print(f"system {number}: {time.process_time() - start:.0f} s, {counts}", flush=True)
     print(f"\n| points requested | {' | '.join(COUNTS)} | curves that end early |\n|{' --- |' * (len(COUNTS) + 2)}")
